@@ -1,0 +1,44 @@
+"""The errors that a caller may want to catch, in one small tree.
+
+Every message names what is wrong, where, and how to mend it, on one line.
+"""
+
+
+class AdhesionCanError(Exception):
+    """Base of every error that this package raises on purpose."""
+
+
+class InputError(AdhesionCanError):
+    """Something that the user handed in cannot be used.
+
+    Args:
+        where: file, line, key or signal, as the user would look it up.
+        what: what is wrong with it.
+        mend: what to do about it.
+    """
+
+    def __init__(self, where: str, what: str, mend: str) -> None:
+        super().__init__(f"{where}: {what}; {mend}")
+        self.where = where
+        self.what = what
+        self.mend = mend
+
+
+class ConfigError(InputError):
+    """A configuration file with an unknown key, a wrong unit or a wrong value."""
+
+
+class DatabaseError(InputError):
+    """A CAN database that cannot be read, or that lacks a needed message or signal."""
+
+
+class RecordingError(InputError):
+    """A recording that cannot be read, or that holds no known frame."""
+
+
+class TableError(InputError):
+    """A table of samples without the columns that it needs."""
+
+
+class BusError(InputError):
+    """A bus that does not exist or cannot be opened."""

@@ -1,0 +1,1 @@
+"""Samples in, estimates out: knows the physics, and neither bus nor clock."""

@@ -1,0 +1,233 @@
+"""The Burckhardt curve: adhesion over slip ratio, its peak and its inverse.
+
+Sources: M. Burckhardt, "Fahrwerktechnik: Radschlupf-Regelsysteme", Vogel 1993; equation numbers
+after He et al., IEEE Access 6 (2018), doi 10.1109/ACCESS.2018.2868177.
+
+The curve is written for |λ| and carries the sign of λ, so traction and braking share it.
+Every function broadcasts over its arguments; slips are ratios, adhesion is force over load.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+SLIP_MAX = 1.0
+"""Largest slip ratio for which a peak is looked for: beyond it the wheel spins freely."""
+
+
+def adhesion(slip: ArrayLike, c1: ArrayLike, c2: ArrayLike, c3: ArrayLike) -> Array:
+    """Adhesion coefficient μ(λ) = c1(1 − e^(−c2 λ)) − c3 λ (eq. 5), with the sign of λ.
+
+    Args:
+        slip: slip ratio λ, any shape.
+        c1: level of the curve.
+        c2: steepness; c1·c2 − c3 is the slope at λ = 0.
+        c3: fall beyond the peak.
+
+    Returns:
+        μ, of the broadcast shape of all arguments.
+    """
+    lam = np.asarray(slip, dtype=np.float64)
+    size = np.abs(lam)
+    c2 = np.asarray(c2, dtype=np.float64)
+    # expm1 keeps the digits that 1 - exp loses at small slip.
+    curve = -np.asarray(c1, dtype=np.float64) * np.expm1(-c2 * size) - np.asarray(c3) * size
+    return np.asarray(np.copysign(1.0, lam) * curve)
+
+
+def adhesion_slope(slip: ArrayLike, c1: ArrayLike, c2: ArrayLike, c3: ArrayLike) -> Array:
+    """Slope dμ/dλ = c1 c2 e^(−c2 |λ|) − c3 of `adhesion`; even in λ. Shapes as there."""
+    size = np.abs(np.asarray(slip, dtype=np.float64))
+    c2 = np.asarray(c2, dtype=np.float64)
+    return np.asarray(np.asarray(c1, dtype=np.float64) * c2 * np.exp(-c2 * size) - np.asarray(c3))
+
+
+def falling_factor(creep_speed: ArrayLike, c4: ArrayLike) -> Array:
+    """Factor e^(−c4 |λ V|) of eq. 4.
+
+    Args:
+        creep_speed: λ·V = r ω − v, m/s.
+        c4: s/m.
+    """
+    size = np.abs(np.asarray(creep_speed, dtype=np.float64))
+    return np.asarray(np.exp(-np.asarray(c4, dtype=np.float64) * size))
+
+
+def load_factor(load: ArrayLike, c5: ArrayLike) -> Array:
+    """Factor 1 − c5 F_Z² of eq. 4.
+
+    Args:
+        load: wheelset load F_Z, N.
+        c5: 1/N².
+    """
+    n = np.asarray(load, dtype=np.float64)
+    return np.asarray(1.0 - np.asarray(c5, dtype=np.float64) * n * n)
+
+
+def adhesion_full(
+    slip: ArrayLike,
+    speed: ArrayLike,
+    load: ArrayLike,
+    c1: ArrayLike,
+    c2: ArrayLike,
+    c3: ArrayLike,
+    c4: ArrayLike = 0.0,
+    c5: ArrayLike = 0.0,
+) -> Array:
+    """Full Burckhardt curve, eq. 4: eq. 5 times e^(−c4 λ V) times (1 − c5 F_Z²).
+
+    Args:
+        slip: slip ratio λ.
+        speed: vehicle speed V, m/s.
+        load: wheelset load F_Z, N.
+        c1: as in `adhesion`.
+        c2: as in `adhesion`.
+        c3: as in `adhesion`.
+        c4: s/m.
+        c5: 1/N².
+    """
+    creep = np.asarray(slip, dtype=np.float64) * np.asarray(speed, dtype=np.float64)
+    return np.asarray(adhesion(slip, c1, c2, c3) * falling_factor(creep, c4) * load_factor(load, c5))
+
+
+class Peak(NamedTuple):
+    """Largest adhesion of a curve and where it stands.
+
+    Attributes:
+        mu_max: μ_m.
+        lambda_m: λ_m, the optimal slip ratio.
+        interior: False where the curve still rises at `slip_max`, so that the values are those
+            of the end of the valid range and not a maximum, or where it never rises at all.
+    """
+
+    mu_max: Array
+    lambda_m: Array
+    interior: NDArray[np.bool_]
+
+
+def peak(c1: ArrayLike, c2: ArrayLike, c3: ArrayLike, slip_max: float = SLIP_MAX) -> Peak:
+    """Peak of the curve in closed form, eq. 6, bounded by the valid range of slip.
+
+    λ_m = (1/c2) ln(c1 c2/c3) and μ_m = c1 − (c3/c2)(1 + ln(c1 c2/c3)). Two limits:
+
+    - c3 → 0, or a λ_m beyond `slip_max`: the curve still rises at the end of the range; the
+      values there are returned and `interior` is False.
+    - c1 c2 ≤ c3: the curve falls from the start; λ_m = μ_m = 0 and `interior` is False.
+
+    Args:
+        c1: level, any shape.
+        c2: steepness, > 0.
+        c3: fall.
+        slip_max: end of the valid range.
+    """
+    c1, c2, c3 = np.broadcast_arrays(*(np.asarray(c, dtype=np.float64) for c in (c1, c2, c3)))
+    rising = c1 * c2 > c3
+    falls_late = c3 > 0.0
+    ratio = np.divide(c1 * c2, c3, out=np.full(c1.shape, np.inf), where=falls_late & rising)
+    free = np.divide(np.log(ratio), c2, out=np.zeros(c1.shape), where=c2 > 0.0)
+    inside = rising & (free <= slip_max)
+    lambda_m = np.where(rising, np.minimum(free, slip_max), 0.0)
+    return Peak(np.asarray(adhesion(lambda_m, c1, c2, c3)), lambda_m, inside)
+
+
+def peak_gradient(c1: float, c2: float, c3: float, slip_max: float = SLIP_MAX) -> Array:
+    """Derivatives of (μ_m, λ_m) by (c1, c2, c3), shape (2, 3).
+
+    At an interior peak dμ/dλ = 0, so ∂μ_m/∂θ is ∂μ/∂θ at λ_m. At the end of the range λ_m does
+    not move, its row is NaN: what is not a maximum has no standard deviation.
+    """
+    at = peak(c1, c2, c3, slip_max)
+    lam = float(at.lambda_m)
+    e = float(np.exp(-c2 * lam))
+    mu_row = [1.0 - e, c1 * lam * e, -lam]
+    if not at.interior:
+        return np.array([mu_row, [np.nan] * 3])
+    return np.array([mu_row, [1 / (c1 * c2), (1 / c2 - lam) / c2, -1 / (c2 * c3)]])
+
+
+def slip_at(
+    mu: ArrayLike, c1: ArrayLike, c2: ArrayLike, c3: ArrayLike, slip_max: float = SLIP_MAX
+) -> Array:
+    """Inverse of the curve: the smallest λ ≥ 0 with μ(λ) ≥ `mu`; NaN above the peak.
+
+    Newton's method from λ = 0: the curve is concave there, so its tangents lie above it and the
+    iteration climbs to the root from below without ever passing it.
+
+    Args:
+        mu: adhesion wanted, any shape, of either sign; the result carries its sign.
+        c1: as in `adhesion`.
+        c2: as in `adhesion`.
+        c3: as in `adhesion`.
+        slip_max: as in `peak`.
+    """
+    mu, c1, c2, c3 = np.broadcast_arrays(
+        *(np.asarray(c, dtype=np.float64) for c in (mu, c1, c2, c3))
+    )
+    top = peak(c1, c2, c3, slip_max)
+    target = np.minimum(np.abs(mu), top.mu_max)
+    lam = np.zeros(mu.shape)
+    for _ in range(60):
+        slope = adhesion_slope(lam, c1, c2, c3)
+        missing = target - np.asarray(adhesion(lam, c1, c2, c3))
+        step = np.divide(missing, slope, out=np.zeros(mu.shape), where=slope > 0.0)
+        lam = np.clip(lam + np.maximum(step, 0.0), 0.0, top.lambda_m)
+    # A rounding error above the peak is the peak.
+    reachable = np.abs(mu) <= top.mu_max * (1 + 1e-12)
+    return np.asarray(np.where(reachable, np.copysign(lam, mu), np.nan))
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """A named Burckhardt curve.
+
+    Attributes:
+        name: as in its source.
+        c1: level.
+        c2: steepness.
+        c3: fall.
+        source: where the numbers stand.
+    """
+
+    name: str
+    c1: float
+    c2: float
+    c3: float
+    source: str
+
+    @property
+    def theta(self) -> tuple[float, float, float]:
+        """(c1, c2, c3)."""
+        return (self.c1, self.c2, self.c3)
+
+    @property
+    def mu_max(self) -> float:
+        """Peak adhesion, eq. 6."""
+        return float(peak(*self.theta).mu_max)
+
+    @property
+    def lambda_m(self) -> float:
+        """Optimal slip ratio, eq. 6."""
+        return float(peak(*self.theta).lambda_m)
+
+
+_TYRE = "Burckhardt 1993, tyre on road"
+PUBLISHED: tuple[Surface, ...] = (
+    Surface("dry asphalt", 1.2801, 23.99, 0.52, _TYRE),
+    Surface("wet asphalt", 0.857, 33.822, 0.347, _TYRE),
+    Surface("dry cobble", 1.3713, 6.4565, 0.6691, _TYRE),
+    Surface("snow", 0.1946, 94.129, 0.0646, _TYRE),
+    Surface("ice", 0.05, 306.39, 0.0, _TYRE),
+)
+"""Published curves. They are for tyres; a rail lies below them, its creep zone is narrower."""
+
+_OURS = "adhesion-can, shaped after Polach 2005 and Curtius-Kniffler 1950 at 10 m/s; not measured"
+RAIL: tuple[Surface, ...] = (
+    Surface("dry", 0.40, 60.0, 0.30, _OURS),
+    Surface("wet", 0.27, 45.0, 0.22, _OURS),
+    Surface("greasy", 0.15, 40.0, 0.12, _OURS),
+)
+"""Rail surfaces of the simulated scenarios."""
