@@ -3,9 +3,10 @@
 Time is integer microseconds throughout. `Samples` is the columnar twin of `Sample`.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,6 +156,22 @@ class Samples:
             load_std=0 * ones,
             slip_var=0 * ones,
             adhesion_var=0 * ones,
+        )
+
+    @classmethod
+    def concatenate(cls, parts: Sequence["Samples"]) -> "Samples":
+        """One after another, at least one; keeps the covariates that all of them carry."""
+        full = [part for part in parts if len(part)] or list(parts[:1])
+        names = set(full[0].covariates).intersection(*(part.covariates for part in full))
+
+        def joined(name: str) -> Any:
+            return np.concatenate([getattr(part, name) for part in full])
+
+        return cls(
+            t_us=joined("t_us"),
+            axle=joined("axle"),
+            **{name: joined(name) for name in _FLOATS},
+            covariates={n: np.concatenate([p.covariates[n] for p in full]) for n in sorted(names)},
         )
 
     def select(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> "Samples":

@@ -1,0 +1,293 @@
+"""Readings of different rates -> samples of the adhesion curve on one time base.
+
+A sample stands at each wheel-speed stamp. Vehicle speed and effort are interpolated between the
+two readings that bracket it, never extrapolated; dω/dt is the central difference of the wheel
+speeds before and after. So a sample is ready a cycle after its stamp, and a gap costs the samples
+in it and no others.
+"""
+
+from bisect import bisect_left, bisect_right
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import hypot, sqrt
+
+import numpy as np
+
+from adhesion_can.physics.data import Direction, Reading, Role, Sample
+from adhesion_can.physics.kinematics import V_MIN
+from adhesion_can.physics.vehicle import Locomotive
+
+COVARIATES: Mapping[Role, str] = {
+    Role.AMBIENT_TEMPERATURE: "ambient_temperature_degC",
+    Role.RAIL_TEMPERATURE: "rail_temperature_degC",
+    Role.HUMIDITY: "relative_humidity_percent",
+    Role.SANDING: "sanding_active",
+    Role.RAIN: "rain",
+    Role.GRADIENT: "gradient",
+    Role.CURVATURE: "curvature_per_m",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """Standard deviations of the measurements, for the variances of the samples.
+
+    Attributes:
+        wheel_speed_std: rad/s.
+        vehicle_speed_std: m/s.
+        effort_std: N.
+    """
+
+    wheel_speed_std: float = 0.005
+    vehicle_speed_std: float = 0.01
+    effort_std: float = 2450.0
+
+
+@dataclass(frozen=True, slots=True)
+class SamplingSettings:
+    """When a sample is formed.
+
+    Attributes:
+        v_min: no slip ratio below this vehicle speed, m/s.
+        max_gap_cycles: readings further apart than this many of their cycles bracket nothing.
+        min_load_share: no adhesion below this share of the static load.
+    """
+
+    v_min: float = V_MIN
+    max_gap_cycles: float = 3.0
+    min_load_share: float = 0.1
+
+
+class _Waiting:
+    """The bracket's later reading has not come yet."""
+
+
+_WAITING = _Waiting()
+
+
+class _Track:
+    """Recent readings of one signal, in the order of their stamps."""
+
+    __slots__ = ("max_gap_us", "times", "values")
+
+    def __init__(self, max_gap_us: float) -> None:
+        self.max_gap_us = max_gap_us
+        self.times: list[int] = []
+        self.values: list[float | None] = []
+
+    def add(self, t_us: int, value: float | None) -> None:
+        if self.times and t_us <= self.times[-1]:
+            # Two readings of one stamp: the later one counts, a difference needs two stamps.
+            self.values[-1] = value
+            return
+        self.times.append(t_us)
+        self.values.append(value)
+
+    def forget_before(self, t_us: int) -> int:
+        """Drop what no bracket at or after `t_us` needs; returns how many went."""
+        keep = max(bisect_right(self.times, t_us) - 2, 0)
+        if keep:
+            del self.times[:keep], self.values[:keep]
+        return keep
+
+    def at(self, t_us: int) -> float | None | _Waiting:
+        """Value at a stamp, interpolated; None across a gap or a missing value."""
+        times = self.times
+        if not times or times[-1] < t_us:
+            return _WAITING
+        after = bisect_left(times, t_us)
+        right = self.values[after]
+        if times[after] == t_us or right is None:
+            return right
+        if after == 0:
+            return None
+        left = self.values[after - 1]
+        span = times[after] - times[after - 1]
+        if left is None or span > self.max_gap_us:
+            return None
+        return left + (right - left) * ((t_us - times[after - 1]) / span)
+
+    def held_at(self, t_us: int) -> float | None:
+        """Last value at or before a stamp, unless it is older than the gap allowed."""
+        before = bisect_right(self.times, t_us) - 1
+        if before < 0 or t_us - self.times[before] > self.max_gap_us:
+            return None
+        return self.values[before]
+
+
+class SampleFormer:
+    """Forms samples from readings as they come; holds a fraction of a second of them.
+
+    Args:
+        vehicle: radii, loads, inertia.
+        cycles_us: cycle of each role's message, µs; what allows a gap to be told.
+        settings: see there.
+        sensors: see there.
+    """
+
+    def __init__(
+        self,
+        vehicle: Locomotive,
+        cycles_us: Mapping[Role, int],
+        settings: SamplingSettings | None = None,
+        sensors: Sensors | None = None,
+    ) -> None:
+        self._vehicle = vehicle
+        self._settings = settings or SamplingSettings()
+        self._sensors = sensors or Sensors()
+        self._gap = {role: self._settings.max_gap_cycles * us for role, us in cycles_us.items()}
+        required = (Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT)
+        self._patience_us = max(self._gap.get(role, 0.0) for role in required)
+        axles = range(1, vehicle.axles + 1)
+        self._wheel = {i: _Track(self._gap.get(Role.WHEEL_SPEED, 0.0)) for i in axles}
+        self._effort = {i: _Track(self._gap.get(Role.TRACTIVE_EFFORT, 0.0)) for i in axles}
+        self._load = {i: _Track(self._gap.get(Role.AXLE_LOAD, 0.0)) for i in axles}
+        self._speed = _Track(self._gap.get(Role.VEHICLE_SPEED, 0.0))
+        self._next = dict.fromkeys(axles, 1)
+        self._travel = 1.0
+        self._covariates: dict[str, float] = {}
+        geometry = vehicle.geometry
+        self._transfer = (
+            None if geometry is None else geometry.load_transfer(np.eye(vehicle.axles)).T.tolist()
+        )
+        self.dropped: Counter[str] = Counter()
+        """Wheel-speed readings that gave no sample, by reason."""
+
+    def add(self, reading: Reading) -> None:
+        """Take one reading; stamps must not run backwards."""
+        role, axle = reading.role, reading.axle
+        if role is Role.WHEEL_SPEED and axle in self._wheel:
+            self._wheel[axle].add(reading.t_us, reading.value)
+        elif role is Role.TRACTIVE_EFFORT and axle in self._effort:
+            self._effort[axle].add(reading.t_us, reading.value)
+        elif role is Role.VEHICLE_SPEED:
+            self._speed.add(reading.t_us, reading.value)
+        elif role is Role.AXLE_LOAD and axle in self._load:
+            self._load[axle].add(reading.t_us, reading.value)
+        elif role is Role.DIRECTION and reading.value is not None:
+            self._travel = -1.0 if reading.value == Direction.REVERSE else 1.0
+        elif role in COVARIATES:
+            self._set_covariate(COVARIATES[role], reading.value)
+
+    def _set_covariate(self, name: str, value: float | None) -> None:
+        # A new mapping, since the samples formed so far share the old one.
+        rest = {key: old for key, old in self._covariates.items() if key != name}
+        self._covariates = rest if value is None else {**rest, name: value}
+
+    def collect(self, now_us: int) -> list[Sample]:
+        """Samples that became complete, by stamp and axle.
+
+        Args:
+            now_us: present time; a wheel speed that has waited for its bracket longer than the
+                gap allowed is given up.
+        """
+        formed: list[Sample] = []
+        for axle, wheel in self._wheel.items():
+            k = self._next[axle]
+            while k < len(wheel.times) - 1:
+                outcome = self._form(axle, k)
+                if outcome is _WAITING:
+                    if now_us - wheel.times[k] <= 2 * self._patience_us:
+                        break
+                    outcome = "no bracket"
+                if isinstance(outcome, Sample):
+                    formed.append(outcome)
+                else:
+                    self.dropped[str(outcome)] += 1
+                k += 1
+            self._next[axle] = k - wheel.forget_before(wheel.times[k - 1]) if wheel.times else k
+        self._forget()
+        formed.sort(key=lambda sample: (sample.t_us, sample.axle))
+        return formed
+
+    def _forget(self) -> None:
+        waiting = [
+            wheel.times[self._next[axle] - 1]
+            for axle, wheel in self._wheel.items()
+            if len(wheel.times) >= self._next[axle]
+        ]
+        if waiting:
+            oldest = min(waiting)
+            for track in (self._speed, *self._effort.values(), *self._load.values()):
+                track.forget_before(oldest)
+
+    def _form(self, axle: int, k: int) -> Sample | str | _Waiting:
+        """Sample at the k-th wheel speed of an axle, or why there is none."""
+        wheel = self._wheel[axle]
+        t = wheel.times[k]
+        before, omega, after = wheel.values[k - 1 : k + 2]
+        if before is None or omega is None or after is None:
+            return "wheel speed not available"
+        span = wheel.times[k + 1] - wheel.times[k - 1]
+        if span > 2 * wheel.max_gap_us:
+            return "gap in wheel speed"
+        v = self._speed.at(t)
+        effort = self._effort[axle].at(t)
+        if isinstance(v, _Waiting) or isinstance(effort, _Waiting):
+            return _WAITING
+        if v is None:
+            return "vehicle speed not available"
+        if effort is None:
+            return "tractive effort not available"
+        if v < self._settings.v_min:
+            return "below v_min"
+        load, load_std = self._load_at(axle, t, effort)
+        if load < self._settings.min_load_share * self._vehicle.axle_load[axle - 1]:
+            return "axle load implausibly low"
+        r, inertia = self._vehicle.wheel_radius[axle - 1], self._vehicle.wheelset_inertia
+        acceleration = (after - before) / (span * 1e-6)
+        noise = self._sensors
+        speed_share = r * omega / v
+        return Sample(
+            t_us=t,
+            axle=axle,
+            slip=(r * omega - v) / v,
+            adhesion=(effort - inertia * acceleration / r) / load,
+            creep_speed=r * omega - v,
+            speed=v,
+            load=load,
+            load_std=load_std,
+            slip_var=((r * noise.wheel_speed_std) ** 2 + (speed_share * noise.vehicle_speed_std) ** 2)
+            / (v * v),
+            adhesion_var=(
+                noise.effort_std**2
+                + 2 * (inertia / r * noise.wheel_speed_std / (span * 1e-6)) ** 2
+            )
+            / (load * load),
+            covariates=self._covariates,
+        )
+
+    def _load_at(self, axle: int, t_us: int, effort: float) -> tuple[float, float]:
+        """Load of an axle and the standard deviation of what was not measured, N."""
+        measured = self._load[axle].held_at(t_us)
+        if measured is not None:
+            return measured, 0.0
+        static = self._vehicle.axle_load[axle - 1]
+        spread = self._vehicle.load_std * static
+        if self._transfer is None:
+            return static, spread
+        row = self._transfer[axle - 1]
+        shift = 0.0
+        for j, share in enumerate(row, start=1):
+            other = self._effort[j].at(t_us)
+            if other is None or isinstance(other, _Waiting):
+                # Another axle's effort is unknown: no transfer, but its whole size as doubt.
+                return static, hypot(spread, effort * sum(row))
+            shift += share * other
+        return static + self._travel * shift, spread
+
+
+def common_load_std(loads: np.ndarray, load_std: np.ndarray) -> float:
+    """Relative standard deviation that unmeasured loads put on every adhesion value alike.
+
+    An axle's load error is the same in all its samples, so it does not average out with them:
+    it adds to the standard deviation of the curve's level as a whole.
+
+    Args:
+        loads: N, shape (n,).
+        load_std: N, shape (n,).
+    """
+    if not len(loads):
+        return 0.0
+    return sqrt(float(np.mean((load_std / loads) ** 2)))
