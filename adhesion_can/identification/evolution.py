@@ -235,5 +235,3 @@ def identify_blocks(h: Array, z: Array, settings: EvolutionSettings) -> Array:
         theta = search(h[block], z[block], theta, settings, rng).theta
         path[k] = theta
     return path
-
-

@@ -248,11 +248,12 @@ class SampleFormer:
             speed=v,
             load=load,
             load_std=load_std,
-            slip_var=((r * noise.wheel_speed_std) ** 2 + (speed_share * noise.vehicle_speed_std) ** 2)
+            slip_var=(
+                (r * noise.wheel_speed_std) ** 2 + (speed_share * noise.vehicle_speed_std) ** 2
+            )
             / (v * v),
             adhesion_var=(
-                noise.effort_std**2
-                + 2 * (inertia / r * noise.wheel_speed_std / (span * 1e-6)) ** 2
+                noise.effort_std**2 + 2 * (inertia / r * noise.wheel_speed_std / (span * 1e-6)) ** 2
             )
             / (load * load),
             covariates=self._covariates,

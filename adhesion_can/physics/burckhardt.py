@@ -91,7 +91,9 @@ def adhesion_full(
         c5: 1/N².
     """
     creep = np.asarray(slip, dtype=np.float64) * np.asarray(speed, dtype=np.float64)
-    return np.asarray(adhesion(slip, c1, c2, c3) * falling_factor(creep, c4) * load_factor(load, c5))
+    return np.asarray(
+        adhesion(slip, c1, c2, c3) * falling_factor(creep, c4) * load_factor(load, c5)
+    )
 
 
 class Peak(NamedTuple):

@@ -141,7 +141,9 @@ class Samples:
         )
 
     @classmethod
-    def curve(cls, slip: Array, adhesion: Array, t_us: NDArray[np.int64] | None = None) -> "Samples":
+    def curve(
+        cls, slip: Array, adhesion: Array, t_us: NDArray[np.int64] | None = None
+    ) -> "Samples":
         """Points of a curve without a vehicle: load 1 N, speed 1 m/s, no stated noise."""
         slip = np.asarray(slip, dtype=np.float64)
         ones = np.ones_like(slip)

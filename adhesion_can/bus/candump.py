@@ -1,0 +1,240 @@
+"""candump text: a reader that no line can stop, and a writer.
+
+Reads what can-utils writes: `candump -L` and `-l` lines, the columns of `-ta`, `-tz`, `-td`, `-tA`
+and `-x`, CAN FD, remote and error frames, LF and CR LF. A line of any other form is counted with
+its number and passed over.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from itertools import chain, islice
+
+from adhesion_can.bus.frame import ADVANCE, MARKS, Frame, Mark
+
+ERROR_FLAG = 0x20000000
+_LINE_LIMIT = 16384  # a CAN XL line has 4200 characters; past this a file is not text
+
+_LOG = re.compile(
+    rb"\((\d{1,15})\.(\d{1,9})\)\s+(\S{1,64})\s+([0-9A-Fa-f]{1,8})#(#?)([0-9A-Fa-fRr.:]*)(?:\s+([RrTt]))?\s*$"
+)
+_MARK = re.compile(rb"<(\d{1,15})\.(\d{6})> ([a-z-]{1,32}) 000#\s*$")
+_COLUMNS = re.compile(
+    rb"\s*\(([^)]{1,40})\)\s+(\S{1,64})\s+(?:[RT]X\s+\S+\s+\S+\s+)?([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+"
+    rb"\[(\d{1,2})\]\s*(remote request|(?:[0-9A-Fa-f]{2}(?:\s+|$))*)(.*)$"
+)
+_UNTIMED = re.compile(rb"\s*\S{1,64}\s+(?:[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[\d{1,2}\]\s")
+_FD_LENGTHS = frozenset((*range(9), 12, 16, 20, 24, 32, 48, 64))
+
+
+@dataclass
+class ReadReport:
+    """What a reader met.
+
+    Attributes:
+        kinds: lines or frames by kind: 'frame', 'fd', 'remote', 'error', 'mark', 'blank',
+            'comment', 'malformed', 'untimed', 'cut'.
+        bad_lines: numbers of the first lines that were passed over.
+        backwards: frames stamped before the frame in front of them.
+        notes: what a user should know of the file.
+    """
+
+    kinds: Counter[str] = field(default_factory=Counter)
+    bad_lines: list[int] = field(default_factory=list)
+    backwards: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def passed_over(self) -> int:
+        """Lines that could not be read."""
+        return sum(self.kinds[kind] for kind in ("malformed", "untimed", "cut"))
+
+    def passed(self, kind: str, number: int) -> None:
+        """Note a line that was passed over."""
+        self.kinds[kind] += 1
+        if len(self.bad_lines) < 10:
+            self.bad_lines.append(number)
+
+
+def looks_like_candump(line: bytes) -> bool:
+    """Whether a line is one that candump, or our own log, writes."""
+    return any(form.match(line.rstrip()) for form in (_LOG, _COLUMNS, _MARK, _UNTIMED))
+
+
+def read_candump(lines: Iterable[bytes], report: ReadReport) -> Iterator[Frame | Mark]:
+    """Frames of candump text, in the order of its lines.
+
+    Args:
+        lines: with their line ends; the last one may be cut.
+        report: filled while reading.
+    """
+    numbered = enumerate(lines, start=1)
+    head = list(islice(numbered, 256))
+    differences = _times_are_differences(line for _, line in head)
+    if differences:
+        report.notes.append("time stamps read as differences (candump -td) and summed")
+    clock = last = 0
+    for number, line in chain(head, numbered):
+        item = parse_line(line)
+        if isinstance(item, str):
+            if item in ("blank", "comment"):
+                report.kinds[item] += 1
+            else:
+                report.passed("cut" if item == "malformed" and line[-1:] != b"\n" else item, number)
+            continue
+        if isinstance(item, Mark):
+            report.kinds["mark"] += 1
+        else:
+            if differences:
+                clock += item.t_us
+                item = item._replace(t_us=clock)
+            report.kinds[_kind(item)] += 1
+            report.backwards += item.t_us < last
+            last = item.t_us
+        yield item
+
+
+def _kind(frame: Frame) -> str:
+    if frame.is_error:
+        return "error"
+    if frame.is_remote:
+        return "remote"
+    return "fd" if frame.is_fd else "frame"
+
+
+def parse_line(line: bytes) -> Frame | Mark | str:
+    """One line: a frame, a mark, or the kind of line that it is instead."""
+    if len(line) > _LINE_LIMIT:
+        return "malformed"
+    text = line.strip()
+    if not text:
+        return "blank"
+    if text[:1] == b"(" and (match := _LOG.match(text)):
+        return _log_frame(match)
+    if match := _COLUMNS.match(line.rstrip()):
+        return _column_frame(match)
+    if text[:1] == b"<" and (match := _MARK.match(text)):
+        name = match[3].decode()
+        return (
+            Mark(int(match[1]) * 1_000_000 + int(match[2]), name) if name in MARKS else "malformed"
+        )
+    if text[:1] in (b"#", b";", b"*") or text[:2] == b"//":
+        return "comment"
+    return "untimed" if _UNTIMED.match(line) else "malformed"
+
+
+def _micros(seconds: bytes, fraction: bytes) -> int:
+    digits = len(fraction)
+    value = int(fraction)
+    micros = value * 10 ** (6 - digits) if digits <= 6 else round(value / 10 ** (digits - 6))
+    return int(seconds) * 1_000_000 + micros
+
+
+def _log_frame(match: re.Match[bytes]) -> Frame | str:
+    seconds, fraction, channel, can_id, fd, payload, _ = match.groups()
+    if len(can_id) not in (3, 8):
+        return "malformed"
+    t_us, name = _micros(seconds, fraction), channel.decode("latin-1")
+    number, extended = int(can_id, 16), len(can_id) == 8
+    if extended and number & ERROR_FLAG:
+        return Frame(t_us, number & 0x1FFFFFFF, b"", name, is_error=True)
+    if number > (0x1FFFFFFF if extended else 0x7FF):
+        return "malformed"
+    if payload[:1] in (b"R", b"r") and not fd:
+        return Frame(t_us, number, b"", name, extended, is_remote=True)
+    if fd:
+        payload = payload[1:]  # one digit of flags
+    data = _bytes(payload.replace(b".", b""))
+    if data is None or not (len(data) in _FD_LENGTHS if fd else len(data) <= 8):
+        return "malformed"
+    return Frame(t_us, number, data, name, extended, is_fd=bool(fd))
+
+
+def _column_frame(match: re.Match[bytes]) -> Frame | str:
+    stamp, channel, can_id, length, payload, _ = match.groups()
+    t_us = _column_time(stamp.decode("latin-1").strip())
+    if t_us is None:
+        return "malformed"
+    name, number, extended = channel.decode("latin-1"), int(can_id, 16), len(can_id) == 8
+    if extended and number & ERROR_FLAG:
+        return Frame(t_us, number & 0x1FFFFFFF, b"", name, is_error=True)
+    if number > (0x1FFFFFFF if extended else 0x7FF):
+        return "malformed"
+    if payload.startswith(b"remote"):
+        return Frame(t_us, number, b"", name, extended, is_remote=True)
+    # What follows the payload (-a) may look like more of it: the length says where it ends.
+    data = _bytes(b"".join(payload.split()[: int(length)]))
+    if data is None or len(data) != int(length) or len(data) not in _FD_LENGTHS:
+        return "malformed"
+    return Frame(t_us, number, data, name, extended, is_fd=len(length) == 2)
+
+
+def _column_time(stamp: str) -> int | None:
+    """Stamp of -ta, -tz, -td (seconds) or -tA (date, read as UTC), µs."""
+    whole, _, fraction = stamp.partition(".")
+    if whole.isascii() and whole.isdigit() and fraction.isascii() and fraction.isdigit():
+        return _micros(whole.encode(), fraction.encode()[:9])
+    try:
+        date = datetime.strptime(stamp, "%Y-%m-%d %H:%M:%S.%f").replace(tzinfo=UTC)
+    except ValueError:
+        return None
+    since = date - datetime(1970, 1, 1, tzinfo=UTC)
+    return (since.days * 86400 + since.seconds) * 1_000_000 + since.microseconds
+
+
+def _bytes(digits: bytes) -> bytes | None:
+    if len(digits) % 2:
+        return None
+    try:
+        return bytes.fromhex(digits.decode("ascii"))
+    except ValueError:
+        return None
+
+
+def _times_are_differences(lines: Iterable[bytes]) -> bool:
+    """Whether columns carry -td stamps: they start at 0 and then fall as often as they rise."""
+    times = []
+    for line in lines:
+        match = _COLUMNS.match(line.rstrip())
+        t_us = _column_time(match[1].decode("latin-1").strip()) if match else None
+        if t_us is not None:
+            times.append(t_us)
+    if len(times) < 3 or times[0] != 0:
+        return False
+    falls = sum(b < a for a, b in zip(times, times[1:], strict=False))
+    return falls > len(times) // 5
+
+
+def format_frame(frame: Frame, channel: str = "can0") -> str:
+    """A frame as `candump -L` writes it, with its line end.
+
+    Args:
+        frame: data, remote or FD frame; stamped at 0 or later.
+        channel: name taken where the frame has none.
+    """
+    seconds, micros = divmod(frame.t_us, 1_000_000)
+    number = f"{frame.arbitration_id:08X}" if frame.is_extended else f"{frame.arbitration_id:03X}"
+    if frame.is_error:
+        number = f"{frame.arbitration_id | ERROR_FLAG:08X}"
+    payload = "R" if frame.is_remote else frame.data.hex().upper()
+    flags = "#0" if frame.is_fd else ""
+    return f"({seconds}.{micros:06d}) {frame.channel or channel} {number}#{flags}{payload}\n"
+
+
+def format_mark(mark: Mark) -> str:
+    """A mark as a line: canplayer and cantools pass over it, python-can reads an empty frame."""
+    seconds, micros = divmod(mark.t_us, 1_000_000)
+    return f"<{seconds}.{micros:06d}> {mark.name} 000#\n"
+
+
+__all__ = [
+    "ADVANCE",
+    "ReadReport",
+    "format_frame",
+    "format_mark",
+    "looks_like_candump",
+    "parse_line",
+    "read_candump",
+]

@@ -1,0 +1,124 @@
+"""CAN databases: our own, wherever the package is installed, and the user's."""
+
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+import cantools
+from cantools.database.can import Database, Message, Signal
+
+from adhesion_can.errors import DatabaseError
+
+INPUT_MESSAGES = (
+    "WheelSpeeds1", "WheelSpeeds2", "VehicleSpeed", "TractiveEffort1", "TractiveEffort2",
+    "AxleLoads1", "AxleLoads2", "Environment", "TrackGeometry",
+)  # fmt: skip
+OUTPUT_MESSAGES = (
+    "AdhesionSetpoint", "AdhesionModel", "AdhesionQuality", "AxleSetpoint", "ServiceStatus",
+)  # fmt: skip
+
+
+def packaged_path() -> Path:
+    """Our own DBC: inside the installed package, else beside it in a source tree.
+
+    Raises:
+        DatabaseError: neither is there; the installation is broken.
+    """
+    package = Path(__file__).resolve().parent.parent
+    candidates = (package / "dbc" / "adhesion.dbc", package.parent / "dbc" / "adhesion.dbc")
+    for path in candidates:
+        if path.is_file():
+            return path
+    raise DatabaseError(str(candidates[0]), "the packaged DBC is missing", "reinstall adhesion-can")
+
+
+@dataclass(frozen=True)
+class CanDatabase:
+    """A loaded database with where it came from.
+
+    Attributes:
+        path: of the file.
+        sha256: of its bytes, hex.
+        db: cantools' parsed database.
+    """
+
+    path: Path
+    sha256: str
+    db: Database
+
+    def message(self, name: str) -> Message:
+        """The message of that name.
+
+        Raises:
+            DatabaseError: there is none.
+        """
+        for message in self.db.messages:
+            if message.name == name:
+                return message
+        raise DatabaseError(
+            self.path.name,
+            f"no message {name}",
+            "name another database with --dbc, or map the role to your message with --config",
+        )
+
+    def signal(self, message_name: str, signal_name: str, role: str) -> tuple[Message, Signal]:
+        """A signal by names.
+
+        Args:
+            message_name: of its message.
+            signal_name: its own.
+            role: that it is wanted for, for the error.
+
+        Raises:
+            DatabaseError: there is no such message or signal.
+        """
+        where = f"{self.path.name}: {message_name}.{signal_name}"
+        message = next((m for m in self.db.messages if m.name == message_name), None)
+        signal = message and next((s for s in message.signals if s.name == signal_name), None)
+        if message is None or signal is None:
+            raise DatabaseError(
+                where,
+                f"no such {'message' if message is None else 'signal'}, needed for role {role}",
+                "map the role to your own Message.Signal in a file for --config",
+            )
+        return message, signal
+
+
+def load_database(path: Path | None = None) -> CanDatabase:
+    """Load a database of any format that cantools reads; None: our own.
+
+    Raises:
+        DatabaseError: the file is missing or is not a database.
+    """
+    path = path or packaged_path()
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise DatabaseError(
+            str(path), error.strerror or "cannot be read", "check the path"
+        ) from error
+    try:
+        # Not strict: real databases have overlapping signals, and the layout that we use is checked
+        # signal by signal.
+        db = cantools.database.load_file(path, strict=False)
+    except (cantools.database.UnsupportedDatabaseFormatError, cantools.database.Error) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise DatabaseError(
+            str(path), f"not a CAN database ({reason})", "give a .dbc, .kcd, .arxml or .sym file"
+        ) from error
+    except (ValueError, UnicodeError, KeyError, TypeError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise DatabaseError(
+            str(path),
+            f"not a readable CAN database ({reason})",
+            "check the file with 'cantools dump'",
+        ) from error
+    if not isinstance(db, Database):
+        raise DatabaseError(str(path), "a diagnostics database, not a CAN database", "give a .dbc")
+    return CanDatabase(path, sha256(content).hexdigest(), db)
+
+
+def e2e_data_id(message: Message) -> int | None:
+    """Attribute E2EDataId of a message; None where the database has none."""
+    attribute = message.dbc.attributes.get("E2EDataId") if message.dbc else None
+    return None if attribute is None else int(attribute.value)

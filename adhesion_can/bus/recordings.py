@@ -1,0 +1,209 @@
+"""Recordings of any format as frames, and files that appear whole or not at all."""
+
+import gzip
+import io
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from hashlib import sha256
+from pathlib import Path
+from typing import IO, Any, BinaryIO
+
+import can
+
+from adhesion_can.bus.candump import ReadReport, looks_like_candump, read_candump
+from adhesion_can.bus.frame import Frame, Mark, to_us
+from adhesion_can.errors import InputError, RecordingError
+
+_LINE_LIMIT = 1 << 16
+
+
+class Recording:
+    """A file of frames.
+
+    Args:
+        path: candump text (gzip too), or any format that python-can reads by its suffix.
+
+    Raises:
+        RecordingError: the file is missing, or of no known format.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.report = ReadReport()
+        """Filled while the frames are read."""
+        try:
+            with path.open("rb") as file:
+                self._gzip = file.read(2) == b"\x1f\x8b"
+        except OSError as error:
+            raise RecordingError(
+                str(path), error.strerror or "cannot be read", "check the path"
+            ) from error
+        self._text = self._is_candump()
+        if not self._text:
+            _require_known_format(path)
+
+    def __iter__(self) -> Iterator[Frame | Mark]:
+        """Frames in the order of the file."""
+        return self._candump() if self._text else self._python_can()
+
+    @property
+    def sha256(self) -> str:
+        """Of the file's bytes, hex."""
+        return file_sha256(self.path)
+
+    @property
+    def size(self) -> int:
+        """Of the file, bytes."""
+        return self.path.stat().st_size
+
+    def _open(self) -> IO[bytes]:
+        return gzip.open(self.path, "rb") if self._gzip else self.path.open("rb")
+
+    def _is_candump(self) -> bool:
+        """Whether one of the first lines is candump's; an empty file passes as such."""
+        if self.path.suffixes[:1] != [".csv"]:
+            try:
+                with self._open() as file:
+                    head = [file.readline(_LINE_LIMIT) for _ in range(50)]
+            except (EOFError, OSError, zlib.error):
+                head = []
+            if any(looks_like_candump(line) for line in head):
+                return True
+            return self.path.suffix in (".log", ".txt", "") or not any(head)
+        return False
+
+    def _candump(self) -> Iterator[Frame | Mark]:
+        with self._open() as file:
+            yield from read_candump(_lines(file, self.report), self.report)
+
+    def _python_can(self) -> Iterator[Frame]:
+        # python-can's readers stop at what they cannot read, with whatever their parser raises;
+        # what was read until then is kept and the rest is reported.
+        last = 0
+        try:
+            with can.LogReader(self.path) as reader:
+                for message in reader:
+                    frame = from_message(message)
+                    self.report.kinds["frame"] += 1
+                    self.report.backwards += frame.t_us < last
+                    last = frame.t_us
+                    yield frame
+        except (
+            ValueError,
+            KeyError,
+            IndexError,
+            TypeError,
+            EOFError,
+            OSError,
+            can.CanError,
+        ) as error:
+            reason = " ".join(str(error).split())[:120] or type(error).__name__
+            raise RecordingError(
+                str(self.path),
+                f"python-can stops after {self.report.kinds['frame']} frames ({reason})",
+                "convert the file to candump text, whose bad lines are passed over",
+            ) from error
+        except ImportError as error:
+            raise RecordingError(
+                str(self.path), "this format needs asammdf", "pip install 'adhesion-can[mf4]'"
+            ) from error
+
+
+def _lines(file: IO[bytes], report: ReadReport) -> Iterator[bytes]:
+    while True:
+        try:
+            line = file.readline(_LINE_LIMIT)
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            report.kinds["cut"] += 1
+            report.notes.append(
+                f"the compressed file ends early ({error}); what came before is used"
+            )
+            return
+        if not line:
+            return
+        yield line
+
+
+def _require_known_format(path: Path) -> None:
+    suffix = path.suffix.lower() if path.suffix != ".gz" else Path(path.stem).suffix.lower()
+    known = sorted(can.io.logger.MESSAGE_WRITERS) if hasattr(can.io, "logger") else []
+    if suffix not in {".asc", ".blf", ".trc", ".csv", ".db", ".mf4", ".log", *known}:
+        raise RecordingError(
+            str(path),
+            "not candump text, nor of a suffix that python-can reads",
+            "record with 'candump -L', or give a .asc, .blf, .trc, .csv, .db or .mf4 file",
+        )
+
+
+def from_message(message: can.Message) -> Frame:
+    """python-can's message as a frame."""
+    channel = message.channel
+    name = "" if channel is None else str(channel)
+    return Frame(
+        t_us=to_us(message.timestamp),
+        arbitration_id=message.arbitration_id,
+        data=b"" if message.is_error_frame or message.is_remote_frame else bytes(message.data),
+        channel=f"can{name}" if name.isdigit() else name,
+        is_extended=message.is_extended_id,
+        is_fd=message.is_fd,
+        is_remote=message.is_remote_frame,
+        is_error=message.is_error_frame,
+    )
+
+
+def to_message(frame: Frame) -> can.Message:
+    """A frame as python-can's message."""
+    return can.Message(
+        timestamp=frame.t_us / 1e6,
+        arbitration_id=frame.arbitration_id,
+        data=frame.data,
+        is_extended_id=frame.is_extended,
+        is_fd=frame.is_fd,
+        is_rx=False,
+        check=False,
+    )
+
+
+def file_sha256(path: Path) -> str:
+    """Hash of a file's bytes, hex."""
+    digest = sha256()
+    with path.open("rb") as file:
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+@contextmanager
+def whole_file(path: Path, mode: str = "w") -> Iterator[Any]:
+    """Write a file under a temporary name; it gets its own when all is written, else vanishes.
+
+    Args:
+        path: of the finished file; a suffix .gz compresses it.
+        mode: 'w' or 'wb'.
+
+    Raises:
+        InputError: the folder does not exist or cannot be written to.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        raw: BinaryIO = part.open("wb")
+    except OSError as error:
+        raise InputError(
+            str(path), error.strerror or "cannot be written", "name a folder that can be written to"
+        ) from error
+    try:
+        with raw:
+            file: Any = (
+                gzip.GzipFile(fileobj=raw, mode="wb", mtime=0) if path.suffix == ".gz" else raw
+            )
+            if "b" not in mode:
+                file = io.TextIOWrapper(file, encoding="utf-8", newline="")
+            yield file
+            file.flush()
+            if path.suffix == ".gz":
+                file.close()
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+    part.replace(path)

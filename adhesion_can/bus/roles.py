@@ -1,0 +1,226 @@
+"""Roles bound to the signals of a database: what the service hears, whatever it is called."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from cantools.database.can import Message, Signal
+
+from adhesion_can.bus.codec import MessagePlan, SignalPlan
+from adhesion_can.bus.database import CanDatabase, e2e_data_id
+from adhesion_can.bus.units import known_units, to_si
+from adhesion_can.errors import ConfigError
+from adhesion_can.physics.data import Role
+
+Protection = Literal["e2e-p01", "none"]
+PROTECTIONS: tuple[Protection, ...] = ("e2e-p01", "none")
+
+
+@dataclass(frozen=True, slots=True)
+class SignalChoice:
+    """A signal that a configuration names for a role; what is None comes from the database.
+
+    Attributes:
+        role: what it means.
+        axle: 1.. for roles per axle, else 0.
+        message: its message.
+        signal: its name.
+        channel: bus that it is heard on; None: any.
+        unit: of its values.
+        factor: multiplies the value after the unit's conversion.
+        sign: +1 or −1.
+        protection: of its message.
+        data_id: of the protection.
+        cycle_us: of its message.
+        not_available: whether all ones in the raw value mean so.
+    """
+
+    role: Role
+    axle: int
+    message: str
+    signal: str
+    channel: str | None = None
+    unit: str | None = None
+    factor: float = 1.0
+    sign: int = 1
+    protection: Protection | None = None
+    data_id: int | None = None
+    cycle_us: int | None = None
+    not_available: bool = True
+
+    @property
+    def name(self) -> str:
+        """Role as configurations spell it: `wheel_speed.1`, `vehicle_speed`."""
+        return f"{self.role}.{self.axle}" if self.axle else str(self.role)
+
+
+@dataclass(frozen=True, slots=True)
+class BoundSignal:
+    """A signal that is heard, with its way to SI: value · scale."""
+
+    role: Role
+    axle: int
+    plan: SignalPlan
+    scale: float
+    not_available: int | None
+
+    @property
+    def name(self) -> str:
+        """As `SignalChoice.name`."""
+        return f"{self.role}.{self.axle}" if self.axle else str(self.role)
+
+
+@dataclass(frozen=True)
+class BoundMessage:
+    """A message that is heard, with the signals of it that have a role.
+
+    Attributes:
+        plan: of the whole message.
+        channel: bus that it is heard on; None: any.
+        signals: with roles.
+        data_id: of its protection; None: unprotected.
+        cycle_us: its cycle; None where nobody says.
+    """
+
+    plan: MessagePlan
+    channel: str | None
+    signals: tuple[BoundSignal, ...]
+    data_id: int | None
+    cycle_us: int | None
+
+    @property
+    def roles(self) -> frozenset[Role]:
+        """Of its signals."""
+        return frozenset(signal.role for signal in self.signals)
+
+
+def contract_choices() -> list[SignalChoice]:
+    """The roles of our own message set."""
+    per_axle = {
+        Role.WHEEL_SPEED: ("WheelSpeeds", "WheelSpeed"),
+        Role.TRACTIVE_EFFORT: ("TractiveEffort", "TractiveEffort"),
+        Role.AXLE_LOAD: ("AxleLoads", "AxleLoad"),
+    }
+    single = {
+        Role.VEHICLE_SPEED: ("VehicleSpeed", "VehicleSpeed"),
+        Role.SPEED_SOURCE: ("VehicleSpeed", "VehicleSpeedSource"),
+        Role.DIRECTION: ("VehicleSpeed", "Direction"),
+        Role.AMBIENT_TEMPERATURE: ("Environment", "AmbientTemperature"),
+        Role.RAIL_TEMPERATURE: ("Environment", "RailTemperature"),
+        Role.HUMIDITY: ("Environment", "RelativeHumidity"),
+        Role.SANDING: ("Environment", "SandingActive"),
+        Role.RAIN: ("Environment", "Rain"),
+        Role.GRADIENT: ("TrackGeometry", "Gradient"),
+        Role.CURVATURE: ("TrackGeometry", "Curvature"),
+    }
+    return [
+        SignalChoice(role, axle, f"{message}{1 + (axle - 1) // 3}", f"{signal}_Ax{axle}")
+        for role, (message, signal) in per_axle.items()
+        for axle in range(1, 7)
+    ] + [SignalChoice(role, 0, message, signal) for role, (message, signal) in single.items()]
+
+
+OPTIONAL_MESSAGES = frozenset({"AxleLoads1", "AxleLoads2", "Environment", "TrackGeometry"})
+"""Of our own set: a database may lack them."""
+
+
+def bind(
+    choices: Iterable[SignalChoice],
+    database: CanDatabase,
+    wheel_radius: Sequence[float],
+    where: str,
+) -> tuple[BoundMessage, ...]:
+    """Look every choice up in the database and group them by message.
+
+    Args:
+        choices: roles with the signals that carry them.
+        database: to look in.
+        wheel_radius: of each axle, m, for wheel speeds given at the rim.
+        where: name of the configuration, for errors.
+
+    Raises:
+        DatabaseError: a signal is not in the database.
+        ConfigError: a unit, an axle or a protection does not fit.
+    """
+    groups: dict[tuple[str, str | None], list[tuple[SignalChoice, Message, Signal]]] = {}
+    for choice in choices:
+        if choice.axle > len(wheel_radius):
+            raise ConfigError(
+                f"{where}: roles.{choice.name}",
+                f"the vehicle has {len(wheel_radius)} axles",
+                "add the axle under [vehicle] or remove the role",
+            )
+        message, signal = database.signal(choice.message, choice.signal, choice.name)
+        groups.setdefault((choice.message, choice.channel), []).append((choice, message, signal))
+    return tuple(_bind_message(rows, wheel_radius, where) for rows in groups.values())
+
+
+def _bind_message(
+    rows: Sequence[tuple[SignalChoice, Message, Signal]], radii: Sequence[float], where: str
+) -> BoundMessage:
+    message = rows[0][1]
+    plan = MessagePlan(message)
+    signals = tuple(_bind_signal(choice, signal, plan, radii, where) for choice, _, signal in rows)
+    choices = [choice for choice, _, _ in rows]
+    own_id = e2e_data_id(message)
+    stated = _agreed(choices, "protection", where)
+    protection = stated or ("none" if own_id is None else "e2e-p01")
+    data_id = _agreed(choices, "data_id", where)
+    if protection == "e2e-p01" and data_id is None and own_id is None:
+        raise ConfigError(
+            f"{where}: roles.{choices[0].name}",
+            f"{message.name} has no attribute E2EDataId for its protection e2e-p01",
+            'state data_id, or protection = "none"',
+        )
+    cycle = _agreed(choices, "cycle_us", where) or (message.cycle_time or 0) * 1000
+    return BoundMessage(
+        plan=plan,
+        channel=choices[0].channel,
+        signals=signals,
+        data_id=(data_id if data_id is not None else own_id) if protection != "none" else None,
+        cycle_us=int(cycle) or None,
+    )
+
+
+def _bind_signal(
+    choice: SignalChoice, signal: Signal, plan: MessagePlan, radii: Sequence[float], where: str
+) -> BoundSignal:
+    unit = choice.unit if choice.unit is not None else (signal.unit or "")
+    radius = radii[choice.axle - 1] if choice.axle else None
+    factor = to_si(choice.role, unit, radius)
+    if factor is None:
+        raise ConfigError(
+            f"{where}: roles.{choice.name}",
+            f"unit {unit!r} of {choice.message}.{choice.signal} is none of {choice.role}",
+            f"state one of {known_units(choice.role)}",
+        )
+    own = plan.signals[signal.name]
+    return BoundSignal(
+        role=choice.role,
+        axle=choice.axle,
+        plan=own,
+        scale=factor * choice.factor * choice.sign,
+        not_available=own.not_available if choice.not_available else None,
+    )
+
+
+def _agreed(choices: Sequence[SignalChoice], key: str, where: str) -> Any:
+    """The one value that the roles of a message state for it; None where none does."""
+    stated = {getattr(choice, key) for choice in choices} - {None}
+    if len(stated) > 1:
+        names = ", ".join(f"roles.{choice.name}" for choice in choices)
+        raise ConfigError(
+            f"{where}: {names}",
+            f"different {key} for one message {choices[0].message}",
+            "state the same for all of them",
+        )
+    return stated.pop() if stated else None
+
+
+def cycles_of(messages: Iterable[BoundMessage]) -> Mapping[Role, int]:
+    """Cycle of each role, µs; the longest where several messages carry it."""
+    cycles: dict[Role, int] = {}
+    for message in messages:
+        for role in message.roles:
+            cycles[role] = max(cycles.get(role, 0), message.cycle_us or 0)
+    return cycles

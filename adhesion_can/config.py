@@ -1,0 +1,419 @@
+"""The configuration file: vehicle, database, roles, sensors and settings, in TOML.
+
+Every key is known or an error. The file's values are in the units that its keys name.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from types import UnionType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from adhesion_can.bus.database import CanDatabase, load_database
+from adhesion_can.bus.roles import (
+    OPTIONAL_MESSAGES,
+    PROTECTIONS,
+    BoundMessage,
+    SignalChoice,
+    bind,
+    contract_choices,
+)
+from adhesion_can.errors import ConfigError
+from adhesion_can.identification.evolution import EvolutionSettings
+from adhesion_can.identification.paper import (
+    ChangeSettings,
+    IdentifiabilitySettings,
+    PaperEstimator,
+)
+from adhesion_can.identification.samples import SamplingSettings, Sensors
+from adhesion_can.physics.data import Role
+from adhesion_can.physics.vehicle import Geometry, Locomotive
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceSettings:
+    """Behaviour of the service.
+
+    Attributes:
+        target_share: share of μ_max that `CreepSpeedSetpoint` aims at: 0.98 costs 2 % of the
+            force and saves a third of the slip energy.
+        hold_s: how long the last values are held when an input is stale.
+        change_s: how long SURFACE_CHANGE is shown at most.
+        estimate_s: age of the last sample beyond which the status is LOW_EXCITATION.
+        restart_s: a hole in time longer than this starts the service anew.
+    """
+
+    target_share: float = 0.98
+    hold_s: float = 1.0
+    change_s: float = 5.0
+    estimate_s: float = 2.0
+    restart_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.target_share <= 1:
+            raise ValueError("target_share must be in 0..1")
+        if min(self.hold_s, self.change_s, self.estimate_s) < 0 or self.restart_s <= 0:
+            raise ValueError("times must not be negative")
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """All that a user can set.
+
+    Attributes:
+        vehicle: the locomotive.
+        database: of the bus.
+        choices: roles with their signals.
+        service: see there.
+        sampling: see there.
+        sensors: see there.
+        evolution: see there.
+        identifiability: see there.
+        change: see there.
+        estimator: name of the estimator.
+        where: file that it came from, for errors.
+        sha256: of the file, hex; '' for the defaults.
+    """
+
+    vehicle: Locomotive
+    database: CanDatabase
+    choices: tuple[SignalChoice, ...]
+    service: ServiceSettings = field(default_factory=ServiceSettings)
+    sampling: SamplingSettings = field(default_factory=SamplingSettings)
+    sensors: Sensors = field(default_factory=Sensors)
+    evolution: EvolutionSettings = field(default_factory=EvolutionSettings)
+    identifiability: IdentifiabilitySettings = field(default_factory=IdentifiabilitySettings)
+    change: ChangeSettings = field(default_factory=ChangeSettings)
+    estimator: str = "paper"
+    where: str = "defaults"
+    sha256: str = ""
+
+    @cached_property
+    def messages(self) -> tuple[BoundMessage, ...]:
+        """The messages heard, bound to their roles."""
+        return bind(self.choices, self.database, self.vehicle.wheel_radius, self.where)
+
+    def roles(self) -> set[Role]:
+        """The roles that have a signal."""
+        return {choice.role for choice in self.choices}
+
+    def missing_for_identification(self) -> list[str]:
+        """What an adhesion coefficient needs and no role gives, in words; empty: nothing."""
+        heard = {(choice.role, choice.axle) for choice in self.choices}
+        missing = []
+        wheels = {axle for role, axle in heard if role is Role.WHEEL_SPEED}
+        efforts = {axle for role, axle in heard if role is Role.TRACTIVE_EFFORT}
+        if not wheels:
+            missing.append("wheel speed")
+        if (Role.VEHICLE_SPEED, 0) not in heard:
+            missing.append("vehicle speed")
+        if not efforts:
+            missing.append("tractive effort")
+        elif wheels and not wheels & efforts:
+            missing.append("tractive effort and wheel speed of the same axle")
+        return missing
+
+    def require_identification(self) -> None:
+        """Raise a ConfigError where adhesion cannot be formed, or a cycle is unknown."""
+        missing = self.missing_for_identification()
+        if missing:
+            raise ConfigError(
+                self.where,
+                f"no role gives {' or '.join(missing)}, so adhesion cannot be estimated",
+                "map the roles under [roles]",
+            )
+        for message in self.messages:
+            if message.cycle_us is None:
+                raise ConfigError(
+                    f"{self.where}: {message.plan.name}",
+                    "its cycle is unknown, so it cannot be told when it is stale",
+                    "state cycle_ms at its role, or GenMsgCycleTime in the database",
+                )
+
+    def make_estimator(self, name: str | None = None) -> PaperEstimator:
+        """A fresh estimator by name; the configured one where none is given.
+
+        Raises:
+            ConfigError: no estimator has that name.
+        """
+        wanted = name or self.estimator
+        if wanted != "paper":
+            raise ConfigError("estimator", f"no estimator {wanted!r}", "known: paper")
+        return PaperEstimator(self.evolution, self.identifiability, self.change)
+
+
+def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Configuration:
+    """Configuration from a TOML file; None: the defaults on our own database.
+
+    Args:
+        path: of the TOML file.
+        dbc: database that takes the place of the one it names.
+
+    Raises:
+        ConfigError: the file cannot be read, or says what nobody understands.
+        DatabaseError: its database is missing, broken or lacks a signal.
+    """
+    if path is None:
+        return _complete(Configuration(Locomotive(), load_database(dbc), ()))
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ConfigError(str(path), error.strerror or "cannot be read", "check the path") from error
+    try:
+        document = tomllib.loads(content.decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(str(path), f"not TOML ({error})", "mend the line that it names") from error
+    where = path.name
+    document = dict(document)
+    bus = _table(document.pop("bus", {}), f"{where}: bus")
+    named = bus.pop("database", None)
+    _no_more(bus, f"{where}: bus", ("database",))
+    if named is not None and not isinstance(named, str):
+        raise ConfigError(f"{where}: bus.database", "not a path", 'write database = "my.dbc"')
+    database = load_database(dbc or (path.parent / named if named else None))
+    vehicle = _vehicle(document.pop("vehicle", {}), where)
+    roles = document.pop("roles", None)
+    choices = () if roles is None else tuple(_roles(_table(roles, f"{where}: roles"), where))
+    estimator = document.pop("estimator", "paper")
+    if not isinstance(estimator, str):
+        raise ConfigError(f"{where}: estimator", "not a name", 'write estimator = "paper"')
+    sections: dict[str, Any] = {
+        name: _section(kind, document.pop(name, {}), f"{where}: {name}")
+        for name, kind in _SECTIONS.items()
+    }
+    known = ("bus", "vehicle", "roles", "estimator", *_SECTIONS)
+    _no_more(document, where, known)
+    return _complete(
+        Configuration(
+            vehicle,
+            database,
+            choices,
+            **sections,
+            estimator=estimator,
+            where=where,
+            sha256=sha256(content).hexdigest(),
+        )
+    )
+
+
+_SECTIONS: Mapping[str, type] = {
+    "service": ServiceSettings,
+    "sampling": SamplingSettings,
+    "sensors": Sensors,
+    "evolution": EvolutionSettings,
+    "identifiability": IdentifiabilitySettings,
+    "change": ChangeSettings,
+}
+
+
+def _complete(configuration: Configuration) -> Configuration:
+    """With our own roles where none are given, and everything bound, so that errors come now."""
+    if not configuration.choices:
+        present = {message.name for message in configuration.database.db.messages}
+        choices = tuple(
+            choice
+            for choice in contract_choices()
+            if choice.axle <= configuration.vehicle.axles
+            and (choice.message in present or choice.message not in OPTIONAL_MESSAGES)
+        )
+        configuration = replace(configuration, choices=choices)
+    _ = configuration.messages
+    configuration.make_estimator()
+    return configuration
+
+
+def _table(value: object, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ConfigError(where, "not a table", "write it as [section] with keys below")
+    return dict(value)
+
+
+def _no_more(rest: Mapping[str, Any], where: str, known: tuple[str, ...]) -> None:
+    if rest:
+        key = next(iter(rest))
+        raise ConfigError(f"{where}: {key}", "unknown key", f"known: {', '.join(known)}")
+
+
+def _section(kind: type, value: object, where: str) -> Any:
+    """A frozen dataclass from a table whose keys are its fields."""
+    table = _table(value, where)
+    hints = get_type_hints(kind)
+    names = tuple(f.name for f in fields(kind))
+    arguments: dict[str, Any] = {}
+    for key, given in table.items():
+        if key not in names:
+            raise ConfigError(f"{where}.{key}", "unknown key", f"known: {', '.join(names)}")
+        arguments[key] = _typed(given, hints[key], f"{where}.{key}")
+    try:
+        return kind(**arguments)
+    except ValueError as error:
+        raise ConfigError(where, str(error), "mend the value") from error
+
+
+def _typed(value: Any, wanted: Any, where: str) -> Any:
+    """A TOML value as the type of a field."""
+    origin = get_origin(wanted)
+    if origin is UnionType:
+        return _typed(value, get_args(wanted)[0], where)
+    if origin is Literal:
+        if value not in get_args(wanted):
+            raise ConfigError(where, f"{value!r}", f"write one of {', '.join(get_args(wanted))}")
+        return value
+    if origin is tuple:
+        kinds = get_args(wanted)
+        if not isinstance(value, list):
+            raise ConfigError(where, f"{value!r} is not a list", "write [a, b, ..]")
+        if kinds[-1] is not Ellipsis and len(value) != len(kinds):
+            raise ConfigError(where, f"{len(value)} values", f"write {len(kinds)}")
+        return tuple(_typed(item, kinds[0], where) for item in value)
+    good = isinstance(value, wanted) or (wanted is float and isinstance(value, int))
+    if not good or isinstance(value, bool) is not (wanted is bool):
+        raise ConfigError(where, f"{value!r} is not a {_NAMES[wanted]}", "mend the value")
+    return wanted(value)
+
+
+_NAMES: Mapping[type, str] = {float: "number", int: "whole number", str: "text", bool: "boolean"}
+
+
+@dataclass(frozen=True, slots=True)
+class _Vehicle:
+    """[vehicle] as a file spells it."""
+
+    axles: int = 6
+    wheel_radius_m: float = 0.625
+    axle_load_N: float = 245e3  # noqa: N815  the unit's own spelling
+    wheelset_inertia_kgm2: float = 200.0
+    train_mass_kg: float = 1.65e6
+    load_std: float = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class _Geometry:
+    """[vehicle.geometry] as a file spells it."""
+
+    axles_per_bogie: tuple[int, ...] = (3, 3)
+    pivot_distance_m: float = 10.3
+    axle_spacing_m: float = 1.9
+    coupler_height_m: float = 0.95
+    traction_height_m: float = 0.46
+
+
+def _vehicle(value: object, where: str) -> Locomotive:
+    table = _table(value, f"{where}: vehicle")
+    lists = {key: table.pop(key, None) for key in ("wheel_radius_m", "axle_load_N")}
+    geometry = table.pop("geometry", None)
+    scalars: _Vehicle = _section(
+        _Vehicle,
+        table | {k: v for k, v in lists.items() if v is not None and not isinstance(v, list)},
+        f"{where}: vehicle",
+    )
+    given = {
+        key: _typed(v, tuple[float, ...], f"{where}: vehicle.{key}")
+        for key, v in lists.items()
+        if isinstance(v, list)
+    }
+    stated = {len(v) for v in given.values()} | ({scalars.axles} if "axles" in table else set())
+    axles = stated.pop() if stated else 6
+    if stated:
+        raise ConfigError(
+            f"{where}: vehicle", "lists of different length", "give one value for each axle"
+        )
+    shape = None
+    if geometry is not None:
+        g: _Geometry = _section(_Geometry, geometry, f"{where}: vehicle.geometry")
+        shape = Geometry(*(getattr(g, f.name) for f in fields(_Geometry)))
+    elif axles == 6:
+        shape = Geometry()
+    try:
+        return Locomotive(
+            wheel_radius=given.get("wheel_radius_m", (scalars.wheel_radius_m,) * axles),
+            axle_load=given.get("axle_load_N", (scalars.axle_load_N,) * axles),
+            wheelset_inertia=scalars.wheelset_inertia_kgm2,
+            train_mass=scalars.train_mass_kg,
+            geometry=shape,
+            load_std=scalars.load_std,
+        )
+    except ValueError as error:
+        raise ConfigError(f"{where}: vehicle", str(error), "mend the value") from error
+
+
+@dataclass(frozen=True, slots=True)
+class _RoleTable:
+    """One role as a file spells it."""
+
+    signal: str
+    channel: str = ""
+    unit: str = "?"
+    factor: float = 1.0
+    sign: int = 1
+    protection: str = ""
+    data_id: int = -1
+    cycle_ms: float = 0.0
+    not_available: bool = True
+
+
+def _roles(table: Mapping[str, Any], where: str) -> list[SignalChoice]:
+    choices = []
+    for name, value in _flattened(table):
+        place = f"{where}: roles.{name}"
+        role, axle = _role(name, place)
+        if isinstance(value, str):
+            value = {"signal": value}
+        if "signal" not in _table(value, place):
+            raise ConfigError(place, "names no signal", 'write signal = "Message.Signal"')
+        row: _RoleTable = _section(_RoleTable, value, place)
+        message, dot, signal = row.signal.rpartition(".")
+        if not dot:
+            raise ConfigError(place, f"{row.signal!r} is not Message.Signal", "name both")
+        if row.sign not in (-1, 1):
+            raise ConfigError(f"{place}.sign", f"{row.sign}", "write 1 or -1")
+        if row.protection not in ("", *PROTECTIONS):
+            raise ConfigError(
+                f"{place}.protection", f"{row.protection!r}", f"write one of {', '.join(PROTECTIONS)}"
+            )
+        if not 0 <= row.cycle_ms < 1e6:
+            raise ConfigError(f"{place}.cycle_ms", f"{row.cycle_ms}", "write milliseconds")
+        choices.append(
+            SignalChoice(
+                role,
+                axle,
+                message,
+                signal,
+                channel=row.channel or None,
+                unit=None if row.unit == "?" else row.unit,
+                factor=row.factor,
+                sign=row.sign,
+                protection=row.protection or None,  # type: ignore[arg-type]
+                data_id=None if row.data_id < 0 else row.data_id,
+                cycle_us=round(row.cycle_ms * 1000) or None,
+                not_available=row.not_available,
+            )
+        )
+    return choices
+
+
+def _flattened(table: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """(role, value) of a table; TOML reads an unquoted `wheel_speed.1` as a table in a table."""
+    rows: list[tuple[str, Any]] = []
+    for name, value in table.items():
+        if isinstance(value, dict) and value and all(key.isdigit() for key in value):
+            rows += [(f"{name}.{axle}", inner) for axle, inner in value.items()]
+        else:
+            rows.append((name, value))
+    return rows
+
+
+def _role(name: str, place: str) -> tuple[Role, int]:
+    base, _, axle = name.partition(".")
+    known = ", ".join(f"{role}.AXLE" if role.per_axle else str(role) for role in Role)
+    try:
+        role = Role(base)
+    except ValueError as error:
+        raise ConfigError(place, "unknown role", f"known: {known}") from error
+    if role.per_axle is not (axle.isdigit() and int(axle) >= 1):
+        mend = f"write {base}.1, {base}.2, .." if role.per_axle else f"write {base}"
+        raise ConfigError(place, "axle missing" if role.per_axle else "has no axles", mend)
+    return role, int(axle or 0)

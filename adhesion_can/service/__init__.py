@@ -1,0 +1,1 @@
+"""The service: a core that knows neither bus nor clock, and the loops that run it."""
