@@ -158,7 +158,7 @@ class LiveService:
         self._send(self.core.feed(frame))
         self._log(format_frame(effective))
         self._loop_times.append(time.perf_counter() - began)
-        if len(self._loop_times) % 100 == 0:
+        if self.counts.received % 100 == 0:
             self.core.loop_time_p99_us = float(np.quantile(self._loop_times, 0.99)) * 1e6
 
     def _stamped(self, frame: Frame) -> Frame:

@@ -1,0 +1,167 @@
+"""A simulated run: plant, drive, track and sensors stepped together, frames out."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from adhesion_can.bus.codec import MessagePlan
+from adhesion_can.bus.database import CanDatabase
+from adhesion_can.bus.frame import Frame, to_us
+from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.simulation.drive import Drive, DriveSettings
+from adhesion_can.simulation.plant import ActiveEffect, Plant, Track
+from adhesion_can.simulation.scenarios import Scenario
+from adhesion_can.simulation.sensors import NoiseSettings, PlantState, Sensors
+
+STEP_US = 2000
+TRACKING = 1
+"""`Status` in which the service knows the rail."""
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """What a run is made of.
+
+    Attributes:
+        scenario: see there.
+        duration_s: simulated time, s.
+        seed: of the noise.
+        vehicle: see there.
+        effects: mechanisms beyond the curve.
+        noise: of the sensors.
+        drive: of the creep controller.
+        obey: whether the drive follows `AdhesionSetpoint`.
+        load_transfer: whether axle loads move under effort.
+        along_track: whether each axle finds a change of surface where the leading one found it,
+            or all at the same moment.
+    """
+
+    scenario: Scenario
+    duration_s: float
+    seed: int = 1
+    vehicle: Locomotive = field(default_factory=Locomotive)
+    effects: tuple[ActiveEffect, ...] = ()
+    noise: NoiseSettings = field(default_factory=NoiseSettings)
+    drive: DriveSettings = field(default_factory=DriveSettings)
+    obey: bool = False
+    load_transfer: bool = False
+    along_track: bool = False
+
+
+class Simulation:
+    """A run that gives its frames step by step and hears the service's answers.
+
+    Args:
+        settings: see there.
+        database: our own message set.
+    """
+
+    def __init__(self, settings: RunSettings, database: CanDatabase) -> None:
+        self.settings = settings
+        scenario, vehicle = settings.scenario, settings.vehicle
+        self.plant = Plant(
+            vehicle,
+            scenario.speed,
+            settings.effects,
+            load_transfer=settings.load_transfer,
+            gradient=scenario.gradient,
+        )
+        self.stretches = scenario.stretches(settings.duration_s)
+        self._track = Track(self.stretches, axles_behind(vehicle, along=settings.along_track))
+        self._drive = Drive(vehicle.axles, settings.drive, scenario.pattern, settings.obey)
+        self._sensors = Sensors(database, settings.noise, np.random.default_rng(settings.seed))
+        self._setpoint = MessagePlan(database.message("AdhesionSetpoint"))
+        self.now_us = 0
+
+    def run(self) -> Iterator[list[Frame]]:
+        """Steps of 2 ms until the duration is over: the frames that fall due in each."""
+        end_us = to_us(self.settings.duration_s)
+        while self.now_us < end_us:
+            yield self.step()
+
+    def step(self) -> list[Frame]:
+        """One step; returns the frames due in it."""
+        before, dt = self._state(), STEP_US / 1e6
+        plant, time_s = self.plant, self.now_us / 1e6
+        creep = plant.radius * plant.wheel_speed - plant.speed
+        effort = self._drive.step(time_s, plant.speed, creep, dt)
+        plant.step(effort, self._track.under(time_s, plant.position), dt)
+        start_us, self.now_us = self.now_us, self.now_us + STEP_US
+        return self._sensors.due(self._state(), before, start_us, self.now_us)
+
+    def hear(self, frame: Frame) -> None:
+        """A frame from the bus: the drive takes `AdhesionSetpoint`, all else is passed over."""
+        if frame.arbitration_id != self._setpoint.frame_id or not frame.is_data:
+            return
+        word = int.from_bytes(frame.data, "little")
+        signals = self._setpoint.signals
+        raw = signals["CreepSpeedSetpoint"].raw(word)
+        missing = raw == signals["CreepSpeedSetpoint"].not_available
+        self._drive.tell(
+            self.now_us / 1e6,
+            known=signals["Status"].raw(word) == TRACKING,
+            creep_speed=None if missing else signals["CreepSpeedSetpoint"].value(raw),
+        )
+
+    def adhesion_used(self) -> float:
+        """Adhesion that the axles use now, Σ F / Σ N."""
+        return float(self.plant.force.sum() / self.plant.load.sum())
+
+    def _state(self) -> PlantState:
+        plant = self.plant
+        return PlantState(
+            plant.wheel_speed, plant.speed, self._drive.effort, plant.load, plant.gradient
+        )
+
+    def truth(self) -> dict[str, Any]:
+        """What is true in this run, as `--truth` writes it."""
+        settings = self.settings
+        ends = [stretch.from_s for stretch in self.stretches[1:]] + [settings.duration_s]
+        return {
+            "scenario": settings.scenario.name,
+            "seed": settings.seed,
+            "vehicle": asdict(settings.vehicle),
+            "surfaces": [
+                {
+                    "from_s": stretch.from_s,
+                    "to_s": end,
+                    "name": stretch.surface.name,
+                    "c1": stretch.surface.c1,
+                    "c2": stretch.surface.c2,
+                    "c3": stretch.surface.c3,
+                    "mu_max": stretch.surface.mu_max,
+                    "lambda_m": stretch.surface.lambda_m,
+                }
+                for stretch, end in zip(self.stretches, ends, strict=True)
+            ],
+            "effects": [
+                {
+                    "effect": active.effect.id,
+                    "parameters": {
+                        p.name: value
+                        for p, value in zip(active.effect.parameters, active.values, strict=True)
+                    },
+                }
+                for active in settings.effects
+            ],
+            "noise": asdict(settings.noise),
+        }
+
+
+def axles_behind(vehicle: Locomotive, *, along: bool) -> np.ndarray:
+    """Distance of each axle behind the leading one, m; zeros where not asked for."""
+    geometry = vehicle.geometry
+    if not along or geometry is None:
+        return np.zeros(vehicle.axles)
+    places: list[float] = []
+    for number, axles in enumerate(geometry.axles_per_bogie):
+        middle = number * geometry.pivot_distance
+        places += [middle + geometry.axle_spacing * (j - (axles - 1) / 2) for j in range(axles)]
+    return np.array(places) - places[0]
+
+
+def with_effects(settings: RunSettings, effects: Sequence[ActiveEffect]) -> RunSettings:
+    """The same run with effects."""
+    return replace(settings, effects=tuple(effects))
