@@ -161,11 +161,15 @@ def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Con
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise ConfigError(str(path), error.strerror or "cannot be read", "check the path") from error
+        raise ConfigError(
+            str(path), error.strerror or "cannot be read", "check the path"
+        ) from error
     try:
         document = tomllib.loads(content.decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(str(path), f"not TOML ({error})", "mend the line that it names") from error
+        raise ConfigError(
+            str(path), f"not TOML ({error})", "mend the line that it names"
+        ) from error
     where = path.name
     document = dict(document)
     bus = _table(document.pop("bus", {}), f"{where}: bus")
@@ -372,7 +376,9 @@ def _roles(table: Mapping[str, Any], where: str) -> list[SignalChoice]:
             raise ConfigError(f"{place}.sign", f"{row.sign}", "write 1 or -1")
         if row.protection not in ("", *PROTECTIONS):
             raise ConfigError(
-                f"{place}.protection", f"{row.protection!r}", f"write one of {', '.join(PROTECTIONS)}"
+                f"{place}.protection",
+                f"{row.protection!r}",
+                f"write one of {', '.join(PROTECTIONS)}",
             )
         if not 0 <= row.cycle_ms < 1e6:
             raise ConfigError(f"{place}.cycle_ms", f"{row.cycle_ms}", "write milliseconds")

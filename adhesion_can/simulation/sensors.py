@@ -102,7 +102,9 @@ class Sensors:
             Transmitter(database, name, slot) for slot, name in enumerate(INPUT_MESSAGES)
         ]
 
-    def due(self, after: PlantState, before: PlantState, from_us: int, until_us: int) -> list[Frame]:
+    def due(
+        self, after: PlantState, before: PlantState, from_us: int, until_us: int
+    ) -> list[Frame]:
         """Frames due after `from_us` and until `until_us`, in the order of their stamps.
 
         Args:

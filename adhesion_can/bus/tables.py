@@ -1,0 +1,209 @@
+"""Tables of samples: CSV (gzip too) or Parquet, one row a sample.
+
+Columns: `time_s`, `slip`, and `adhesion` or both `longitudinal_force_N` and `normal_load_N`;
+optional `speed_mps`, `axle`, `segment`; every other numeric column is a covariate by its name.
+"""
+
+import csv
+import gzip
+import io
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.errors import TableError
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.data import Samples
+
+FORCE, LOAD = "longitudinal_force_N", "normal_load_N"
+_KNOWN = frozenset({"time_s", "slip", "adhesion", FORCE, LOAD, "speed_mps", "axle", "segment"})
+
+
+@dataclass(frozen=True)
+class Table:
+    """Samples with what the table says besides.
+
+    Attributes:
+        samples: rows whose slip, adhesion and time are finite.
+        segment: number of the segment of each sample; None where the table has none.
+        rows: of the file.
+        left_out: rows without a finite slip, adhesion or time.
+        ignored: columns that are not numeric.
+    """
+
+    samples: Samples
+    segment: NDArray[np.int64] | None
+    rows: int
+    left_out: int
+    ignored: tuple[str, ...]
+
+
+def is_table(path: Path) -> bool:
+    """Whether a file is a TABLE rather than a recording.
+
+    Raises:
+        TableError: a .csv that is neither.
+    """
+    suffixes = [suffix.lower() for suffix in path.suffixes if suffix.lower() != ".gz"]
+    if not suffixes or suffixes[-1] == ".parquet":
+        return bool(suffixes)
+    if suffixes[-1] != ".csv":
+        return False
+    header = {name.strip() for name in _first_line(path).split(",")}
+    if "slip" in header:
+        return True
+    if "arbitration_id" in header:
+        return False
+    raise TableError(
+        str(path),
+        "a .csv with neither a 'slip' column (a table) nor 'arbitration_id' (a recording)",
+        "name the column of the slip ratio 'slip'",
+    )
+
+
+def read_table(path: Path) -> Table:
+    """Read a TABLE.
+
+    Raises:
+        TableError: it cannot be read, or lacks a column that it needs.
+    """
+    columns = _parquet(path) if path.suffix.lower() == ".parquet" else _csv(path)
+    numeric = {name: column for name, column in columns.items() if column is not None}
+    for name in ("time_s", "slip"):
+        if name not in columns:
+            raise TableError(
+                str(path), f"no column {name!r}", "add it, or rename the one that is it"
+            )
+    by_force = FORCE in columns and LOAD in columns
+    if "adhesion" not in columns and not by_force:
+        raise TableError(
+            str(path), "no column 'adhesion'", f"add it, or both {FORCE!r} and {LOAD!r}"
+        )
+    needed = ("time_s", "slip", *(("adhesion",) if "adhesion" in columns else (FORCE, LOAD)))
+    for name in needed:
+        if name not in numeric:
+            raise TableError(str(path), f"column {name!r} is not numeric", "write numbers in it")
+    return _table(path, numeric, tuple(n for n, c in columns.items() if c is None))
+
+
+def _table(path: Path, columns: Mapping[str, Array], ignored: tuple[str, ...]) -> Table:
+    time_s, slip = columns["time_s"], columns["slip"]
+    ones = np.ones_like(slip)
+    load = columns.get(LOAD, ones)
+    if "adhesion" in columns:
+        adhesion = columns["adhesion"]
+    else:
+        force = columns[FORCE]
+        adhesion = np.divide(force, load, out=np.full_like(slip, np.nan), where=load > 0)
+    speed = columns.get("speed_mps", ones)
+    good = np.isfinite(time_s) & np.isfinite(slip) & np.isfinite(adhesion)
+    # Past 285 years of microseconds a stamp is no stamp.
+    good &= np.abs(np.where(good, time_s, 0.0)) < 9e9
+    if not good.any():
+        raise TableError(
+            str(path), "no row has a finite time, slip and adhesion", "check the units"
+        )
+    axle = np.nan_to_num(columns.get("axle", 0 * ones)[good])
+    samples = Samples(
+        t_us=np.round(time_s[good] * 1e6).astype(np.int64),
+        axle=axle.astype(np.int64),
+        slip=slip[good],
+        adhesion=adhesion[good],
+        creep_speed=(slip * speed)[good],
+        speed=speed[good],
+        load=load[good],
+        load_std=0 * ones[good],
+        slip_var=0 * ones[good],
+        adhesion_var=0 * ones[good],
+        covariates={n: c[good] for n, c in columns.items() if n not in _KNOWN},
+    )
+    segment = columns.get("segment")
+    return Table(
+        samples,
+        None if segment is None else np.unique(segment[good], return_inverse=True)[1],
+        rows=len(slip),
+        left_out=int(len(slip) - good.sum()),
+        ignored=ignored,
+    )
+
+
+def _read(path: Path) -> bytes:
+    try:
+        content = path.read_bytes()
+        return gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise TableError(
+            str(path), f"the gzip file is damaged ({error})", "compress it again"
+        ) from error
+    except OSError as error:
+        raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
+
+
+def _first_line(path: Path) -> str:
+    return _read(path).split(b"\n", 1)[0].decode("utf-8-sig", "replace")
+
+
+def _csv(path: Path) -> dict[str, Array | None]:
+    rows = csv.reader(io.StringIO(_read(path).decode("utf-8-sig", "replace"), newline=""))
+    try:
+        header = [name.strip() for name in next(rows, [])]
+        if not header:
+            raise TableError(str(path), "empty", "write a header line and rows below it")
+        body = []
+        for row in rows:
+            if not any(cell.strip() for cell in row):
+                continue
+            if len(row) != len(header):
+                raise TableError(
+                    f"{path}:{rows.line_num}",
+                    f"{len(row)} fields under {len(header)} columns",
+                    "mend the row",
+                )
+            body.append(row)
+    except csv.Error as error:
+        raise TableError(
+            f"{path}:{rows.line_num}", f"not CSV ({error})", "mend the line"
+        ) from error
+    if not body:
+        raise TableError(str(path), "has a header and no rows", "write one row a sample")
+    return {name: _numbers([row[i] for row in body]) for i, name in enumerate(header) if name}
+
+
+def _numbers(cells: list[str]) -> Array | None:
+    """A column as numbers; an empty cell is NaN; None where a cell is something else."""
+    try:
+        return np.array([float(cell) if cell.strip() else np.nan for cell in cells])
+    except ValueError:
+        return None
+
+
+def _parquet(path: Path) -> dict[str, Array | None]:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise TableError(
+            str(path), "Parquet needs pyarrow", "pip install 'adhesion-can[parquet]'"
+        ) from error
+    try:
+        table = pyarrow.parquet.read_table(path)
+    except (OSError, pyarrow.ArrowException) as error:
+        reason = " ".join(str(error).split())[:150]
+        raise TableError(
+            str(path), f"not readable as Parquet ({reason})", "check the file"
+        ) from error
+    columns: dict[str, Array | None] = {}
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        kind = column.type
+        numeric = pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind)
+        numeric = numeric or pyarrow.types.is_boolean(kind)
+        columns[name] = (
+            np.array([np.nan if v is None else float(v) for v in column.to_pylist()])
+            if numeric
+            else None
+        )
+    return columns
