@@ -44,6 +44,7 @@ class ServiceSettings:
         change_s: how long SURFACE_CHANGE is shown at most.
         estimate_s: age of the last sample beyond which the status is LOW_EXCITATION.
         restart_s: a hole in time longer than this starts the service anew.
+
     """
 
     target_share: float = 0.98
@@ -76,6 +77,7 @@ class Configuration:
         estimator: name of the estimator.
         where: file that it came from, for errors.
         sha256: of the file, hex; '' for the defaults.
+
     """
 
     vehicle: Locomotive
@@ -138,6 +140,7 @@ class Configuration:
 
         Raises:
             ConfigError: no estimator has that name.
+
         """
         wanted = name or self.estimator
         if wanted != "paper":
@@ -155,6 +158,7 @@ def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Con
     Raises:
         ConfigError: the file cannot be read, or says what nobody understands.
         DatabaseError: its database is missing, broken or lacks a signal.
+
     """
     if path is None:
         return _complete(Configuration(Locomotive(), load_database(dbc), ()))

@@ -15,6 +15,7 @@ class InputError(AdhesionCanError):
         where: file, line, key or signal, as the user would look it up.
         what: what is wrong with it.
         mend: what to do about it.
+
     """
 
     def __init__(self, where: str, what: str, mend: str) -> None:

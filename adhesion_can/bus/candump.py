@@ -39,6 +39,7 @@ class ReadReport:
         bad_lines: numbers of the first lines that were passed over.
         backwards: frames stamped before the frame in front of them.
         notes: what a user should know of the file.
+
     """
 
     kinds: Counter[str] = field(default_factory=Counter)
@@ -69,6 +70,7 @@ def read_candump(lines: Iterable[bytes], report: ReadReport) -> Iterator[Frame |
     Args:
         lines: with their line ends; the last one may be cut.
         report: filled while reading.
+
     """
     numbered = enumerate(lines, start=1)
     head = list(islice(numbered, 256))
@@ -213,6 +215,7 @@ def format_frame(frame: Frame, channel: str = "can0") -> str:
     Args:
         frame: data, remote or FD frame; stamped at 0 or later.
         channel: name taken where the frame has none.
+
     """
     seconds, micros = divmod(frame.t_us, 1_000_000)
     number = f"{frame.arbitration_id:08X}" if frame.is_extended else f"{frame.arbitration_id:03X}"

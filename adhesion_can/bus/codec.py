@@ -31,6 +31,7 @@ class SignalPlan:
         minimum: lowest value allowed, in the signal's unit; None: any.
         maximum: highest.
         not_available: raw value that says so; None: none does.
+
     """
 
     name: str
@@ -115,6 +116,7 @@ class SignalPlan:
 
         Raises:
             ValueError: None for a signal that has no way to say so.
+
         """
         if value is None:
             if self.not_available is None:
@@ -134,6 +136,7 @@ class MessagePlan:
 
     Args:
         message: cantools' message.
+
     """
 
     def __init__(self, message: Message) -> None:
@@ -163,6 +166,7 @@ class MessagePlan:
 
         Args:
             values: by signal name, in the signals' units; None: not available.
+
         """
         little = big = 0
         for name, value in values.items():

@@ -23,6 +23,7 @@ def packaged_path() -> Path:
 
     Raises:
         DatabaseError: neither is there; the installation is broken.
+
     """
     package = Path(__file__).resolve().parent.parent
     candidates = (package / "dbc" / "adhesion.dbc", package.parent / "dbc" / "adhesion.dbc")
@@ -40,6 +41,7 @@ class CanDatabase:
         path: of the file.
         sha256: of its bytes, hex.
         db: cantools' parsed database.
+
     """
 
     path: Path
@@ -51,6 +53,7 @@ class CanDatabase:
 
         Raises:
             DatabaseError: there is none.
+
         """
         for message in self.db.messages:
             if message.name == name:
@@ -71,6 +74,7 @@ class CanDatabase:
 
         Raises:
             DatabaseError: there is no such message or signal.
+
         """
         where = f"{self.path.name}: {message_name}.{signal_name}"
         message = next((m for m in self.db.messages if m.name == message_name), None)
@@ -89,6 +93,7 @@ def load_database(path: Path | None = None) -> CanDatabase:
 
     Raises:
         DatabaseError: the file is missing or is not a database.
+
     """
     path = path or packaged_path()
     try:

@@ -29,6 +29,7 @@ def protect(payload: bytearray, data_id: int, count: int) -> None:
         payload: at least two bytes.
         data_id: of the message.
         count: 0..14.
+
     """
     payload[1] = (payload[1] & 0xF0) | count
     e2e_p01_protect(payload, data_id, increment_counter=False)
@@ -62,6 +63,7 @@ class CounterSupervision:
     Attributes:
         cycle_us: of the message; None where unknown, then silence establishes nothing.
         lost: frames lost so far.
+
     """
 
     cycle_us: int | None
@@ -80,6 +82,7 @@ class CounterSupervision:
 
         Returns:
             None where the frame is accepted.
+
         """
         silence = t_us - self._heard_us
         self._heard_us = t_us

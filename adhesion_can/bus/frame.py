@@ -15,6 +15,7 @@ class Frame(NamedTuple):
         is_fd: CAN FD.
         is_remote: remote request.
         is_error: error frame, which carries no payload of ours.
+
     """
 
     t_us: int
@@ -38,6 +39,7 @@ class Mark(NamedTuple):
     Attributes:
         t_us: when, µs.
         name: what: 'advance' or 'second-sender'.
+
     """
 
     t_us: int

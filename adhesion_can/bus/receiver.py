@@ -29,6 +29,7 @@ class MessageRecord:
         late: gaps of more than three cycles.
         not_available: readings that said so.
         readings: of all signals.
+
     """
 
     message: BoundMessage
@@ -63,6 +64,7 @@ class Receiver:
 
     Args:
         messages: that are heard.
+
     """
 
     def __init__(self, messages: Iterable[BoundMessage]) -> None:
@@ -96,6 +98,7 @@ class Receiver:
 
         Returns:
             Its readings, or why it was rejected, or None where it is none of ours.
+
         """
         record = self._record(frame)
         if record is None:
@@ -141,6 +144,7 @@ def decode(message: BoundMessage, data: bytes, t_us: int) -> list[Reading] | Rej
         message: that the payload belongs to.
         data: payload.
         t_us: stamp of the readings.
+
     """
     little = int.from_bytes(data, "little")
     big = int.from_bytes(data, "big")

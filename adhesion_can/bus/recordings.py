@@ -26,6 +26,7 @@ class Recording:
 
     Raises:
         RecordingError: the file is missing, or of no known format.
+
     """
 
     def __init__(self, path: Path) -> None:
@@ -184,6 +185,7 @@ def whole_file(path: Path, mode: str = "w") -> Iterator[Any]:
 
     Raises:
         InputError: the folder does not exist or cannot be written to.
+
     """
     part = path.with_name(path.name + ".part")
     try:

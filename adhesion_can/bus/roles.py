@@ -33,6 +33,7 @@ class SignalChoice:
         data_id: of the protection.
         cycle_us: of its message.
         not_available: whether all ones in the raw value mean so.
+
     """
 
     role: Role
@@ -80,6 +81,7 @@ class BoundMessage:
         signals: with roles.
         data_id: of its protection; None: unprotected.
         cycle_us: its cycle; None where nobody says.
+
     """
 
     plan: MessagePlan
@@ -141,6 +143,7 @@ def bind(
     Raises:
         DatabaseError: a signal is not in the database.
         ConfigError: a unit, an axle or a protection does not fit.
+
     """
     groups: dict[tuple[str, str | None], list[tuple[SignalChoice, Message, Signal]]] = {}
     for choice in choices:

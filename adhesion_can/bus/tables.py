@@ -33,6 +33,7 @@ class Table:
         rows: of the file.
         left_out: rows without a finite slip, adhesion or time.
         ignored: columns that are not numeric.
+
     """
 
     samples: Samples
@@ -47,6 +48,7 @@ def is_table(path: Path) -> bool:
 
     Raises:
         TableError: a .csv that is neither.
+
     """
     suffixes = [suffix.lower() for suffix in path.suffixes if suffix.lower() != ".gz"]
     if not suffixes or suffixes[-1] == ".parquet":
@@ -70,6 +72,7 @@ def read_table(path: Path) -> Table:
 
     Raises:
         TableError: it cannot be read, or lacks a column that it needs.
+
     """
     columns = _parquet(path) if path.suffix.lower() == ".parquet" else _csv(path)
     numeric = {name: column for name, column in columns.items() if column is not None}

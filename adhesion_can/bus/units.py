@@ -37,6 +37,7 @@ def to_si(role: Role, unit: str, wheel_radius: float | None) -> float | None:
         role: what the signal means.
         unit: as the database or the configuration spells it.
         wheel_radius: of the axle, m; None for roles without axle.
+
     """
     factor = UNITS[role].get(unit)
     if factor is None and role is Role.WHEEL_SPEED and wheel_radius:

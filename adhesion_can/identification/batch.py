@@ -33,6 +33,7 @@ class SegmentationSettings:
         shortest_s: of a stretch, s.
         penalty: gain in log likelihood that a change must bring, in units of the BIC's.
         noise_gain: share by which it must lower the root mean square of the residual in them.
+
     """
 
     chunk_s: float = 0.1
@@ -42,10 +43,10 @@ class SegmentationSettings:
 
 
 class Segment(NamedTuple):
-    """A stretch of constant rail: rows first..last−1 of the samples, and its estimate."""
+    """A stretch of constant rail: the stamps of its first and last sample, µs, and its estimate."""
 
-    first: int
-    last: int
+    from_us: int
+    to_us: int
     estimate: Estimate
 
 
@@ -57,6 +58,7 @@ class BatchResult:
         whole: one curve for all samples; not identifiable where the rail changed among them.
         segments: one for each stretch, at least one.
         left_out: samples outside the model's range, or not finite.
+
     """
 
     whole: Estimate
@@ -70,6 +72,7 @@ def fit(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Es
     Args:
         samples: at least one, finite, |λ| within the range of `settings`.
         settings: when the peak counts as identifiable.
+
     """
     settings = settings or IdentifiabilitySettings()
     h, z = samples.folded()
@@ -104,6 +107,7 @@ def identify(
 
     Returns:
         None where no sample is usable.
+
     """
     settings = settings or IdentifiabilitySettings()
     usable = np.isfinite(samples.slip) & np.isfinite(samples.adhesion)
@@ -117,7 +121,7 @@ def identify(
         edges = [int(i) for i in np.flatnonzero(np.diff(labels[usable])) + 1]
     bounds = [0, *edges, len(kept)]
     segments = tuple(
-        Segment(a, b, fit(kept.select(slice(a, b)), settings))
+        Segment(int(kept.t_us[a]), int(kept.t_us[b - 1]), fit(kept.select(slice(a, b)), settings))
         for a, b in zip(bounds, bounds[1:], strict=False)
     )
     whole = fit(kept, settings)
@@ -132,6 +136,7 @@ def change_points(samples: Samples, settings: SegmentationSettings) -> list[int]
     Args:
         samples: in the order of their stamps.
         settings: see there.
+
     """
     h, z = samples.folded()
     since = samples.t_us - samples.t_us[0]
@@ -201,31 +206,27 @@ def _best_split(
     left = [m - b for m, b in zip(middle, begin, strict=True)]
     right = [e - m for e, m in zip(end, middle, strict=True)]
     whole = [np.asarray(e - b)[None] for e, b in zip(end, begin, strict=True)]
-    (n, cost), (n1, cost1), (n2, cost2) = (
-        _projected_cost(*part, sums.centre) for part in (whole, left, right)
-    )
-    with np.errstate(divide="ignore"):
-        apart = n1 * np.log(cost1 / n1) + n2 * np.log(cost2 / n2)
-        gain = 0.5 * (n * np.log(cost / n) - apart)
+    n = whole[0].sum()
+    cost, cost1, cost2 = (_projected_cost(*part, sums.centre) for part in (whole, left, right))
+    # One noise level for both sides: a change of the noise alone is no change of the rail.
+    gain = 0.5 * n * np.log(cost / (cost1 + cost2))
     best = int(np.argmax(gain))
-    threshold = settings.penalty * 0.5 * 5 * np.log(n[0])
+    threshold = settings.penalty * 0.5 * 5 * np.log(n)
     quieter = 1.0 - np.sqrt((cost1 + cost2)[best] / cost[0])
     if gain[best] <= threshold or quieter <= settings.noise_gain:
         return None
     return int(inner[best])
 
 
-def _projected_cost(count: Array, z: Array, zz: Array, centre: Array) -> tuple[Array, Array]:
-    """(n, J) with c1 and c3 projected out and c2 scanned, for each row of sums."""
+def _projected_cost(count: Array, z: Array, zz: Array, centre: Array) -> Array:
+    """J with c1 and c3 projected out and c2 scanned, for each row of sums."""
     a = -np.expm1(-np.multiply.outer(centre, STEEPNESS))  # 1 - e^(-c2 h), (bins, c2)
     b = -centre[:, None]
     aa, ab, bb = count @ (a * a), count @ (a * b), count @ (b * b)
     az, bz = z @ a, z @ b
     c1, c3 = _two_by_two(aa, ab, np.broadcast_to(bb, aa.shape), az, np.broadcast_to(bz, az.shape))
     explained = c1 * az + c3 * bz
-    n = count.sum(axis=-1)
-    cost = zz - explained.max(axis=-1)
-    return n, np.maximum(cost, 1e-12 * np.maximum(zz, 1e-12))
+    return np.maximum(zz - explained.max(axis=-1), 1e-12 * np.maximum(zz, 1e-12))
 
 
 def _two_by_two(aa: Array, ab: Array, bb: Array, az: Array, bz: Array) -> tuple[Array, Array]:

@@ -21,5 +21,6 @@ class Estimator(Protocol):
 
         Returns:
             The estimate; None as long as there is none.
+
         """
         ...

@@ -33,6 +33,7 @@ class EvolutionSettings:
         theta0: first θ; None draws it from the range, as the paper's experiment 1 does.
         block: samples of a block.
         seed: of the random numbers.
+
     """
 
     population: int = 30
@@ -132,6 +133,7 @@ def search(
         theta: θ̂(k−1), the estimate before these data.
         settings: see there.
         rng: random numbers.
+
     """
     objective = Objective(h, z)
     lower, upper = np.array(settings.lower), np.array(settings.upper)
@@ -202,6 +204,7 @@ def identify_sequence(h: Array, z: Array, settings: EvolutionSettings) -> Array:
 
     Returns:
         θ̂(1..n), shape (n, 3).
+
     """
     rng = np.random.default_rng(settings.seed)
     theta = first_theta(settings, rng)
@@ -226,6 +229,7 @@ def identify_blocks(h: Array, z: Array, settings: EvolutionSettings) -> Array:
 
     Returns:
         θ̂ after each block, shape (n // block, 3).
+
     """
     rng = np.random.default_rng(settings.seed)
     theta = first_theta(settings, rng)

@@ -27,7 +27,7 @@ def sum_of_squares(theta: ArrayLike, h: Array, z: Array) -> float:
 
 
 def log_likelihood(theta: ArrayLike, h: Array, z: Array, noise_std: float) -> float:
-    """ln L of eq. 9 with its constant: −(n/2) ln(2πσ²) − J/(2σ²)."""
+    """Ln L of eq. 9 with its constant: −(n/2) ln(2πσ²) − J/(2σ²)."""
     n = len(h)
     squares = sum_of_squares(theta, h, z)
     return float(-0.5 * n * np.log(2 * np.pi * noise_std**2) - squares / (2 * noise_std**2))
@@ -53,6 +53,7 @@ class StandardErrors(NamedTuple):
         covariance: shape (3, 3); diagonal inf where the slips say nothing.
         mu_max: standard deviation of μ_m.
         lambda_m: standard deviation of λ_m; inf where the curve has no interior peak.
+
     """
 
     covariance: Array
@@ -70,6 +71,7 @@ def standard_errors(
         h: slips, ≥ 0, shape (n,).
         noise_std: σ of eq. 7.
         slip_max: end of the valid range of slip.
+
     """
     theta = np.asarray(theta, dtype=np.float64)
     unknown = StandardErrors(np.diag([np.inf] * 3), np.inf, np.inf)

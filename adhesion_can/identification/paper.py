@@ -30,6 +30,7 @@ class IdentifiabilitySettings:
             curve is believed where it was seen to bend down, not where its formula says so.
         mu_max_reach: slip, as a share of λ̂_m, that as many samples must exceed for μ_max.
         slip_max: samples of larger |λ| are outside the model and are left out.
+
     """
 
     mu_max_std: float = 0.03
@@ -46,6 +47,7 @@ class ChangeSettings:
     Attributes:
         ratio: root mean square of the innovation over that of the block's own fit.
         floor: the same, never declared below this absolute size of adhesion.
+
     """
 
     ratio: float = 1.6
@@ -62,6 +64,7 @@ def assess(
         cost: J(θ̂), eq. 13.
         samples: that it was fitted to, at least one.
         settings: see there.
+
     """
     h, _ = samples.folded()
     noise = float(np.sqrt(max(cost, 0.0) / max(len(h) - 3, 1)))
@@ -95,6 +98,7 @@ class PaperEstimator:
         settings: of the search.
         identifiability: see there.
         change: see there.
+
     """
 
     def __init__(

@@ -37,6 +37,7 @@ class Sensors:
         wheel_speed_std: rad/s.
         vehicle_speed_std: m/s.
         effort_std: N.
+
     """
 
     wheel_speed_std: float = 0.005
@@ -52,6 +53,7 @@ class SamplingSettings:
         v_min: no slip ratio below this vehicle speed, m/s.
         max_gap_cycles: readings further apart than this many of their cycles bracket nothing.
         min_load_share: no adhesion below this share of the static load.
+
     """
 
     v_min: float = V_MIN
@@ -124,6 +126,7 @@ class SampleFormer:
         cycles_us: cycle of each role's message, µs; what allows a gap to be told.
         settings: see there.
         sensors: see there.
+
     """
 
     def __init__(
@@ -181,6 +184,7 @@ class SampleFormer:
         Args:
             now_us: present time; a wheel speed that has waited for its bracket longer than the
                 gap allowed is given up.
+
         """
         formed: list[Sample] = []
         for axle, wheel in self._wheel.items():
@@ -288,6 +292,7 @@ def common_load_std(loads: np.ndarray, load_std: np.ndarray) -> float:
     Args:
         loads: N, shape (n,).
         load_std: N, shape (n,).
+
     """
     if not len(loads):
         return 0.0

@@ -30,6 +30,7 @@ def adhesion(slip: ArrayLike, c1: ArrayLike, c2: ArrayLike, c3: ArrayLike) -> Ar
 
     Returns:
         μ, of the broadcast shape of all arguments.
+
     """
     lam = np.asarray(slip, dtype=np.float64)
     size = np.abs(lam)
@@ -52,6 +53,7 @@ def falling_factor(creep_speed: ArrayLike, c4: ArrayLike) -> Array:
     Args:
         creep_speed: λ·V = r ω − v, m/s.
         c4: s/m.
+
     """
     size = np.abs(np.asarray(creep_speed, dtype=np.float64))
     return np.asarray(np.exp(-np.asarray(c4, dtype=np.float64) * size))
@@ -63,6 +65,7 @@ def load_factor(load: ArrayLike, c5: ArrayLike) -> Array:
     Args:
         load: wheelset load F_Z, N.
         c5: 1/N².
+
     """
     n = np.asarray(load, dtype=np.float64)
     return np.asarray(1.0 - np.asarray(c5, dtype=np.float64) * n * n)
@@ -89,6 +92,7 @@ def adhesion_full(
         c3: as in `adhesion`.
         c4: s/m.
         c5: 1/N².
+
     """
     creep = np.asarray(slip, dtype=np.float64) * np.asarray(speed, dtype=np.float64)
     return np.asarray(
@@ -104,6 +108,7 @@ class Peak(NamedTuple):
         lambda_m: λ_m, the optimal slip ratio.
         interior: False where the curve still rises at `slip_max`, so that the values are those
             of the end of the valid range and not a maximum, or where it never rises at all.
+
     """
 
     mu_max: Array
@@ -125,6 +130,7 @@ def peak(c1: ArrayLike, c2: ArrayLike, c3: ArrayLike, slip_max: float = SLIP_MAX
         c2: steepness, > 0.
         c3: fall.
         slip_max: end of the valid range.
+
     """
     c1, c2, c3 = np.broadcast_arrays(*(np.asarray(c, dtype=np.float64) for c in (c1, c2, c3)))
     rising = c1 * c2 > c3
@@ -165,6 +171,7 @@ def slip_at(
         c2: as in `adhesion`.
         c3: as in `adhesion`.
         slip_max: as in `peak`.
+
     """
     mu, c1, c2, c3 = np.broadcast_arrays(
         *(np.asarray(c, dtype=np.float64) for c in (mu, c1, c2, c3))
@@ -192,6 +199,7 @@ class Surface:
         c2: steepness.
         c3: fall.
         source: where the numbers stand.
+
     """
 
     name: str

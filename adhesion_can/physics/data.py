@@ -61,6 +61,7 @@ class Reading:
         role: what it is.
         axle: 1.. for roles per axle, else 0.
         value: in SI units; None where the sender says 'not available'.
+
     """
 
     t_us: int
@@ -85,6 +86,7 @@ class Sample:
         slip_var: variance of `slip` from the sensors' resolution and noise.
         adhesion_var: variance of `adhesion` from the same.
         covariates: other channels at the time, by name.
+
     """
 
     t_us: int
@@ -234,6 +236,7 @@ class Estimate:
         surface_since_us: when the present surface was first seen, µs.
         change_probability: that the surface changed within the last update, 0..1.
         per_axle: (μ_max, λ_m) of single axles where an estimator tells them apart.
+
     """
 
     c1: float

@@ -20,6 +20,7 @@ def creep_speed(wheel_speed: ArrayLike, speed: ArrayLike, radius: ArrayLike) -> 
         wheel_speed: ω, rad/s.
         speed: vehicle speed v, m/s.
         radius: wheel radius r, m.
+
     """
     return np.asarray(np.asarray(radius) * np.asarray(wheel_speed) - np.asarray(speed))
 
@@ -41,6 +42,7 @@ def wheelset_effort(wheel_accel: ArrayLike, inertia: ArrayLike, radius: ArrayLik
         wheel_accel: dω/dt, rad/s².
         inertia: J of the wheelset with its motor, kg·m².
         radius: wheel radius r, m.
+
     """
     return np.asarray(np.asarray(inertia) * np.asarray(wheel_accel) / np.asarray(radius))
 
@@ -60,6 +62,7 @@ def adhesion_coefficient(
         wheel_accel: dω/dt, rad/s².
         inertia: J, kg·m².
         radius: r, m.
+
     """
     force = np.asarray(effort, dtype=np.float64) - wheelset_effort(wheel_accel, inertia, radius)
     n = np.broadcast_to(np.asarray(load, dtype=np.float64), np.broadcast(force, load).shape)

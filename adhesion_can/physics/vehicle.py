@@ -22,6 +22,7 @@ class Geometry:
         axle_spacing: between neighbouring axles of one bogie, m.
         coupler_height: of the coupler above the rail, m.
         traction_height: of the link that pulls the body at the bogie, above the rail, m.
+
     """
 
     axles_per_bogie: tuple[int, ...] = (3, 3)
@@ -43,6 +44,7 @@ class Geometry:
 
         Returns:
             Change of load, shape (..., axles), N.
+
         """
         force = np.asarray(effort, dtype=np.float64)
         total = force.sum(axis=-1, keepdims=True)
@@ -75,6 +77,7 @@ class Locomotive:
         train_mass: of locomotive and train, kg.
         geometry: for the transfer of load; None: no transfer is computed.
         load_std: relative standard deviation of a load that is not measured.
+
     """
 
     wheel_radius: tuple[float, ...] = (0.625,) * 6

@@ -54,6 +54,7 @@ class CheckResult:
         failures: what is wrong, a sentence each.
         limits: what cannot be known from this recording, and why.
         findings: what can.
+
     """
 
     receiver: Receiver
@@ -124,6 +125,7 @@ def check(items: Iterable[Frame | Mark], configuration: Configuration) -> CheckR
     Args:
         items: frames; marks are passed over.
         configuration: roles may be missing: what they would tell is named among the limits.
+
     """
     receiver = Receiver(configuration.messages)
     former = SampleFormer(

@@ -46,6 +46,7 @@ class Counts:
         restarts: holes in time that started the service anew.
         samples: formed.
         receive_drops: frames that a live bus lost; set by the loop that runs the core.
+
     """
 
     clamped: int = 0
@@ -63,6 +64,7 @@ class ServiceCore:
         estimator: None makes the configured one.
         on_setpoint: called with the stamp and the outputs of each setpoint.
         on_samples: called with the samples of each update that had any.
+
     """
 
     def __init__(

@@ -27,6 +27,7 @@ def samples_of(
     Raises:
         ConfigError: adhesion cannot be formed from the configured roles.
         RecordingError: no known frame.
+
     """
     configuration.require_identification()
     receiver = Receiver(configuration.messages)

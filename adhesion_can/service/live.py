@@ -47,6 +47,7 @@ class LiveCounts:
         foreign_outputs: our ids, sent by somebody else.
         reopened: times that the bus was opened again.
         clock_offset_us: added to the bus's stamps.
+
     """
 
     received: int = 0
@@ -70,6 +71,7 @@ class LiveService:
         write_log: takes each line of the service's own log.
         dry_run: listen and identify, and send nothing.
         tell: takes a line that a person at the bench should read.
+
     """
 
     def __init__(

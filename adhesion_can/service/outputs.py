@@ -42,6 +42,7 @@ class Outputs:
         mu_max_std: standard deviation of μ_max; inf where unknown.
         lambda_m_std: of λ_m.
         surface_age_s: since the last change of the surface.
+
     """
 
     status: Status = Status.INIT
@@ -85,6 +86,7 @@ def outputs_of(
         creep_per_slip: max(v, v_min), m/s.
         lambda_target: of the pooled curve.
         axles: that are heard.
+
     """
 
     def setpoint(mu_max: float, lambda_m: float) -> Setpoint:
@@ -130,6 +132,7 @@ class OutputMessages:
 
     Raises:
         ConfigError: an output has the id of an input.
+
     """
 
     def __init__(self, database: CanDatabase, inputs: tuple[BoundMessage, ...]) -> None:

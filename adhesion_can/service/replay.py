@@ -22,6 +22,7 @@ class ReplaySummary:
         first_us: stamp of the first frame.
         last_us: stamp of the last frame.
         kinds: lines of the files by kind.
+
     """
 
     frames: int = 0
@@ -37,6 +38,7 @@ def in_sequence(recordings: Sequence[Recording]) -> Iterator[Frame | Mark]:
 
     Raises:
         RecordingError: one begins before the one in front of it ended.
+
     """
     last = None
     for recording in recordings:
@@ -71,6 +73,7 @@ def replay(
         from_s: begin so long after the first frame, s.
         to_s: end so long after the first frame, s; None: at the last one.
         realtime: at the speed of the recording, rather than as fast as it goes.
+
     """
     summary = ReplaySummary()
     own = core.messages.ids

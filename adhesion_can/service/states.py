@@ -38,6 +38,7 @@ class Conditions:
         no_estimate: there is none yet.
         surface_change: the rail has just changed.
         low_excitation: the data do not tell the peak, or are not independent of the wheels.
+
     """
 
     fault: bool = False

@@ -28,6 +28,7 @@ class DriveSettings:
         period_s: of a sweep, up and down.
         probe_s: an obeying drive goes on probing for so long after the rail is known again.
         v_min: creep is controlled as slip · max(v, v_min), m/s.
+
     """
 
     gain: float = 15e3
@@ -61,6 +62,7 @@ def probing_slip(time_s: float, axles: int, pattern: Pattern, settings: DriveSet
         axles: number of axles.
         pattern: see there.
         settings: see there.
+
     """
     low, high = settings.slip_low, settings.slip_high
     if pattern is Pattern.STAGGERED:
@@ -83,6 +85,7 @@ class Command:
         known: whether the rail is known: the status was TRACKING.
         since_s: since when it has been so.
         creep_speed: setpoint, m/s; None: not available.
+
     """
 
     known: bool = False
@@ -100,6 +103,7 @@ class Drive:
         pattern: of the probing.
         obey: whether to follow the service's setpoint where it knows the rail.
         command: the service's last word.
+
     """
 
     axles: int
@@ -130,6 +134,7 @@ class Drive:
             speed: of the vehicle, m/s.
             creep_speed: of each axle, m/s, shape (axles,).
             dt: s.
+
         """
         s = self.settings
         error = self.setpoint(time_s, speed) - creep_speed

@@ -32,6 +32,7 @@ def running_resistance(speed: float, train_mass: float) -> float:
     Args:
         speed: m/s.
         train_mass: kg.
+
     """
     kmh = 3.6 * speed
     return (1.5 + 0.00025 * kmh * kmh) * 1e-3 * train_mass * GRAVITY
@@ -46,6 +47,7 @@ class Plant:
         effects: mechanisms beyond the curve.
         load_transfer: whether axle loads move under effort.
         gradient: of the track, m/m, positive uphill.
+
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class Plant:
             effort: at the rim of each axle, N, shape (axles,).
             theta: c1, c2, c3 of the rail under each axle.
             dt: s.
+
         """
         r, inertia = self.radius, self.vehicle.wheelset_inertia
         v = max(self.speed, SLOWEST)
@@ -114,6 +117,7 @@ class Stretch:
     Attributes:
         from_s: time at which the leading axle comes onto it.
         surface: what lies there.
+
     """
 
     from_s: float
@@ -126,6 +130,7 @@ class Track:
     Args:
         stretches: in the order of their times, the first from 0.
         behind: distance of each axle behind the leading one, m; zeros change all axles at once.
+
     """
 
     def __init__(self, stretches: Sequence[Stretch], behind: Array) -> None:
@@ -141,6 +146,7 @@ class Track:
         Args:
             time_s: simulated time.
             position: of the leading axle, m.
+
         """
         count = len(self._entered_m)
         if count < len(self._stretches) and time_s >= self._stretches[count].from_s:

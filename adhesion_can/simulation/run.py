@@ -36,6 +36,7 @@ class RunSettings:
         load_transfer: whether axle loads move under effort.
         along_track: whether each axle finds a change of surface where the leading one found it,
             or all at the same moment.
+
     """
 
     scenario: Scenario
@@ -56,6 +57,7 @@ class Simulation:
     Args:
         settings: see there.
         database: our own message set.
+
     """
 
     def __init__(self, settings: RunSettings, database: CanDatabase) -> None:

@@ -20,6 +20,7 @@ class Scenario:
         gradient: m/m; holds the train back so that its speed stays in the range of a heavy haul.
         pattern: of a drive that is left alone.
         meaning: one line.
+
     """
 
     name: str

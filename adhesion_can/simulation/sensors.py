@@ -27,6 +27,7 @@ class NoiseSettings:
         vehicle_speed: m/s.
         effort: N; 1 % of the axle load.
         load: N.
+
     """
 
     wheel_speed: float = 0.003
@@ -63,6 +64,7 @@ class Transmitter:
         database: with the message.
         name: of the message.
         slot: place in the order of the bus; the message's phase.
+
     """
 
     def __init__(self, database: CanDatabase, name: str, slot: int) -> None:
@@ -91,6 +93,7 @@ class Sensors:
         database: our own message set.
         noise: see there.
         rng: random numbers.
+
     """
 
     def __init__(
@@ -112,6 +115,7 @@ class Sensors:
             before: state at `from_us`.
             from_us: begin of the step, µs.
             until_us: end of it.
+
         """
         frames = []
         ready = [t for t in self._transmitters if t.due_us <= until_us]

@@ -17,6 +17,7 @@ class Parameter:
         lower: smallest value that makes sense.
         upper: largest value that makes sense.
         meaning: one line for an engineer.
+
     """
 
     name: str
@@ -36,6 +37,7 @@ class Contact:
         creep_speed: r ω − v, m/s.
         speed: vehicle speed, m/s.
         load: wheelset load, N.
+
     """
 
     slip: Array
@@ -72,5 +74,6 @@ class Effect(Protocol):
 
         Returns:
             μ with it, same shape; unchanged where the first value is 0.
+
         """
         ...

@@ -1,0 +1,100 @@
+"""`check`: is this recording usable."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from adhesion_can.cli.common import (
+    add_configuration,
+    add_json,
+    configuration,
+    open_recordings,
+    progress,
+    read_problems,
+    talk,
+    write_json,
+)
+from adhesion_can.reporting.provenance import provenance
+from adhesion_can.reporting.text import console, table
+from adhesion_can.service.check import CheckResult, check, mean_cycle_ms
+from adhesion_can.service.extract import require_known
+from adhesion_can.service.replay import in_sequence
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "check",
+        help="is this recording usable",
+        description="Goes through recordings as the service would: signals, rates, gaps, checksum "
+        "and counter faults, excitation. Exit status 1 where something is wrong.",
+    )
+    parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
+    add_json(parser)
+    add_configuration(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    config = configuration(options)
+    recordings = open_recordings(options.log)
+    with progress("checking", 1, "recordings"):
+        result = check(in_sequence(recordings), config)
+    require_known_id(result, options)
+    problems = read_problems(recordings)
+    result.failures.extend(problems)
+    write_json(options.json, {**result.as_json(), **provenance(config, options.log)})
+    if talk(options):
+        _print(result)
+    return 1 if result.failures else 0
+
+
+def require_known_id(result: CheckResult, options: argparse.Namespace) -> None:
+    """A recording without one frame of a known id is bad input; a faulty one is a verdict."""
+    if not any(record.frames for record in result.receiver.records):
+        require_known(result.receiver, result.frames, ", ".join(map(str, options.log)))
+
+
+def _print(result: CheckResult) -> None:
+    out = console()
+    out.print(
+        f"{result.frames} frames in {result.duration_s:.1f} s, {result.unknown} of ids that nobody "
+        f"listens to; {len(result.samples)} samples"
+    )
+    rows = []
+    for record in result.receiver.records:
+        cycle, nominal = mean_cycle_ms(record), record.message.cycle_us
+        rows.append(
+            (
+                f"{record.message.plan.name} {record.message.plan.frame_id:#x}",
+                str(record.frames),
+                "-" if cycle is None else f"{cycle:.2f} ms",
+                "-" if nominal is None else f"{nominal / 1e3:.0f} ms",
+                f"{record.longest_gap_us / 1e3:.0f} ms",
+                str(sum(record.rejected.values())),
+                str(record.supervision.lost),
+                str(record.not_available),
+            )
+        )
+    columns = ("message", "frames", "cycle", "nominal", "longest gap", "rejected", "lost", "n/a")
+    out.print(table("Messages", columns, rows))
+    ranges = [
+        (
+            name,
+            str(seen.readings),
+            "-" if seen.readings == seen.not_available else f"{seen.lowest:.6g}",
+            "-" if seen.readings == seen.not_available else f"{seen.highest:.6g}",
+        )
+        for name, seen in result.signals.items()
+        if seen.readings
+    ]
+    out.print(table("Signals (SI units)", ("role", "readings", "lowest", "highest"), ranges))
+    for head, lines in (
+        ("WRONG", result.failures),
+        ("NOT KNOWABLE", result.limits),
+        ("FOUND", result.findings),
+    ):
+        for line in lines:
+            out.print(f"{head}: {line}")
+    out.print("verdict: not usable as it is" if result.failures else "verdict: usable")

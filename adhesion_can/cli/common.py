@@ -1,0 +1,157 @@
+"""What the commands share: options, opening a bus, writing JSON, progress."""
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import can
+import can.cli
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from adhesion_can.bus.recordings import Recording, whole_file
+from adhesion_can.bus.tables import is_table
+from adhesion_can.config import Configuration, load_configuration
+from adhesion_can.errors import BusError, InputError, RecordingError
+from adhesion_can.reporting.text import console
+
+
+def add_configuration(parser: argparse.ArgumentParser) -> None:
+    """Options --config and --dbc."""
+    group = parser.add_argument_group("vehicle and database")
+    group.add_argument(
+        "--config", type=Path, metavar="F", help="vehicle, database and roles (TOML)"
+    )
+    group.add_argument("--dbc", type=Path, metavar="F", help="CAN database (default: our own)")
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Option --json."""
+    parser.add_argument("--json", metavar="F", help="write the result as JSON; - for stdout")
+
+
+def add_bus(parser: argparse.ArgumentParser) -> None:
+    """python-can's own bus options."""
+    can.cli.add_bus_arguments(parser, group_title="bus (python-can)")
+
+
+def configuration(options: argparse.Namespace) -> Configuration:
+    """Configuration that the options name."""
+    return load_configuration(options.config, options.dbc)
+
+
+def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
+    """A function that opens the bus that the options name.
+
+    Raises (when called):
+        BusError: there is no such bus.
+    """
+
+    def open_bus() -> can.BusABC:
+        try:
+            return can.cli.create_bus_from_namespace(options)
+        except argparse.ArgumentError as error:
+            cause = error.__cause__ or error
+            reason = " ".join(str(cause).split())[:200] or type(cause).__name__
+            named = f"{getattr(options, 'interface', '?')}:{getattr(options, 'channel', '?')}"
+            raise BusError(
+                f"bus {named}",
+                f"cannot be opened ({reason})",
+                "check -i and -c; 'ip link' lists SocketCAN's channels",
+            ) from error
+
+    return open_bus
+
+
+def write_json(target: str | None, document: dict[str, Any]) -> None:
+    """Write a result where --json says; nothing where it does not."""
+    if target is None:
+        return
+    text = json.dumps(finite(document), indent=2, allow_nan=False) + "\n"
+    if target == "-":
+        sys.stdout.write(text)
+    else:
+        with whole_file(Path(target)) as file:
+            file.write(text)
+
+
+def finite(value: Any) -> Any:
+    """The same with null for every number that JSON has no word for."""
+    if isinstance(value, dict):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def talk(options: argparse.Namespace) -> bool:
+    """Whether stdout is for people: not when it carries the JSON."""
+    return getattr(options, "json", None) != "-"
+
+
+def open_recordings(paths: Sequence[Path]) -> list[Recording]:
+    """Recordings of the given paths.
+
+    Raises:
+        RecordingError: one is missing, of no known format, or a TABLE.
+
+    """
+    for path in paths:
+        if path.exists() and is_table(path):
+            raise RecordingError(
+                str(path), "a table of samples, not a recording", "give it to 'identify'"
+            )
+    return [Recording(path) for path in paths]
+
+
+@contextmanager
+def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], None]]:
+    """A progress bar on stderr where it is a terminal; gives a function that takes the state."""
+    err = console(sys.stderr)
+    bar = Progress(
+        TextColumn(what),
+        BarColumn(),
+        MofNCompleteColumn() if unit == "" else TextColumn(f"{{task.completed:.0f}} {unit}"),
+        TimeRemainingColumn(),
+        console=err,
+        transient=True,
+        disable=not err.is_terminal,
+    )
+    with bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def read_problems(recordings: Iterable[Recording]) -> list[str]:
+    """Sentences about lines that were passed over."""
+    found = []
+    for recording in recordings:
+        report = recording.report
+        found += [f"{recording.path.name}: {note}" for note in report.notes]
+        if report.passed_over:
+            kinds = ", ".join(
+                f"{report.kinds[kind]} {kind}"
+                for kind in ("malformed", "untimed", "cut")
+                if report.kinds[kind]
+            )
+            lines = ", ".join(map(str, report.bad_lines[:5]))
+            found.append(f"{recording.path.name}: lines passed over: {kinds} (line {lines}, ..)")
+    return found
+
+
+def require_positive(value: float, name: str) -> None:
+    """Raise an InputError where an option must be a positive number and is not."""
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(name, f"{value} is not a positive number", "give seconds above 0")
+
+
+def require_folder(path: Path, option: str) -> None:
+    """Raise an InputError where an output's folder does not exist, before hours of work."""
+    if not path.resolve().parent.is_dir():
+        raise InputError(f"{option} {path}", "its folder does not exist", "make the folder first")

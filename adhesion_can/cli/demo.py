@@ -1,0 +1,247 @@
+"""`demo`: locomotive, service and creep controller on one in-process bus, truth beside estimate.
+
+Three parties on python-can's virtual bus, as on a bench: the simulated locomotive, the service as
+`run` runs it, and a recorder. Simulated time is the bus's clock, kept at the pace of real time.
+"""
+
+import argparse
+import heapq
+import itertools
+import sys
+import threading
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import can
+from rich.live import Live
+from rich.table import Table
+
+from adhesion_can.bus.candump import format_frame
+from adhesion_can.bus.frame import Frame
+from adhesion_can.bus.recordings import from_message, to_message, whole_file
+from adhesion_can.cli.common import add_json, require_positive, talk, write_json
+from adhesion_can.config import Configuration, load_configuration
+from adhesion_can.errors import InputError
+from adhesion_can.reporting.phases import Row, phase_table, phases
+from adhesion_can.reporting.provenance import provenance
+from adhesion_can.reporting.text import console, plus_minus, table
+from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.live import LiveService
+from adhesion_can.service.outputs import Outputs
+from adhesion_can.simulation.run import STEP_US, RunSettings, Simulation
+from adhesion_can.simulation.scenarios import scenario_by_name
+
+SCENARIO = "dry-wet-greasy-dry"
+SHORTEST_S = 12.0
+"""Three seconds a surface: less, and none can be found."""
+
+PACE_US = 10_000
+"""The locomotive sends what fell due in so much time at once, and then waits for real time."""
+
+REORDER_US = 500_000
+"""An answer reaches the recorder after frames of a little later; it is put in its place."""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "demo",
+        help="locomotive, service and creep controller on an embedded bus",
+        description="Runs a simulated locomotive across dry, wet, greasy and dry rails, with the "
+        "service and a creep controller that obeys it, on an in-process bus and in real time.",
+    )
+    parser.add_argument("--duration", type=float, default=40.0, metavar="S", help="default 40")
+    parser.add_argument("--headless", action="store_true", help="lines instead of a live view")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("adhesion-can-demo"),
+        metavar="DIR",
+        help="folder for recording and truth (default ./adhesion-can-demo)",
+    )
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    require_positive(options.duration, "--duration")
+    if options.duration < SHORTEST_S:
+        raise InputError(
+            "--duration", f"{options.duration:g} s is too short", f"give {SHORTEST_S:g} s or more"
+        )
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"--out {options.out}", error.strerror or "cannot be made", "name another folder"
+        ) from error
+    config = load_configuration()
+    settings = RunSettings(scenario_by_name(SCENARIO), options.duration, obey=True)
+    bench = _Bench(config, settings, options.out / "demo.log")
+    bench.run(_view(options, bench))
+    found = phases(bench.simulation.truth(), bench.rows)
+    document = {**bench.simulation.truth(), **provenance(config)}
+    write_json(str(options.out / "truth.json"), document)
+    summary = {"phases": [phase.as_json() for phase in found], **provenance(config)}
+    write_json(str(options.out / "demo.json"), summary)
+    write_json(options.json, summary)
+    if talk(options):
+        out = console()
+        out.print(phase_table(found))
+        out.print("found: time until mu_max was within 5 % and TRACKING; used: adhesion, of mu_max")
+        out.print(
+            f"recording of all frames: {options.out / 'demo.log'} (adhesion-can replay takes it)"
+        )
+    return 0
+
+
+class _Clock:
+    """Simulated time as the clock of the bus; the locomotive moves it on."""
+
+    def __init__(self) -> None:
+        self.now_us = 0
+
+    def __call__(self) -> int:
+        return self.now_us
+
+
+class _Recorder:
+    """Writes every frame of the bus in the order of the stamps."""
+
+    def __init__(self, write: Any) -> None:
+        self._write = write
+        self._waiting: list[tuple[int, int, Frame]] = []
+        self._order = itertools.count()
+
+    def take(self, frame: Frame) -> None:
+        heapq.heappush(self._waiting, (frame.t_us, next(self._order), frame))
+        while self._waiting[0][0] < frame.t_us - REORDER_US:
+            self._write_next()
+
+    def finish(self) -> None:
+        while self._waiting:
+            self._write_next()
+
+    def _write_next(self) -> None:
+        self._write(format_frame(heapq.heappop(self._waiting)[2]))
+
+
+class _Bench:
+    """The parties of the demo on one virtual bus."""
+
+    def __init__(self, config: Configuration, settings: RunSettings, log: Path) -> None:
+        self.simulation = Simulation(settings, config.database)
+        self.rows: list[Row] = []
+        self._log = log
+        self._clock = _Clock()
+        self._channel = f"demo-{uuid.uuid4().hex[:8]}"
+        self._core = ServiceCore(config, on_setpoint=self._setpoint)
+        self._failures: list[BaseException] = []
+
+    def _setpoint(self, t_us: int, outputs: Outputs) -> None:
+        self.rows.append(Row(t_us, outputs, self.simulation.adhesion_used()))
+
+    def _open(self) -> can.BusABC:
+        return can.Bus(interface="virtual", channel=self._channel, preserve_timestamps=True)
+
+    def run(self, view: Any) -> None:
+        """Run the demo to its end; errors of any party come out here."""
+        service = LiveService(self._core, self._open(), self._open, clock=self._clock)
+        thread = threading.Thread(target=self._guarded, args=(service.run,), name="service")
+        with whole_file(self._log) as file, self._open() as recorder_bus, self._open() as bus:
+            recorder = _Recorder(file.write)
+            thread.start()
+            try:
+                with view as show:
+                    self._drive(bus, recorder_bus, recorder, show)
+            finally:
+                service.stop()
+                thread.join()
+            _drain(recorder_bus, recorder)
+            recorder.finish()
+        if self._failures:
+            raise self._failures[0]
+
+    def _guarded(self, work: Any) -> None:
+        try:
+            work()
+        except BaseException as error:  # handed to the main thread, which raises it
+            self._failures.append(error)
+
+    def _drive(
+        self, bus: can.BusABC, recorder_bus: can.BusABC, recorder: _Recorder, show: Any
+    ) -> None:
+        """The locomotive: steps, sends, hears, keeps the pace."""
+        simulation = self.simulation
+        began = time.monotonic()
+        end_us = round(simulation.settings.duration_s * 1e6)
+        while simulation.now_us < end_us and not self._failures:
+            for _ in range(PACE_US // STEP_US):
+                for frame in simulation.step():
+                    bus.send(to_message(frame))
+            self._clock.now_us = simulation.now_us
+            time.sleep(max(simulation.now_us / 1e6 - (time.monotonic() - began), 0.0))
+            while (message := bus.recv(0.0)) is not None:
+                simulation.hear(from_message(message))
+            _drain(recorder_bus, recorder)
+            if simulation.now_us % 500_000 == 0:
+                show()
+
+
+def _drain(bus: can.BusABC, recorder: _Recorder) -> None:
+    while (message := bus.recv(0.0)) is not None:
+        recorder.take(from_message(message)._replace(channel="vcan0"))
+
+
+@contextmanager
+def _view(options: argparse.Namespace, bench: _Bench) -> Iterator[Any]:
+    """Live table on a terminal, a line every two seconds elsewhere."""
+    out = console(sys.stdout if talk(options) else sys.stderr)
+    if options.headless or not out.is_terminal:
+        yield lambda: _print_line(out, bench)
+        return
+    with Live(_live_table(bench), console=out, refresh_per_second=4, transient=True) as live:
+        yield lambda: live.update(_live_table(bench))
+
+
+def _true_surface(bench: _Bench) -> dict[str, Any]:
+    now_s = bench.simulation.now_us / 1e6
+    surfaces = bench.simulation.truth()["surfaces"]
+    return next((s for s in surfaces if now_s <= s["to_s"]), surfaces[-1])  # type: ignore[no-any-return]
+
+
+def _print_line(out: Any, bench: _Bench) -> None:
+    if bench.simulation.now_us % 2_000_000 or not bench.rows:
+        return
+    true, outputs = _true_surface(bench), bench.rows[-1].outputs
+    point = outputs.setpoint
+    out.print(
+        f"{bench.simulation.now_us / 1e6:5.1f} s  {true['name']:7}"
+        f"mu_max {true['mu_max']:.4f} est. {plus_minus(point.mu_max, outputs.mu_max_std):16} "
+        f"lambda_m {true['lambda_m']:.4f} est. {plus_minus(point.lambda_m, outputs.lambda_m_std):16} "
+        f"{outputs.status.name}"
+    )
+
+
+def _live_table(bench: _Bench) -> Table:
+    simulation = bench.simulation
+    true = _true_surface(bench)
+    outputs = bench.rows[-1].outputs if bench.rows else Outputs()
+    point = outputs.setpoint
+    plant = simulation.plant
+    rows = [
+        ("mu_max", f"{true['mu_max']:.4f}", plus_minus(point.mu_max, outputs.mu_max_std)),
+        ("lambda_m", f"{true['lambda_m']:.4f}", plus_minus(point.lambda_m, outputs.lambda_m_std)),
+        ("adhesion used", f"{simulation.adhesion_used():.4f}", ""),
+        ("slip of axles 1..6", " ".join(f"{x:.3f}" for x in plant.slip), ""),
+    ]
+    title = (
+        f"{simulation.now_us / 1e6:5.1f} of {simulation.settings.duration_s:.0f} s   "
+        f"{true['name']} rail   {3.6 * plant.speed:.1f} km/h   {outputs.status.name}"
+    )
+    return table(title, ("", "truth", "estimate"), rows)

@@ -1,0 +1,153 @@
+"""`identify`: one batch fit, its standard errors, and whether the data can tell."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adhesion_can.bus.tables import is_table, read_table
+from adhesion_can.cli.common import (
+    add_configuration,
+    add_json,
+    configuration,
+    open_recordings,
+    progress,
+    read_problems,
+    talk,
+    write_json,
+)
+from adhesion_can.config import Configuration
+from adhesion_can.errors import InputError
+from adhesion_can.identification.batch import BatchResult, identify
+from adhesion_can.physics.data import Estimate, Samples
+from adhesion_can.reporting.provenance import estimate_json, provenance
+from adhesion_can.reporting.text import console, plus_minus, table
+from adhesion_can.service.extract import samples_of
+from adhesion_can.service.replay import in_sequence
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "identify",
+        help="one batch fit with standard errors",
+        description="Fits the adhesion curve to recordings or tables of samples, a curve for each "
+        "stretch of constant rail, and says what the data can tell.",
+    )
+    parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
+    add_json(parser)
+    add_configuration(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    config = configuration(options)
+    tables = [path for path in options.inputs if _exists(path) and is_table(path)]
+    if tables and len(tables) < len(options.inputs):
+        raise InputError("identify", "recordings and tables together", "give one kind at a time")
+    if tables:
+        samples, labels, problems = _from_tables(tables)
+    else:
+        samples, problems = _from_logs(options.inputs, config)
+        labels = None
+    result = identify(samples, config.identifiability, labels=labels)
+    if result is None:
+        raise InputError(
+            ", ".join(map(str, options.inputs)),
+            "not one usable sample (a moving vehicle, slip within the curve's range)",
+            "see what 'adhesion-can check' says of it",
+        )
+    write_json(
+        options.json,
+        {
+            **estimate_json(result.whole),
+            "segments": [
+                {
+                    "from_s": s.from_us / 1e6,
+                    "to_s": s.to_us / 1e6,
+                    **estimate_json(s.estimate),
+                }
+                for s in result.segments
+            ],
+            "left_out": result.left_out,
+            "problems": problems,
+            **provenance(config, options.inputs),
+        },
+    )
+    if talk(options):
+        _print(result, problems)
+    return 0
+
+
+def _exists(path: Path) -> bool:
+    if not path.exists():
+        raise InputError(str(path), "no such file", "check the path")
+    return True
+
+
+def _from_tables(paths: list[Path]) -> tuple[Samples, Any, list[str]]:
+    tables = [read_table(path) for path in paths]
+    problems = [
+        f"{path.name}: {t.left_out} of {t.rows} rows without a finite time, slip and adhesion"
+        for path, t in zip(paths, tables, strict=True)
+        if t.left_out
+    ]
+    samples = Samples.concatenate([t.samples for t in tables])
+    if len(tables) == 1 and tables[0].segment is None:
+        return samples, None, problems
+    # Each table, and each segment of one, is a stretch of its own.
+    labels, base = [], 0
+    for t in tables:
+        own = t.segment if t.segment is not None else np.zeros(len(t.samples), dtype=np.int64)
+        labels.append(own + base)
+        base += int(own.max(initial=0)) + 1
+    return samples, np.concatenate(labels), problems
+
+
+def _from_logs(paths: list[Path], config: Configuration) -> tuple[Samples, list[str]]:
+    recordings = open_recordings(paths)
+    with progress("reading", 1, "recordings"):
+        samples, _ = samples_of(in_sequence(recordings), config, ", ".join(map(str, paths)))
+    return samples, read_problems(recordings)
+
+
+def _print(result: BatchResult, problems: list[str]) -> None:
+    out = console()
+    rows = [
+        (f"{s.from_us / 1e6:.1f} .. {s.to_us / 1e6:.1f}", *_cells(s.estimate))
+        for s in result.segments
+    ]
+    if len(result.segments) > 1:
+        rows.append(("all together", *_cells(result.whole)))
+    columns = ("time s", "samples", "mu_max", "lambda_m", "c1", "c2", "c3", "noise", "peak told")
+    out.print(table("Batch fit, ± standard deviation", columns, rows))
+    if len(result.segments) > 1:
+        out.print(
+            f"The rail changed {len(result.segments) - 1} times: one curve for all does not describe "
+            "it, see the stretches."
+        )
+    untold = [s for s in result.segments if not s.estimate.identifiable.both]
+    if untold:
+        out.print(
+            f"{len(untold)} of {len(result.segments)} stretches do not tell their peak: their slip "
+            "stays too small, or the noise is too large."
+        )
+    for line in problems:
+        out.print(line)
+
+
+def _cells(e: Estimate) -> tuple[str, ...]:
+    known = e.identifiable
+    told = {(True, True): "yes", (True, False): "height only", (False, True): "place only"}
+    return (
+        str(e.samples),
+        plus_minus(e.mu_max, e.mu_max_std if known.mu_max else None),
+        plus_minus(e.lambda_m, e.lambda_m_std if known.lambda_m else None),
+        f"{e.c1:.4f}",
+        f"{e.c2:.2f}",
+        f"{e.c3:.4f}",
+        f"{e.noise_std:.4f}",
+        told.get((known.mu_max, known.lambda_m), "no"),
+    )

@@ -1,0 +1,208 @@
+"""`replay`: the service over recordings."""
+
+import argparse
+import csv
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from adhesion_can.bus.candump import format_frame
+from adhesion_can.bus.frame import Frame, Mark
+from adhesion_can.bus.recordings import whole_file
+from adhesion_can.cli.common import (
+    add_configuration,
+    add_json,
+    configuration,
+    open_recordings,
+    progress,
+    read_problems,
+    require_folder,
+    talk,
+    write_json,
+)
+from adhesion_can.errors import InputError
+from adhesion_can.reporting.provenance import estimate_json, provenance
+from adhesion_can.reporting.text import console, plus_minus, table
+from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.extract import require_known
+from adhesion_can.service.outputs import AXLE_FRAMES, Outputs, Setpoint
+from adhesion_can.service.replay import ReplaySummary, in_sequence, replay
+from adhesion_can.service.states import Status
+
+COLUMNS = (
+    "time_s", "status", "mu_max", "mu_max_std", "lambda_m", "lambda_m_std", "c1", "c2", "c3",
+    "surface_age_s",
+    *(f"mu_max_ax{axle}" for axle in range(1, AXLE_FRAMES + 1)),
+    *(f"lambda_m_ax{axle}" for axle in range(1, AXLE_FRAMES + 1)),
+)  # fmt: skip
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "replay",
+        help="the service over recordings",
+        description="Runs the service over recordings, as it would have run live.",
+    )
+    parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
+    parser.add_argument(
+        "--frames", type=Path, metavar="OUT.log", help="write the answers (candump)"
+    )
+    parser.add_argument("--table", type=Path, metavar="OUT.csv", help="write a row a setpoint")
+    parser.add_argument("--estimator", metavar="NAME", help="default: as configured")
+    parser.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin so long after the first frame")  # fmt: skip
+    parser.add_argument("--to", dest="to_s", type=float, metavar="S", help="end so long after it")
+    parser.add_argument("--realtime", action="store_true", help="at the recording's own speed")
+    add_json(parser)
+    add_configuration(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    for path, name in ((options.frames, "--frames"), (options.table, "--table")):
+        if path is not None:
+            require_folder(path, name)
+    if options.table and not options.table.name.lower().endswith((".csv", ".csv.gz")):
+        raise InputError(f"--table {options.table}", "not a .csv", "give a name that ends in .csv")
+    config = configuration(options)
+    make = None
+    if options.estimator:
+        config.make_estimator(options.estimator)
+
+        def make() -> Any:
+            return config.make_estimator(options.estimator)
+
+    recordings = open_recordings(options.log)
+    statuses: dict[str, int] = {}
+    with ExitStack() as stack:
+        write_row = None
+        if options.table:
+            writer = csv.writer(stack.enter_context(whole_file(options.table)), lineterminator="\n")
+            writer.writerow(COLUMNS)
+            write_row = writer.writerow
+        frames = stack.enter_context(whole_file(options.frames)) if options.frames else None
+
+        def on_setpoint(t_us: int, outputs: Outputs) -> None:
+            statuses[outputs.status.name] = statuses.get(outputs.status.name, 0) + 1
+            if write_row:
+                write_row(table_row(t_us, outputs))
+
+        core = ServiceCore(config, make, on_setpoint)
+        size = sum(recording.size for recording in recordings)
+        show = stack.enter_context(progress("replaying", size, "bytes"))
+        channel = _Channel()
+        summary = replay(
+            channel.of(in_sequence(recordings), show),
+            core,
+            (lambda frame: frames.write(format_frame(frame, channel.name))) if frames else _forget,
+            from_s=options.from_s,
+            to_s=options.to_s,
+            realtime=options.realtime,
+        )
+        for recording in recordings:
+            summary.kinds.update(recording.report.kinds)
+        require_known(core.receiver, summary.frames, ", ".join(map(str, options.log)))
+    problems = read_problems(recordings)
+    document = _document(summary, core, statuses, problems)
+    write_json(options.json, {**document, **provenance(config, options.log)})
+    if talk(options):
+        _print(summary, core, statuses, problems)
+    return 0
+
+
+class _Channel:
+    """Name of the recording's bus, for the answers; and the progress."""
+
+    def __init__(self) -> None:
+        self.name = "can0"
+
+    def of(self, items: Iterator[Frame | Mark], show: Any) -> Iterator[Frame | Mark]:
+        # About so many bytes has a line of candump text; the bar needs no better.
+        for count, item in enumerate(items):
+            if count == 0 and isinstance(item, Frame) and item.channel:
+                self.name = item.channel
+            if count % 5000 == 0:
+                show(45 * count)
+            yield item
+
+
+def _forget(_: Frame) -> None:
+    """Nobody asked for the frames."""
+
+
+def table_row(t_us: int, outputs: Outputs) -> list[str]:
+    """A row of `--table`; what is not available is an empty field."""
+    theta = outputs.theta or (None, None, None)
+    axles = [outputs.axles.get(axle, Setpoint()) for axle in range(1, AXLE_FRAMES + 1)]
+    numbers = (
+        outputs.setpoint.mu_max,
+        outputs.mu_max_std,
+        outputs.setpoint.lambda_m,
+        outputs.lambda_m_std,
+        *theta,
+        outputs.surface_age_s,
+        *(point.mu_max for point in axles),
+        *(point.lambda_m for point in axles),
+    )
+    seconds, micros = divmod(t_us, 1_000_000)
+    return [f"{seconds}.{micros:06d}", outputs.status.name, *map(_field, numbers)]
+
+
+def _field(value: float | None) -> str:
+    return "" if value is None or not abs(value) < float("inf") else f"{value:.9g}"
+
+
+def _document(
+    summary: ReplaySummary, core: ServiceCore, statuses: dict[str, int], problems: list[str]
+) -> dict[str, Any]:
+    receiver = core.receiver
+    return {
+        "frames": summary.frames,
+        "frames_own_skipped": summary.own_skipped,
+        "frames_foreign": core.counts.foreign,
+        "frames_rejected": receiver.rejected,
+        "frames_lost": receiver.lost,
+        "frames_clamped": core.counts.clamped,
+        "frames_sent": summary.sent,
+        "lines": dict(summary.kinds),
+        "problems": problems,
+        "from_s": None if summary.first_us is None else summary.first_us / 1e6,
+        "to_s": None if summary.last_us is None else summary.last_us / 1e6,
+        "samples": core.counts.samples,
+        "samples_dropped": core.dropped_samples,
+        "restarts": core.counts.restarts,
+        "faults": core.faults,
+        "setpoints_by_status": statuses,
+        "last": None if core.estimate is None else estimate_json(core.estimate),
+    }
+
+
+def _print(
+    summary: ReplaySummary, core: ServiceCore, statuses: dict[str, int], problems: list[str]
+) -> None:
+    out = console()
+    receiver = core.receiver
+    span = ((summary.last_us or 0) - (summary.first_us or 0)) / 1e6
+    out.print(
+        f"{summary.frames} frames in {span:.1f} s: {receiver.rejected} rejected, "
+        f"{receiver.lost} lost, {core.counts.foreign} of other ids, {summary.own_skipped} our own "
+        f"(skipped); {core.counts.samples} samples; {summary.sent} frames sent"
+    )
+    total = sum(statuses.values()) or 1
+    rows = [
+        (status.name, str(statuses[status.name]), f"{100 * statuses[status.name] / total:.1f} %")
+        for status in Status
+        if status.name in statuses
+    ]
+    out.print(table("Setpoints by status", ("status", "setpoints", "share"), rows))
+    if core.estimate is not None:
+        e = core.estimate
+        out.print(
+            f"last estimate: mu_max {plus_minus(e.mu_max, e.mu_max_std)}, "
+            f"lambda_m {plus_minus(e.lambda_m, e.lambda_m_std)}, "
+            f"c1 {e.c1:.4f}, c2 {e.c2:.2f}, c3 {e.c3:.4f}"
+        )
+    for line in (*problems, *core.faults):
+        out.print(line)

@@ -1,0 +1,127 @@
+"""`run`: the service on a bus."""
+
+import argparse
+import signal
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from adhesion_can.bus.recordings import whole_file
+from adhesion_can.cli.common import (
+    add_bus,
+    add_configuration,
+    add_json,
+    bus_opener,
+    configuration,
+    require_folder,
+    talk,
+    write_json,
+)
+from adhesion_can.reporting.provenance import provenance
+from adhesion_can.reporting.text import plus_minus
+from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.live import LiveService, wall_clock
+from adhesion_can.service.outputs import Outputs
+
+QUIET_US = 1_000_000
+"""Between two lines about the same status."""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "run",
+        help="the service on a bus",
+        description="Reads the bus, identifies the adhesion curve and sends the setpoints, until "
+        "it is interrupted (Ctrl-C, SIGTERM) or the duration is over.",
+    )
+    parser.add_argument(
+        "--log", type=Path, metavar="F", help="write what was heard and sent, for replay"
+    )
+    parser.add_argument("--dry-run", action="store_true", help="listen and identify, send nothing")
+    parser.add_argument("--duration", type=float, metavar="S", help="end after so long")
+    add_json(parser)
+    add_configuration(parser)
+    add_bus(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    if options.log:
+        require_folder(options.log, "--log")
+    config = configuration(options)
+    narrator = _Narrator(sys.stderr)
+    core = ServiceCore(config, on_setpoint=narrator.setpoint)
+    open_bus = bus_opener(options)
+    bus = open_bus()
+    narrator.say(f"listening on {bus.channel_info}; Ctrl-C ends")
+    with ExitStack() as stack:
+        log = stack.enter_context(whole_file(options.log)) if options.log else None
+        service = LiveService(
+            core,
+            bus,
+            open_bus,
+            write_log=None if log is None else log.write,
+            dry_run=options.dry_run,
+            tell=narrator.say,
+        )
+
+        def stop(_: int, __: FrameType | None) -> None:
+            service.stop()
+
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, stop)
+        until = None if options.duration is None else wall_clock() + round(options.duration * 1e6)
+        service.run(until)
+    counts = service.counts
+    document = {
+        "received": counts.received,
+        "sent": counts.sent,
+        "send_errors": counts.send_errors,
+        "echoes": counts.echoes,
+        "foreign_outputs": counts.foreign_outputs,
+        "reopened": counts.reopened,
+        "clock_offset_s": counts.clock_offset_us / 1e6,
+        "frames_rejected": core.receiver.rejected,
+        "frames_lost": core.receiver.lost + core.counts.receive_drops,
+        "frames_clamped": core.counts.clamped,
+        "samples": core.counts.samples,
+        "loop_time_p99_us": core.loop_time_p99_us,
+        "faults": core.faults,
+    }
+    write_json(options.json, {**document, **provenance(config)})
+    if talk(options):
+        narrator.say(
+            f"{counts.received} frames received, {core.receiver.rejected} rejected, "
+            f"{core.receiver.lost + core.counts.receive_drops} lost, {counts.sent} sent, "
+            f"{counts.send_errors} not taken by the bus; {core.counts.samples} samples"
+        )
+    return 0
+
+
+class _Narrator:
+    """Tells a person at the bench what happens: each change of status, and once a second."""
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+        self._status: str | None = None
+        self._told_us = 0
+
+    def say(self, line: str) -> None:
+        print(line, file=self._file, flush=True)
+
+    def setpoint(self, t_us: int, outputs: Outputs) -> None:
+        changed = outputs.status.name != self._status
+        # A log file wants changes alone; a person at a terminal wants to see that it lives.
+        if not changed and (not self._file.isatty() or t_us - self._told_us < QUIET_US):
+            return
+        self._status, self._told_us = outputs.status.name, t_us
+        point = outputs.setpoint
+        self.say(
+            f"{t_us / 1e6:.2f} {outputs.status.name:15} "
+            f"mu_max {plus_minus(point.mu_max, outputs.mu_max_std)}  "
+            f"lambda_m {plus_minus(point.lambda_m, outputs.lambda_m_std)}"
+        )

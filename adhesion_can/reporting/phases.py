@@ -1,0 +1,120 @@
+"""Estimates held against the truth of a simulated run, surface by surface."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich.table import Table
+
+from adhesion_can.reporting.text import plus_minus, table
+from adhesion_can.service.outputs import Outputs
+from adhesion_can.service.states import Status
+
+WITHIN = 0.05
+"""A surface counts as found when μ_max is within this share of the truth, in TRACKING."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A setpoint and what was true when it was sent.
+
+    Attributes:
+        t_us: stamp.
+        outputs: of the service.
+        adhesion_used: Σ F / Σ N of the axles at the time.
+
+    """
+
+    t_us: int
+    outputs: Outputs
+    adhesion_used: float
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """One surface of a run.
+
+    Attributes:
+        truth: entry of the truth's `surfaces`.
+        last: outputs at its end; None where there were none.
+        found_s: time from its begin until it was found; None: never.
+        adhesion_used: share of μ_max that was used on it, on the mean.
+
+    """
+
+    truth: dict[str, Any]
+    last: Outputs | None
+    found_s: float | None
+    adhesion_used: float | None
+
+    @property
+    def error(self) -> float | None:
+        """Relative error of μ_max at the end."""
+        mu_max = self.last.setpoint.mu_max if self.last else None
+        return None if mu_max is None else mu_max / float(self.truth["mu_max"]) - 1.0
+
+    def as_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        point = self.last.setpoint if self.last else None
+        return {
+            "surface": self.truth["name"],
+            "from_s": self.truth["from_s"],
+            "to_s": self.truth["to_s"],
+            "true": {k: self.truth[k] for k in ("mu_max", "lambda_m")},
+            "estimated": point and {"mu_max": point.mu_max, "lambda_m": point.lambda_m},
+            "mu_max_std": self.last and self.last.mu_max_std,
+            "lambda_m_std": self.last and self.last.lambda_m_std,
+            "mu_max_error": self.error,
+            "found_after_s": self.found_s,
+            "adhesion_used": self.adhesion_used,
+        }
+
+
+def phases(truth: dict[str, Any], rows: Sequence[Row]) -> list[Phase]:
+    """The surfaces of a run with what the service made of them."""
+    result = []
+    for surface in truth["surfaces"]:
+        inside = [r for r in rows if surface["from_s"] < r.t_us / 1e6 <= surface["to_s"]]
+        found = next((r for r in inside if _found(r.outputs, surface["mu_max"])), None)
+        used = [row.adhesion_used for row in inside]
+        result.append(
+            Phase(
+                surface,
+                inside[-1].outputs if inside else None,
+                None if found is None else found.t_us / 1e6 - surface["from_s"],
+                sum(used) / len(used) / surface["mu_max"] if used else None,
+            )
+        )
+    return result
+
+
+def _found(outputs: Outputs, mu_max: float) -> bool:
+    estimate = outputs.setpoint.mu_max
+    return (
+        outputs.status is Status.TRACKING
+        and estimate is not None
+        and abs(estimate / mu_max - 1.0) <= WITHIN
+    )
+
+
+def phase_table(found: Sequence[Phase]) -> Table:
+    """Truth against estimate, a row a surface."""
+    columns = ("surface", "from s", "mu_max", "estimated", "error", "lambda_m", "estimated", "found", "used")  # fmt: skip
+    rows = []
+    for phase in found:
+        out, true = phase.last, phase.truth
+        point = out.setpoint if out else None
+        rows.append(
+            (
+                str(true["name"]),
+                f"{true['from_s']:.1f}",
+                f"{true['mu_max']:.4f}",
+                plus_minus(point and point.mu_max, out and out.mu_max_std),
+                "-" if phase.error is None else f"{100 * phase.error:+.1f} %",
+                f"{true['lambda_m']:.4f}",
+                plus_minus(point and point.lambda_m, out and out.lambda_m_std),
+                "not found" if phase.found_s is None else f"{phase.found_s:.2f} s",
+                "-" if phase.adhesion_used is None else f"{100 * phase.adhesion_used:.0f} %",
+            )
+        )
+    return table("Truth and estimate at the end of each surface", columns, rows)
