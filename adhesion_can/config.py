@@ -368,11 +368,10 @@ def _roles(table: Mapping[str, Any], where: str) -> list[SignalChoice]:
     for name, value in _flattened(table):
         place = f"{where}: roles.{name}"
         role, axle = _role(name, place)
-        if isinstance(value, str):
-            value = {"signal": value}
-        if "signal" not in _table(value, place):
+        role_table = {"signal": value} if isinstance(value, str) else _table(value, place)
+        if "signal" not in role_table:
             raise ConfigError(place, "names no signal", 'write signal = "Message.Signal"')
-        row: _RoleTable = _section(_RoleTable, value, place)
+        row: _RoleTable = _section(_RoleTable, role_table, place)
         message, dot, signal = row.signal.rpartition(".")
         if not dot:
             raise ConfigError(place, f"{row.signal!r} is not Message.Signal", "name both")

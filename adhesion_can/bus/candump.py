@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from itertools import chain, islice
+from itertools import chain, islice, pairwise
 
 from adhesion_can.bus.frame import ADVANCE, MARKS, Frame, Mark
 
@@ -108,9 +108,7 @@ def _kind(frame: Frame) -> str:
 
 def parse_line(line: bytes) -> Frame | Mark | str:
     """One line: a frame, a mark, or the kind of line that it is instead."""
-    if len(line) > _LINE_LIMIT:
-        return "malformed"
-    text = line.strip()
+    text = line.strip() if len(line) <= _LINE_LIMIT else b"?"
     if not text:
         return "blank"
     if text[:1] == b"(" and (match := _LOG.match(text)):
@@ -130,8 +128,10 @@ def parse_line(line: bytes) -> Frame | Mark | str:
 def _micros(seconds: bytes, fraction: bytes) -> int:
     digits = len(fraction)
     value = int(fraction)
-    micros = value * 10 ** (6 - digits) if digits <= 6 else round(value / 10 ** (digits - 6))
-    return int(seconds) * 1_000_000 + micros
+    micros = value * 10 ** max(6 - digits, 0)
+    if digits > 6:
+        micros = round(value / 10 ** (digits - 6))
+    return int(seconds) * 1_000_000 + int(micros)
 
 
 def _log_frame(match: re.Match[bytes]) -> Frame | str:
@@ -205,7 +205,7 @@ def _times_are_differences(lines: Iterable[bytes]) -> bool:
             times.append(t_us)
     if len(times) < 3 or times[0] != 0:
         return False
-    falls = sum(b < a for a, b in zip(times, times[1:], strict=False))
+    falls = sum(b < a for a, b in pairwise(times))
     return falls > len(times) // 5
 
 

@@ -5,7 +5,9 @@ from hashlib import sha256
 from pathlib import Path
 
 import cantools
+from cantools.database import UnsupportedDatabaseFormatError  # type: ignore[attr-defined]
 from cantools.database.can import Database, Message, Signal
+from cantools.database.errors import Error as CantoolsError
 
 from adhesion_can.errors import DatabaseError
 
@@ -78,7 +80,8 @@ class CanDatabase:
         """
         where = f"{self.path.name}: {message_name}.{signal_name}"
         message = next((m for m in self.db.messages if m.name == message_name), None)
-        signal = message and next((s for s in message.signals if s.name == signal_name), None)
+        signals = message.signals if message else []
+        signal = next((s for s in signals if s.name == signal_name), None)
         if message is None or signal is None:
             raise DatabaseError(
                 where,
@@ -106,7 +109,7 @@ def load_database(path: Path | None = None) -> CanDatabase:
         # Not strict: real databases have overlapping signals, and the layout that we use is checked
         # signal by signal.
         db = cantools.database.load_file(path, strict=False)
-    except (cantools.database.UnsupportedDatabaseFormatError, cantools.database.Error) as error:
+    except (UnsupportedDatabaseFormatError, CantoolsError) as error:
         reason = " ".join(str(error).split())[:200]
         raise DatabaseError(
             str(path), f"not a CAN database ({reason})", "give a .dbc, .kcd, .arxml or .sym file"

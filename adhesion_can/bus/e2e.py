@@ -95,11 +95,13 @@ class CounterSupervision:
         step = 1 if new_start or self._baseline is None else (count - self._baseline) % COUNTS
         if 1 <= step <= ACCEPTED_STEP:
             self.lost += step - 1
-            return self._take(count)
+            self._take(count)
+            return None
         self._run = self._run + 1 if count == (self._run_count + 1) % COUNTS and self._run else 1
         self._run_count = count
         if self._run >= TAKEOVER_FRAMES:
-            return self._take(count)
+            self._take(count)
+            return None
         return Rejection.REPEAT if step == 0 else Rejection.ORDER
 
     def interrupt(self) -> None:

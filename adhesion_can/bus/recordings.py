@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
-from typing import IO, Any, BinaryIO
+from typing import IO, Any, BinaryIO, cast
 
 import can
 
@@ -59,7 +59,9 @@ class Recording:
         return self.path.stat().st_size
 
     def _open(self) -> IO[bytes]:
-        return gzip.open(self.path, "rb") if self._gzip else self.path.open("rb")
+        if self._gzip:
+            return cast(IO[bytes], gzip.open(self.path, "rb"))
+        return self.path.open("rb")
 
     def _is_candump(self) -> bool:
         """Whether one of the first lines is candump's; an empty file passes as such."""

@@ -186,27 +186,27 @@ def _numbers(cells: list[str]) -> Array | None:
 
 def _parquet(path: Path) -> dict[str, Array | None]:
     try:
-        import pyarrow
-        import pyarrow.parquet
+        import pyarrow as pa
+        from pyarrow import parquet
     except ImportError as error:
         raise TableError(
             str(path), "Parquet needs pyarrow", "pip install 'adhesion-can[parquet]'"
         ) from error
     try:
-        table = pyarrow.parquet.read_table(path)
-    except (OSError, pyarrow.ArrowException) as error:
+        table = parquet.read_table(path)
+    except (OSError, pa.ArrowException) as error:
         reason = " ".join(str(error).split())[:150]
         raise TableError(
             str(path), f"not readable as Parquet ({reason})", "check the file"
         ) from error
+    kinds = pa.types
     columns: dict[str, Array | None] = {}
     for name, column in zip(table.column_names, table.columns, strict=True):
-        kind = column.type
-        numeric = pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind)
-        numeric = numeric or pyarrow.types.is_boolean(kind)
+        numeric = any(
+            is_a(column.type) for is_a in (kinds.is_integer, kinds.is_floating, kinds.is_boolean)
+        )
+        values = column.to_pylist() if numeric else []
         columns[name] = (
-            np.array([np.nan if v is None else float(v) for v in column.to_pylist()])
-            if numeric
-            else None
+            np.array([np.nan if v is None else float(v) for v in values]) if numeric else None
         )
     return columns

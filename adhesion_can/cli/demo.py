@@ -170,7 +170,7 @@ class _Bench:
     def _guarded(self, work: Any) -> None:
         try:
             work()
-        except BaseException as error:  # handed to the main thread, which raises it
+        except BaseException as error:  # noqa: BLE001  the main thread raises it
             self._failures.append(error)
 
     def _drive(
@@ -212,7 +212,7 @@ def _view(options: argparse.Namespace, bench: _Bench) -> Iterator[Any]:
 def _true_surface(bench: _Bench) -> dict[str, Any]:
     now_s = bench.simulation.now_us / 1e6
     surfaces = bench.simulation.truth()["surfaces"]
-    return next((s for s in surfaces if now_s <= s["to_s"]), surfaces[-1])  # type: ignore[no-any-return]
+    return next((s for s in surfaces if now_s <= s["to_s"]), surfaces[-1])
 
 
 def _print_line(out: Any, bench: _Bench) -> None:
@@ -223,8 +223,8 @@ def _print_line(out: Any, bench: _Bench) -> None:
     out.print(
         f"{bench.simulation.now_us / 1e6:5.1f} s  {true['name']:7}"
         f"mu_max {true['mu_max']:.4f} est. {plus_minus(point.mu_max, outputs.mu_max_std):16} "
-        f"lambda_m {true['lambda_m']:.4f} est. {plus_minus(point.lambda_m, outputs.lambda_m_std):16} "
-        f"{outputs.status.name}"
+        f"lambda_m {true['lambda_m']:.4f} "
+        f"est. {plus_minus(point.lambda_m, outputs.lambda_m_std):16} {outputs.status.name}"
     )
 
 

@@ -2,8 +2,10 @@
 
 import argparse
 import csv
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -51,8 +53,9 @@ def add_to(commands: Any) -> None:
     )
     parser.add_argument("--table", type=Path, metavar="OUT.csv", help="write a row a setpoint")
     parser.add_argument("--estimator", metavar="NAME", help="default: as configured")
-    parser.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin so long after the first frame")  # fmt: skip
-    parser.add_argument("--to", dest="to_s", type=float, metavar="S", help="end so long after it")
+    span = parser.add_argument_group("part of the recording, in s after its first frame")
+    span.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S")
+    span.add_argument("--to", dest="to_s", type=float, metavar="S")
     parser.add_argument("--realtime", action="store_true", help="at the recording's own speed")
     add_json(parser)
     add_configuration(parser)
@@ -61,42 +64,32 @@ def add_to(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    for path, name in ((options.frames, "--frames"), (options.table, "--table")):
-        if path is not None:
-            require_folder(path, name)
-    if options.table and not options.table.name.lower().endswith((".csv", ".csv.gz")):
-        raise InputError(f"--table {options.table}", "not a .csv", "give a name that ends in .csv")
+    _require_outputs(options)
     config = configuration(options)
-    make = None
-    if options.estimator:
-        config.make_estimator(options.estimator)
-
-        def make() -> Any:
-            return config.make_estimator(options.estimator)
-
+    make = partial(config.make_estimator, options.estimator)
+    make()  # an unknown name is an error before the work, not after it
     recordings = open_recordings(options.log)
-    statuses: dict[str, int] = {}
+    statuses: Counter[str] = Counter()
     with ExitStack() as stack:
-        write_row = None
-        if options.table:
-            writer = csv.writer(stack.enter_context(whole_file(options.table)), lineterminator="\n")
-            writer.writerow(COLUMNS)
-            write_row = writer.writerow
+        write_row = _row_writer(stack, options.table)
         frames = stack.enter_context(whole_file(options.frames)) if options.frames else None
+        channel = _Channel()
 
         def on_setpoint(t_us: int, outputs: Outputs) -> None:
-            statuses[outputs.status.name] = statuses.get(outputs.status.name, 0) + 1
-            if write_row:
-                write_row(table_row(t_us, outputs))
+            statuses[outputs.status.name] += 1
+            write_row(t_us, outputs)
+
+        def send(frame: Frame) -> None:
+            if frames is not None:
+                frames.write(format_frame(frame, channel.name))
 
         core = ServiceCore(config, make, on_setpoint)
         size = sum(recording.size for recording in recordings)
         show = stack.enter_context(progress("replaying", size, "bytes"))
-        channel = _Channel()
         summary = replay(
             channel.of(in_sequence(recordings), show),
             core,
-            (lambda frame: frames.write(format_frame(frame, channel.name))) if frames else _forget,
+            send,
             from_s=options.from_s,
             to_s=options.to_s,
             realtime=options.realtime,
@@ -110,6 +103,23 @@ def run(options: argparse.Namespace) -> int:
     if talk(options):
         _print(summary, core, statuses, problems)
     return 0
+
+
+def _require_outputs(options: argparse.Namespace) -> None:
+    for path, name in ((options.frames, "--frames"), (options.table, "--table")):
+        if path is not None:
+            require_folder(path, name)
+    if options.table and not options.table.name.lower().endswith((".csv", ".csv.gz")):
+        raise InputError(f"--table {options.table}", "not a .csv", "give a name that ends in .csv")
+
+
+def _row_writer(stack: ExitStack, path: Path | None) -> Callable[[int, Outputs], None]:
+    """Writes the rows of --table; does nothing where it is not asked for."""
+    if path is None:
+        return lambda _, __: None
+    writer = csv.writer(stack.enter_context(whole_file(path)), lineterminator="\n")
+    writer.writerow(COLUMNS)
+    return lambda t_us, outputs: writer.writerow(table_row(t_us, outputs)) and None
 
 
 class _Channel:
@@ -126,10 +136,6 @@ class _Channel:
             if count % 5000 == 0:
                 show(45 * count)
             yield item
-
-
-def _forget(_: Frame) -> None:
-    """Nobody asked for the frames."""
 
 
 def table_row(t_us: int, outputs: Outputs) -> list[str]:
@@ -155,7 +161,7 @@ def _field(value: float | None) -> str:
 
 
 def _document(
-    summary: ReplaySummary, core: ServiceCore, statuses: dict[str, int], problems: list[str]
+    summary: ReplaySummary, core: ServiceCore, statuses: Counter[str], problems: list[str]
 ) -> dict[str, Any]:
     receiver = core.receiver
     return {
@@ -180,7 +186,7 @@ def _document(
 
 
 def _print(
-    summary: ReplaySummary, core: ServiceCore, statuses: dict[str, int], problems: list[str]
+    summary: ReplaySummary, core: ServiceCore, statuses: Counter[str], problems: list[str]
 ) -> None:
     out = console()
     receiver = core.receiver

@@ -6,7 +6,8 @@ narrow bins of slip scores every possible moment of a change in one matrix produ
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +123,7 @@ def identify(
     bounds = [0, *edges, len(kept)]
     segments = tuple(
         Segment(int(kept.t_us[a]), int(kept.t_us[b - 1]), fit(kept.select(slice(a, b)), settings))
-        for a, b in zip(bounds, bounds[1:], strict=False)
+        for a, b in pairwise(bounds)
     )
     whole = fit(kept, settings)
     if len(segments) > 1:
@@ -161,7 +162,7 @@ def change_points(samples: Samples, settings: SegmentationSettings) -> list[int]
 class _Sums(NamedTuple):
     """Cumulative sums over chunks, a row more than chunks: counts, Σz, by bin; Σz²; bin centres."""
 
-    count: Array
+    counts: Array
     z: Array
     zz: Array
     centre: Array
@@ -178,11 +179,13 @@ def _chunk_sums(h: Array, z: Array, starts: NDArray[np.int64]) -> _Sums:
     flat = chunk * bins + index
     shape = (chunks, bins)
 
-    def cumulative(values: Array) -> Array:
-        return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    def cumulative(values: NDArray[Any]) -> Array:
+        return np.concatenate(
+            [np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0, dtype=np.float64)]
+        )
 
     return _Sums(
-        cumulative(np.bincount(flat, minlength=chunks * bins).reshape(shape).astype(float)),
+        cumulative(np.bincount(flat, minlength=chunks * bins).reshape(shape)),
         cumulative(np.bincount(flat, z, minlength=chunks * bins).reshape(shape)),
         cumulative(np.add.reduceat(z * z, starts)),
         centre,
@@ -201,13 +204,15 @@ def _best_split(
     if not len(inner):
         return None
     begin, middle, end = (
-        [part[i] for part in (sums.count, sums.z, sums.zz)] for i in (first, inner, last)
+        [part[i] for part in (sums.counts, sums.z, sums.zz)] for i in (first, inner, last)
     )
     left = [m - b for m, b in zip(middle, begin, strict=True)]
     right = [e - m for e, m in zip(end, middle, strict=True)]
     whole = [np.asarray(e - b)[None] for e, b in zip(end, begin, strict=True)]
     n = whole[0].sum()
-    cost, cost1, cost2 = (_projected_cost(*part, sums.centre) for part in (whole, left, right))
+    cost, cost1, cost2 = (
+        _projected_cost(count, z, zz, sums.centre) for count, z, zz in (whole, left, right)
+    )
     # One noise level for both sides: a change of the noise alone is no change of the rail.
     gain = 0.5 * n * np.log(cost / (cost1 + cost2))
     best = int(np.argmax(gain))
@@ -226,7 +231,7 @@ def _projected_cost(count: Array, z: Array, zz: Array, centre: Array) -> Array:
     az, bz = z @ a, z @ b
     c1, c3 = _two_by_two(aa, ab, np.broadcast_to(bb, aa.shape), az, np.broadcast_to(bz, az.shape))
     explained = c1 * az + c3 * bz
-    return np.maximum(zz - explained.max(axis=-1), 1e-12 * np.maximum(zz, 1e-12))
+    return np.asarray(np.maximum(zz - explained.max(axis=-1), 1e-12 * np.maximum(zz, 1e-12)))
 
 
 def _two_by_two(aa: Array, ab: Array, bb: Array, az: Array, bz: Array) -> tuple[Array, Array]:

@@ -76,12 +76,12 @@ def first_population(
     lower, upper = np.array(settings.lower), np.array(settings.upper)
     shape = (settings.population, 3)
     if settings.start == "uniform":
-        return lower + (upper - lower) * rng.random(shape)
+        return np.asarray(lower + (upper - lower) * rng.random(shape))
     people = np.asarray(theta) + np.array(settings.population_std) * rng.standard_normal(shape)
     people[0] = theta
     people = np.where(people < lower, 2 * lower - people, people)
     people = np.where(people > upper, 2 * upper - people, people)
-    return np.clip(people, lower, upper)
+    return np.asarray(np.clip(people, lower, upper))
 
 
 class Objective:

@@ -84,8 +84,9 @@ def standard_errors(
     if values[0] <= max(values[-1] * 1e-14, 0.0):
         return unknown
     covariance = (vectors / values) @ vectors.T * np.outer(scale, scale) * noise_std**2
-    rows = peak_gradient(*theta, slip_max=slip_max)
+    c1, c2, c3 = map(float, theta)
+    rows = peak_gradient(c1, c2, c3, slip_max)
     variance = np.einsum("ij,jk,ik->i", rows, covariance, rows)
     mu_std, lambda_std = np.sqrt(variance)
-    interior = bool(peak(*theta, slip_max=slip_max).interior)
+    interior = bool(peak(c1, c2, c3, slip_max).interior)
     return StandardErrors(covariance, float(mu_std), float(lambda_std) if interior else np.inf)

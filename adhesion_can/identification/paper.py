@@ -69,12 +69,15 @@ def assess(
     h, _ = samples.folded()
     noise = float(np.sqrt(max(cost, 0.0) / max(len(h) - 3, 1)))
     errors = standard_errors(theta, h, noise, settings.slip_max)
-    top = peak(*theta, slip_max=settings.slip_max)
+    c1, c2, c3 = map(float, theta)
+    top = peak(c1, c2, c3, settings.slip_max)
     mu_max, lambda_m = float(top.mu_max), float(top.lambda_m)
     mu_std = hypot(errors.mu_max, mu_max * common_load_std(samples.load, samples.load_std))
     reached = float(np.quantile(h, 1.0 - settings.reach))
     return Estimate(
-        *map(float, theta),
+        c1=c1,
+        c2=c2,
+        c3=c3,
         covariance=errors.covariance,
         mu_max=mu_max,
         mu_max_std=mu_std,

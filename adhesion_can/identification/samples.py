@@ -93,7 +93,7 @@ class _Track:
             del self.times[:keep], self.values[:keep]
         return keep
 
-    def at(self, t_us: int) -> float | None | _Waiting:
+    def at(self, t_us: int) -> float | _Waiting | None:
         """Value at a stamp, interpolated; None across a gap or a missing value."""
         times = self.times
         if not times or times[-1] < t_us:
@@ -216,7 +216,7 @@ class SampleFormer:
             for track in (self._speed, *self._effort.values(), *self._load.values()):
                 track.forget_before(oldest)
 
-    def _form(self, axle: int, k: int) -> Sample | str | _Waiting:
+    def _form(self, axle: int, k: int) -> Sample | str | _Waiting:  # noqa: PLR0911  a reason each
         """Sample at the k-th wheel speed of an axle, or why there is none."""
         wheel = self._wheel[axle]
         t = wheel.times[k]

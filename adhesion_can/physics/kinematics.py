@@ -32,7 +32,7 @@ def slip_ratio(
     v = np.asarray(speed, dtype=np.float64)
     creep = creep_speed(wheel_speed, v, radius)
     fast = np.broadcast_to(v >= v_min, creep.shape)
-    return np.divide(creep, v, out=np.full(creep.shape, np.nan), where=fast)
+    return np.asarray(np.divide(creep, v, out=np.full(creep.shape, np.nan), where=fast))
 
 
 def wheelset_effort(wheel_accel: ArrayLike, inertia: ArrayLike, radius: ArrayLike) -> Array:
@@ -66,4 +66,4 @@ def adhesion_coefficient(
     """
     force = np.asarray(effort, dtype=np.float64) - wheelset_effort(wheel_accel, inertia, radius)
     n = np.broadcast_to(np.asarray(load, dtype=np.float64), np.broadcast(force, load).shape)
-    return np.divide(force, n, out=np.full(n.shape, np.nan), where=n > 0.0)
+    return np.asarray(np.divide(force, n, out=np.full(n.shape, np.nan), where=n > 0.0))

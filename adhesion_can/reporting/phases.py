@@ -99,20 +99,23 @@ def _found(outputs: Outputs, mu_max: float) -> bool:
 
 def phase_table(found: Sequence[Phase]) -> Table:
     """Truth against estimate, a row a surface."""
-    columns = ("surface", "from s", "mu_max", "estimated", "error", "lambda_m", "estimated", "found", "used")  # fmt: skip
+    columns = (
+        "surface", "from s", "mu_max", "estimated", "error", "lambda_m", "estimated",
+        "found", "used",
+    )  # fmt: skip
     rows = []
     for phase in found:
-        out, true = phase.last, phase.truth
-        point = out.setpoint if out else None
+        out, true = phase.last or Outputs(), phase.truth
+        point = out.setpoint
         rows.append(
             (
                 str(true["name"]),
                 f"{true['from_s']:.1f}",
                 f"{true['mu_max']:.4f}",
-                plus_minus(point and point.mu_max, out and out.mu_max_std),
+                plus_minus(point.mu_max, out.mu_max_std),
                 "-" if phase.error is None else f"{100 * phase.error:+.1f} %",
                 f"{true['lambda_m']:.4f}",
-                plus_minus(point and point.lambda_m, out and out.lambda_m_std),
+                plus_minus(point.lambda_m, out.lambda_m_std),
                 "not found" if phase.found_s is None else f"{phase.found_s:.2f} s",
                 "-" if phase.adhesion_used is None else f"{100 * phase.adhesion_used:.0f} %",
             )

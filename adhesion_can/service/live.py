@@ -31,7 +31,7 @@ CLOCK_TOLERANCE_US = 1_000_000
 
 
 def wall_clock() -> int:
-    """This host's clock, µs since the epoch, as SocketCAN stamps frames."""
+    """Clock of this host, µs since the epoch, as SocketCAN stamps frames."""
     return time.time_ns() // 1000
 
 

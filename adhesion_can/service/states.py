@@ -1,8 +1,9 @@
-"""The states of the service as an explicit table.
+"""The states of the service as a table.
 
-What holds at a moment is a set of conditions; the first that holds, in the order of `PRECEDENCE`,
-is the status. `TRANSITIONS` lists the changes that can follow from it: an estimate, once there, does
-not go away, so INIT is never reached from a state that had one.
+The contract orders the conditions: where several hold, the first of them is the status. So a
+status follows from the conditions alone, whatever came before it, and every state leaves to every
+other one by the same rows. `TRANSITIONS` says which condition leads where, `VALUES` what the
+setpoints carry there.
 """
 
 from dataclasses import dataclass
@@ -48,13 +49,14 @@ class Conditions:
     low_excitation: bool = False
 
 
-PRECEDENCE: tuple[tuple[Status, str], ...] = (
-    (Status.FAULT, "fault"),
-    (Status.STALE_INPUT, "stale"),
-    (Status.INIT, "no_estimate"),
-    (Status.SURFACE_CHANGE, "surface_change"),
-    (Status.LOW_EXCITATION, "low_excitation"),
+TRANSITIONS: tuple[tuple[str, Status], ...] = (
+    ("fault", Status.FAULT),
+    ("stale", Status.STALE_INPUT),
+    ("no_estimate", Status.INIT),
+    ("surface_change", Status.SURFACE_CHANGE),
+    ("low_excitation", Status.LOW_EXCITATION),
 )
+"""From any state: the first condition that holds leads to its status; none: TRACKING."""
 
 VALUES: dict[Status, Values] = {
     Status.INIT: Values.NOT_AVAILABLE,
@@ -65,21 +67,10 @@ VALUES: dict[Status, Values] = {
     Status.FAULT: Values.NOT_AVAILABLE,
 }
 
-_S = Status
-_ESTIMATING = frozenset({_S.TRACKING, _S.LOW_EXCITATION, _S.SURFACE_CHANGE})
-TRANSITIONS: dict[Status, frozenset[Status]] = {
-    _S.INIT: _ESTIMATING | {_S.INIT, _S.STALE_INPUT, _S.FAULT},
-    _S.TRACKING: _ESTIMATING | {_S.STALE_INPUT, _S.FAULT},
-    _S.LOW_EXCITATION: _ESTIMATING | {_S.STALE_INPUT, _S.FAULT},
-    _S.SURFACE_CHANGE: _ESTIMATING | {_S.STALE_INPUT, _S.FAULT},
-    _S.STALE_INPUT: _ESTIMATING | {_S.INIT, _S.STALE_INPUT, _S.FAULT},
-    _S.FAULT: _ESTIMATING | {_S.INIT, _S.STALE_INPUT, _S.FAULT},
-}
-
 
 def status_of(conditions: Conditions) -> Status:
-    """The status: the first condition that holds, else TRACKING."""
-    for status, name in PRECEDENCE:
+    """The status that follows from the conditions, by `TRANSITIONS`."""
+    for name, status in TRANSITIONS:
         if getattr(conditions, name):
             return status
     return Status.TRACKING

@@ -120,9 +120,9 @@ class Drive:
     def setpoint(self, time_s: float, speed: float) -> Array:
         """Creep speed that each axle is to have, m/s, shape (axles,)."""
         command, settings = self.command, self.settings
-        if self.obey and command.known and command.creep_speed is not None:
-            if time_s - command.since_s >= settings.probe_s:
-                return np.full(self.axles, command.creep_speed)
+        settled = command.known and time_s - command.since_s >= settings.probe_s
+        if self.obey and settled and command.creep_speed is not None:
+            return np.full(self.axles, command.creep_speed)
         slip = probing_slip(time_s, self.axles, self.pattern, settings)
         return np.asarray(slip * max(speed, settings.v_min))
 
