@@ -125,8 +125,8 @@ def _print(result: BatchResult, problems: list[str]) -> None:
     out.print(table("Batch fit, ± standard deviation", columns, rows))
     if len(result.segments) > 1:
         out.print(
-            f"The rail changed {len(result.segments) - 1} times: one curve for all does not "
-            "describe it, see the stretches."
+            f"The curve changed {len(result.segments) - 1} times: one for all does not "
+            "describe the data, see the stretches."
         )
     untold = [s for s in result.segments if not s.estimate.identifiable.both]
     if untold:

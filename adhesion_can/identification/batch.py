@@ -21,6 +21,9 @@ from adhesion_can.physics.data import Estimate, Identifiable, Samples
 STEEPNESS = np.geomspace(2.0, 400.0, 60)
 """Scan over c2: neighbours are 9 % apart, well within the reach of the refinement."""
 
+LOWER, UPPER = np.array([1e-6, 1.0, 0.0]), np.array([10.0, 1000.0, 10.0])
+"""Of (c1, c2, c3): wide enough never to decide where the data do."""
+
 BINS = 96
 SCAN_SAMPLES = 20_000
 
@@ -78,12 +81,12 @@ def fit(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Es
     settings = settings or IdentifiabilitySettings()
     h, z = samples.folded()
     step = max(len(h) // SCAN_SAMPLES, 1)
-    start = _scan(h[::step], z[::step])
+    start = np.clip(_scan(h[::step], z[::step]), 1.001 * LOWER + 1e-6, 0.999 * UPPER)
     found = least_squares(
         lambda theta: innovation(theta, h, z),
         start,
         jac=lambda theta: -sensitivity(theta, h),
-        bounds=([1e-6, 1.0, 0.0], [10.0, 1000.0, 10.0]),
+        bounds=(LOWER, UPPER),
         x_scale=np.maximum(start, 1e-3),
         xtol=1e-12,
         ftol=1e-12,
@@ -169,7 +172,9 @@ class _Sums(NamedTuple):
 
 
 def _chunk_sums(h: Array, z: Array, starts: NDArray[np.int64]) -> _Sums:
-    edges = np.unique(np.quantile(h, np.linspace(0, 1, BINS + 1)[1:-1]))
+    # Narrow where the samples are, and where the curve is steep though samples are few.
+    crowded = np.quantile(h, np.linspace(0, 1, BINS + 1)[1:-1])
+    edges = np.unique(np.concatenate([crowded, np.geomspace(1e-3, 1.0, BINS) * max(h.max(), 1e-6)]))
     index = np.searchsorted(edges, h)
     bins = len(edges) + 1
     count_all = np.bincount(index, minlength=bins)

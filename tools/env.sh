@@ -1,0 +1,46 @@
+# Sourced by the other tools: the project's own virtual environment in .venv, made when it is missing
+# and brought up to date when pyproject.toml has changed. need EXTRAS: 'test', 'dev' or ''.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+venv=$root/.venv
+say() { echo "$(basename "$0"): $*" >&2; }
+die() { say "$*"; exit 1; }
+
+# apt NAME...: install Debian packages; quietly does nothing that is there already.
+apt() {
+  command -v apt-get >/dev/null || die "needs $*, and there is no apt-get here: install them by hand"
+  [ "$(id -u)" = 0 ] || die "needs $*: run as root, or 'apt-get install $*' first"
+  say "installing $*"
+  { apt-get -q update || say "apt-get update failed; going on with the lists there are"; } >/dev/null 2>&1
+  DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends "$@" >/dev/null || die "cannot install $*"
+}
+
+python_new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
+
+find_python() {
+  local candidate
+  for candidate in "${PYTHON:-python3}" python3.13 python3.12 python3.11 /usr/bin/python3; do
+    if python_new_enough "$candidate"; then echo "$candidate"; return; fi
+  done
+  die "needs Python 3.11 or later (set PYTHON to one)"
+}
+
+need() {
+  local extras=$1 python stamp wanted
+  stamp=$venv/installed-${extras:-plain}
+  if ! python_new_enough "$venv/bin/python"; then
+    python=$(find_python)
+    say "making $venv with $("$python" --version)"
+    rm -rf "$venv"
+    # Debian splits venv off Python; without its ensurepip the first attempt fails.
+    "$python" -m venv "$venv" >/dev/null 2>&1 || { rm -rf "$venv"; apt python3-venv; "$python" -m venv "$venv"; }
+  fi
+  wanted=$(sha256sum <"$root/pyproject.toml" | cut -d' ' -f1)
+  if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ] || ! "$venv/bin/python" -c 'import adhesion_can' 2>/dev/null; then
+    say "installing adhesion-can${extras:+ with its extra '$extras'} (once; about a minute)"
+    "$venv/bin/python" -m pip install -q --disable-pip-version-check -e "$root${extras:+[$extras]}" 2>&1 |
+      { grep -v -E '^(WARNING: Location|\[notice\])' || true; } >&2
+    echo "$wanted" >"$stamp"
+  fi
+  export PATH=$venv/bin:$PATH
+}
