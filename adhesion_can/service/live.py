@@ -25,6 +25,9 @@ IDLE_S = 0.1
 PAUSES_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Before each attempt to open a lost bus again; the last one repeats."""
 QUEUE_FRAMES = 4096
+"""Bound of our own queue: eight seconds of the contract's full input."""
+DRAIN_FRAMES = 256
+"""Taken from the bus at most before the next one is handled."""
 ECHO_US = 1_000_000
 CLOCK_TOLERANCE_US = 1_000_000
 """Stamps further from this host's clock come from another one, and are shifted by the offset."""
@@ -137,12 +140,14 @@ class LiveService:
             return None
         try:
             message = self._bus.recv(0.0 if self._queue else wait_s)
+            taken = 0
             while message is not None:
                 self._queue.append(message)
                 if len(self._queue) > QUEUE_FRAMES:
                     self._queue.popleft()
                     self.core.counts.receive_drops += 1
-                message = self._bus.recv(0.0) if len(self._queue) < 64 else None
+                taken += 1
+                message = self._bus.recv(0.0) if taken < DRAIN_FRAMES else None
         except (can.CanError, OSError) as error:
             self._lost(error)
         return self._queue.popleft() if self._queue else None

@@ -1,0 +1,24 @@
+"""What many tests share: where the real data lie, and quiet hypothesis runs."""
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+settings.register_profile(
+    "quiet", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
+)
+settings.load_profile("quiet")
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def realdata():
+    """Folder of the real measurements; skips where it is absent."""
+    named = os.environ.get("ADHESION_CAN_REALDATA")
+    folder = Path(named) if named else ROOT.parent / "shared" / "realdata"
+    if not folder.is_dir():
+        pytest.skip(f"no real data: neither $ADHESION_CAN_REALDATA nor {folder.name} beside us")
+    return folder

@@ -1,0 +1,238 @@
+"""The live loop on python-can's virtual bus, and on buses that fail."""
+
+import threading
+import time
+
+import can
+import pytest
+
+from adhesion_can.bus.candump import read_candump, ReadReport
+from adhesion_can.bus.frame import Frame, Mark
+from adhesion_can.bus.recordings import from_message, to_message
+from adhesion_can.config import load_configuration
+from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.live import LiveService, wall_clock
+from adhesion_can.service.replay import replay
+from tests.service.test_core import Says, run, status
+from tests.wire import Bench
+
+CONFIG = load_configuration()
+
+
+def opened(channel, **options):
+    return can.Bus(interface="virtual", channel=channel, **options)
+
+
+class Running:
+    """A service in a thread of its own."""
+
+    def __init__(self, core, bus, reopen=None, **options):
+        self.core = core
+        self.lines = []
+        self.told = []
+        self.service = LiveService(
+            core,
+            bus,
+            reopen or (lambda: bus),
+            write_log=self.lines.append,
+            tell=self.told.append,
+            **options,
+        )
+        self.thread = threading.Thread(target=self.service.run)
+
+    def __enter__(self):
+        self.thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self.service.stop()
+        self.thread.join(5)
+        assert not self.thread.is_alive()
+
+
+def send_drive(bus, seconds, stall_at=None):
+    """A steady drive in real time; returns when it is over."""
+    began = time.monotonic()
+    for frame in Bench().drive(0, round(seconds * 1e6)):
+        time.sleep(max(0.0, frame.t_us / 1e6 - (time.monotonic() - began)))
+        if stall_at is not None and frame.t_us / 1e6 > stall_at:
+            time.sleep(0.15)
+            stall_at = None
+        bus.send(to_message(frame._replace(t_us=wall_clock())))
+
+
+def everything(bus):
+    """What has come in; does not wait, since the service never stops to send."""
+    frames = []
+    while (message := bus.recv(0.0)) is not None:
+        frames.append(from_message(message))
+    return frames
+
+
+def own(frames, with_health=False):
+    ids = {0x201, 0x202, 0x203, 0x204} | ({0x211} if with_health else set())
+    return [(f.arbitration_id, f.data) for f in frames if f.arbitration_id in ids]
+
+
+@pytest.mark.parametrize("stall_at", [None, 0.8])
+def test_live_and_the_replay_of_its_log_are_byte_identical(stall_at):
+    """Also where the sender stalls, so that the loop has to advance by its own clock."""
+    channel = f"identical-{stall_at}"
+    with opened(channel) as sender, opened(channel) as listener:
+        with Running(ServiceCore(CONFIG), opened(channel)) as live:
+            send_drive(sender, 2.2, stall_at)
+            time.sleep(0.2)
+        heard = own(everything(listener))
+    report = ReadReport()
+    items = list(read_candump([line.encode() for line in live.lines], report))
+    assert report.passed_over == 0
+    assert any(isinstance(item, Mark) for item in items)
+    sent = []
+    replay(items, ServiceCore(CONFIG), sent.append)
+    assert own(sent) == heard
+    assert len(heard) > 700
+    # The stamps in the log are those of the replay.
+    logged = [i for i in items if isinstance(i, Frame) and i.arbitration_id in (0x201, 0x204)]
+    again = [f for f in sent if f.arbitration_id in (0x201, 0x204)]
+    assert [(f.t_us, f.data) for f in logged] == [(f.t_us, f.data) for f in again]
+
+
+def test_setpoints_come_while_the_inputs_are_silent():
+    with opened("silent") as sender, opened("silent") as listener:
+        with Running(ServiceCore(CONFIG, Says), opened("silent")):
+            send_drive(sender, 0.3)
+            everything(listener)
+            time.sleep(0.5)
+            frames = everything(listener)
+    setpoints = [f for f in frames if f.arbitration_id == 0x201]
+    assert len(setpoints) >= 15
+    assert status(frames) == "STALE_INPUT"
+
+
+def test_a_dry_run_sends_nothing_and_logs_what_it_would_have_sent():
+    with opened("dry") as sender, opened("dry") as listener:
+        with Running(ServiceCore(CONFIG), opened("dry"), dry_run=True) as live:
+            send_drive(sender, 0.3)
+        assert own(everything(listener), with_health=True) == []
+    assert any(" 201#" in line for line in live.lines)
+    assert live.service.counts.sent == 0
+
+
+def test_echoes_of_our_own_frames_are_not_a_second_sender():
+    channel = "echo"
+    with opened(channel) as sender:
+        echoing = opened(channel, receive_own_messages=True)
+        with Running(ServiceCore(CONFIG, Says), echoing) as live:
+            send_drive(sender, 0.5)
+            time.sleep(0.1)
+    assert live.service.counts.echoes > 100
+    assert live.service.counts.foreign_outputs == 0
+    assert live.core.faults == []
+
+
+def test_a_second_service_is_told_and_a_fault_and_in_the_log():
+    channel = "second"
+    other = run(ServiceCore(CONFIG, Says), Bench().drive(0, 100_000))
+    with opened(channel) as sender, opened(channel) as listener:
+        with Running(ServiceCore(CONFIG, Says), opened(channel)) as live:
+            send_drive(sender, 0.3)
+            foreign = next(f for f in reversed(other) if f.arbitration_id == 0x201)
+            sender.send(to_message(foreign._replace(t_us=wall_clock(), data=b"\1\2\3\4\5\6\7\x08")))
+            time.sleep(0.1)
+            assert status(everything(listener)) == "FAULT"
+    assert live.service.counts.foreign_outputs == 1
+    assert any("another sender of AdhesionSetpoint (0x201)" in line for line in live.told)
+    assert any("second-sender" in line for line in live.lines)
+
+
+class FailingBus(can.BusABC):
+    """A bus that gives what it has and then breaks."""
+
+    def __init__(self, messages=(), error=None, send_error=None):
+        super().__init__(channel="failing")
+        self.messages = list(messages)
+        self.error = error
+        self.send_error = send_error
+        self.sent = []
+
+    def _recv_internal(self, timeout):
+        if self.messages:
+            return self.messages.pop(0), True
+        if self.error:
+            raise self.error
+        time.sleep(min(timeout or 0.0, 0.01))
+        return None, True
+
+    def send(self, msg, timeout=None):
+        if self.send_error:
+            raise self.send_error
+        self.sent.append(msg)
+
+
+def messages_of(frames):
+    now = wall_clock()
+    return [to_message(frame._replace(t_us=now + frame.t_us)) for frame in frames]
+
+
+def test_a_bus_that_goes_down_is_opened_again_and_the_core_goes_on():
+    bench = Bench()
+    first = FailingBus(messages_of(bench.drive(0, 50_000)), error=can.CanOperationError("down"))
+    second = FailingBus()
+    attempts = []
+
+    def reopen():
+        attempts.append(time.monotonic())
+        if len(attempts) < 3:
+            raise OSError("still down")
+        return second
+
+    with Running(ServiceCore(CONFIG, Says), first, reopen) as live:
+        time.sleep(1.3)
+    assert live.service.counts.reopened == 1
+    assert len(attempts) == 3
+    assert attempts[2] - attempts[1] > attempts[1] - attempts[0] > 0.1
+    assert second.sent  # STALE_INPUT is said on the new bus
+    assert [line for line in live.told if "gone" in line or "back" in line] == live.told
+
+
+def test_frames_that_the_bus_does_not_take_are_counted_and_told_once():
+    bus = FailingBus(
+        messages_of(Bench().drive(0, 100_000)), send_error=can.CanOperationError("full")
+    )
+    with Running(ServiceCore(CONFIG, Says), bus) as live:
+        time.sleep(0.3)
+    assert live.service.counts.send_errors > 20
+    assert live.service.counts.sent == 0
+    assert len(live.told) == 1
+
+
+def test_stamps_of_another_clock_are_shifted_and_told():
+    bus = FailingBus([to_message(f) for f in Bench().drive(5_000_000, 5_300_000)])
+    with Running(ServiceCore(CONFIG, Says), bus) as live:
+        time.sleep(0.2)
+    assert live.service.counts.clock_offset_us > 1e15
+    assert "another clock" in live.told[0]
+    assert live.core.counts.clamped == 0
+
+
+def test_a_flood_is_bounded_and_its_oldest_frames_are_dropped_and_counted(monkeypatch):
+    monkeypatch.setattr("adhesion_can.service.live.QUEUE_FRAMES", 50)
+    bus = FailingBus(messages_of(Bench().drive(0, 2_000_000)))
+    service = LiveService(ServiceCore(CONFIG, Says), bus, lambda: bus)
+    flood = len(bus.messages)
+    taken = []
+    for _ in range(flood):
+        # Ten come in while one is handled: nobody can follow that.
+        taken.append(service._receive(0.0))
+        assert len(service._queue) <= 50
+    taken = [message for message in taken if message is not None]
+    dropped = service.core.counts.receive_drops
+    assert dropped > 0
+    assert len(taken) + dropped == flood
+
+
+def test_loop_time_is_measured_and_said():
+    with opened("loop") as sender:
+        with Running(ServiceCore(CONFIG, Says), opened("loop")) as live:
+            send_drive(sender, 1.2)
+    assert 10 < live.core.loop_time_p99_us < 100_000
