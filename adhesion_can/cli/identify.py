@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _exists(path: Path) -> bool:
     if not path.exists():
-        raise InputError(str(path), "no such file", "check the path")
+        raise InputError(str(path), "No such file or directory", "check the path")
     return True
 
 

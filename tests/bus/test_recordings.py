@@ -1,0 +1,501 @@
+"""Recordings of every format, their faults, and files that appear whole or not at all."""
+
+import gc
+import gzip
+import random
+import sqlite3
+
+import can
+import pytest
+
+from adhesion_can.bus.candump import format_frame
+from adhesion_can.bus.frame import Frame, Mark
+from adhesion_can.bus.recordings import Recording, file_sha256, from_message, to_message, whole_file
+from adhesion_can.errors import AdhesionCanError, InputError, RecordingError
+
+T = 1_700_000_000_123_456
+# python-can's readers leave their file open where their constructor raises.
+LEAVES_FILES_OPEN = pytest.mark.filterwarnings("ignore::ResourceWarning")
+SUFFIXES = (".asc", ".blf", ".trc", ".csv", ".db")
+KNOWS_CHANNEL = (".asc", ".blf", ".trc")
+KNOWS_ALL_KINDS = (".asc", ".blf", ".csv", ".db")
+
+
+def plain_frames(count=60):
+    """Data frames of both id lengths and every size, on two channels."""
+    rng = random.Random(7)
+    return [
+        Frame(
+            T + i * 10_000 + rng.randrange(2000),
+            rng.randrange(0x800) if i % 3 else rng.randrange(0x800, 1 << 29),
+            rng.randbytes(i % 9),
+            f"can{i % 2}",
+            i % 3 == 0,
+        )
+        for i in range(count)
+    ]
+
+
+OTHER_KINDS = [
+    Frame(T + 700_000, 0x123, b"", "can0", is_remote=True),
+    Frame(T + 710_000, 0x12345678, b"", "can0", True, is_remote=True),
+    Frame(T + 720_000, 0x80, b"", "can0", is_error=True),
+]
+
+
+def message_of(frame):
+    """python-can's message, made here and not by the package."""
+    return can.Message(
+        timestamp=frame.t_us / 1e6,
+        arbitration_id=frame.arbitration_id,
+        data=frame.data or None,
+        channel=frame.channel,
+        is_extended_id=frame.is_extended,
+        is_fd=frame.is_fd,
+        is_remote_frame=frame.is_remote,
+        is_error_frame=frame.is_error,
+        check=not frame.is_error,
+    )
+
+
+def written(path, frames):
+    if path.suffix == ".log":
+        path.write_text("".join(map(format_frame, frames)))
+        return path
+    with can.Logger(path) as writer:
+        for frame in frames:
+            writer(message_of(frame))
+    return path
+
+
+def relative(frames, *, channel):
+    """Frames with stamps from the first one on; formats differ in where they start."""
+    start = frames[0].t_us
+    return [
+        f._replace(
+            t_us=f.t_us - start,
+            channel=f.channel if channel else "",
+            # What an error frame says differs: none of it is ours.
+            arbitration_id=0 if f.is_error else f.arbitration_id,
+            is_extended=True if f.is_error else f.is_extended,
+        )
+        for f in frames
+    ]
+
+
+def assert_same_frames(found, wanted):
+    assert [f._replace(t_us=0) for f in found] == [f._replace(t_us=0) for f in wanted]
+    for a, b in zip(found, wanted, strict=True):
+        assert abs(a.t_us - b.t_us) <= 1, "a microsecond"
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_every_format_equals_the_candump_reading(tmp_path, suffix):
+    frames = plain_frames() + (OTHER_KINDS if suffix in KNOWS_ALL_KINDS else [])
+    candump = list(Recording(written(tmp_path / "a.log", frames)))
+    assert candump == frames
+    found = list(Recording(written(tmp_path / f"a{suffix}", frames)))
+    assert_same_frames(relative(found, channel=False), relative(candump, channel=False))
+
+
+@pytest.mark.parametrize("suffix", KNOWS_CHANNEL)
+def test_formats_with_channels_name_them_as_candump_does(tmp_path, suffix):
+    frames = plain_frames()
+    found = list(Recording(written(tmp_path / f"a{suffix}", frames)))
+    assert [f.channel for f in found] == [f.channel for f in frames]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".db"])
+def test_formats_without_channels_leave_them_open(tmp_path, suffix):
+    found = list(Recording(written(tmp_path / f"a{suffix}", plain_frames())))
+    assert {f.channel for f in found} == {""}
+
+
+@pytest.mark.parametrize("suffix", [".blf", ".csv", ".db"])
+def test_absolute_stamps_are_kept(tmp_path, suffix):
+    (found, *_) = Recording(written(tmp_path / f"a{suffix}", plain_frames()))
+    assert abs(found.t_us - plain_frames()[0].t_us) <= 1
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".blf"])
+def test_fd_frames_survive(tmp_path, suffix):
+    frames = [
+        Frame(T + i * 1000, 0x100 + i, bytes(range(size)), "can0", is_fd=True)
+        for i, size in enumerate((1, 8, 12, 64))  # python-can's .asc takes 0 bytes for remote
+    ]
+    found = list(Recording(written(tmp_path / f"fd{suffix}", frames)))
+    assert_same_frames(relative(found, channel=True), relative(frames, channel=True))
+
+
+@pytest.mark.parametrize("suffix", [".log", *KNOWS_ALL_KINDS])
+def test_the_report_counts_by_kind_in_every_format(tmp_path, suffix):
+    recording = Recording(written(tmp_path / f"a{suffix}", plain_frames(10) + OTHER_KINDS))
+    assert len(list(recording)) == 13
+    assert recording.report.kinds == {"frame": 10, "remote": 2, "error": 1}
+    assert recording.report.backwards == 0
+    assert recording.report.passed_over == 0
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".blf", ".csv", ".trc"])
+def test_formats_other_than_candump_may_be_packed(tmp_path, suffix):
+    frames = plain_frames(20)
+    plain = written(tmp_path / f"a{suffix}", frames)
+    packed = tmp_path / f"a{suffix}.gz"
+    packed.write_bytes(gzip.compress(plain.read_bytes()))
+    assert list(Recording(packed)) == list(Recording(plain))
+
+
+@LEAVES_FILES_OPEN
+@pytest.mark.usefixtures("collected")
+def test_a_packed_database_is_an_error_with_a_mend(tmp_path):
+    plain = written(tmp_path / "a.db", plain_frames(5))
+    packed = tmp_path / "a.db.gz"
+    packed.write_bytes(gzip.compress(plain.read_bytes()))
+    with pytest.raises(RecordingError) as error:
+        list(Recording(packed))
+    assert_one_line(error.value, packed.name)
+
+
+def test_stamps_backwards_are_counted_in_every_format(tmp_path):
+    frames = plain_frames(4)
+    frames[2] = frames[2]._replace(t_us=T - 5_000_000)
+    for suffix in (".log", ".csv", ".db"):
+        recording = Recording(written(tmp_path / f"a{suffix}", frames))
+        assert len(list(recording)) == 4
+        assert recording.report.backwards == 1, suffix
+
+
+# --- candump text under other names --------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name", ["a.log", "a.txt", "a", "a.candump", "a.log.1", "2024.05.01", "x.LOG"]
+)
+def test_candump_text_is_known_by_its_lines(tmp_path, name):
+    path = tmp_path / name
+    path.write_text("".join(map(format_frame, plain_frames(5))))
+    assert list(Recording(path)) == plain_frames(5)
+
+
+def test_an_empty_file_is_an_empty_recording(tmp_path):
+    for name in ("a.log", "a.txt", "a"):
+        path = tmp_path / name
+        path.write_bytes(b"")
+        recording = Recording(path)
+        assert list(recording) == []
+        assert recording.report.kinds == {}
+
+
+def test_a_log_of_garbage_is_counted_and_gives_nothing(tmp_path):
+    path = tmp_path / "a.log"
+    path.write_bytes(random.Random(1).randbytes(5000))
+    recording = Recording(path)
+    assert list(recording) == []
+    kinds = recording.report.kinds
+    assert recording.report.passed_over == kinds.total() - kinds["comment"] - kinds["blank"] > 5
+
+
+def test_a_line_longer_than_the_limit_is_split_not_swallowed(tmp_path):
+    path = tmp_path / "a.log"
+    good = plain_frames(2)
+    path.write_bytes(
+        format_frame(good[0]).encode() + b"\x00" * 200_000 + b"\n" + format_frame(good[1]).encode()
+    )
+    recording = Recording(path)
+    assert list(recording) == good
+    assert recording.report.kinds["malformed"] + recording.report.kinds["cut"] >= 1
+
+
+def test_a_recording_can_be_read_twice(tmp_path):
+    path = written(tmp_path / "a.log", plain_frames(5))
+    recording = Recording(path)
+    assert list(recording) == list(recording)
+    assert recording.size == path.stat().st_size
+    assert recording.sha256 == file_sha256(path)
+
+
+# --- what cannot be read -------------------------------------------------------------------------
+
+
+def assert_one_line(error, *parts):
+    text = str(error)
+    assert "\n" not in text
+    assert "\r" not in text
+    assert len(text) < 400
+    assert "; " in text, "the mend stands behind a semicolon"
+    for part in parts:
+        assert part in text
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(RecordingError) as error:
+        Recording(tmp_path / "nowhere.log")
+    assert_one_line(error.value, "nowhere.log", "No such file")
+
+
+def test_a_folder_is_not_a_recording(tmp_path):
+    with pytest.raises(RecordingError) as error:
+        Recording(tmp_path)
+    assert_one_line(error.value, tmp_path.name)
+
+
+@pytest.mark.parametrize("name", ["a.pcap", "a.bin", "a.mat", "a.json.gz", "a.xlsx"])
+def test_a_wrong_suffix_is_an_error_with_a_mend(tmp_path, name):
+    path = tmp_path / name
+    path.write_bytes(b"\x01\x02 something else\n" * 10)
+    with pytest.raises(RecordingError) as error:
+        list(Recording(path))
+    assert_one_line(error.value, name, "candump")
+
+
+@LEAVES_FILES_OPEN
+@pytest.mark.usefixtures("collected")
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_another_format_under_this_suffix_is_an_error_or_empty(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(b"This is no recording at all.\nNor is this.\n" * 20)
+    try:
+        assert list(Recording(path)) == []
+    except RecordingError as error:
+        assert_one_line(error, path.name)
+
+
+def damaged(content, rng, way):
+    content = bytearray(content)
+    if way == "cut":
+        return content[: rng.randrange(1, len(content))]
+    if way == "flipped":
+        for _ in range(4):
+            content[rng.randrange(len(content))] ^= rng.randrange(1, 256)
+        return content
+    if way == "hole":
+        first = rng.randrange(len(content))
+        del content[first : first + rng.randrange(1, 60)]
+        return content
+    return bytearray(rng.randbytes(rng.randrange(1, 600)))
+
+
+@pytest.fixture
+def collected():
+    """What a test left open is closed before the next one begins."""
+    yield
+    gc.collect()
+
+
+def check_damage(tmp_path, suffix, way, times):
+    whole = written(tmp_path / f"whole{suffix}", plain_frames(20)).read_bytes()
+    rng = random.Random(f"{suffix} {way}")
+    raised = {}
+    for i in range(times):
+        path = tmp_path / f"bad{i}{suffix}"
+        path.write_bytes(damaged(whole, rng, way))
+        try:
+            for frame in Recording(path):
+                assert isinstance(frame, Frame)
+        except AdhesionCanError as error:
+            assert_one_line(error, path.name)
+        except Exception as error:  # noqa: BLE001  whatever it is, it must not come out
+            raised.setdefault(f"{type(error).__module__}.{type(error).__name__}", str(error)[:80])
+            del error
+        path.unlink()
+    assert not raised, "only our own errors may come out"
+
+
+@pytest.mark.filterwarnings(
+    "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
+)
+@pytest.mark.parametrize("way", ["cut", "flipped", "hole", "noise"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.usefixtures("collected")
+def test_a_damaged_file_raises_our_own_error_alone(tmp_path, suffix, way):
+    check_damage(tmp_path, suffix, way, 12)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings(
+    "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
+)
+@pytest.mark.parametrize("way", ["cut", "flipped", "hole", "noise"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.usefixtures("collected")
+def test_a_damaged_file_raises_our_own_error_alone_at_length(tmp_path, suffix, way):
+    check_damage(tmp_path, suffix, way, 400)
+
+
+def test_what_came_before_the_damage_is_kept(tmp_path):
+    whole = written(tmp_path / "a.csv", plain_frames(20))
+    lines = whole.read_text().splitlines()
+    lines[11] = "what,is,this"
+    whole.write_text("\n".join(lines))
+    recording = Recording(whole)
+    found = []
+
+    def read():
+        for frame in recording:
+            found.append(frame)  # noqa: PERF402  a list would lose them with the exception
+
+    with pytest.raises(RecordingError) as error:
+        read()
+    assert len(found) == 10
+    assert_one_line(error.value, "a.csv", "10 frames")
+    assert recording.report.kinds["frame"] == 10
+
+
+@pytest.mark.parametrize("stamp", ["nan", "inf", "-inf", "1e400"])
+def test_a_stamp_that_is_no_number_raises_our_own_error(tmp_path, stamp):
+    path = tmp_path / "a.csv"
+    path.write_text(
+        f"timestamp,arbitration_id,extended,remote,error,dlc,data\n{stamp},0x123,0,0,0,1,/w==\n"
+    )
+    with pytest.raises(RecordingError) as error:
+        list(Recording(path))
+    assert_one_line(error.value, "a.csv")
+
+
+@LEAVES_FILES_OPEN
+@pytest.mark.usefixtures("collected")
+def test_a_database_without_the_table_is_our_own_error(tmp_path):
+    path = tmp_path / "a.db"
+    with sqlite3.connect(path) as connection:
+        connection.execute("CREATE TABLE other (x)")
+    connection.close()
+    with pytest.raises(RecordingError) as error:
+        list(Recording(path))
+    assert_one_line(error.value, "a.db")
+
+
+@LEAVES_FILES_OPEN
+@pytest.mark.usefixtures("collected")
+def test_mf4_without_asammdf_names_the_extra(tmp_path):
+    pytest.importorskip("can.io.mf4")
+    try:
+        import asammdf  # noqa: F401, PLC0415
+    except ImportError:
+        pass
+    else:
+        pytest.skip("asammdf is installed")
+    path = tmp_path / "a.mf4"
+    path.write_bytes(b"MDF     4.10    " + bytes(100))
+    with pytest.raises(RecordingError) as error:
+        list(Recording(path))
+    assert_one_line(error.value, "a.mf4", "adhesion-can[mf4]")
+
+
+# --- messages ------------------------------------------------------------------------------------
+
+
+def test_frames_go_to_python_can_and_back():
+    for frame in plain_frames(20):
+        message = to_message(frame)
+        message.channel = frame.channel
+        assert from_message(message) == frame
+
+
+def test_a_remote_request_does_not_become_an_empty_data_frame():
+    frame = OTHER_KINDS[0]
+    assert from_message(to_message(frame)).is_remote
+
+
+@pytest.mark.parametrize(
+    ("channel", "name"), [(0, "can0"), (3, "can3"), ("vcan0", "vcan0"), ("1", "can1"), (None, "")]
+)
+def test_channels_have_names(channel, name):
+    message = can.Message(timestamp=1.0, arbitration_id=1, channel=channel)
+    assert from_message(message).channel == name
+
+
+@pytest.mark.parametrize("micros", [0, 1, 999_999, T, 2_147_483_648_000_001, 4_102_444_800_999_999])
+def test_seconds_come_back_as_the_same_microseconds(micros):
+    assert from_message(can.Message(timestamp=micros / 1e6, arbitration_id=1)).t_us == micros
+
+
+# --- whole files ---------------------------------------------------------------------------------
+
+
+class BrokenError(Exception):
+    """Raised by the tests alone."""
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.log.gz", "a.gz"])
+@pytest.mark.parametrize("mode", ["w", "wb"])
+def test_a_whole_file_holds_what_was_written(tmp_path, name, mode):
+    path = tmp_path / name
+    text = "Größe λ\r\n" * 1000
+    with whole_file(path, mode) as file:
+        assert not path.exists()
+        file.write(text if mode == "w" else text.encode())
+    content = path.read_bytes()
+    assert (gzip.decompress(content) if name.endswith("gz") else content) == text.encode()
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.log.gz"])
+@pytest.mark.parametrize("mode", ["w", "wb"])
+@pytest.mark.parametrize("kind", [BrokenError, KeyboardInterrupt, SystemExit])
+def test_an_exception_leaves_nothing_behind(tmp_path, name, mode, kind):
+    def write():
+        with whole_file(tmp_path / name, mode) as file:
+            file.write("half" * 10_000 if mode == "w" else b"half" * 10_000)
+            raise kind
+
+    with pytest.raises(kind):
+        write()
+    gc.collect()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_exception_leaves_the_old_file_as_it_was(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("old")
+
+    def write():
+        with whole_file(path) as file:
+            file.write("new")
+            raise BrokenError
+
+    with pytest.raises(BrokenError):
+        write()
+    assert path.read_text() == "old"
+    with whole_file(path) as file:
+        file.write("new")
+    assert path.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_missing_folder_is_an_error_with_a_mend(tmp_path):
+    path = tmp_path / "none" / "a.csv"
+    with pytest.raises(InputError) as error, whole_file(path) as file:
+        file.write("x")
+    assert_one_line(error.value, "a.csv")
+
+
+def test_a_folder_in_the_place_of_the_file_is_our_own_error_and_leaves_nothing(tmp_path):
+    path = tmp_path / "out.csv"
+    path.mkdir()
+    with pytest.raises(InputError) as error, whole_file(path) as file:
+        file.write("x")
+    assert_one_line(error.value, "out.csv")
+    assert [p.name for p in tmp_path.iterdir()] == ["out.csv"]
+
+
+def test_packed_output_is_the_same_bytes_each_time(tmp_path):
+    for name in ("a.log.gz", "b.log.gz"):
+        with whole_file(tmp_path / name) as file:
+            file.write("same\n" * 100)
+    with whole_file(tmp_path / "again.log.gz") as file:
+        file.write("same\n" * 100)
+    (tmp_path / "again.log.gz").replace(tmp_path / "a2")
+    with whole_file(tmp_path / "again.log.gz") as file:
+        file.write("same\n" * 100)
+    assert (tmp_path / "a2").read_bytes() == (tmp_path / "again.log.gz").read_bytes()
+
+
+def test_a_packed_recording_written_by_us_reads_back(tmp_path):
+    path = tmp_path / "a.log.gz"
+    frames = plain_frames()
+    with whole_file(path) as file:
+        for frame in frames:
+            file.write(format_frame(frame))
+    found = list(Recording(path))
+    assert found == frames
+    assert not any(isinstance(item, Mark) for item in found)

@@ -1,0 +1,69 @@
+"""The README's bench over multicast, in a network of its own: nothing leaves it."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.terminals import Terminal, bench_lines
+
+ROOT = Path(__file__).resolve().parents[2]
+NETWORK = "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && exec "
+
+
+def own_network():
+    """Whether a network namespace with a multicast route can be had."""
+    if not (shutil.which("unshare") and shutil.which("ip")):
+        return False
+    probe = ["unshare", "-n", "sh", "-c", NETWORK + "true"]
+    return subprocess.run(probe, capture_output=True, check=False).returncode == 0
+
+
+@pytest.mark.skipif(not own_network(), reason="needs root, unshare and ip for a network of its own")
+def test_the_readme_bench_over_multicast_as_printed(tmp_path):
+    code = f"from pathlib import Path; from tests.cli.test_multicast import bench; bench(Path({str(tmp_path)!r}))"
+    done = subprocess.run(
+        ["unshare", "-n", "sh", "-c", NETWORK + '"$0" -c "$1"', sys.executable, code],
+        cwd=ROOT, capture_output=True, text=True, timeout=110, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def bench(folder):
+    """Three terminals; what the logger wrote must carry the answers."""
+    import can
+
+    from tests.wire import decoded, seal_ok
+
+    run, simulate, logger = bench_lines("udp_multicast")
+    terminals = []
+
+    def open_one(command, name):
+        terminals.append(Terminal(command, folder, name))
+        return terminals[-1]
+
+    try:
+        writer = open_one(logger, "logger")
+        writer.wait_for("Connected to")
+        service = open_one(run, "run")
+        service.wait_for("listening on")
+        assert open_one(simulate, "simulate").wait(60) == 0
+        assert service.interrupt() == 0
+        writer.interrupt()
+    finally:
+        for terminal in terminals:
+            if terminal.process.poll() is None:
+                terminal.kill()
+    with can.LogReader(folder / "bench.log") as reader:
+        messages = list(reader)
+    points = [m for m in messages if m.arbitration_id == 0x201]
+    assert len(points) > 900
+    from adhesion_can.bus.recordings import from_message
+
+    assert all(seal_ok(from_message(m)) for m in points)
+    statuses = [str(decoded(from_message(m))["Status"]) for m in points]
+    assert statuses[-1] in ("TRACKING", "STALE_INPUT")
+    assert statuses.count("TRACKING") > 500, statuses
+    assert "FAULT" not in statuses  # the interface echoes our own frames

@@ -1,0 +1,66 @@
+"""The README's benches, run as printed: each line of a block is a terminal."""
+
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+README = Path(__file__).resolve().parent.parent / "README.md"
+
+
+def bench_lines(name):
+    """Command lines of the block that the README marks with <!-- bench: name -->."""
+    block = re.search(rf"<!-- bench: {name} -->\n```sh\n(.*?)```", README.read_text(), re.DOTALL)
+    return block[1].strip().splitlines()
+
+
+def in_path(command):
+    """The command with the interpreter that runs this test, and its scripts, in front."""
+    words = shlex.split(command)
+    folder = Path(sys.executable).parent
+    return [str(folder / words[0]) if (folder / words[0]).exists() else words[0], *words[1:]]
+
+
+class Terminal:
+    """One command, its output in files."""
+
+    def __init__(self, command, folder, name):
+        self.out, self.err = folder / f"{name}.out", folder / f"{name}.err"
+        self.files = [self.out.open("wb"), self.err.open("wb")]
+        self.process = subprocess.Popen(
+            in_path(command), cwd=folder, stdout=self.files[0], stderr=self.files[1],
+            stdin=subprocess.DEVNULL,
+        )  # fmt: skip
+
+    def wait_for(self, text, timeout=60.0):
+        """Until the command has printed a text, on either stream."""
+        self.until(lambda: text in self.out.read_text() + self.err.read_text(), timeout, text)
+
+    def until(self, ready, timeout, what):
+        end = time.monotonic() + timeout
+        while not ready():
+            assert self.process.poll() in (None, 0), self.err.read_text()
+            assert time.monotonic() < end, f"no {what!r} within {timeout} s"
+            time.sleep(0.1)
+
+    def wait(self, timeout):
+        code = self.process.wait(timeout)
+        self._close()
+        return code
+
+    def interrupt(self, timeout=30.0):
+        """Ctrl-C; returns the exit status."""
+        self.process.send_signal(signal.SIGINT)
+        return self.wait(timeout)
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait(10)
+        self._close()
+
+    def _close(self):
+        for file in self.files:
+            file.close()
