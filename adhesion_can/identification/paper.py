@@ -2,21 +2,28 @@
 
 The search is the paper's (`evolution`). What stands here around it is what a controller must know
 and the paper does not say: whether a block can tell the peak at all, and what to believe when it
-cannot. A block that cannot does not replace an estimate that could, as long as it does not
-contradict it; a block that contradicts it means that the rail has changed.
+cannot. A block that cannot does not replace an estimate that could, as long as the two agree.
+
+In the paper a block never spans a change of the rail. Here the innovation of the latest samples
+tells the change, and the block begins anew where it happened; until that block is full the old
+values are still given, with no claim left to them.
 """
 
 from collections import deque
 from dataclasses import dataclass, replace
-from math import hypot
+from math import hypot, inf
 
 import numpy as np
 
-from adhesion_can.identification.evolution import EvolutionSettings, first_theta, search
+from adhesion_can.identification.evolution import EvolutionSettings, Search, first_theta, search
 from adhesion_can.identification.likelihood import innovation, standard_errors
 from adhesion_can.identification.samples import common_load_std
-from adhesion_can.physics.burckhardt import Array, peak
+from adhesion_can.physics.burckhardt import Array, adhesion_slope, peak
 from adhesion_can.physics.data import Estimate, Identifiable, Samples
+
+MOST_SEARCHES = 6
+SETTLED = 1e-3
+"""A search has come to rest when the next one lowers J by less than this share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,16 +49,18 @@ class IdentifiabilitySettings:
 
 @dataclass(frozen=True, slots=True)
 class ChangeSettings:
-    """When a block contradicts the estimate.
+    """When the latest samples contradict the estimate.
 
     Attributes:
-        ratio: root mean square of the innovation over that of the block's own fit.
-        floor: the same, never declared below this absolute size of adhesion.
+        window: latest samples that are looked at.
+        ratio: root mean square of their innovation over what noise explains.
+        floor: noise is taken as at least this much, in adhesion.
 
     """
 
-    ratio: float = 1.6
-    floor: float = 0.006
+    window: int = 120
+    ratio: float = 2.0
+    floor: float = 0.003
 
 
 def assess(
@@ -117,15 +126,19 @@ class PaperEstimator:
         self._theta = first_theta(self._settings, self._rng)
         self._waiting: deque[Samples] = deque()
         self._held: Estimate | None = None
+        self._held_std = inf
+        self._changing = False
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
         """See `Estimator.update`; the estimate moves once per block of samples."""
         del now_us  # a block is a number of samples, not a time
         usable = np.isfinite(samples.slip) & np.isfinite(samples.adhesion)
         usable &= np.abs(samples.slip) <= self._identifiability.slip_max
-        self._waiting.append(samples.select(usable))
-        while (block := self._take_block()) is not None:
-            self._held = self._identify(block)
+        if usable.any():
+            self._waiting.append(samples.select(usable))
+            self._look_for_change()
+            while (block := self._take_block()) is not None:
+                self._held = self._identify(block)
         return self._held
 
     def _take_block(self) -> Samples | None:
@@ -133,24 +146,70 @@ class PaperEstimator:
         if sum(map(len, self._waiting)) < size:
             return None
         joined = Samples.concatenate(list(self._waiting))
-        self._waiting.clear()
-        self._waiting.append(joined.select(slice(size, None)))
+        self._wait_with(joined.select(slice(size, None)))
         return joined.select(slice(size))
+
+    def _wait_with(self, samples: Samples) -> None:
+        self._waiting.clear()
+        if len(samples):
+            self._waiting.append(samples)
+
+    def _look_for_change(self) -> None:
+        """Whether the latest samples contradict the estimate; the block begins where they do."""
+        held, change = self._held, self._change
+        if held is None or self._changing or sum(map(len, self._waiting)) < change.window:
+            return
+        waiting = Samples.concatenate(list(self._waiting))
+        squares = self._innovation_squares(held, waiting)
+        if np.mean(squares[-change.window :]) <= change.ratio**2:
+            return
+        # The change is where the sum of what noise does not explain begins to rise.
+        excess = np.concatenate([[0.0], np.cumsum(squares - change.ratio**2)])
+        cut = min(int(np.argmin(excess)), len(waiting) - 1)
+        self._wait_with(waiting.select(slice(cut, None)))
+        self._changing = True
+        self._held = replace(
+            held,
+            covariance=np.diag([np.inf] * 3),
+            mu_max_std=inf,
+            lambda_m_std=inf,
+            identifiable=Identifiable(mu_max=False, lambda_m=False),
+            surface_since_us=int(waiting.t_us[cut]),
+            change_probability=1.0,
+        )
+
+    def _innovation_squares(self, held: Estimate, samples: Samples) -> Array:
+        """Squared innovation over what noise explains: in adhesion, and in slip by the slope."""
+        h, z = samples.folded()
+        slope = adhesion_slope(h, *held.theta)
+        explained = max(held.noise_std, self._change.floor) ** 2 + slope**2 * samples.slip_var
+        return np.asarray(innovation(held.theta, h, z) ** 2 / explained)
+
+    def _continued(self, found: Search, h: Array, z: Array) -> Search:
+        """A search from far away, gone on with until it has come to rest.
+
+        Within its iteration limit it may stop short of the optimum, and what the curvature there
+        says of the standard errors is not true.
+        """
+        for _ in range(MOST_SEARCHES - 1):
+            again = search(h, z, found.theta, self._settings, self._rng)
+            settled = again.cost > (1.0 - SETTLED) * found.cost
+            found = again
+            if settled:
+                break
+        return found
 
     def _identify(self, block: Samples) -> Estimate:
         h, z = block.folded()
         found = search(h, z, self._theta, self._settings, self._rng)
+        if self._held is None or self._changing:
+            found = self._continued(found, h, z)
         fresh = assess(found.theta, found.cost, block, self._identifiability)
-        held = self._held
-        if held is None or self._contradicts(held, fresh, h, z):
-            self._theta = found.theta
-            return replace(fresh, change_probability=float(held is not None))
-        if fresh.identifiable.both or not held.identifiable.both:
-            self._theta = found.theta
-            return replace(fresh, surface_since_us=held.surface_since_us)
-        return replace(held, change_probability=0.0)
-
-    def _contradicts(self, held: Estimate, fresh: Estimate, h: Array, z: Array) -> bool:
-        """Whether the block's innovation is more than its own noise explains."""
-        rms = float(np.sqrt(np.mean(innovation(held.theta, h, z) ** 2)))
-        return rms > max(self._change.ratio * fresh.noise_std, self._change.floor)
+        held, self._changing = self._held, False
+        if held is None or fresh.identifiable.both or not held.identifiable.both:
+            self._theta, self._held_std = found.theta, fresh.mu_max_std
+            since = fresh.surface_since_us if held is None else held.surface_since_us
+            return replace(fresh, surface_since_us=since)
+        # The old estimate stands; how far the block lies off it on the mean is doubt about it.
+        off = float(np.mean(innovation(held.theta, h, z)))
+        return replace(held, mu_max_std=hypot(self._held_std, off))
