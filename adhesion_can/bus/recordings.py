@@ -92,24 +92,17 @@ class Recording:
                     self.report.backwards += frame.t_us < last
                     last = frame.t_us
                     yield frame
-        except (
-            ValueError,
-            KeyError,
-            IndexError,
-            TypeError,
-            EOFError,
-            OSError,
-            can.CanError,
-        ) as error:
+        except Exception as error:
+            # Its parsers raise whatever they meet, struct.error and sqlite3.Error among them.
+            if isinstance(error, NotImplementedError | ImportError):
+                raise RecordingError(
+                    str(self.path), "this format needs asammdf", "pip install 'adhesion-can[mf4]'"
+                ) from error
             reason = " ".join(str(error).split())[:120] or type(error).__name__
             raise RecordingError(
                 str(self.path),
                 f"python-can stops after {self.report.kinds['frame']} frames ({reason})",
                 "convert the file to candump text, whose bad lines are passed over",
-            ) from error
-        except ImportError as error:
-            raise RecordingError(
-                str(self.path), "this format needs asammdf", "pip install 'adhesion-can[mf4]'"
             ) from error
 
 

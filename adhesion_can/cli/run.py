@@ -1,9 +1,11 @@
 """`run`: the service on a bus."""
 
 import argparse
+import json
 import signal
 import sys
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -19,7 +21,9 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
-from adhesion_can.reporting.provenance import provenance
+from adhesion_can.config import Configuration
+from adhesion_can.errors import InputError
+from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.live import LiveService, wall_clock
@@ -40,6 +44,9 @@ def add_to(commands: Any) -> None:
     parser.add_argument(
         "--log", type=Path, metavar="F", help="write what was heard and sent, for replay"
     )
+    parser.add_argument(
+        "--state", type=Path, metavar="F", help="begin from the estimate kept there, and keep it"
+    )
     parser.add_argument("--dry-run", action="store_true", help="listen and identify, send nothing")
     parser.add_argument("--duration", type=float, metavar="S", help="end after so long")
     add_json(parser)
@@ -53,6 +60,9 @@ def run(options: argparse.Namespace) -> int:
     if options.log:
         require_folder(options.log, "--log")
     config = configuration(options)
+    if options.state:
+        require_folder(options.state, "--state")
+        config = _resumed(config, options.state)
     narrator = _Narrator(sys.stderr)
     core = ServiceCore(config, on_setpoint=narrator.setpoint)
     open_bus = bus_opener(options)
@@ -76,6 +86,8 @@ def run(options: argparse.Namespace) -> int:
             signal.signal(number, stop)
         until = None if options.duration is None else wall_clock() + round(options.duration * 1e6)
         service.run(until)
+    if options.state and core.estimate is not None:
+        write_json(str(options.state), {**estimate_json(core.estimate), **provenance(config)})
     counts = service.counts
     document = {
         "received": counts.received,
@@ -100,6 +112,25 @@ def run(options: argparse.Namespace) -> int:
             f"{counts.send_errors} not taken by the bus; {core.counts.samples} samples"
         )
     return 0
+
+
+def _resumed(config: Configuration, path: Path) -> Configuration:
+    """Configuration whose search begins at a kept estimate; nothing of it is sent before new data.
+
+    Raises:
+        InputError: the file is there and is no kept estimate.
+
+    """
+    if not path.exists():
+        return config
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        c1, c2, c3 = (float(kept[name]["value"]) for name in ("c1", "c2", "c3"))
+        return replace(config, evolution=replace(config.evolution, theta0=(c1, c2, c3)))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"--state {path}", f"not a kept estimate ({error})", "delete it to begin afresh"
+        ) from error
 
 
 class _Narrator:

@@ -6,6 +6,7 @@ innovation (eq. 17). What the paper leaves open is a field of `EvolutionSettings
 """
 
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -56,6 +57,8 @@ class EvolutionSettings:
             raise ValueError("generations and block must be at least 1")
         if not all(0 <= lo < up for lo, up in zip(self.lower, self.upper, strict=True)):
             raise ValueError("each lower bound must be below its upper bound, and not negative")
+        if self.theta0 is not None and not all(map(isfinite, self.theta0)):
+            raise ValueError("theta0 must be finite")
         if not 0 <= self.crossover <= 1 or min(self.population_std) < 0:
             raise ValueError("crossover must be in 0..1, population_std not negative")
 

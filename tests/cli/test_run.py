@@ -1,0 +1,82 @@
+"""`run` as a process on a bus of this host: state, log, signals."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import can
+import pytest
+
+from adhesion_can.bus.recordings import to_message
+from adhesion_can.cli.main import main
+from tests.terminals import Terminal
+from tests.wire import Bench
+
+
+def test_run_in_this_process_keeps_log_state_and_json(tmp_path, monkeypatch):
+    """On the virtual bus, for two seconds, fed from a thread."""
+    import threading
+
+    files = {name: tmp_path / name for name in ("run.log", "state.json", "run.json")}
+    arguments = ["run", "-i", "virtual", "-c", "run-here", "--duration", "2.5"]
+    arguments += ["--log", str(files["run.log"]), "--state", str(files["state.json"])]
+    arguments += ["--json", str(files["run.json"])]
+    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    with can.Bus(interface="virtual", channel="run-here") as bus:
+
+        def feed():
+            began = time.monotonic()
+            for frame in Bench().drive(0, 2_200_000):
+                time.sleep(max(0.0, 0.2 + frame.t_us / 1e6 - (time.monotonic() - began)))
+                bus.send(to_message(frame._replace(t_us=time.time_ns() // 1000)))
+
+        feeder = threading.Thread(target=feed)
+        feeder.start()
+        assert main(arguments) == 0
+        feeder.join()
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+    document = json.loads(files["run.json"].read_text())
+    assert document["received"] > 800
+    assert document["sent"] > 600
+    assert document["samples"] > 1000
+    kept = json.loads(files["state.json"].read_text())
+    assert kept["samples"] == 500
+    assert main(["replay", str(files["run.log"]), "--frames", str(tmp_path / "again.log")]) == 0
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"c1": 3}', '{"c1": {"value": NaN}}'])
+def test_a_state_that_is_none_is_an_error(tmp_path, capsys, content):
+    (tmp_path / "state.json").write_text(content)
+    code = main(["run", "-i", "virtual", "-c", "x", "--state", str(tmp_path / "state.json")])
+    assert code == 2
+    err = capsys.readouterr().err
+    assert "not a kept estimate" in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_service_in_order(tmp_path, number):
+    service = Terminal(
+        "adhesion-can run -i virtual -c x --log run.log --json r.json", tmp_path, "run"
+    )
+    try:
+        service.wait_for("listening on")
+        service.process.send_signal(number)
+        assert service.wait(20) == 0
+    finally:
+        if service.process.poll() is None:
+            service.kill()
+    assert (tmp_path / "run.log").exists()
+    assert not (tmp_path / "run.log.part").exists()
+    assert json.loads((tmp_path / "r.json").read_text())["received"] == 0
+
+
+def test_importing_the_package_imports_no_plotting_and_no_extra():
+    code = "import sys, adhesion_can.cli.main; print([m for m in ('matplotlib', 'pyarrow', 'asammdf') if m in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.strip() == "[]"
