@@ -3,11 +3,13 @@
 Every key is known or an error. The file's values are in the units that its keys name.
 """
 
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from hashlib import sha256
+from math import isfinite
 from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -56,7 +58,7 @@ class ServiceSettings:
     def __post_init__(self) -> None:
         if not 0 < self.target_share <= 1:
             raise ValueError("target_share must be in 0..1")
-        if min(self.hold_s, self.change_s, self.estimate_s) < 0 or self.restart_s <= 0:
+        if not (min(self.hold_s, self.change_s, self.estimate_s) >= 0 and self.restart_s > 0):
             raise ValueError("times must not be negative")
 
 
@@ -144,7 +146,8 @@ class Configuration:
         """
         wanted = name or self.estimator
         if wanted != "paper":
-            raise ConfigError("estimator", f"no estimator {wanted!r}", "known: paper")
+            where = "--estimator" if name else f"{self.where}: estimator"
+            raise ConfigError(where, f"no estimator {wanted!r}", "known: paper")
         return PaperEstimator(self.evolution, self.identifiability, self.change)
 
 
@@ -242,7 +245,8 @@ def _table(value: object, where: str) -> dict[str, Any]:
 def _no_more(rest: Mapping[str, Any], where: str, known: tuple[str, ...]) -> None:
     if rest:
         key = next(iter(rest))
-        raise ConfigError(f"{where}: {key}", "unknown key", f"known: {', '.join(known)}")
+        dot = "." if ": " in where else ": "
+        raise ConfigError(f"{where}{dot}{key}", "unknown key", f"known: {', '.join(known)}")
 
 
 def _section(kind: type, value: object, where: str) -> Any:
@@ -280,7 +284,13 @@ def _typed(value: Any, wanted: Any, where: str) -> Any:
     good = isinstance(value, wanted) or (wanted is float and isinstance(value, int))
     if not good or isinstance(value, bool) is not (wanted is bool):
         raise ConfigError(where, f"{value!r} is not a {_NAMES[wanted]}", "mend the value")
-    return wanted(value)
+    try:
+        typed = wanted(value)
+    except OverflowError as error:
+        raise ConfigError(where, "beyond all numbers", "mend the value") from error
+    if wanted is float and not isfinite(typed):
+        raise ConfigError(where, f"{typed} is not a finite number", "mend the value")
+    return typed
 
 
 _NAMES: Mapping[type, str] = {float: "number", int: "whole number", str: "text", bool: "boolean"}
@@ -313,6 +323,12 @@ def _vehicle(value: object, where: str) -> Locomotive:
     table = _table(value, f"{where}: vehicle")
     lists = {key: table.pop(key, None) for key in ("wheel_radius_m", "axle_load_N")}
     geometry = table.pop("geometry", None)
+    known = {f.name for f in fields(_Vehicle)}
+    _no_more(
+        {k: v for k, v in table.items() if k not in known},
+        f"{where}: vehicle",
+        (*sorted(known), "geometry"),
+    )
     scalars: _Vehicle = _section(
         _Vehicle,
         table | {k: v for k, v in lists.items() if v is not None and not isinstance(v, list)},
@@ -329,23 +345,25 @@ def _vehicle(value: object, where: str) -> Locomotive:
         raise ConfigError(
             f"{where}: vehicle", "lists of different length", "give one value for each axle"
         )
-    shape = None
-    if geometry is not None:
-        g: _Geometry = _section(_Geometry, geometry, f"{where}: vehicle.geometry")
-        shape = Geometry(*(getattr(g, f.name) for f in fields(_Geometry)))
-    elif axles == 6:
-        shape = Geometry()
     try:
         return Locomotive(
             wheel_radius=given.get("wheel_radius_m", (scalars.wheel_radius_m,) * axles),
             axle_load=given.get("axle_load_N", (scalars.axle_load_N,) * axles),
             wheelset_inertia=scalars.wheelset_inertia_kgm2,
             train_mass=scalars.train_mass_kg,
-            geometry=shape,
+            geometry=_geometry(geometry, axles, f"{where}: vehicle.geometry"),
             load_std=scalars.load_std,
         )
     except ValueError as error:
         raise ConfigError(f"{where}: vehicle", str(error), "mend the value") from error
+
+
+def _geometry(value: object, axles: int, where: str) -> Geometry | None:
+    """As stated; a Co-Co's where nothing is and there are six axles."""
+    if value is None:
+        return Geometry() if axles == 6 else None
+    stated: _Geometry = _section(_Geometry, value, where)
+    return Geometry(*(getattr(stated, f.name) for f in fields(_Geometry)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -358,16 +376,18 @@ class _RoleTable:
     factor: float = 1.0
     sign: int = 1
     protection: str = ""
-    data_id: int = -1
+    data_id: int | None = None
     cycle_ms: float = 0.0
     not_available: bool = True
 
 
 def _roles(table: Mapping[str, Any], where: str) -> list[SignalChoice]:
-    choices = []
+    choices: list[SignalChoice] = []
     for name, value in _flattened(table):
         place = f"{where}: roles.{name}"
         role, axle = _role(name, place)
+        if any((choice.role, choice.axle) == (role, axle) for choice in choices):
+            raise ConfigError(place, "named twice", "keep one of them")
         role_table = {"signal": value} if isinstance(value, str) else _table(value, place)
         if "signal" not in role_table:
             raise ConfigError(place, "names no signal", 'write signal = "Message.Signal"')
@@ -383,6 +403,10 @@ def _roles(table: Mapping[str, Any], where: str) -> list[SignalChoice]:
                 f"{row.protection!r}",
                 f"write one of {', '.join(PROTECTIONS)}",
             )
+        if row.factor == 0:
+            raise ConfigError(f"{place}.factor", "0 makes every value 0", "write the factor")
+        if row.data_id is not None and not 0 <= row.data_id <= 0xFFFF:
+            raise ConfigError(f"{place}.data_id", f"{row.data_id}", "write 0 to 65535")
         if not 0 <= row.cycle_ms < 1e6:
             raise ConfigError(f"{place}.cycle_ms", f"{row.cycle_ms}", "write milliseconds")
         choices.append(
@@ -396,7 +420,7 @@ def _roles(table: Mapping[str, Any], where: str) -> list[SignalChoice]:
                 factor=row.factor,
                 sign=row.sign,
                 protection=row.protection or None,  # type: ignore[arg-type]
-                data_id=None if row.data_id < 0 else row.data_id,
+                data_id=row.data_id,
                 cycle_us=round(row.cycle_ms * 1000) or None,
                 not_available=row.not_available,
             )
@@ -408,7 +432,7 @@ def _flattened(table: Mapping[str, Any]) -> list[tuple[str, Any]]:
     """(role, value) of a table; TOML reads an unquoted `wheel_speed.1` as a table in a table."""
     rows: list[tuple[str, Any]] = []
     for name, value in table.items():
-        if isinstance(value, dict) and value and all(key.isdigit() for key in value):
+        if isinstance(value, dict) and value and all(key[:1].isdigit() for key in value):
             rows += [(f"{name}.{axle}", inner) for axle, inner in value.items()]
         else:
             rows.append((name, value))
@@ -422,7 +446,7 @@ def _role(name: str, place: str) -> tuple[Role, int]:
         role = Role(base)
     except ValueError as error:
         raise ConfigError(place, "unknown role", f"known: {known}") from error
-    if role.per_axle is not (axle.isdigit() and int(axle) >= 1):
+    if role.per_axle is not bool(re.fullmatch("[1-9][0-9]{0,3}", axle)):
         mend = f"write {base}.1, {base}.2, .." if role.per_axle else f"write {base}"
         raise ConfigError(place, "axle missing" if role.per_axle else "has no axles", mend)
     return role, int(axle or 0)

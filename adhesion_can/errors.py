@@ -19,10 +19,9 @@ class InputError(AdhesionCanError):
     """
 
     def __init__(self, where: str, what: str, mend: str) -> None:
-        super().__init__(f"{where}: {what}; {mend}")
-        self.where = where
-        self.what = what
-        self.mend = mend
+        # A key or a file name may hold a line break; the message may not.
+        self.where, self.what, self.mend = (" ".join(text.split()) for text in (where, what, mend))
+        super().__init__(f"{self.where}: {self.what}; {self.mend}")
 
 
 class ConfigError(InputError):

@@ -18,12 +18,13 @@ ERROR_FLAG = 0x20000000
 _LINE_LIMIT = 16384  # a CAN XL line has 4200 characters; past this a file is not text
 
 _LOG = re.compile(
-    rb"\((\d{1,15})\.(\d{1,9})\)\s+(\S{1,64})\s+([0-9A-Fa-f]{1,8})#(#?)([0-9A-Fa-fRr.:]*)(?:\s+([RrTt]))?\s*$"
+    rb"\((\d{1,15})\.(\d{1,9})\)\s+(\S{1,64})\s+([0-9A-Fa-f]{1,8})#(#?)([0-9A-Fa-fRr.:]*)"
+    rb"(?:_[0-9A-Fa-f])?(?:\s+[RrTt])?$"
 )
 _MARK = re.compile(rb"<(\d{1,15})\.(\d{6})> ([a-z-]{1,32}) 000#\s*$")
 _COLUMNS = re.compile(
     rb"\s*\(([^)]{1,40})\)\s+(\S{1,64})\s+(?:[RT]X\s+\S+\s+\S+\s+)?([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+"
-    rb"\[(\d{1,2})\]\s*(remote request|(?:[0-9A-Fa-f]{2}(?:\s+|$))*)(.*)$"
+    rb"(?:\[(\d{1,2})\]|\{[0-9A-Fa-f]\})\s*(remote request|(?:[0-9A-Fa-f]{2}(?:\s+|$))*)(.*)$"
 )
 _UNTIMED = re.compile(rb"\s*\S{1,64}\s+(?:[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[\d{1,2}\]\s")
 _FD_LENGTHS = frozenset((*range(9), 12, 16, 20, 24, 32, 48, 64))
@@ -61,7 +62,10 @@ class ReadReport:
 
 def looks_like_candump(line: bytes) -> bool:
     """Whether a line is one that candump, or our own log, writes."""
-    return any(form.match(line.rstrip()) for form in (_LOG, _COLUMNS, _MARK, _UNTIMED))
+    text = line.strip()
+    if len(text) > _LINE_LIMIT:
+        return False
+    return any(form.match(text) for form in (_LOG, _COLUMNS, _MARK, _UNTIMED))
 
 
 def read_candump(lines: Iterable[bytes], report: ReadReport) -> Iterator[Frame | Mark]:
@@ -92,13 +96,14 @@ def read_candump(lines: Iterable[bytes], report: ReadReport) -> Iterator[Frame |
             if differences:
                 clock += item.t_us
                 item = item._replace(t_us=clock)
-            report.kinds[_kind(item)] += 1
+            report.kinds[kind_of(item)] += 1
             report.backwards += item.t_us < last
             last = item.t_us
         yield item
 
 
-def _kind(frame: Frame) -> str:
+def kind_of(frame: Frame) -> str:
+    """Kind of a frame, as `ReadReport` counts it."""
     if frame.is_error:
         return "error"
     if frame.is_remote:
@@ -135,7 +140,7 @@ def _micros(seconds: bytes, fraction: bytes) -> int:
 
 
 def _log_frame(match: re.Match[bytes]) -> Frame | str:
-    seconds, fraction, channel, can_id, fd, payload, _ = match.groups()
+    seconds, fraction, channel, can_id, fd, payload = match.groups()
     if len(can_id) not in (3, 8):
         return "malformed"
     t_us, name = _micros(seconds, fraction), channel.decode("latin-1")
@@ -147,7 +152,9 @@ def _log_frame(match: re.Match[bytes]) -> Frame | str:
     if payload[:1] in (b"R", b"r") and not fd:
         return Frame(t_us, number, b"", name, extended, is_remote=True)
     if fd:
-        payload = payload[1:]  # one digit of flags
+        flags, payload = payload[:1], payload[1:]
+        if not flags.isalnum():
+            return "malformed"
     data = _bytes(payload.replace(b".", b""))
     if data is None or not (len(data) in _FD_LENGTHS if fd else len(data) <= 8):
         return "malformed"
@@ -167,10 +174,12 @@ def _column_frame(match: re.Match[bytes]) -> Frame | str:
     if payload.startswith(b"remote"):
         return Frame(t_us, number, b"", name, extended, is_remote=True)
     # What follows the payload (-a) may look like more of it: the length says where it ends.
-    data = _bytes(b"".join(payload.split()[: int(length)]))
-    if data is None or len(data) != int(length) or len(data) not in _FD_LENGTHS:
+    # {E} in place of [8] is the raw length code of a frame with all its 8 bytes (-8).
+    size = 8 if length is None else int(length)
+    data = _bytes(b"".join(payload.split()[:size]))
+    if data is None or len(data) != size or size not in _FD_LENGTHS:
         return "malformed"
-    return Frame(t_us, number, data, name, extended, is_fd=len(length) == 2)
+    return Frame(t_us, number, data, name, extended, is_fd=len(length or b"8") == 2)
 
 
 def _column_time(stamp: str) -> int | None:
@@ -196,7 +205,7 @@ def _bytes(digits: bytes) -> bytes | None:
 
 
 def _times_are_differences(lines: Iterable[bytes]) -> bool:
-    """Whether columns carry -td stamps: they start at 0 and then fall as often as they rise."""
+    """Whether columns carry -td stamps: they start at 0, and then stand or fall as often as rise."""
     times = []
     for line in lines:
         match = _COLUMNS.match(line.rstrip())
@@ -206,7 +215,8 @@ def _times_are_differences(lines: Iterable[bytes]) -> bool:
     if len(times) < 3 or times[0] != 0:
         return False
     falls = sum(b < a for a, b in pairwise(times))
-    return falls > len(times) // 5
+    stands = sum(b == a for a, b in pairwise(times))
+    return falls > 0 and falls + stands > len(times) // 5
 
 
 def format_frame(frame: Frame, channel: str = "can0") -> str:

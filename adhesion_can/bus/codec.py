@@ -107,9 +107,10 @@ class SignalPlan:
         slack = 0.0 if self.is_float else abs(self.scale) / 2
         if not abs(value) < float("inf"):
             return False
-        if self.minimum is None or self.maximum is None or self.minimum == self.maximum:
+        low, high = self.minimum, self.maximum
+        if low == high:
             return True  # [0|0] is a database's way to say 'no range'
-        return self.minimum - slack <= value <= self.maximum + slack
+        return (low is None or value >= low - slack) and (high is None or value <= high + slack)
 
     def encode(self, value: float | None) -> int:
         """Raw bits of a value, in place; None says 'not available'; saturates one below that.
@@ -122,6 +123,10 @@ class SignalPlan:
             if self.not_available is None:
                 raise ValueError(f"{self.name} has no raw value for 'not available'")
             return self.not_available << self.shift
+        if self.is_float:
+            real, integer = self._float_format
+            (bits,) = struct.unpack(integer, struct.pack(real, (value - self.offset) / self.scale))
+            return int(bits) << self.shift
         top = self.mask >> 1 if self.signed else self.mask
         if self.not_available is not None:
             top -= 1

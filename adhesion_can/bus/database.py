@@ -129,4 +129,14 @@ def load_database(path: Path | None = None) -> CanDatabase:
 def e2e_data_id(message: Message) -> int | None:
     """Attribute E2EDataId of a message; None where the database has none."""
     attribute = message.dbc.attributes.get("E2EDataId") if message.dbc else None
-    return None if attribute is None else int(attribute.value)
+    if attribute is None:
+        return None
+    try:
+        number = int(attribute.value)
+    except ValueError:
+        number = -1
+    if not 0 <= number <= 0xFFFF:
+        raise DatabaseError(
+            f"{message.name}: E2EDataId", f"{attribute.value!r} is no data id", "write 0 to 65535"
+        )
+    return number

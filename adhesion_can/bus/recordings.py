@@ -11,7 +11,7 @@ from typing import IO, Any, BinaryIO, cast
 
 import can
 
-from adhesion_can.bus.candump import ReadReport, looks_like_candump, read_candump
+from adhesion_can.bus.candump import ReadReport, kind_of, looks_like_candump, read_candump
 from adhesion_can.bus.frame import Frame, Mark, to_us
 from adhesion_can.errors import InputError, RecordingError
 
@@ -64,17 +64,17 @@ class Recording:
         return self.path.open("rb")
 
     def _is_candump(self) -> bool:
-        """Whether one of the first lines is candump's; an empty file passes as such."""
-        if self.path.suffixes[:1] != [".csv"]:
-            try:
-                with self._open() as file:
-                    head = [file.readline(_LINE_LIMIT) for _ in range(50)]
-            except (EOFError, OSError, zlib.error):
-                head = []
-            if any(looks_like_candump(line) for line in head):
-                return True
-            return self.path.suffix in (".log", ".txt", "") or not any(head)
-        return False
+        """Whether the file is text as candump writes it: by its suffix, else by its first lines."""
+        suffix = _inner_suffix(self.path)
+        if suffix in (".log", ".txt", ""):
+            return True
+        if suffix in PYTHON_CAN:
+            return False
+        try:
+            with self._open() as file:
+                return any(looks_like_candump(file.readline(_LINE_LIMIT)) for _ in range(200))
+        except (EOFError, OSError, zlib.error):
+            return False
 
     def _candump(self) -> Iterator[Frame | Mark]:
         with self._open() as file:
@@ -84,11 +84,14 @@ class Recording:
         # python-can's readers stop at what they cannot read, with whatever their parser raises;
         # what was read until then is kept and the rest is reported.
         last = 0
+        trc = _inner_suffix(self.path) == ".trc"
         try:
             with can.LogReader(self.path) as reader:
                 for message in reader:
+                    if trc and isinstance(message.channel, int):
+                        message.channel -= 1  # PEAK counts its buses from 1
                     frame = from_message(message)
-                    self.report.kinds["frame"] += 1
+                    self.report.kinds[kind_of(frame)] += 1
                     self.report.backwards += frame.t_us < last
                     last = frame.t_us
                     yield frame
@@ -101,7 +104,7 @@ class Recording:
             reason = " ".join(str(error).split())[:120] or type(error).__name__
             raise RecordingError(
                 str(self.path),
-                f"python-can stops after {self.report.kinds['frame']} frames ({reason})",
+                f"python-can stops after {sum(self.report.kinds.values())} frames ({reason})",
                 "convert the file to candump text, whose bad lines are passed over",
             ) from error
 
@@ -121,10 +124,17 @@ def _lines(file: IO[bytes], report: ReadReport) -> Iterator[bytes]:
         yield line
 
 
+PYTHON_CAN = frozenset({".asc", ".blf", ".trc", ".csv", ".db", ".mf4"})
+"""Suffixes that python-can's readers know, besides candump's."""
+
+
+def _inner_suffix(path: Path) -> str:
+    """Suffix without the one of a compression."""
+    return Path(path.stem if path.suffix.lower() == ".gz" else path.name).suffix.lower()
+
+
 def _require_known_format(path: Path) -> None:
-    suffix = path.suffix.lower() if path.suffix != ".gz" else Path(path.stem).suffix.lower()
-    known = sorted(can.io.logger.MESSAGE_WRITERS) if hasattr(can.io, "logger") else []
-    if suffix not in {".asc", ".blf", ".trc", ".csv", ".db", ".mf4", ".log", *known}:
+    if _inner_suffix(path) not in PYTHON_CAN:
         raise RecordingError(
             str(path),
             "not candump text, nor of a suffix that python-can reads",
@@ -183,6 +193,8 @@ def whole_file(path: Path, mode: str = "w") -> Iterator[Any]:
 
     """
     part = path.with_name(path.name + ".part")
+    if path.is_dir():
+        raise InputError(str(path), "is a folder", "name a file")
     try:
         raw: BinaryIO = part.open("wb")
     except OSError as error:

@@ -175,6 +175,12 @@ def _bind_message(
             f"{message.name} has no attribute E2EDataId for its protection e2e-p01",
             'state data_id, or protection = "none"',
         )
+    if protection == "e2e-p01" and plan.size < 2:
+        raise ConfigError(
+            f"{where}: roles.{choices[0].name}",
+            f"{message.name} has {plan.size} byte and no room for checksum and counter",
+            'state protection = "none"',
+        )
     cycle = _agreed(choices, "cycle_us", where) or (message.cycle_time or 0) * 1000
     return BoundMessage(
         plan=plan,
@@ -212,9 +218,10 @@ def _agreed(choices: Sequence[SignalChoice], key: str, where: str) -> Any:
     stated = {getattr(choice, key) for choice in choices} - {None}
     if len(stated) > 1:
         names = ", ".join(f"roles.{choice.name}" for choice in choices)
+        word = "cycle_ms" if key == "cycle_us" else key
         raise ConfigError(
             f"{where}: {names}",
-            f"different {key} for one message {choices[0].message}",
+            f"different {word} for one message {choices[0].message}",
             "state the same for all of them",
         )
     return stated.pop() if stated else None

@@ -55,7 +55,7 @@ def is_table(path: Path) -> bool:
         return bool(suffixes)
     if suffixes[-1] != ".csv":
         return False
-    header = {name.strip() for name in _first_line(path).split(",")}
+    header = {name.strip() for name in next(csv.reader([_first_line(path)]), [])}
     if "slip" in header:
         return True
     if "arbitration_id" in header:
@@ -110,7 +110,8 @@ def _table(path: Path, columns: Mapping[str, Array], ignored: tuple[str, ...]) -
         raise TableError(
             str(path), "no row has a finite time, slip and adhesion", "check the units"
         )
-    axle = np.nan_to_num(columns.get("axle", 0 * ones)[good])
+    axle = columns.get("axle", 0 * ones)[good]
+    axle = np.where(np.abs(axle) < 1000, axle, 0)  # no axle has such a number
     samples = Samples(
         t_us=np.round(time_s[good] * 1e6).astype(np.int64),
         axle=axle.astype(np.int64),

@@ -57,8 +57,16 @@ class EvolutionSettings:
             raise ValueError("generations and block must be at least 1")
         if not all(0 <= lo < up for lo, up in zip(self.lower, self.upper, strict=True)):
             raise ValueError("each lower bound must be below its upper bound, and not negative")
-        if self.theta0 is not None and not all(map(isfinite, self.theta0)):
-            raise ValueError("theta0 must be finite")
+        if self.innovation not in ("mean", "sum") or self.start not in ("previous", "uniform"):
+            raise ValueError("innovation is 'mean' or 'sum', start 'previous' or 'uniform'")
+        if self.theta0 is not None and not all(
+            lo <= x <= up for lo, x, up in zip(self.lower, self.theta0, self.upper, strict=True)
+        ):
+            raise ValueError("theta0 must lie within lower and upper")
+        if self.factor is not None and not (isfinite(self.factor) and self.factor > 0):
+            raise ValueError("factor must be positive")
+        if self.seed < 0:
+            raise ValueError("seed must not be negative")
         if not 0 <= self.crossover <= 1 or min(self.population_std) < 0:
             raise ValueError("crossover must be in 0..1, population_std not negative")
 

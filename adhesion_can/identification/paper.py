@@ -46,6 +46,12 @@ class IdentifiabilitySettings:
     mu_max_reach: float = 0.7
     slip_max: float = 0.5
 
+    def __post_init__(self) -> None:
+        if not (min(self.mu_max_std, self.lambda_m_std) > 0 and self.slip_max > 0):
+            raise ValueError("standard deviations and slip_max must be positive")
+        if not (0 <= self.reach <= 1 and self.mu_max_reach >= 0):
+            raise ValueError("reach must be in 0..1, mu_max_reach not negative")
+
 
 @dataclass(frozen=True, slots=True)
 class ChangeSettings:
@@ -61,6 +67,10 @@ class ChangeSettings:
     window: int = 120
     ratio: float = 2.0
     floor: float = 0.003
+
+    def __post_init__(self) -> None:
+        if not (self.window >= 1 and self.ratio > 0 and self.floor > 0):
+            raise ValueError("window, ratio and floor must be positive")
 
 
 def assess(

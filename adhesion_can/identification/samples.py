@@ -44,6 +44,10 @@ class Sensors:
     vehicle_speed_std: float = 0.01
     effort_std: float = 2450.0
 
+    def __post_init__(self) -> None:
+        if not min(self.wheel_speed_std, self.vehicle_speed_std, self.effort_std) >= 0:
+            raise ValueError("standard deviations must not be negative")
+
 
 @dataclass(frozen=True, slots=True)
 class SamplingSettings:
@@ -59,6 +63,12 @@ class SamplingSettings:
     v_min: float = V_MIN
     max_gap_cycles: float = 3.0
     min_load_share: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not (self.v_min > 0 and self.max_gap_cycles >= 1):
+            raise ValueError("v_min must be positive, max_gap_cycles at least 1")
+        if not 0 <= self.min_load_share < 1:
+            raise ValueError("min_load_share must be in 0..1")
 
 
 class _Waiting:

@@ -31,6 +31,14 @@ class Geometry:
     coupler_height: float = 0.95
     traction_height: float = 0.46
 
+    def __post_init__(self) -> None:
+        if not self.axles_per_bogie or min(self.axles_per_bogie) < 1:
+            raise ValueError("every bogie needs an axle")
+        lengths = (self.pivot_distance, self.axle_spacing)
+        heights = (self.coupler_height, self.traction_height)
+        if not (all(isfinite(x) and x > 0 for x in lengths) and all(map(isfinite, heights))):
+            raise ValueError("lengths of the geometry must be positive, heights finite")
+
     def load_transfer(self, effort: ArrayLike) -> Array:
         """Change of each axle's load under effort, N; sums to zero over the axles.
 
@@ -97,6 +105,8 @@ class Locomotive:
             raise ValueError("wheel radii, axle loads and train mass must be positive")
         if not (isfinite(self.wheelset_inertia) and self.wheelset_inertia >= 0):
             raise ValueError("the wheelset's inertia must not be negative")
+        if not (isfinite(self.load_std) and self.load_std >= 0):
+            raise ValueError("load_std must not be negative")
         if self.geometry and sum(self.geometry.axles_per_bogie) != self.axles:
             raise ValueError(f"the bogies' axles do not add up to {self.axles}")
 

@@ -508,7 +508,7 @@ def test_python_can_reads_a_log_with_marks_as_empty_frames(tmp_path):
 
 
 @pytest.mark.skipif(not shutil.which("log2long"), reason="can-utils is not installed")
-def test_log2long_turns_our_log_into_columns_that_read_the_same(tmp_path):
+def test_log2long_turns_our_log_into_columns_that_read_the_same():
     # log2long writes error frames with their payload and 8-digit ids: the reader has to cope.
     written = [f._replace(t_us=T + 1000 * i) for i, f in enumerate(LOG_LINES.values())]
     text = "".join(map(format_frame, written))

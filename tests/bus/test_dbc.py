@@ -148,8 +148,9 @@ def test_bus_is_classic_can_at_500_kbit(strict_database):
     assert {node.name for node in strict_database.nodes} == {"LOCO", "DRIVE", "ADHESION"}
 
 
-@pytest.mark.parametrize(("number", "name", "cycle", "sender", "signals"), ROWS, ids=IDS)
-def test_message_frame_cycle_and_attributes(strict_database, number, name, cycle, sender, signals):
+@pytest.mark.parametrize("row", ROWS, ids=IDS)
+def test_message_frame_cycle_and_attributes(strict_database, row):
+    number, name, cycle, sender, _ = row
     message = strict_database.get_message_by_name(name)
     assert message.frame_id == number
     assert not message.is_extended_frame
@@ -169,10 +170,9 @@ def test_message_frame_cycle_and_attributes(strict_database, number, name, cycle
     assert ("DRIVE" in message.receivers) or number < 0x200
 
 
-@pytest.mark.parametrize(("number", "name", "cycle", "sender", "signals"), ROWS, ids=IDS)
-def test_signals_stand_where_the_contract_says(
-    strict_database, number, name, cycle, sender, signals
-):
+@pytest.mark.parametrize("row", ROWS, ids=IDS)
+def test_signals_stand_where_the_contract_says(strict_database, row):
+    _, name, _, _, signals = row
     message = strict_database.get_message_by_name(name)
     expected = FRAME_FIELDS | signals
     names = [s.name for s in message.signals]
@@ -196,10 +196,8 @@ def test_signals_stand_where_the_contract_says(
         assert signal.comment
 
 
-@pytest.mark.parametrize(("number", "name", "cycle", "sender", "signals"), ROWS, ids=IDS)
-def test_value_tables_name_every_enum_and_what_is_not_available(
-    strict_database, number, name, cycle, sender, signals
-):
+@pytest.mark.parametrize("name", IDS)
+def test_value_tables_name_every_enum_and_what_is_not_available(strict_database, name):
     for signal in strict_database.get_message_by_name(name).signals:
         choices = {k: str(v) for k, v in (signal.choices or {}).items()}
         if signal.name in ENUMS:

@@ -48,7 +48,7 @@ def test_full_slips_tell_the_peak_and_its_interval_holds_it(theta):
             e = estimator.update(block(theta, 10 * seed + k, top=min(wide, 0.45)), 0)
         assert e.identifiable.mu_max
         assert abs(e.mu_max - float(top.mu_max)) < 4 * e.mu_max_std
-        assert e.mu_max_std < 0.03 * e.mu_max
+        assert e.mu_max_std <= 0.03 * e.mu_max
         assert e.noise_std == pytest.approx(0.01, rel=0.2)
         assert e.samples == BLOCK
         assert e.identifiable.lambda_m
@@ -186,7 +186,7 @@ def test_stated_errors_of_the_peak_cover_it():
 def test_stated_errors_of_the_very_first_block_cover_the_peak(sd):
     # From a random start the search may not be at the minimum yet: then its standard error, that
     # of the minimum, is too small by far. The first estimate is the one that ends INIT.
-    hits, runs, worst = 0, 150, 0.0
+    hits, runs, worst = 0, 100, 0.0
     for seed in range(runs):
         e = one_estimate(block(DRY, seed, sd=sd), seed=seed)
         if not e.identifiable.mu_max:
@@ -195,7 +195,7 @@ def test_stated_errors_of_the_very_first_block_cover_the_peak(sd):
         distance = abs(e.mu_max - float(peak(*DRY).mu_max)) / e.mu_max_std
         hits += distance <= 1.96
         worst = max(worst, distance)
-    assert 0.88 <= hits / runs, (hits / runs, worst)
+    assert hits / runs >= 0.88, (hits / runs, worst)
     assert worst < 6
 
 
@@ -212,43 +212,67 @@ def test_assessment_of_a_known_fit():
 # ---------------------------------------------------------------------- changes of the surface
 
 
-def follow(estimator, blocks):
-    return [estimator.update(part, 0) for part in blocks]
+def feed(estimator, parts, size=12):
+    """Estimates after each update of `size` samples: the service gives 12 in 20 ms."""
+    whole = Samples.concatenate(list(parts))
+    return [
+        estimator.update(whole.select(slice(k, k + size)), 0) for k in range(0, len(whole), size)
+    ]
+
+
+def declarations(estimates):
+    """Numbers of the updates at which a change was newly declared."""
+    declared = [e is not None and e.change_probability > 0.5 for e in estimates]
+    return np.flatnonzero(np.diff(np.array([False, *declared]).astype(int)) == 1)
 
 
 @pytest.mark.parametrize("sd", [0.001, 0.01, 0.05])
 def test_no_change_is_declared_on_a_constant_surface(sd):
-    blocks = (block(WET, seed, sd=sd, t0=BLOCK * seed) for seed in range(200))
-    estimates = follow(PaperEstimator(), blocks)
-    assert sum(e.change_probability for e in estimates) == 0
-    assert {e.surface_since_us for e in estimates} == {0}
+    parts = (block(WET, seed, sd=sd, t0=BLOCK * seed) for seed in range(200))
+    estimates = feed(PaperEstimator(), parts, size=50)
+    assert len(declarations(estimates)) == 0
+    assert {e.surface_since_us for e in estimates if e is not None} == {0}
 
 
+@pytest.mark.parametrize("size", [12, 100, 600])
 @pytest.mark.parametrize(
     ("before", "after"), [(DRY, WET), (WET, DRY), (WET, GREASY), (DRY, GREASY)], ids=str
 )
-def test_a_change_of_the_surface_is_declared_in_the_block_that_sees_it(before, after):
-    blocks = [block(before, k, t0=BLOCK * k) for k in range(5)]
-    blocks += [block(after, k, t0=BLOCK * k) for k in range(5, 10)]
-    estimates = follow(PaperEstimator(), blocks)
-    assert [e.change_probability for e in estimates] == [0] * 5 + [1] + [0] * 4
-    assert [e.surface_since_us for e in estimates] == [0] * 5 + [5 * BLOCK] * 5
-    for e in estimates[5:]:
-        assert e.mu_max == pytest.approx(float(peak(*after).mu_max), rel=0.03)
+def test_a_change_of_the_surface_is_declared_once_and_followed(before, after, size):
+    switch = 2700  # within a block of 500
+    first, second = block(before, 1, n=switch), block(after, 2, n=3300, t0=switch)
+    estimates = feed(PaperEstimator(), [first, second], size=size)
+    found = declarations(estimates)
+    assert len(found) == 1
+    # Within a block's length, or the one update that brings it all.
+    assert switch - size <= found[0] * size <= switch + BLOCK + size
+    last = estimates[-1]
+    assert last.change_probability < 0.5
+    assert last.identifiable.mu_max
+    assert last.mu_max == pytest.approx(float(peak(*after).mu_max), rel=0.03)
+    assert last.surface_since_us == pytest.approx(switch, abs=BLOCK)
+    assert all(e.surface_since_us == 0 for e in estimates[: found[0]] if e is not None)
 
 
-def test_a_change_within_a_block_is_declared_and_settles():
-    first, second = block(DRY, 1), block(WET, 2)
-    mixed = Samples.concatenate([first.select(slice(250)), second.select(slice(250))])
-    blocks = [*(block(DRY, k) for k in range(3)), mixed, *(block(WET, k) for k in range(3, 7))]
-    estimates = follow(PaperEstimator(), blocks)
-    assert sum(e.change_probability for e in estimates[3:6]) >= 1
-    assert [e.change_probability for e in estimates[-2:]] == [0, 0]
-    assert estimates[-1].mu_max == pytest.approx(float(peak(*WET).mu_max), rel=0.03)
+def test_a_change_is_declared_where_one_update_fills_the_block_of_the_new_surface():
+    # A live loop that stalled for a second hands over a whole block at once.
+    parts = [block(DRY, k, t0=BLOCK * k) for k in range(4)]
+    parts += [block(WET, k, t0=BLOCK * k) for k in range(4, 8)]
+    estimates = feed(PaperEstimator(), parts, size=BLOCK)
+    assert declarations(estimates).tolist() == [4]
+
+
+def test_while_a_change_goes_on_no_mixture_is_called_known():
+    # Between the two surfaces' curves there is no third one.
+    heights = [float(peak(*theta).mu_max) for theta in (DRY, GREASY)]
+    parts = [block(DRY, 1, n=2700), block(GREASY, 2, n=3300, t0=2700)]
+    for e in feed(PaperEstimator(), parts):
+        if e is not None and e.identifiable.both:
+            assert min(abs(e.mu_max / h - 1) for h in heights) < 0.05
 
 
 @pytest.mark.parametrize("theta", [DRY, WET, GREASY, PAPER], ids=str)
-def test_slips_that_grow_block_by_block_are_no_change_of_the_surface(theta):
+def test_slips_that_grow_are_no_change_of_the_surface(theta):
     # A drive that sweeps all axles together, or the paper's experiment 1. What an estimate that
     # could not tell the peak said beyond its data is not contradicted by a rail that is the same.
     declared = 0
@@ -256,31 +280,34 @@ def test_slips_that_grow_block_by_block_are_no_change_of_the_surface(theta):
         rng = np.random.default_rng(seed)
         h = np.linspace(0.0, 0.2, 20 * BLOCK)
         z = curve(h, *theta) + 0.003 * rng.standard_normal(len(h))
-        parts = (slice(BLOCK * k, BLOCK * k + BLOCK) for k in range(20))
         estimator = PaperEstimator(EvolutionSettings(seed=seed))
-        for e in follow(estimator, (Samples.curve(h[p], z[p]) for p in parts)):
-            declared += e.change_probability
+        declared += len(declarations(feed(estimator, [Samples.curve(h, z)], size=50)))
     assert declared == 0
+
+
+def test_more_noise_alone_is_no_change_of_the_surface():
+    parts = [block(WET, k, sd=0.01, t0=BLOCK * k) for k in range(4)]
+    parts += [block(WET, k, sd=0.03, t0=BLOCK * k) for k in range(4, 10)]
+    assert len(declarations(feed(PaperEstimator(), parts))) == 0
 
 
 def test_a_block_that_tells_nothing_does_not_replace_one_that_did():
     estimator = PaperEstimator()
     good = estimator.update(block(DRY, 1), 0)
     assert good.identifiable.both
-    for seed in range(2, 12):
-        e = estimator.update(block(DRY, seed, top=0.004), 0)
+    for e in feed(estimator, (block(DRY, seed, top=0.004) for seed in range(2, 12))):
         assert e.identifiable.both
         assert e.theta == good.theta
         assert e.change_probability == 0
-        assert e.mu_max_std == good.mu_max_std
+        assert good.mu_max_std * (1 - 1e-12) <= e.mu_max_std < 0.03 * e.mu_max
 
 
-def test_a_block_that_tells_nothing_but_contradicts_is_a_change_without_a_peak():
+def test_low_slips_that_contradict_are_a_change_without_a_peak():
     estimator = PaperEstimator()
     assert estimator.update(block(DRY, 1), 0).identifiable.both
-    e = estimator.update(block(GREASY, 2, top=0.02), 0)
-    assert e.change_probability == 1
-    assert not e.identifiable.both
+    estimates = feed(estimator, (block(GREASY, seed, top=0.02) for seed in range(2, 5)))
+    assert len(declarations(estimates)) == 1
+    assert not estimates[-1].identifiable.both
 
 
 def test_a_better_block_replaces_a_poor_one():
@@ -297,7 +324,8 @@ def test_age_of_the_surface_begins_with_its_first_sample():
     estimator = PaperEstimator()
     assert estimator.update(block(DRY, 1, t0=7_000), 9_000).surface_since_us == 7_000
     assert estimator.update(block(DRY, 2, t0=50_000), 60_000).surface_since_us == 7_000
-    assert estimator.update(block(GREASY, 3, t0=90_000), 95_000).surface_since_us == 90_000
+    estimates = feed(estimator, [block(GREASY, 3, t0=90_000), block(GREASY, 4, t0=95_000)])
+    assert estimates[-1].surface_since_us == pytest.approx(90_000, abs=20)
 
 
 # ------------------------------------------------------------------------------------ mechanics
@@ -329,7 +357,7 @@ def test_no_estimate_before_the_first_block_and_the_same_between_blocks():
 
 def test_same_seed_same_estimates():
     one, same, other = (
-        follow(PaperEstimator(EvolutionSettings(seed=s)), [block(DRY, 1), block(DRY, 2)])[-1]
+        feed(PaperEstimator(EvolutionSettings(seed=s)), [block(DRY, 1), block(DRY, 2)])[-1]
         for s in (1, 1, 2)
     )
     assert one.theta == same.theta

@@ -7,13 +7,12 @@ import pytest
 
 from adhesion_can.physics.effects import EFFECTS, Contact, effect_by_id
 
-CONTRACT_IDS = frozenset(
-    "speed_dependence load_dependence falling_friction wheelset_inertia wheel_radius speed_scale "
-    "speed_delay effort_delay effort_bias creep_relaxation curve_creep rail_cleaning "
-    "adhesion_recovery humidity rail_temperature sanding slow_drift "
-    "traction_braking_asymmetry".split()
-)
-THETA = (0.4, 60.0, 0.3)
+CONTRACT_IDS = {
+    *("speed_dependence", "load_dependence", "falling_friction", "wheelset_inertia"),
+    *("wheel_radius", "speed_scale", "speed_delay", "effort_delay", "effort_bias"),
+    *("creep_relaxation", "curve_creep", "rail_cleaning", "adhesion_recovery", "humidity"),
+    *("rail_temperature", "sanding", "slow_drift", "traction_braking_asymmetry"),
+}
 
 
 def contact(shape=(7,), seed=3):
