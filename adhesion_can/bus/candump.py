@@ -118,7 +118,7 @@ def parse_line(line: bytes) -> Frame | Mark | str:
         return "blank"
     if text[:1] == b"(" and (match := _LOG.match(text)):
         return _log_frame(match)
-    if match := _COLUMNS.match(line.rstrip()):
+    if match := _COLUMNS.match(text):
         return _column_frame(match)
     if text[:1] == b"<" and (match := _MARK.match(text)):
         name = match[3].decode()
@@ -139,7 +139,7 @@ def _micros(seconds: bytes, fraction: bytes) -> int:
     return int(seconds) * 1_000_000 + int(micros)
 
 
-def _log_frame(match: re.Match[bytes]) -> Frame | str:
+def _log_frame(match: re.Match[bytes]) -> Frame | str:  # noqa: PLR0911  a reason each
     seconds, fraction, channel, can_id, fd, payload = match.groups()
     if len(can_id) not in (3, 8):
         return "malformed"
@@ -205,7 +205,7 @@ def _bytes(digits: bytes) -> bytes | None:
 
 
 def _times_are_differences(lines: Iterable[bytes]) -> bool:
-    """Whether columns carry -td stamps: they start at 0, and then stand or fall as often as rise."""
+    """Whether columns carry -td stamps: they start at 0, and then often stand or fall."""
     times = []
     for line in lines:
         match = _COLUMNS.match(line.rstrip())

@@ -134,6 +134,11 @@ def read_problems(recordings: Iterable[Recording]) -> list[str]:
     for recording in recordings:
         report = recording.report
         found += [f"{recording.path.name}: {note}" for note in report.notes]
+        if report.backwards:
+            found.append(
+                f"{recording.path.name}: {report.backwards} frames are stamped before the one in "
+                "front of them, and were taken at that one's time"
+            )
         if report.passed_over:
             kinds = ", ".join(
                 f"{report.kinds[kind]} {kind}"

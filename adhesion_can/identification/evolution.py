@@ -6,7 +6,7 @@ innovation (eq. 17). What the paper leaves open is a field of `EvolutionSettings
 """
 
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import inf, isfinite
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -55,7 +55,7 @@ class EvolutionSettings:
             raise ValueError("a mutation takes three others: population must be at least 4")
         if self.generations < 1 or self.block < 1:
             raise ValueError("generations and block must be at least 1")
-        if not all(0 <= lo < up for lo, up in zip(self.lower, self.upper, strict=True)):
+        if not all(0 <= lo < up < inf for lo, up in zip(self.lower, self.upper, strict=True)):
             raise ValueError("each lower bound must be below its upper bound, and not negative")
         if self.innovation not in ("mean", "sum") or self.start not in ("previous", "uniform"):
             raise ValueError("innovation is 'mean' or 'sum', start 'previous' or 'uniform'")
@@ -67,7 +67,7 @@ class EvolutionSettings:
             raise ValueError("factor must be positive")
         if self.seed < 0:
             raise ValueError("seed must not be negative")
-        if not 0 <= self.crossover <= 1 or min(self.population_std) < 0:
+        if not 0 <= self.crossover <= 1 or not all(0 <= std < inf for std in self.population_std):
             raise ValueError("crossover must be in 0..1, population_std not negative")
 
 

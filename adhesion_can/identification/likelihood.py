@@ -78,8 +78,11 @@ def standard_errors(
     if len(h) < 3:
         return unknown
     g = sensitivity(theta, h)
-    # Scaled by θ, the parameters' magnitudes (1, 100, 0.1) do not spoil the inverse.
-    scale = np.maximum(np.abs(theta), 1e-9)
+    # Columns of one length: the parameters' magnitudes (1, 100, 0.1) do not spoil the inverse.
+    norms = np.linalg.norm(g, axis=0)
+    if not norms.min() > 0.0:
+        return unknown
+    scale = 1.0 / norms
     values, vectors = np.linalg.eigh((g * scale).T @ (g * scale))
     if values[0] <= max(values[-1] * 1e-14, 0.0):
         return unknown

@@ -16,7 +16,7 @@ from math import hypot, inf
 import numpy as np
 
 from adhesion_can.identification.evolution import EvolutionSettings, Search, first_theta, search
-from adhesion_can.identification.likelihood import innovation, standard_errors
+from adhesion_can.identification.likelihood import StandardErrors, innovation, standard_errors
 from adhesion_can.identification.samples import common_load_std
 from adhesion_can.physics.burckhardt import Array, adhesion_slope, peak
 from adhesion_can.physics.data import Estimate, Identifiable, Samples
@@ -37,14 +37,16 @@ class IdentifiabilitySettings:
             curve is believed where it was seen to bend down, not where its formula says so.
         mu_max_reach: slip, as a share of λ̂_m, that as many samples must exceed for μ_max.
         slip_max: samples of larger |λ| are outside the model and are left out.
+        samples: fewer than so many do not even tell their own noise.
 
     """
 
     mu_max_std: float = 0.03
     lambda_m_std: float = 0.3
     reach: float = 0.03
-    mu_max_reach: float = 0.7
+    mu_max_reach: float = 0.85
     slip_max: float = 0.5
+    samples: int = 20
 
     def __post_init__(self) -> None:
         if not (min(self.mu_max_std, self.lambda_m_std) > 0 and self.slip_max > 0):
@@ -61,12 +63,15 @@ class ChangeSettings:
         window: latest samples that are looked at.
         ratio: root mean square of their innovation over what noise explains.
         floor: noise is taken as at least this much, in adhesion.
+        structure: their means over neighbouring slips must exceed so many times what their own
+            scatter explains: more noise alone is no other rail.
 
     """
 
     window: int = 120
     ratio: float = 2.0
     floor: float = 0.003
+    structure: float = 25.0
 
     def __post_init__(self) -> None:
         if not (self.window >= 1 and self.ratio > 0 and self.floor > 0):
@@ -88,11 +93,15 @@ def assess(
     h, _ = samples.folded()
     noise = float(np.sqrt(max(cost, 0.0) / max(len(h) - 3, 1)))
     errors = standard_errors(theta, h, noise, settings.slip_max)
+    if len(h) < settings.samples:
+        errors = StandardErrors(np.diag([np.inf] * 3), np.inf, np.inf)
     c1, c2, c3 = map(float, theta)
     top = peak(c1, c2, c3, settings.slip_max)
     mu_max, lambda_m = float(top.mu_max), float(top.lambda_m)
     mu_std = hypot(errors.mu_max, mu_max * common_load_std(samples.load, samples.load_std))
     reached = float(np.quantile(h, 1.0 - settings.reach))
+    # The peak may lie farther than estimated; by how much is known.
+    farthest = lambda_m + (3 * errors.lambda_m if np.isfinite(errors.lambda_m) else 0.0)
     return Estimate(
         c1=c1,
         c2=c2,
@@ -105,9 +114,10 @@ def assess(
         noise_std=noise,
         samples=len(h),
         identifiable=Identifiable(
-            mu_max=errors.mu_max <= settings.mu_max_std * mu_max
-            and reached >= settings.mu_max_reach * lambda_m,
-            lambda_m=errors.lambda_m <= settings.lambda_m_std * lambda_m and reached >= lambda_m,
+            mu_max=mu_max > 0.0
+            and errors.mu_max <= settings.mu_max_std * mu_max
+            and reached >= settings.mu_max_reach * farthest,
+            lambda_m=errors.lambda_m <= settings.lambda_m_std * lambda_m and reached >= farthest,
         ),
         surface_since_us=int(samples.t_us[0]),
     )
@@ -146,9 +156,12 @@ class PaperEstimator:
         usable &= np.abs(samples.slip) <= self._identifiability.slip_max
         if usable.any():
             self._waiting.append(samples.select(usable))
-            self._look_for_change()
+            declared = self._look_for_change()
             while (block := self._take_block()) is not None:
                 self._held = self._identify(block)
+            if declared and not self._changing and self._held is not None:
+                # The block of the new rail was full at once: the change is still to be told.
+                self._held = replace(self._held, change_probability=1.0)
         return self._held
 
     def _take_block(self) -> Samples | None:
@@ -164,15 +177,23 @@ class PaperEstimator:
         if len(samples):
             self._waiting.append(samples)
 
-    def _look_for_change(self) -> None:
+    def _look_for_change(self) -> bool:
         """Whether the latest samples contradict the estimate; the block begins where they do."""
         held, change = self._held, self._change
-        if held is None or self._changing or sum(map(len, self._waiting)) < change.window:
-            return
+        if (
+            held is None
+            or not held.identifiable.both
+            or sum(map(len, self._waiting)) < change.window
+        ):
+            return False
         waiting = Samples.concatenate(list(self._waiting))
-        squares = self._innovation_squares(held, waiting)
-        if np.mean(squares[-change.window :]) <= change.ratio**2:
-            return
+        scaled = self._scaled_innovation(held, waiting)
+        squares = scaled**2
+        latest = slice(-change.window, None)
+        if np.mean(squares[latest]) <= change.ratio**2:
+            return False
+        if not _is_structured(np.abs(waiting.slip[latest]), scaled[latest], change.structure):
+            return False
         # The change is where the sum of what noise does not explain begins to rise.
         excess = np.concatenate([[0.0], np.cumsum(squares - change.ratio**2)])
         cut = min(int(np.argmin(excess)), len(waiting) - 1)
@@ -187,13 +208,14 @@ class PaperEstimator:
             surface_since_us=int(waiting.t_us[cut]),
             change_probability=1.0,
         )
+        return True
 
-    def _innovation_squares(self, held: Estimate, samples: Samples) -> Array:
-        """Squared innovation over what noise explains: in adhesion, and in slip by the slope."""
+    def _scaled_innovation(self, held: Estimate, samples: Samples) -> Array:
+        """Innovation over what noise explains of it: in adhesion, and in slip by the slope."""
         h, z = samples.folded()
         slope = adhesion_slope(h, *held.theta)
         explained = max(held.noise_std, self._change.floor) ** 2 + slope**2 * samples.slip_var
-        return np.asarray(innovation(held.theta, h, z) ** 2 / explained)
+        return np.asarray(innovation(held.theta, h, z) / np.sqrt(explained))
 
     def _continued(self, found: Search, h: Array, z: Array) -> Search:
         """A search from far away, gone on with until it has come to rest.
@@ -223,3 +245,16 @@ class PaperEstimator:
         # The old estimate stands; how far the block lies off it on the mean is doubt about it.
         off = float(np.mean(innovation(held.theta, h, z)))
         return replace(held, mu_max_std=hypot(self._held_std, off))
+
+
+def _is_structured(slip: Array, scaled: Array, threshold: float, groups: int = 4) -> bool:
+    """Whether innovations differ from zero by groups of neighbouring slips, beyond their scatter.
+
+    The mean square of the groups' means over the scatter within them (an F statistic): near 1 for
+    noise of any size, near the number of samples of a group where the curve lies elsewhere. The
+    common error of the vehicle speed lifts it to about the number of axles.
+    """
+    parts = np.array_split(scaled[np.argsort(slip, kind="stable")], groups)
+    between = np.mean([len(part) * part.mean() ** 2 for part in parts])
+    within = np.mean([part.var() for part in parts])
+    return bool(between > threshold * max(within, 1e-12))

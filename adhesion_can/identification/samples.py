@@ -179,7 +179,8 @@ class SampleFormer:
         elif role is Role.AXLE_LOAD and axle in self._load:
             self._load[axle].add(reading.t_us, reading.value)
         elif role is Role.DIRECTION and reading.value is not None:
-            self._travel = -1.0 if reading.value == Direction.REVERSE else 1.0
+            known = {Direction.FORWARD: 1.0, Direction.REVERSE: -1.0}
+            self._travel = known.get(int(reading.value), self._travel)
         elif role in COVARIATES:
             self._set_covariate(COVARIATES[role], reading.value)
 
@@ -211,20 +212,20 @@ class SampleFormer:
                     self.dropped[str(outcome)] += 1
                 k += 1
             self._next[axle] = k - wheel.forget_before(wheel.times[k - 1]) if wheel.times else k
-        self._forget()
+        self._forget(now_us)
         formed.sort(key=lambda sample: (sample.t_us, sample.axle))
         return formed
 
-    def _forget(self) -> None:
+    def _forget(self, now_us: int) -> None:
+        """Drop what no waiting wheel speed needs, nor any that may still be bracketed."""
         waiting = [
             wheel.times[self._next[axle] - 1]
             for axle, wheel in self._wheel.items()
             if len(wheel.times) >= self._next[axle]
         ]
-        if waiting:
-            oldest = min(waiting)
-            for track in (self._speed, *self._effort.values(), *self._load.values()):
-                track.forget_before(oldest)
+        oldest = max(min(waiting, default=now_us), round(now_us - 4 * self._patience_us))
+        for track in (self._speed, *self._effort.values(), *self._load.values()):
+            track.forget_before(oldest)
 
     def _form(self, axle: int, k: int) -> Sample | str | _Waiting:  # noqa: PLR0911  a reason each
         """Sample at the k-th wheel speed of an axle, or why there is none."""
@@ -234,7 +235,7 @@ class SampleFormer:
         if before is None or omega is None or after is None:
             return "wheel speed not available"
         span = wheel.times[k + 1] - wheel.times[k - 1]
-        if span > 2 * wheel.max_gap_us:
+        if max(t - wheel.times[k - 1], wheel.times[k + 1] - t) > wheel.max_gap_us:
             return "gap in wheel speed"
         v = self._speed.at(t)
         effort = self._effort[axle].at(t)
@@ -246,7 +247,10 @@ class SampleFormer:
             return "tractive effort not available"
         if v < self._settings.v_min:
             return "below v_min"
-        load, load_std = self._load_at(axle, t, effort)
+        loaded = self._load_at(axle, t, effort)
+        if isinstance(loaded, _Waiting):
+            return _WAITING
+        load, load_std = loaded
         if load < self._settings.min_load_share * self._vehicle.axle_load[axle - 1]:
             return "axle load implausibly low"
         r, inertia = self._vehicle.wheel_radius[axle - 1], self._vehicle.wheelset_inertia
@@ -273,7 +277,7 @@ class SampleFormer:
             covariates=self._covariates,
         )
 
-    def _load_at(self, axle: int, t_us: int, effort: float) -> tuple[float, float]:
+    def _load_at(self, axle: int, t_us: int, effort: float) -> tuple[float, float] | _Waiting:
         """Load of an axle and the standard deviation of what was not measured, N."""
         measured = self._load[axle].held_at(t_us)
         if measured is not None:
@@ -285,7 +289,10 @@ class SampleFormer:
         row = self._transfer[axle - 1]
         shift = 0.0
         for j, share in enumerate(row, start=1):
-            other = self._effort[j].at(t_us)
+            track = self._effort[j]
+            other = track.at(t_us)
+            if isinstance(other, _Waiting) and track.times:
+                return _WAITING
             if other is None or isinstance(other, _Waiting):
                 # Another axle's effort is unknown: no transfer, but its whole size as doubt.
                 return static, hypot(spread, effort * sum(row))

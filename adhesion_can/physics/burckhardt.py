@@ -134,9 +134,13 @@ def peak(c1: ArrayLike, c2: ArrayLike, c3: ArrayLike, slip_max: float = SLIP_MAX
     """
     c1, c2, c3 = np.broadcast_arrays(*(np.asarray(c, dtype=np.float64) for c in (c1, c2, c3)))
     rising = c1 * c2 > c3
-    falls_late = c3 > 0.0
-    ratio = np.divide(c1 * c2, c3, out=np.full(c1.shape, np.inf), where=falls_late & rising)
-    free = np.divide(np.log(ratio), c2, out=np.zeros(c1.shape), where=c2 > 0.0)
+    peaks = rising & (c3 > 0.0)
+    # A sum of logarithms, since the ratio c1 c2/c3 overflows for a tiny c3.
+    log1, log2, log3 = (
+        np.log(c, out=np.zeros(c.shape), where=peaks) for c in (np.abs(c1), np.abs(c2), c3)
+    )
+    logs = np.where(peaks, log1 + log2 - log3, np.inf)
+    free = np.divide(logs, c2, out=np.zeros(c1.shape), where=c2 > 0.0)
     inside = rising & (free <= slip_max)
     lambda_m = np.where(rising, np.minimum(free, slip_max), 0.0)
     return Peak(np.asarray(adhesion(lambda_m, c1, c2, c3)), lambda_m, inside)

@@ -1,6 +1,7 @@
 """The locomotive's data: axles, wheels, loads and the transfer of load under effort."""
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import isfinite
 
 import numpy as np
@@ -34,6 +35,8 @@ class Geometry:
     def __post_init__(self) -> None:
         if not self.axles_per_bogie or min(self.axles_per_bogie) < 1:
             raise ValueError("every bogie needs an axle")
+        if self.axles_per_bogie == (1,):
+            raise ValueError("a single axle cannot take the moment of its effort")
         lengths = (self.pivot_distance, self.axle_spacing)
         heights = (self.coupler_height, self.traction_height)
         if not (all(isfinite(x) and x > 0 for x in lengths) and all(map(isfinite, heights))):
@@ -42,10 +45,11 @@ class Geometry:
     def load_transfer(self, effort: ArrayLike) -> Array:
         """Change of each axle's load under effort, N; sums to zero over the axles.
 
-        Moments about the rail: the couple of coupler and traction link tilts the body and
-        shifts load from the front bogie to the rear one; the effort at each bogie's link tilts
-        the bogie and shifts load from its front axles to its rear ones, in proportion to their
-        distance from the pivot (equal springs).
+        Moments about the rail: the coupler pulls back with the whole effort at its height. Each
+        bogie of two axles and more takes the moment of its own effort at the traction link, its
+        front axles losing what its rear ones gain, in proportion to their distance from the pivot
+        (equal springs). What is left tilts the body, which shifts load between the bogies by the
+        same rule. A single frame takes all of it.
 
         Args:
             effort: effort at the rim of each axle, N, shape (..., axles), axle 1 in front.
@@ -55,23 +59,28 @@ class Geometry:
 
         """
         force = np.asarray(effort, dtype=np.float64)
-        total = force.sum(axis=-1, keepdims=True)
-        body = total * (self.coupler_height - self.traction_height) / self.pivot_distance
+        bounds = np.cumsum((0, *self.axles_per_bogie))
+        bogies = [force[..., a:b].sum(axis=-1, keepdims=True) for a, b in pairwise(bounds)]
+        whole = np.sum(bogies, axis=0) * self.coupler_height
+        single = len(bogies) == 1
+        own = [
+            (whole if single else pull * self.traction_height) if axles > 1 else 0.0 * pull
+            for pull, axles in zip(bogies, self.axles_per_bogie, strict=True)
+        ]
+        body = whole - np.sum(own, axis=0)
+        places = self.pivot_distance * _centred(len(bogies))
+        reach = max(float(places @ places), 1e-12)
         parts = []
-        first = 0
-        for number, axles in enumerate(self.axles_per_bogie):
-            bogie = force[..., first : first + axles].sum(axis=-1, keepdims=True)
-            ahead = self.axle_spacing * ((axles - 1) / 2 - np.arange(axles))
+        for place, moment, axles in zip(places, own, self.axles_per_bogie, strict=True):
+            ahead = self.axle_spacing * _centred(axles)
             lean = ahead / max(float(ahead @ ahead), 1e-12)
-            side = self._body_side(number)
-            parts.append(-bogie * self.traction_height * lean - side * body / axles)
-            first += axles
+            parts.append(-moment * lean - body * (place / reach / axles))
         return np.concatenate(parts, axis=-1)
 
-    def _body_side(self, bogie: int) -> float:
-        """+1 for the front bogie, −1 for the last one, evenly between; 0 for a single one."""
-        last = len(self.axles_per_bogie) - 1
-        return 1.0 - 2.0 * bogie / last if last else 0.0
+
+def _centred(count: int) -> Array:
+    """Places of `count` points a unit apart around their middle, the front one first."""
+    return np.asarray((count - 1) / 2 - np.arange(count))
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,11 +31,11 @@ class DriveSettings:
 
     """
 
-    gain: float = 15e3
-    integral_gain: float = 250e3
+    gain: float = 60e3
+    integral_gain: float = 2e6
     effort_max: float = 120e3
-    lag_s: float = 0.01
-    slip_low: float = 0.004
+    lag_s: float = 0.005
+    slip_low: float = 0.002
     slip_high: float = 0.20
     period_s: float = 4.0
     probe_s: float = 3.0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adhesion_can.physics.burckhardt import Array, Surface, adhesion, adhesion_slope
+from adhesion_can.physics.burckhardt import SLIP_MAX, Array, Surface, adhesion, adhesion_slope
 from adhesion_can.physics.effects import Contact, Effect
 from adhesion_can.physics.vehicle import GRAVITY, Locomotive
 
@@ -38,6 +38,26 @@ def running_resistance(speed: float, train_mass: float) -> float:
     return (1.5 + 0.00025 * kmh * kmh) * 1e-3 * train_mass * GRAVITY
 
 
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """A track that keeps the train near a speed: it rises where the train is fast.
+
+    Attributes:
+        speed: at which it is level, m/s.
+        rise: gradient per m/s above that speed.
+        steepest: either way, m/m.
+
+    """
+
+    speed: float = 0.0
+    rise: float = 0.0
+    steepest: float = 0.035
+
+    def at(self, speed: float) -> float:
+        """Gradient where the train has a speed, m/m, positive uphill."""
+        return min(max(self.rise * (speed - self.speed), -self.steepest), self.steepest)
+
+
 class Plant:
     """State of the locomotive and its train.
 
@@ -46,7 +66,7 @@ class Plant:
         speed: at the start, m/s.
         effects: mechanisms beyond the curve.
         load_transfer: whether axle loads move under effort.
-        gradient: of the track, m/m, positive uphill.
+        gradient: of the track, m/m, positive uphill; or its profile.
 
     """
 
@@ -57,10 +77,10 @@ class Plant:
         effects: Sequence[ActiveEffect] = (),
         *,
         load_transfer: bool = False,
-        gradient: float = 0.0,
+        gradient: "float | Profile" = 0.0,
     ) -> None:
         self.vehicle = vehicle
-        self.gradient = gradient
+        self._gradient = gradient
         self.speed = speed
         self.position = 0.0
         self.radius = np.array(vehicle.wheel_radius)
@@ -69,6 +89,12 @@ class Plant:
         self.load: Array = np.array(vehicle.axle_load)
         self._effects = tuple(effects)
         self._load_transfer = load_transfer
+
+    @property
+    def gradient(self) -> float:
+        """Of the track here, m/m, positive uphill."""
+        slope = self._gradient
+        return slope.at(self.speed) if isinstance(slope, Profile) else slope
 
     @property
     def slip(self) -> Array:
@@ -88,7 +114,8 @@ class Plant:
         r, inertia = self.radius, self.vehicle.wheelset_inertia
         v = max(self.speed, SLOWEST)
         slip = self.slip
-        mu = adhesion(slip, *theta)
+        # Past a slip of 1 a wheel only spins faster: the straight -c3 λ would turn negative there.
+        mu = adhesion(np.clip(slip, -SLIP_MAX, SLIP_MAX), *theta)
         if self._effects:
             contact = Contact(slip, slip * v, np.full_like(slip, self.speed), self.load)
             for active in self._effects:
@@ -98,10 +125,11 @@ class Plant:
         stiffness = np.maximum(adhesion_slope(slip, *theta), 0.0) * self.load * r / v
         gain = dt * r / inertia
         change = gain * (effort - mu * self.load) / (1.0 + gain * stiffness)
-        # A locked wheel stands: brakes do not turn it backwards.
-        change = np.maximum(change, -self.wheel_speed)
-        self.wheel_speed = self.wheel_speed + change
-        self.force = effort - inertia * change / (r * dt)
+        # A locked wheel stands: brakes do not turn it backwards, and the rail gives what it can.
+        locked = change <= -self.wheel_speed
+        free = effort - inertia * change / (r * dt)
+        self.force = np.where(locked, mu * self.load, free)
+        self.wheel_speed = np.where(locked, 0.0, self.wheel_speed + change)
         mass = self.vehicle.train_mass
         resistance = running_resistance(self.speed, mass) if self.speed > 0 else 0.0
         pull = float(self.force.sum()) - resistance - mass * GRAVITY * self.gradient

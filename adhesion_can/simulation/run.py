@@ -68,7 +68,7 @@ class Simulation:
             scenario.speed,
             settings.effects,
             load_transfer=settings.load_transfer,
-            gradient=scenario.gradient,
+            gradient=scenario.profile,
         )
         self.stretches = scenario.stretches(settings.duration_s)
         self._track = Track(self.stretches, axles_behind(vehicle, along=settings.along_track))

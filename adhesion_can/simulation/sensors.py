@@ -154,4 +154,9 @@ class Sensors:
         measured = column[axles.start : axles.stop] + spread * rng.standard_normal(len(axles))
         if signal == "WheelSpeed":
             measured = np.maximum(measured, 0.0)  # a magnitude
-        return {f"{signal}_Ax{axle + 1}": float(x) for axle, x in zip(axles, measured, strict=True)}
+        values: dict[str, float | None] = {
+            f"{signal}_Ax{first + place}": None for place in range(1, AXLES_PER_MESSAGE + 1)
+        }
+        return values | {
+            f"{signal}_Ax{axle + 1}": float(x) for axle, x in zip(axles, measured, strict=True)
+        }

@@ -13,7 +13,7 @@ class LoadDependence:
     id: str = "load_dependence"
     parameters: tuple[Parameter, ...] = (
         # 2e-12 takes 12 % off at 245 kN.
-        Parameter("c5", "1/N^2", 2e-12, 0.0, 1e-6, "share of adhesion lost per squared load"),
+        Parameter("c5", "1/N^2", 2e-12, 0.0, 1.5e-11, "share of adhesion lost per squared load"),
     )
     literature: str = "Burckhardt 1993, eq. 4 of He et al. 2018"
 
