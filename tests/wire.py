@@ -1,4 +1,4 @@
-"""A bench of the tests' own: frames made with cantools and a bitwise CRC, no code of the package."""
+"""A bench of the tests' own: frames made with cantools and a bitwise CRC."""
 
 from pathlib import Path
 

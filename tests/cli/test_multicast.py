@@ -23,7 +23,8 @@ def own_network():
 
 @pytest.mark.skipif(not own_network(), reason="needs root, unshare and ip for a network of its own")
 def test_the_readme_bench_over_multicast_as_printed(tmp_path):
-    code = f"from pathlib import Path; from tests.cli.test_multicast import bench; bench(Path({str(tmp_path)!r}))"
+    code = "import pathlib, tests.cli.test_multicast as t; "
+    code += f"t.bench(pathlib.Path({str(tmp_path)!r}))"
     done = subprocess.run(
         ["unshare", "-n", "sh", "-c", NETWORK + '"$0" -c "$1"', sys.executable, code],
         cwd=ROOT, capture_output=True, text=True, timeout=110, check=False,

@@ -15,7 +15,7 @@ from tests.terminals import Terminal
 from tests.wire import Bench
 
 
-def test_run_in_this_process_keeps_log_state_and_json(tmp_path, monkeypatch):
+def test_run_in_this_process_keeps_log_state_and_json(tmp_path):
     """On the virtual bus, for two seconds, fed from a thread."""
     import threading
 
@@ -75,7 +75,8 @@ def test_a_signal_ends_the_service_in_order(tmp_path, number):
 
 
 def test_importing_the_package_imports_no_plotting_and_no_extra():
-    code = "import sys, adhesion_can.cli.main; print([m for m in ('matplotlib', 'pyarrow', 'asammdf') if m in sys.modules])"
+    code = "import sys, adhesion_can.cli.main; "
+    code += "print([m for m in ('matplotlib', 'pyarrow', 'asammdf') if m in sys.modules])"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
     )

@@ -91,7 +91,10 @@ def batch(readings, vehicle, *, v_min=1.0, min_share=0.1, travel=1.0):
         r, static = vehicle.wheel_radius[axle - 1], vehicle.axle_load[axle - 1]
         for k in range(1, len(times) - 1):
             t = times[k]
-            if None in omega[k - 1 : k + 2] or max(times[k + 1] - times[k], times[k] - times[k - 1]) > gap[W]:
+            if (
+                None in omega[k - 1 : k + 2]
+                or max(times[k + 1] - times[k], times[k] - times[k - 1]) > gap[W]
+            ):
                 continue
             v, force = between(speed, t, gap[V]), between(effort[axle], t, gap[F])
             if v is None or force is None or v < v_min:

@@ -6,7 +6,7 @@ import time
 import can
 import pytest
 
-from adhesion_can.bus.candump import read_candump, ReadReport
+from adhesion_can.bus.candump import ReadReport, read_candump
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.bus.recordings import from_message, to_message
 from adhesion_can.config import load_configuration

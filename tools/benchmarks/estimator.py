@@ -49,7 +49,8 @@ def main():
     settings = EvolutionSettings()
     print(
         f"blocks of {settings.block} samples, slip uniform in 0..0.2, the rail switches every "
-        f"{BLOCKS // 3} blocks; {settings.population} individuals, {settings.generations} generations"
+        f"{BLOCKS // 3} blocks; {settings.population} individuals, "
+        f"{settings.generations} generations"
     )
     for noise in NOISE:
         ratios, ours, theirs, excess, excess_scipy = [], [], [], [], []
@@ -75,13 +76,13 @@ def main():
         met = "met" if median(ratios) >= SPEED_TARGET else "MISSED"
         print(f"\nnoise sd {noise}: {RUNS * BLOCKS} blocks")
         print(
-            f"  time a block, median: {1e3 * median(ours):.2f} ms, SciPy {1e3 * median(theirs):.2f} ms; "
-            f"ratio {median(ratios):.1f} (target {SPEED_TARGET:.0f}: {met})"
+            f"  time a block, median: {1e3 * median(ours):.2f} ms, "
+            f"SciPy {1e3 * median(theirs):.2f} ms; ratio {median(ratios):.1f} (target {SPEED_TARGET:.0f}: {met})"
         )
         met = "met" if median(excess) <= ACCURACY_TARGET else "MISSED"
         print(
-            f"  (J - J_min)/noise², median: {median(excess):.1e} (target {ACCURACY_TARGET}: {met}), "
-            f"95 %: {np.quantile(excess, 0.95):.1e}, within target in "
+            f"  (J - J_min)/noise², median: {median(excess):.1e} "
+            f"(target {ACCURACY_TARGET}: {met}), 95 %: {np.quantile(excess, 0.95):.1e}, within target in "
             f"{100 * np.mean(np.array(excess) <= ACCURACY_TARGET):.0f} % of the blocks; "
             f"SciPy median {median(excess_scipy):.1e}"
         )
