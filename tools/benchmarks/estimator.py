@@ -77,12 +77,14 @@ def main():
         print(f"\nnoise sd {noise}: {RUNS * BLOCKS} blocks")
         print(
             f"  time a block, median: {1e3 * median(ours):.2f} ms, "
-            f"SciPy {1e3 * median(theirs):.2f} ms; ratio {median(ratios):.1f} (target {SPEED_TARGET:.0f}: {met})"
+            f"SciPy {1e3 * median(theirs):.2f} ms; "
+            f"ratio {median(ratios):.1f} (target {SPEED_TARGET:.0f}: {met})"
         )
         met = "met" if median(excess) <= ACCURACY_TARGET else "MISSED"
         print(
             f"  (J - J_min)/noise², median: {median(excess):.1e} "
-            f"(target {ACCURACY_TARGET}: {met}), 95 %: {np.quantile(excess, 0.95):.1e}, within target in "
+            f"(target {ACCURACY_TARGET}: {met}), "
+            f"95 %: {np.quantile(excess, 0.95):.1e}, within target in "
             f"{100 * np.mean(np.array(excess) <= ACCURACY_TARGET):.0f} % of the blocks; "
             f"SciPy median {median(excess_scipy):.1e}"
         )
