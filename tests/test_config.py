@@ -650,7 +650,8 @@ def test_protection_of_a_message_without_room_for_it_is_refused(tmp_path):
     )
 
 
-def test_a_data_id_of_the_database_that_is_no_number_is_our_own_error(tmp_path):
+def dbc_with_data_ids_of_text():
+    """Our own DBC where E2EDataId says something that is no number."""
     text = OWN_DBC.read_text()
     text = text.replace('BA_DEF_ BO_ "E2EDataId" INT 0 65535;', 'BA_DEF_ BO_ "E2EDataId" STRING ;')
     text = text.replace('BA_DEF_DEF_ "E2EDataId" 0;', 'BA_DEF_DEF_ "E2EDataId" "";')
@@ -660,11 +661,26 @@ def test_a_data_id_of_the_database_that_is_no_number_is_our_own_error(tmp_path):
         else line
         for line in text.splitlines()
     ]
+    return "\n".join(lines) + "\n"
+
+
+def test_a_data_id_of_the_database_that_is_no_number_is_our_own_error(tmp_path):
     path = tmp_path / "strings.dbc"
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text(dbc_with_data_ids_of_text())
     with pytest.raises(InputError) as caught:
         load_configuration(None, dbc=path)
-    assert_one_line(caught.value)
+    assert_one_line(caught.value, "E2EDataId")
+
+
+@pytest.mark.parametrize(("keys", "data_id"), [('protection = "none"', None), ("data_id = 7", 7)])
+def test_what_a_role_says_of_protection_goes_before_the_database(tmp_path, keys, data_id):
+    (tmp_path / "strings.dbc").write_text(dbc_with_data_ids_of_text())
+    (message,) = load(
+        tmp_path,
+        '[bus]\ndatabase = "strings.dbc"\n[roles]\n'
+        f'vehicle_speed = {{ signal = "{SPEED}", {keys} }}\n',
+    ).messages
+    assert message.data_id == data_id
 
 
 # --- anything at all -----------------------------------------------------------------------------

@@ -117,7 +117,8 @@ class Receiver:
         if not frame.is_data:
             return None
         for record in self._by_id.get((frame.arbitration_id, frame.is_extended), ()):
-            if record.message.channel in (None, frame.channel):
+            # Some formats know no channels: there a frame may be any bus's.
+            if record.message.channel in (None, frame.channel) or not frame.channel:
                 return record
         return None
 

@@ -165,17 +165,8 @@ def _bind_message(
     plan = MessagePlan(message)
     signals = tuple(_bind_signal(choice, signal, plan, radii, where) for choice, _, signal in rows)
     choices = [choice for choice, _, _ in rows]
-    own_id = e2e_data_id(message)
-    stated = _agreed(choices, "protection", where)
-    protection = stated or ("none" if own_id is None else "e2e-p01")
-    data_id = _agreed(choices, "data_id", where)
-    if protection == "e2e-p01" and data_id is None and own_id is None:
-        raise ConfigError(
-            f"{where}: roles.{choices[0].name}",
-            f"{message.name} has no attribute E2EDataId for its protection e2e-p01",
-            'state data_id, or protection = "none"',
-        )
-    if protection == "e2e-p01" and plan.size < 2:
+    data_id = _data_id(choices, message, where)
+    if data_id is not None and plan.size < 2:
         raise ConfigError(
             f"{where}: roles.{choices[0].name}",
             f"{message.name} has {plan.size} byte and no room for checksum and counter",
@@ -186,9 +177,25 @@ def _bind_message(
         plan=plan,
         channel=choices[0].channel,
         signals=signals,
-        data_id=(data_id if data_id is not None else own_id) if protection != "none" else None,
+        data_id=data_id,
         cycle_us=int(cycle) or None,
     )
+
+
+def _data_id(choices: Sequence[SignalChoice], message: Message, where: str) -> int | None:
+    """Data id of a message's protection, None: unprotected; what a role states comes first."""
+    protection = _agreed(choices, "protection", where)
+    stated: int | None = _agreed(choices, "data_id", where)
+    if protection == "none":
+        return None
+    own = e2e_data_id(message) if stated is None else stated
+    if own is None and protection == "e2e-p01":
+        raise ConfigError(
+            f"{where}: roles.{choices[0].name}",
+            f"{message.name} has no attribute E2EDataId for its protection e2e-p01",
+            'state data_id, or protection = "none"',
+        )
+    return own
 
 
 def _bind_signal(

@@ -55,7 +55,10 @@ def is_table(path: Path) -> bool:
         return bool(suffixes)
     if suffixes[-1] != ".csv":
         return False
-    header = {name.strip() for name in next(csv.reader([_first_line(path)]), [])}
+    try:
+        header = {name.strip() for name in next(csv.reader([_first_line(path)], strict=True), [])}
+    except csv.Error as error:
+        raise TableError(f"{path}:1", f"not CSV ({error})", "mend the line") from error
     if "slip" in header:
         return True
     if "arbitration_id" in header:

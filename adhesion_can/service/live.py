@@ -5,6 +5,7 @@ late and still count before it. When the bus goes down it is closed and opened a
 pauses, while the core goes on and says STALE_INPUT.
 """
 
+import errno
 import threading
 import time
 from collections import deque
@@ -15,7 +16,7 @@ import can
 import numpy as np
 
 from adhesion_can.bus.candump import format_frame, format_mark
-from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark
+from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark, to_us
 from adhesion_can.bus.recordings import from_message, to_message
 from adhesion_can.service.core import ServiceCore
 
@@ -28,6 +29,10 @@ QUEUE_FRAMES = 4096
 """Bound of our own queue: eight seconds of the contract's full input."""
 DRAIN_FRAMES = 256
 """Taken from the bus at most before the next one is handled."""
+BEHIND_US = 10_000
+"""A frame older than this when it is taken says that more are waiting: they are taken as well."""
+GONE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
+"""Errors at sending that say that the bus has gone, and not that it is full."""
 ECHO_US = 1_000_000
 CLOCK_TOLERANCE_US = 1_000_000
 """Stamps further from this host's clock come from another one, and are shifted by the offset."""
@@ -101,6 +106,7 @@ class LiveService:
         self._sent: deque[tuple[int, int, bytes]] = deque(maxlen=QUEUE_FRAMES)
         self._loop_times: deque[float] = deque(maxlen=1000)
         self._attempt = 0
+        self._unproven = False
         self._next_attempt_s = 0.0
         self._synchronised = False
         self._filter()
@@ -140,17 +146,31 @@ class LiveService:
             return None
         try:
             message = self._bus.recv(0.0 if self._queue else wait_s)
-            taken = 0
-            while message is not None:
-                self._queue.append(message)
-                if len(self._queue) > QUEUE_FRAMES:
-                    self._queue.popleft()
-                    self.core.counts.receive_drops += 1
-                taken += 1
-                message = self._bus.recv(0.0) if taken < DRAIN_FRAMES else None
+            if message is not None:
+                self._proven()
+                if not self._queue and not self._behind(message):
+                    return message
+                self._take_waiting(message)
         except (can.CanError, OSError) as error:
             self._lost(error)
         return self._queue.popleft() if self._queue else None
+
+    def _behind(self, message: can.Message) -> bool:
+        stamp = to_us(message.timestamp) + self.counts.clock_offset_us
+        return self._clock() - stamp > BEHIND_US
+
+    def _take_waiting(self, first: can.Message) -> None:
+        message: can.Message | None = first
+        for _ in range(DRAIN_FRAMES):
+            if message is None or self._bus is None:
+                return
+            self._queue.append(message)
+            if len(self._queue) > QUEUE_FRAMES:
+                self._queue.popleft()
+                self.core.counts.receive_drops += 1
+            message = self._bus.recv(0.0)
+        if message is not None:
+            self._queue.append(message)
 
     def _handle(self, message: can.Message) -> None:
         began = time.perf_counter()
@@ -205,12 +225,20 @@ class LiveService:
             self._sent.append((self._clock(), frame.arbitration_id, frame.data))
             try:
                 self._bus.send(to_message(frame))
-                self.counts.sent += 1
             except (can.CanError, OSError) as error:
-                self._sent.pop()
-                self.counts.send_errors += 1
-                if self.counts.send_errors == 1:
-                    self._tell(f"the bus does not take our frames: {error}")
+                self._not_sent(error)
+            else:
+                self.counts.sent += 1
+                self._proven()
+
+    def _not_sent(self, error: can.CanError | OSError) -> None:
+        self._sent.pop()
+        self.counts.send_errors += 1
+        code = error.error_code if isinstance(error, can.CanError) else error.errno
+        if code in GONE:
+            self._lost(error)
+        elif self.counts.send_errors == 1:
+            self._tell(f"the bus does not take our frames: {error}")
 
     def _log(self, line: str) -> None:
         if self._write_log is not None:
@@ -228,15 +256,27 @@ class LiveService:
             )
 
     def _lost(self, error: Exception) -> None:
-        self._tell(f"the bus is gone ({error}); trying to open it again")
+        if self._unproven:
+            # It could be opened and carries nothing: the pauses go on growing.
+            self._attempt = min(self._attempt + 1, len(PAUSES_S) - 1)
+        else:
+            self._tell(f"the bus is gone ({error}); trying to open it again")
+            self._attempt = 0
+        self._unproven = False
         if self._bus is not None:
             try:
                 self._bus.shutdown()
             except (can.CanError, OSError) as at_close:
                 self._tell(f"closing it failed as well ({at_close})")
         self._bus = None
-        self._attempt = 0
-        self._next_attempt_s = time.monotonic() + PAUSES_S[0]
+        self._next_attempt_s = time.monotonic() + PAUSES_S[self._attempt]
+
+    def _proven(self) -> None:
+        """A frame has passed: a bus that was opened again is back."""
+        if self._unproven:
+            self._unproven = False
+            self.counts.reopened += 1
+            self._tell("the bus is back")
 
     def _open_again(self, wait_s: float) -> None:
         if time.monotonic() < self._next_attempt_s:
@@ -248,6 +288,5 @@ class LiveService:
             self._attempt = min(self._attempt + 1, len(PAUSES_S) - 1)
             self._next_attempt_s = time.monotonic() + PAUSES_S[self._attempt]
             return
-        self.counts.reopened += 1
-        self._tell("the bus is back")
+        self._unproven = True
         self._filter()

@@ -106,6 +106,25 @@ def test_other_suffixes_are_told_by_name(tmp_path):
         assert is_table(tmp_path / name) is True, name
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"time_s,slip,adhesion\r0,0.1,0.2\r1,0.2,0.3\r",
+        b"x" * 200_000,
+        b"\x00" * 200_000,
+        b'"' + b"slip," * 50_000,
+        b'time_s,"slip',
+        bytes(range(256)) * 10,
+    ],
+    ids=["CR alone", "a long word", "zeros", "open quote", "cut quote", "bytes"],
+)
+def test_a_csv_that_is_no_csv_raises_our_own_error_alone(tmp_path, content):
+    path = tmp_path / "a.csv"
+    path.write_bytes(content)
+    only_our_own_error(is_table, path)
+    only_our_own_error(read_table, path)
+
+
 def test_a_missing_csv_is_named(tmp_path):
     refused(tmp_path / "gone.csv", "No such file", read=is_table)
     refused(tmp_path / "gone.csv", "No such file")
