@@ -10,7 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import can
 import numpy as np
@@ -65,7 +65,6 @@ class LiveCounts:
     foreign_outputs: int = 0
     reopened: int = 0
     clock_offset_us: int = 0
-    messages: list[str] = field(default_factory=list)
 
 
 class LiveService:

@@ -1,7 +1,7 @@
 """A simulated run: plant, drive, track and sensors stepped together, frames out."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -162,8 +162,3 @@ def axles_behind(vehicle: Locomotive, *, along: bool) -> np.ndarray:
         middle = number * geometry.pivot_distance
         places += [middle + geometry.axle_spacing * (j - (axles - 1) / 2) for j in range(axles)]
     return np.array(places) - places[0]
-
-
-def with_effects(settings: RunSettings, effects: Sequence[ActiveEffect]) -> RunSettings:
-    """The same run with effects."""
-    return replace(settings, effects=tuple(effects))

@@ -6,149 +6,26 @@ Every key is known or an error. The file's values are in the units that its keys
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, fields, replace
 from hashlib import sha256
-from math import isfinite
 from pathlib import Path
-from types import UnionType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any
 
-from adhesion_can.bus.database import CanDatabase, load_database
+from adhesion_can.bus.database import load_database
 from adhesion_can.bus.roles import (
     OPTIONAL_MESSAGES,
     PROTECTIONS,
-    BoundMessage,
     SignalChoice,
-    bind,
     contract_choices,
 )
+from adhesion_can.config.model import Configuration, ServiceSettings
+from adhesion_can.config.strict import no_more, section, table_of, typed
 from adhesion_can.errors import ConfigError
 from adhesion_can.identification.evolution import EvolutionSettings
-from adhesion_can.identification.paper import (
-    ChangeSettings,
-    IdentifiabilitySettings,
-    PaperEstimator,
-)
+from adhesion_can.identification.paper import ChangeSettings, IdentifiabilitySettings
 from adhesion_can.identification.samples import SamplingSettings, Sensors
 from adhesion_can.physics.data import Role
 from adhesion_can.physics.vehicle import Geometry, Locomotive
-
-
-@dataclass(frozen=True, slots=True)
-class ServiceSettings:
-    """Behaviour of the service.
-
-    Attributes:
-        target_share: share of μ_max that `CreepSpeedSetpoint` aims at: 0.98 costs 2 % of the
-            force and saves a third of the slip energy.
-        hold_s: how long the last values are held when an input is stale.
-        change_s: how long SURFACE_CHANGE is shown at most.
-        estimate_s: age of the last sample beyond which the status is LOW_EXCITATION.
-        restart_s: a hole in time longer than this starts the service anew.
-
-    """
-
-    target_share: float = 0.98
-    hold_s: float = 1.0
-    change_s: float = 5.0
-    estimate_s: float = 2.0
-    restart_s: float = 60.0
-
-    def __post_init__(self) -> None:
-        if not 0 < self.target_share <= 1:
-            raise ValueError("target_share must be in 0..1")
-        if not (min(self.hold_s, self.change_s, self.estimate_s) >= 0 and self.restart_s > 0):
-            raise ValueError("times must not be negative")
-
-
-@dataclass(frozen=True)
-class Configuration:
-    """All that a user can set.
-
-    Attributes:
-        vehicle: the locomotive.
-        database: of the bus.
-        choices: roles with their signals.
-        service: see there.
-        sampling: see there.
-        sensors: see there.
-        evolution: see there.
-        identifiability: see there.
-        change: see there.
-        estimator: name of the estimator.
-        where: file that it came from, for errors.
-        sha256: of the file, hex; '' for the defaults.
-
-    """
-
-    vehicle: Locomotive
-    database: CanDatabase
-    choices: tuple[SignalChoice, ...]
-    service: ServiceSettings = field(default_factory=ServiceSettings)
-    sampling: SamplingSettings = field(default_factory=SamplingSettings)
-    sensors: Sensors = field(default_factory=Sensors)
-    evolution: EvolutionSettings = field(default_factory=EvolutionSettings)
-    identifiability: IdentifiabilitySettings = field(default_factory=IdentifiabilitySettings)
-    change: ChangeSettings = field(default_factory=ChangeSettings)
-    estimator: str = "paper"
-    where: str = "defaults"
-    sha256: str = ""
-
-    @cached_property
-    def messages(self) -> tuple[BoundMessage, ...]:
-        """The messages heard, bound to their roles."""
-        return bind(self.choices, self.database, self.vehicle.wheel_radius, self.where)
-
-    def roles(self) -> set[Role]:
-        """The roles that have a signal."""
-        return {choice.role for choice in self.choices}
-
-    def missing_for_identification(self) -> list[str]:
-        """What an adhesion coefficient needs and no role gives, in words; empty: nothing."""
-        heard = {(choice.role, choice.axle) for choice in self.choices}
-        missing = []
-        wheels = {axle for role, axle in heard if role is Role.WHEEL_SPEED}
-        efforts = {axle for role, axle in heard if role is Role.TRACTIVE_EFFORT}
-        if not wheels:
-            missing.append("wheel speed")
-        if (Role.VEHICLE_SPEED, 0) not in heard:
-            missing.append("vehicle speed")
-        if not efforts:
-            missing.append("tractive effort")
-        elif wheels and not wheels & efforts:
-            missing.append("tractive effort and wheel speed of the same axle")
-        return missing
-
-    def require_identification(self) -> None:
-        """Raise a ConfigError where adhesion cannot be formed, or a cycle is unknown."""
-        missing = self.missing_for_identification()
-        if missing:
-            raise ConfigError(
-                self.where,
-                f"no role gives {' or '.join(missing)}, so adhesion cannot be estimated",
-                "map the roles under [roles]",
-            )
-        for message in self.messages:
-            if message.cycle_us is None:
-                raise ConfigError(
-                    f"{self.where}: {message.plan.name}",
-                    "its cycle is unknown, so it cannot be told when it is stale",
-                    "state cycle_ms at its role, or GenMsgCycleTime in the database",
-                )
-
-    def make_estimator(self, name: str | None = None) -> PaperEstimator:
-        """A fresh estimator by name; the configured one where none is given.
-
-        Raises:
-            ConfigError: no estimator has that name.
-
-        """
-        wanted = name or self.estimator
-        if wanted != "paper":
-            where = "--estimator" if name else f"{self.where}: estimator"
-            raise ConfigError(where, f"no estimator {wanted!r}", "known: paper")
-        return PaperEstimator(self.evolution, self.identifiability, self.change)
 
 
 def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Configuration:
@@ -179,24 +56,24 @@ def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Con
         ) from error
     where = path.name
     document = dict(document)
-    bus = _table(document.pop("bus", {}), f"{where}: bus")
+    bus = table_of(document.pop("bus", {}), f"{where}: bus")
     named = bus.pop("database", None)
-    _no_more(bus, f"{where}: bus", ("database",))
+    no_more(bus, f"{where}: bus", ("database",))
     if named is not None and not isinstance(named, str):
         raise ConfigError(f"{where}: bus.database", "not a path", 'write database = "my.dbc"')
     database = load_database(dbc or (path.parent / named if named else None))
     vehicle = _vehicle(document.pop("vehicle", {}), where)
     roles = document.pop("roles", None)
-    choices = () if roles is None else tuple(_roles(_table(roles, f"{where}: roles"), where))
+    choices = () if roles is None else tuple(_roles(table_of(roles, f"{where}: roles"), where))
     estimator = document.pop("estimator", "paper")
     if not isinstance(estimator, str):
         raise ConfigError(f"{where}: estimator", "not a name", 'write estimator = "paper"')
     sections: dict[str, Any] = {
-        name: _section(kind, document.pop(name, {}), f"{where}: {name}")
+        name: section(kind, document.pop(name, {}), f"{where}: {name}")
         for name, kind in _SECTIONS.items()
     }
     known = ("bus", "vehicle", "roles", "estimator", *_SECTIONS)
-    _no_more(document, where, known)
+    no_more(document, where, known)
     return _complete(
         Configuration(
             vehicle,
@@ -236,66 +113,6 @@ def _complete(configuration: Configuration) -> Configuration:
     return configuration
 
 
-def _table(value: object, where: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise ConfigError(where, "not a table", "write it as [section] with keys below")
-    return dict(value)
-
-
-def _no_more(rest: Mapping[str, Any], where: str, known: tuple[str, ...]) -> None:
-    if rest:
-        key = next(iter(rest))
-        dot = "." if ": " in where else ": "
-        raise ConfigError(f"{where}{dot}{key}", "unknown key", f"known: {', '.join(known)}")
-
-
-def _section(kind: type, value: object, where: str) -> Any:
-    """A frozen dataclass from a table whose keys are its fields."""
-    table = _table(value, where)
-    hints = get_type_hints(kind)
-    names = tuple(f.name for f in fields(kind))
-    arguments: dict[str, Any] = {}
-    for key, given in table.items():
-        if key not in names:
-            raise ConfigError(f"{where}.{key}", "unknown key", f"known: {', '.join(names)}")
-        arguments[key] = _typed(given, hints[key], f"{where}.{key}")
-    try:
-        return kind(**arguments)
-    except ValueError as error:
-        raise ConfigError(where, str(error), "mend the value") from error
-
-
-def _typed(value: Any, wanted: Any, where: str) -> Any:
-    """A TOML value as the type of a field."""
-    origin = get_origin(wanted)
-    if origin is UnionType:
-        return _typed(value, get_args(wanted)[0], where)
-    if origin is Literal:
-        if value not in get_args(wanted):
-            raise ConfigError(where, f"{value!r}", f"write one of {', '.join(get_args(wanted))}")
-        return value
-    if origin is tuple:
-        kinds = get_args(wanted)
-        if not isinstance(value, list):
-            raise ConfigError(where, f"{value!r} is not a list", "write [a, b, ..]")
-        if kinds[-1] is not Ellipsis and len(value) != len(kinds):
-            raise ConfigError(where, f"{len(value)} values", f"write {len(kinds)}")
-        return tuple(_typed(item, kinds[0], where) for item in value)
-    good = isinstance(value, wanted) or (wanted is float and isinstance(value, int))
-    if not good or isinstance(value, bool) is not (wanted is bool):
-        raise ConfigError(where, f"{value!r} is not a {_NAMES[wanted]}", "mend the value")
-    try:
-        typed = wanted(value)
-    except OverflowError as error:
-        raise ConfigError(where, "beyond all numbers", "mend the value") from error
-    if wanted is float and not isfinite(typed):
-        raise ConfigError(where, f"{typed} is not a finite number", "mend the value")
-    return typed
-
-
-_NAMES: Mapping[type, str] = {float: "number", int: "whole number", str: "text", bool: "boolean"}
-
-
 @dataclass(frozen=True, slots=True)
 class _Vehicle:
     """[vehicle] as a file spells it."""
@@ -320,22 +137,22 @@ class _Geometry:
 
 
 def _vehicle(value: object, where: str) -> Locomotive:
-    table = _table(value, f"{where}: vehicle")
+    table = table_of(value, f"{where}: vehicle")
     lists = {key: table.pop(key, None) for key in ("wheel_radius_m", "axle_load_N")}
     geometry = table.pop("geometry", None)
     known = {f.name for f in fields(_Vehicle)}
-    _no_more(
+    no_more(
         {k: v for k, v in table.items() if k not in known},
         f"{where}: vehicle",
         (*sorted(known), "geometry"),
     )
-    scalars: _Vehicle = _section(
+    scalars: _Vehicle = section(
         _Vehicle,
         table | {k: v for k, v in lists.items() if v is not None and not isinstance(v, list)},
         f"{where}: vehicle",
     )
     given = {
-        key: _typed(v, tuple[float, ...], f"{where}: vehicle.{key}")
+        key: typed(v, tuple[float, ...], f"{where}: vehicle.{key}")
         for key, v in lists.items()
         if isinstance(v, list)
     }
@@ -362,7 +179,7 @@ def _geometry(value: object, axles: int, where: str) -> Geometry | None:
     """As stated; a Co-Co's where nothing is and there are six axles."""
     if value is None:
         return Geometry() if axles == 6 else None
-    stated: _Geometry = _section(_Geometry, value, where)
+    stated: _Geometry = section(_Geometry, value, where)
     return Geometry(*(getattr(stated, f.name) for f in fields(_Geometry)))
 
 
@@ -388,10 +205,10 @@ def _roles(table: Mapping[str, Any], where: str) -> list[SignalChoice]:
         role, axle = _role(name, place)
         if any((choice.role, choice.axle) == (role, axle) for choice in choices):
             raise ConfigError(place, "named twice", "keep one of them")
-        role_table = {"signal": value} if isinstance(value, str) else _table(value, place)
+        role_table = {"signal": value} if isinstance(value, str) else table_of(value, place)
         if "signal" not in role_table:
             raise ConfigError(place, "names no signal", 'write signal = "Message.Signal"')
-        row: _RoleTable = _section(_RoleTable, role_table, place)
+        row: _RoleTable = section(_RoleTable, role_table, place)
         message, dot, signal = row.signal.rpartition(".")
         if not dot:
             raise ConfigError(place, f"{row.signal!r} is not Message.Signal", "name both")

@@ -1,0 +1,133 @@
+"""All that a user can set, as one frozen value."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from adhesion_can.bus.database import CanDatabase
+from adhesion_can.bus.roles import BoundMessage, SignalChoice, bind
+from adhesion_can.errors import ConfigError
+from adhesion_can.identification.evolution import EvolutionSettings
+from adhesion_can.identification.paper import (
+    ChangeSettings,
+    IdentifiabilitySettings,
+    PaperEstimator,
+)
+from adhesion_can.identification.samples import SamplingSettings, Sensors
+from adhesion_can.physics.data import Role
+from adhesion_can.physics.vehicle import Locomotive
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceSettings:
+    """Behaviour of the service.
+
+    Attributes:
+        target_share: share of μ_max that `CreepSpeedSetpoint` aims at: 0.98 costs 2 % of the
+            force and saves a third of the slip energy.
+        hold_s: how long the last values are held when an input is stale.
+        change_s: how long SURFACE_CHANGE is shown at most.
+        estimate_s: age of the last sample beyond which the status is LOW_EXCITATION.
+        restart_s: a hole in time longer than this starts the service anew.
+
+    """
+
+    target_share: float = 0.98
+    hold_s: float = 1.0
+    change_s: float = 5.0
+    estimate_s: float = 2.0
+    restart_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.target_share <= 1:
+            raise ValueError("target_share must be in 0..1")
+        if not (min(self.hold_s, self.change_s, self.estimate_s) >= 0 and self.restart_s > 0):
+            raise ValueError("times must not be negative")
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """All that a user can set.
+
+    Attributes:
+        vehicle: the locomotive.
+        database: of the bus.
+        choices: roles with their signals.
+        service: see there.
+        sampling: see there.
+        sensors: see there.
+        evolution: see there.
+        identifiability: see there.
+        change: see there.
+        estimator: name of the estimator.
+        where: file that it came from, for errors.
+        sha256: of the file, hex; '' for the defaults.
+
+    """
+
+    vehicle: Locomotive
+    database: CanDatabase
+    choices: tuple[SignalChoice, ...]
+    service: ServiceSettings = field(default_factory=ServiceSettings)
+    sampling: SamplingSettings = field(default_factory=SamplingSettings)
+    sensors: Sensors = field(default_factory=Sensors)
+    evolution: EvolutionSettings = field(default_factory=EvolutionSettings)
+    identifiability: IdentifiabilitySettings = field(default_factory=IdentifiabilitySettings)
+    change: ChangeSettings = field(default_factory=ChangeSettings)
+    estimator: str = "paper"
+    where: str = "defaults"
+    sha256: str = ""
+
+    @cached_property
+    def messages(self) -> tuple[BoundMessage, ...]:
+        """The messages heard, bound to their roles."""
+        return bind(self.choices, self.database, self.vehicle.wheel_radius, self.where)
+
+    def roles(self) -> set[Role]:
+        """The roles that have a signal."""
+        return {choice.role for choice in self.choices}
+
+    def missing_for_identification(self) -> list[str]:
+        """What an adhesion coefficient needs and no role gives, in words; empty: nothing."""
+        heard = {(choice.role, choice.axle) for choice in self.choices}
+        missing = []
+        wheels = {axle for role, axle in heard if role is Role.WHEEL_SPEED}
+        efforts = {axle for role, axle in heard if role is Role.TRACTIVE_EFFORT}
+        if not wheels:
+            missing.append("wheel speed")
+        if (Role.VEHICLE_SPEED, 0) not in heard:
+            missing.append("vehicle speed")
+        if not efforts:
+            missing.append("tractive effort")
+        elif wheels and not wheels & efforts:
+            missing.append("tractive effort and wheel speed of the same axle")
+        return missing
+
+    def require_identification(self) -> None:
+        """Raise a ConfigError where adhesion cannot be formed, or a cycle is unknown."""
+        missing = self.missing_for_identification()
+        if missing:
+            raise ConfigError(
+                self.where,
+                f"no role gives {' or '.join(missing)}, so adhesion cannot be estimated",
+                "map the roles under [roles]",
+            )
+        for message in self.messages:
+            if message.cycle_us is None:
+                raise ConfigError(
+                    f"{self.where}: {message.plan.name}",
+                    "its cycle is unknown, so it cannot be told when it is stale",
+                    "state cycle_ms at its role, or GenMsgCycleTime in the database",
+                )
+
+    def make_estimator(self, name: str | None = None) -> PaperEstimator:
+        """A fresh estimator by name; the configured one where none is given.
+
+        Raises:
+            ConfigError: no estimator has that name.
+
+        """
+        wanted = name or self.estimator
+        if wanted != "paper":
+            where = "--estimator" if name else f"{self.where}: estimator"
+            raise ConfigError(where, f"no estimator {wanted!r}", "known: paper")
+        return PaperEstimator(self.evolution, self.identifiability, self.change)
