@@ -67,6 +67,14 @@ def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
     return open_bus
 
 
+def bus_is_configured() -> bool:
+    """Whether python-can's files or environment variables name a bus."""
+    try:
+        return bool(can.util.load_config().get("interface"))
+    except can.CanInterfaceNotImplementedError:
+        return False
+
+
 def write_json(target: str | None, document: dict[str, Any]) -> None:
     """Write a result where --json says; nothing where it does not."""
     if target is None:

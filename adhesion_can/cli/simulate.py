@@ -14,6 +14,7 @@ from adhesion_can.bus.recordings import from_message, to_message, whole_file
 from adhesion_can.cli.common import (
     add_bus,
     add_configuration,
+    bus_is_configured,
     bus_opener,
     configuration,
     progress,
@@ -72,6 +73,8 @@ def run(options: argparse.Namespace) -> int:
     config = configuration(options)
     database = load_database(options.dbc)
     on_bus = "interface" in options or "channel" in options
+    if options.log is None:
+        on_bus = on_bus or bus_is_configured()
     if on_bus is (options.log is not None):
         raise InputError("simulate", "give either --log or a bus (-i, -c)", "choose one of them")
     for path, name in ((options.log, "--log"), (options.truth, "--truth")):

@@ -81,3 +81,14 @@ def test_importing_the_package_imports_no_plotting_and_no_extra():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
     )
     assert done.stdout.strip() == "[]"
+
+
+def test_a_bus_from_the_environment_serves_simulate_too(monkeypatch, capsys):
+    monkeypatch.setenv("CAN_INTERFACE", "virtual")
+    monkeypatch.setenv("CAN_CHANNEL", "from-environment")
+    with can.Bus(interface="virtual", channel="from-environment") as listener:
+        assert main(["simulate", "--scenario", "dry", "--duration", "0.5"]) == 0
+        assert listener.recv(0.1) is not None
+    monkeypatch.delenv("CAN_INTERFACE")
+    assert main(["simulate", "--scenario", "dry", "--duration", "0.5"]) == 2
+    assert "either --log or a bus" in capsys.readouterr().err
