@@ -18,7 +18,7 @@ from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.service.extract import samples_of
 from adhesion_can.simulation.drive import Pattern
 from adhesion_can.simulation.plant import ActiveEffect
-from adhesion_can.simulation.run import RunSettings, Simulation, axles_behind, with_effects
+from adhesion_can.simulation.run import RunSettings, Simulation, axles_behind
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
 from adhesion_can.simulation.sensors import NoiseSettings
 
@@ -173,7 +173,7 @@ def test_an_effect_changes_the_run_and_none_of_size_zero_does_not(effect):
     base = [f for step in plain.run() for f in step]
     for size, same in ((0.0, True), (effect.parameters[0].typical, False)):
         values = (size, *(p.typical for p in effect.parameters[1:]))
-        settings = with_effects(plain.settings, [ActiveEffect(effect, values)])
+        settings = replace(plain.settings, effects=(ActiveEffect(effect, values),))
         frames = [f for step in Simulation(settings, DATABASE).run() for f in step]
         assert (frames == base) is same
 
