@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
+from adhesion_can.bus.candump import ReadReport
 from adhesion_can.bus.frame import ADVANCE, Frame, Mark
 from adhesion_can.bus.recordings import Recording
 from adhesion_can.errors import RecordingError
@@ -33,6 +34,36 @@ class ReplaySummary:
     kinds: Counter[str] = field(default_factory=Counter)
 
 
+STRAY_US = 60_000_000
+"""A stamp this far ahead, taken back by the next one, is a broken stamp and not a hole in time."""
+
+
+def _without_strays(items: Iterable[Frame | Mark], report: ReadReport) -> Iterator[Frame | Mark]:
+    """Items but for frames with a broken stamp far ahead, which would hold up all that follow."""
+    last: int | None = None
+    held: Frame | Mark | None = None
+    for item in items:
+        if held is not None:
+            if item.t_us > held.t_us - STRAY_US:
+                yield held
+                last = held.t_us
+            else:
+                report.kinds["stray"] += 1
+                if report.kinds["stray"] == 1:
+                    report.notes.append(
+                        f"frames with a broken stamp far ahead are left out, the first of "
+                        f"{held.t_us / 1e6:.6f} s"
+                    )
+            held = None
+        if last is not None and item.t_us - last > STRAY_US:
+            held = item
+            continue
+        last = item.t_us
+        yield item
+    if held is not None:
+        yield held
+
+
 def in_sequence(recordings: Sequence[Recording]) -> Iterator[Frame | Mark]:
     """Recordings one after another.
 
@@ -43,7 +74,7 @@ def in_sequence(recordings: Sequence[Recording]) -> Iterator[Frame | Mark]:
     last = None
     for recording in recordings:
         begins = True
-        for item in recording:
+        for item in _without_strays(recording, recording.report):
             if begins and last is not None and item.t_us < last:
                 raise RecordingError(
                     str(recording.path),

@@ -534,3 +534,29 @@ def test_the_wheel_carries_the_dbc(tmp_path):
     )  # fmt: skip
     assert Path(done.stdout.strip()) == tmp_path / "site/adhesion_can/dbc/adhesion.dbc"
     assert len(DB.messages) == 14
+
+
+def test_one_broken_stamp_far_ahead_costs_its_own_frame_alone(recording, tmp_path, capsys):
+    lines = (recording / "a.log").read_text().splitlines(keepends=True)
+    stray = tmp_path / "stray.log"
+    broken = "(99999999.000000)" + lines[3000].split(")")[1]
+    stray.write_text("".join([*lines[:3000], broken, *lines[3000:]]))
+    outs = [tmp_path / "clean.out", tmp_path / "stray.out"]
+    assert main(["replay", str(recording / "a.log"), "--frames", str(outs[0])]) == 0
+    capsys.readouterr()
+    assert main(["replay", str(stray), "--frames", str(outs[1])]) == 0
+    assert "broken stamp far ahead" in capsys.readouterr().out
+    assert outs[0].read_bytes() == outs[1].read_bytes()
+    assert main(["check", str(stray)]) == 1
+
+
+def test_a_recording_with_a_pause_goes_on_after_it(recording, tmp_path):
+    lines = (recording / "a.log").read_text().splitlines(keepends=True)[:4000]
+    later = [f"({float(line[1:].split(')')[0]) + 7200:.6f}){line.split(')')[1]}" for line in lines]
+    paused = tmp_path / "paused.log"
+    paused.write_text("".join(lines + later))
+    assert main(["replay", str(paused), "--json", str(tmp_path / "r.json")]) == 0
+    result = json.loads((tmp_path / "r.json").read_text())
+    assert result["restarts"] == 1
+    assert result["frames"] == 8000
+    assert result["problems"] == []
