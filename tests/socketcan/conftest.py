@@ -1,5 +1,6 @@
 """Skips this suite, with the reason, where there is no SocketCAN."""
 
+import shutil
 import socket
 from pathlib import Path
 
@@ -13,7 +14,8 @@ def missing():
             probe.bind(("vcan0",))
     except (AttributeError, OSError) as error:
         return f"no SocketCAN with vcan0 here ({error}); run through tools/vcan, which brings it"
-    return None
+    absent = [tool for tool in ("candump", "canplayer", "ip") if not shutil.which(tool)]
+    return f"not installed: {', '.join(absent)} (can-utils, iproute2)" if absent else None
 
 
 def pytest_collection_modifyitems(items):
