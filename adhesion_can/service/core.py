@@ -23,6 +23,7 @@ from adhesion_can.service.outputs import Health, OutputMessages, Outputs, output
 from adhesion_can.service.states import VALUES, Conditions, Status, Values, status_of
 
 REQUIRED = frozenset({Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT})
+SETPOINT = "AdhesionSetpoint"
 STALE_CYCLES = 3
 FAULT_US = 1_000_000
 """FAULT is shown at least this long, so that nobody misses it."""
@@ -220,8 +221,8 @@ class ServiceCore:
                 if due_us == t_us:
                     frames += self.messages.compose(name, t_us, self.outputs, health)
                     self._due[name] = t_us + self._cycles[name]
-            if self._on_setpoint:
-                self._on_setpoint(t_us, self.outputs)
+                    if name == SETPOINT and self._on_setpoint:
+                        self._on_setpoint(t_us, self.outputs)
         return frames
 
     def _refresh(self, t_us: int) -> None:

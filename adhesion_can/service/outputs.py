@@ -12,7 +12,7 @@ from adhesion_can.bus.database import OUTPUT_MESSAGES, CanDatabase, e2e_data_id,
 from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import BoundMessage
-from adhesion_can.errors import ConfigError
+from adhesion_can.errors import ConfigError, DatabaseError
 from adhesion_can.physics.burckhardt import peak, slip_at
 from adhesion_can.physics.data import Estimate
 from adhesion_can.service.states import Status
@@ -123,6 +123,23 @@ class _Sender:
         return Frame(t_us, self.plan.frame_id, bytes(payload), is_extended=self.plan.is_extended)
 
 
+def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
+    """DatabaseError where the user's output messages lack a signal or a cycle of ours."""
+    for name in OUTPUT_MESSAGES:
+        message = database.message(name)
+        missing = {s.name for s in own.message(name).signals} - {s.name for s in message.signals}
+        if missing:
+            raise DatabaseError(
+                f"{database.path.name}: {name}",
+                f"no signal {', '.join(sorted(missing))}",
+                "take the message over from our own database, or leave all output messages out",
+            )
+        if not message.cycle_time:
+            raise DatabaseError(
+                f"{database.path.name}: {name}", "its cycle is unknown", "state GenMsgCycleTime"
+            )
+
+
 class OutputMessages:
     """Composes the output messages; each keeps its counter.
 
@@ -132,12 +149,16 @@ class OutputMessages:
 
     Raises:
         ConfigError: an output has the id of an input.
+        DatabaseError: the user's output messages lack a signal or a cycle.
 
     """
 
     def __init__(self, database: CanDatabase, inputs: tuple[BoundMessage, ...]) -> None:
         present = {message.name for message in database.db.messages}
-        source = database if present.issuperset(OUTPUT_MESSAGES) else load_database()
+        source = load_database()
+        if present.issuperset(OUTPUT_MESSAGES):
+            _require_signals(database, source)
+            source = database
         self._senders = {name: _Sender(source.message(name)) for name in OUTPUT_MESSAGES}
         heard = {(m.plan.frame_id, m.plan.is_extended): m.plan.name for m in inputs}
         for name, sender in self._senders.items():

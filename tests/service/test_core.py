@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.config import load_configuration
+from adhesion_can.errors import InputError
 from adhesion_can.physics.data import Estimate, Identifiable
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.states import TRANSITIONS, Conditions, Status, status_of
-from tests.wire import INPUTS, REQUIRED, Bench, decoded, seal_ok, sealed, values
+from tests.wire import DBC, INPUTS, REQUIRED, Bench, decoded, seal_ok, sealed, values
 
 CONFIG = load_configuration()
 CYCLES_US = {0x201: 20_000, 0x202: 100_000, 0x203: 100_000, 0x204: 20_000, 0x211: 1_000_000}
@@ -587,3 +588,52 @@ def test_loads_from_the_bus_take_away_the_doubt_about_them():
             )
     assert wide.estimate.mu_max_std > 0.02 * 0.3 > narrow.estimate.mu_max_std
     assert Status.INIT == 0
+
+
+# --- databases of the user's own
+
+
+def with_dbc(tmp_path, *changes):
+    text = DBC.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "mine.dbc").write_text(text)
+    return load_configuration(None, tmp_path / "mine.dbc")
+
+
+def test_outputs_take_ids_and_cycles_of_the_users_database(tmp_path):
+    config = with_dbc(
+        tmp_path,
+        (" 513 ", " 1537 "),
+        ('BA_ "GenMsgCycleTime" BO_ 1537 20;', 'BA_ "GenMsgCycleTime" BO_ 1537 50;'),
+    )
+    rows = []
+    core = ServiceCore(config, Says, on_setpoint=lambda t, _: rows.append(t))
+    sent = run(core, Bench().drive(0, 500_001))
+    stamps = [f.t_us for f in sent if f.arbitration_id == 0x601]
+    assert stamps == rows == list(range(0, 500_001, 50_000))
+    assert not [f for f in sent if f.arbitration_id == 0x201]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('BA_ "GenMsgCycleTime" BO_ 513 20;', "", "AdhesionSetpoint: its cycle is unknown"),
+        (" LambdaM ", " LambdaOpt ", "AdhesionSetpoint: no signal LambdaM"),
+    ],
+)
+def test_output_messages_that_lack_something_are_refused(tmp_path, old, new, words):
+    with pytest.raises(InputError, match=words):
+        ServiceCore(with_dbc(tmp_path, (old, new)), Says)
+
+
+def test_a_database_without_outputs_gets_ours_unless_an_input_has_their_id(tmp_path):
+    names = ("AdhesionSetpoint", "Setpoint")
+    core = ServiceCore(with_dbc(tmp_path, names), Says)
+    assert (0x201, False) in core.messages.ids
+    clash = with_dbc(
+        tmp_path, names, (" 257 ", " 529 "), ("BO_ 529 ServiceStatus", "BO_ 530 Other")
+    )
+    with pytest.raises(InputError, match="has the id 0x211 of our own ServiceStatus"):
+        ServiceCore(clash, Says)
