@@ -632,8 +632,6 @@ def test_a_database_without_outputs_gets_ours_unless_an_input_has_their_id(tmp_p
     names = ("AdhesionSetpoint", "Setpoint")
     core = ServiceCore(with_dbc(tmp_path, names), Says)
     assert (0x201, False) in core.messages.ids
-    clash = with_dbc(
-        tmp_path, names, (" 257 ", " 529 "), ("BO_ 529 ServiceStatus", "BO_ 530 Other")
-    )
+    clash = with_dbc(tmp_path, names, (" 529 ", " 530 "), (" 257 ", " 529 "))
     with pytest.raises(InputError, match="has the id 0x211 of our own ServiceStatus"):
         ServiceCore(clash, Says)
