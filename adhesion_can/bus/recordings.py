@@ -4,7 +4,7 @@ import gzip
 import io
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import IO, Any, BinaryIO, cast
@@ -181,12 +181,14 @@ def file_sha256(path: Path) -> str:
 
 
 @contextmanager
-def whole_file(path: Path, mode: str = "w") -> Iterator[Any]:
+def whole_file(path: Path, mode: str = "w", *, keep_part: bool = False) -> Iterator[Any]:
     """Write a file under a temporary name; it gets its own when all is written, else vanishes.
 
     Args:
         path: of the finished file; a suffix .gz compresses it.
         mode: 'w' or 'wb'.
+        keep_part: leave what was written until an exception under the name with .part: a recording
+            cannot be made again.
 
     Raises:
         InputError: the folder does not exist or cannot be written to.
@@ -202,17 +204,17 @@ def whole_file(path: Path, mode: str = "w") -> Iterator[Any]:
             str(path), error.strerror or "cannot be written", "name a folder that can be written to"
         ) from error
     try:
-        with raw:
-            file: Any = (
-                gzip.GzipFile(fileobj=raw, mode="wb", mtime=0) if path.suffix == ".gz" else raw
-            )
-            if "b" not in mode:
-                file = io.TextIOWrapper(file, encoding="utf-8", newline="")
-            yield file
-            file.flush()
+        with ExitStack() as stack:
+            file: Any = stack.enter_context(raw)
             if path.suffix == ".gz":
-                file.close()
+                packed = gzip.GzipFile(path.stem, "wb", fileobj=raw, mtime=0)
+                file = stack.enter_context(packed)
+            if "b" not in mode:
+                text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+                file = stack.enter_context(text)
+            yield file
     except BaseException:
-        part.unlink(missing_ok=True)
+        if not keep_part:
+            part.unlink(missing_ok=True)
         raise
     part.replace(path)

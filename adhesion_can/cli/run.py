@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     bus = open_bus()
     narrator.say(f"listening on {bus.channel_info}; Ctrl-C ends")
     with ExitStack() as stack:
-        log = stack.enter_context(whole_file(options.log)) if options.log else None
+        log = stack.enter_context(whole_file(options.log, keep_part=True)) if options.log else None
         service = LiveService(
             core,
             bus,

@@ -92,3 +92,20 @@ def test_a_bus_from_the_environment_serves_simulate_too(monkeypatch, capsys):
     monkeypatch.delenv("CAN_INTERFACE")
     assert main(["simulate", "--scenario", "dry", "--duration", "0.5"]) == 2
     assert "either --log or a bus" in capsys.readouterr().err
+
+
+def test_a_crash_keeps_what_was_recorded(tmp_path, monkeypatch):
+    """What the bus said cannot be asked again."""
+
+    def crash(service, _until):
+        service._write_log("(1.000000) can0 101#00\n")
+        service._bus.shutdown()
+        raise RuntimeError("a defect")
+
+    monkeypatch.setattr("adhesion_can.cli.run.LiveService.run", crash)
+    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    with pytest.raises(RuntimeError, match="a defect"):
+        main(["run", "-i", "virtual", "-c", "crash", "--log", str(tmp_path / "run.log")])
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+    assert (tmp_path / "run.log.part").read_text() == "(1.000000) can0 101#00\n"
