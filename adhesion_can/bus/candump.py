@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from itertools import accumulate, chain, islice, pairwise
 
-from adhesion_can.bus.frame import ADVANCE, MARKS, Frame, Mark
+from adhesion_can.bus.frame import MARKS, Frame, Mark
 
 ERROR_FLAG = 0x20000000
 _LINE_LIMIT = 16384  # a CAN XL line has 4200 characters; past this a file is not text
@@ -243,14 +243,3 @@ def format_mark(mark: Mark) -> str:
     """A mark as a line: canplayer and cantools pass over it, python-can reads an empty frame."""
     seconds, micros = divmod(mark.t_us, 1_000_000)
     return f"<{seconds}.{micros:06d}> {mark.name} 000#\n"
-
-
-__all__ = [
-    "ADVANCE",
-    "ReadReport",
-    "format_frame",
-    "format_mark",
-    "looks_like_candump",
-    "parse_line",
-    "read_candump",
-]

@@ -10,7 +10,7 @@ from adhesion_can.bus.codec import MessagePlan, SignalPlan
 from adhesion_can.bus.database import CanDatabase, e2e_data_id
 from adhesion_can.bus.units import known_units, to_si
 from adhesion_can.errors import ConfigError
-from adhesion_can.physics.data import Role
+from adhesion_can.physics.data import Role, role_name
 
 Protection = Literal["e2e-p01", "none"]
 PROTECTIONS: tuple[Protection, ...] = ("e2e-p01", "none")
@@ -52,7 +52,7 @@ class SignalChoice:
     @property
     def name(self) -> str:
         """Role as configurations spell it: `wheel_speed.1`, `vehicle_speed`."""
-        return f"{self.role}.{self.axle}" if self.axle else str(self.role)
+        return role_name(self.role, self.axle)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class BoundSignal:
     @property
     def name(self) -> str:
         """As `SignalChoice.name`."""
-        return f"{self.role}.{self.axle}" if self.axle else str(self.role)
+        return role_name(self.role, self.axle)
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,9 @@ from adhesion_can.bus.roles import (
 from adhesion_can.config.model import Configuration, ServiceSettings
 from adhesion_can.config.strict import no_more, section, table_of, typed
 from adhesion_can.errors import ConfigError
+from adhesion_can.identification.assessment import IdentifiabilitySettings
 from adhesion_can.identification.evolution import EvolutionSettings
-from adhesion_can.identification.paper import ChangeSettings, IdentifiabilitySettings
+from adhesion_can.identification.paper import ChangeSettings
 from adhesion_can.identification.samples import SamplingSettings, Sensors
 from adhesion_can.physics.data import Role
 from adhesion_can.physics.vehicle import Geometry, Locomotive

@@ -6,12 +6,9 @@ from functools import cached_property
 from adhesion_can.bus.database import CanDatabase
 from adhesion_can.bus.roles import BoundMessage, SignalChoice, bind
 from adhesion_can.errors import ConfigError
+from adhesion_can.identification.assessment import IdentifiabilitySettings
 from adhesion_can.identification.evolution import EvolutionSettings
-from adhesion_can.identification.paper import (
-    ChangeSettings,
-    IdentifiabilitySettings,
-    PaperEstimator,
-)
+from adhesion_can.identification.paper import ChangeSettings, PaperEstimator
 from adhesion_can.identification.samples import SamplingSettings, Sensors
 from adhesion_can.physics.data import Role
 from adhesion_can.physics.vehicle import Locomotive

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from adhesion_can.identification.assessment import IdentifiabilitySettings, assess
 from adhesion_can.identification.likelihood import innovation, sensitivity, sum_of_squares
-from adhesion_can.identification.paper import IdentifiabilitySettings, assess
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.data import Estimate, Identifiable, Samples
 

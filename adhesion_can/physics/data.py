@@ -40,6 +40,11 @@ class Role(StrEnum):
 PER_AXLE = frozenset({Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT, Role.AXLE_LOAD})
 
 
+def role_name(role: Role, axle: int) -> str:
+    """Role as configurations and reports spell it: `wheel_speed.1`, `vehicle_speed`."""
+    return f"{role}.{axle}" if axle else str(role)
+
+
 class SpeedSource:
     """Values of `Role.SPEED_SOURCE`."""
 

@@ -1,20 +1,17 @@
 """Is this recording usable: what is in it, what is wrong with it, what it can tell."""
 
-from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from adhesion_can.bus.e2e import Rejection
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.bus.receiver import MessageRecord, Receiver
-from adhesion_can.bus.roles import cycles_of
 from adhesion_can.config import Configuration
 from adhesion_can.identification.batch import identify
-from adhesion_can.identification.samples import SampleFormer
-from adhesion_can.physics.data import Reading, Role, Sample, Samples
+from adhesion_can.physics.data import Reading, Role, Samples, role_name
+from adhesion_can.service.extract import Extraction
 
 RATE_TOLERANCE = 0.1
 """A message's mean cycle may be off by this share of its nominal one."""
@@ -127,50 +124,28 @@ def check(items: Iterable[Frame | Mark], configuration: Configuration) -> CheckR
         configuration: roles may be missing: what they would tell is named among the limits.
 
     """
-    receiver = Receiver(configuration.messages)
-    former = SampleFormer(
-        configuration.vehicle,
-        cycles_of(configuration.messages),
-        configuration.sampling,
-        configuration.sensors,
-    )
     signals = {choice.name: SignalRange() for choice in configuration.choices}
-    formed: list[Sample] = []
-    counts: Counter[str] = Counter()
-    first = now = None
-    for frame in items:
-        if isinstance(frame, Mark):
-            continue
-        counts["frames"] += 1
-        first = frame.t_us if first is None else first
-        counts["clamped"] += now is not None and frame.t_us < now
-        now = frame.t_us if now is None else max(now, frame.t_us)
-        outcome = receiver.accept(frame._replace(t_us=now))
-        if outcome is None:
-            counts["unknown"] += 1
-        elif not isinstance(outcome, Rejection):
-            for reading in outcome:
-                signals[_name(reading)].note(reading.value)
-                former.add(reading)
-            formed += former.collect(now)
+
+    def note(reading: Reading) -> None:
+        signals[role_name(reading.role, reading.axle)].note(reading.value)
+
+    extraction = Extraction(configuration, note)
+    samples = extraction.run(items)
+    counts = extraction.counts
     result = CheckResult(
-        receiver,
+        extraction.receiver,
         signals,
         counts["frames"],
         counts["unknown"],
         counts["clamped"],
-        0.0 if first is None or now is None else (now - first) / 1e6,
-        Samples.of(formed),
-        dict(former.dropped),
+        (extraction.last_us - (extraction.first_us or 0)) / 1e6,
+        samples,
+        extraction.dropped,
     )
     _judge_messages(result)
     _judge_signals(result)
     _judge_excitation(result, configuration)
     return result
-
-
-def _name(reading: Reading) -> str:
-    return f"{reading.role}.{reading.axle}" if reading.axle else str(reading.role)
 
 
 def _judge_messages(result: CheckResult) -> None:

@@ -1,6 +1,7 @@
 """Recorded frames to samples, without a service: for a batch fit."""
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable
 
 from adhesion_can.bus.e2e import Rejection
 from adhesion_can.bus.frame import Frame, Mark
@@ -9,9 +10,67 @@ from adhesion_can.bus.roles import cycles_of
 from adhesion_can.config import Configuration
 from adhesion_can.errors import RecordingError
 from adhesion_can.identification.samples import SampleFormer
-from adhesion_can.physics.data import Sample, Samples
+from adhesion_can.physics.data import Reading, Sample, Samples
 
 UPDATE_US = 20_000
+
+
+class Extraction:
+    """A recording taken through receiver and sample former, as the service takes a bus.
+
+    Args:
+        configuration: what is heard.
+        on_reading: called with each reading of an accepted frame.
+
+    """
+
+    def __init__(
+        self, configuration: Configuration, on_reading: Callable[[Reading], None] = lambda _: None
+    ) -> None:
+        self.receiver = Receiver(configuration.messages)
+        self.counts: Counter[str] = Counter()
+        """'frames' in all, 'unknown' ids, 'clamped': stamped before the one in front of them."""
+        self.first_us: int | None = None
+        self.last_us = 0
+        self._on_reading = on_reading
+        self._former = SampleFormer(
+            configuration.vehicle,
+            cycles_of(configuration.messages),
+            configuration.sampling,
+            configuration.sensors,
+        )
+        self._formed: list[Sample] = []
+        self._collected_us = 0
+
+    def run(self, items: Iterable[Frame | Mark]) -> Samples:
+        """Samples of all frames, in the order of their stamps; marks are passed over."""
+        for item in items:
+            if isinstance(item, Frame):
+                self._take(item)
+        self._formed += self._former.collect(self.last_us)
+        return Samples.of(self._formed)
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """Wheel-speed readings that gave no sample, by reason."""
+        return dict(self._former.dropped)
+
+    def _take(self, frame: Frame) -> None:
+        self.counts["frames"] += 1
+        if self.first_us is None:
+            self.first_us = self.last_us = frame.t_us
+        self.counts["clamped"] += frame.t_us < self.last_us
+        self.last_us = max(self.last_us, frame.t_us)
+        outcome = self.receiver.accept(frame._replace(t_us=self.last_us))
+        if outcome is None:
+            self.counts["unknown"] += 1
+        elif not isinstance(outcome, Rejection):
+            for reading in outcome:
+                self._on_reading(reading)
+                self._former.add(reading)
+        if self.last_us - self._collected_us >= UPDATE_US:
+            self._formed += self._former.collect(self.last_us)
+            self._collected_us = self.last_us
 
 
 def samples_of(
@@ -30,31 +89,10 @@ def samples_of(
 
     """
     configuration.require_identification()
-    receiver = Receiver(configuration.messages)
-    former = SampleFormer(
-        configuration.vehicle,
-        cycles_of(configuration.messages),
-        configuration.sampling,
-        configuration.sensors,
-    )
-    formed: list[Sample] = []
-    now = collected = total = 0
-    for frame in items:
-        if isinstance(frame, Mark):
-            continue
-        total += 1
-        now = max(now, frame.t_us)
-        outcome = receiver.accept(frame._replace(t_us=now))
-        if outcome is None or isinstance(outcome, Rejection):
-            continue
-        for reading in outcome:
-            former.add(reading)
-        if now - collected >= UPDATE_US:
-            formed += former.collect(now)
-            collected = now
-    formed += former.collect(now)
-    require_known(receiver, total, where)
-    return Samples.of(formed), receiver
+    extraction = Extraction(configuration)
+    samples = extraction.run(items)
+    require_known(extraction.receiver, extraction.counts["frames"], where)
+    return samples, extraction.receiver
 
 
 def require_known(receiver: Receiver, frames: int, where: str) -> None:

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import curve_fit
 
+from adhesion_can.identification.assessment import IdentifiabilitySettings
 from adhesion_can.identification.batch import (
     SegmentationSettings,
     change_points,
@@ -15,7 +16,6 @@ from adhesion_can.identification.batch import (
     identify,
 )
 from adhesion_can.identification.likelihood import sum_of_squares
-from adhesion_can.identification.paper import IdentifiabilitySettings
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, peak
 from adhesion_can.physics.data import Samples
 

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adhesion_can.identification.assessment import IdentifiabilitySettings, assess
 from adhesion_can.identification.evolution import EvolutionSettings
-from adhesion_can.identification.paper import IdentifiabilitySettings, PaperEstimator, assess
+from adhesion_can.identification.paper import PaperEstimator
 from adhesion_can.physics.burckhardt import RAIL, peak
 from adhesion_can.physics.data import Samples
 
