@@ -11,11 +11,18 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import hypot, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from adhesion_can.physics.data import Direction, Reading, Role, Sample
-from adhesion_can.physics.kinematics import V_MIN
+from adhesion_can.physics.kinematics import (
+    V_MIN,
+    adhesion_coefficient,
+    creep_speed,
+    slip_ratio,
+    wheelset_effort,
+)
 from adhesion_can.physics.vehicle import Locomotive
 
 COVARIATES: Mapping[Role, str] = {
@@ -76,6 +83,20 @@ class _Waiting:
 
 
 _WAITING = _Waiting()
+
+
+class _Row(NamedTuple):
+    """Measured at one wheel-speed stamp: rad/s, rad/s², s, m/s, N; sorts by stamp and axle."""
+
+    t_us: int
+    axle: int
+    wheel_speed: float
+    wheel_accel: float
+    span: float
+    speed: float
+    effort: float
+    load: float
+    load_std: float
 
 
 class _Track:
@@ -147,6 +168,7 @@ class SampleFormer:
         sensors: Sensors | None = None,
     ) -> None:
         self._vehicle = vehicle
+        self._radius = np.array(vehicle.wheel_radius)
         self._settings = settings or SamplingSettings()
         self._sensors = sensors or Sensors()
         self._gap = {role: self._settings.max_gap_cycles * us for role, us in cycles_us.items()}
@@ -197,7 +219,7 @@ class SampleFormer:
                 gap allowed is given up.
 
         """
-        formed: list[Sample] = []
+        formed: list[_Row] = []
         for axle, wheel in self._wheel.items():
             k = self._next[axle]
             while k < len(wheel.times) - 1:
@@ -206,15 +228,14 @@ class SampleFormer:
                     if now_us - wheel.times[k] <= 2 * self._patience_us:
                         break
                     outcome = "no bracket"
-                if isinstance(outcome, Sample):
+                if isinstance(outcome, _Row):
                     formed.append(outcome)
                 else:
                     self.dropped[str(outcome)] += 1
                 k += 1
             self._next[axle] = k - wheel.forget_before(wheel.times[k - 1]) if wheel.times else k
         self._forget(now_us)
-        formed.sort(key=lambda sample: (sample.t_us, sample.axle))
-        return formed
+        return self._samples(sorted(formed))
 
     def _forget(self, now_us: int) -> None:
         """Drop what no waiting wheel speed needs, nor any that may still be bracketed."""
@@ -227,8 +248,8 @@ class SampleFormer:
         for track in (self._speed, *self._effort.values(), *self._load.values()):
             track.forget_before(oldest)
 
-    def _form(self, axle: int, k: int) -> Sample | str | _Waiting:  # noqa: PLR0911  a reason each
-        """Sample at the k-th wheel speed of an axle, or why there is none."""
+    def _form(self, axle: int, k: int) -> _Row | str | _Waiting:  # noqa: PLR0911  a reason each
+        """What a sample at the k-th wheel speed of an axle is made of, or why there is none."""
         wheel = self._wheel[axle]
         t = wheel.times[k]
         before, omega, after = wheel.values[k - 1 : k + 2]
@@ -253,29 +274,49 @@ class SampleFormer:
         load, load_std = loaded
         if load < self._settings.min_load_share * self._vehicle.axle_load[axle - 1]:
             return "axle load implausibly low"
-        r, inertia = self._vehicle.wheel_radius[axle - 1], self._vehicle.wheelset_inertia
         acceleration = (after - before) / (span * 1e-6)
+        return _Row(t, axle, omega, acceleration, span * 1e-6, v, effort, load, load_std)
+
+    def _samples(self, rows: list[_Row]) -> list[Sample]:
+        """Eq. 1-3 on the rows of one update, and the variances that the sensors put on them."""
+        if not rows:
+            return []
+        columns = np.array(rows, dtype=np.float64)
+        axle = columns[:, 1].astype(np.int64) - 1
+        _, _, omega, acceleration, span, v, effort, load, _ = columns.T
+        r, inertia = self._radius[axle], self._vehicle.wheelset_inertia
         noise = self._sensors
-        speed_share = r * omega / v
-        return Sample(
-            t_us=t,
-            axle=axle,
-            slip=(r * omega - v) / v,
-            adhesion=(effort - inertia * acceleration / r) / load,
-            creep_speed=r * omega - v,
-            speed=v,
-            load=load,
-            load_std=load_std,
-            slip_var=(
-                (r * noise.wheel_speed_std) ** 2 + (speed_share * noise.vehicle_speed_std) ** 2
-            )
-            / (v * v),
-            adhesion_var=(
-                noise.effort_std**2 + 2 * (inertia / r * noise.wheel_speed_std / (span * 1e-6)) ** 2
-            )
-            / (load * load),
-            covariates=self._covariates,
+        slip = slip_ratio(omega, v, r, self._settings.v_min)
+        by_wheel = r * noise.wheel_speed_std / v
+        by_vehicle = r * omega * noise.vehicle_speed_std / (v * v)
+        # Two readings make a central difference.
+        by_difference = wheelset_effort(noise.wheel_speed_std / span, inertia, r)
+        numbers = zip(
+            slip.tolist(),
+            adhesion_coefficient(effort, load, acceleration, inertia, r).tolist(),
+            creep_speed(omega, v, r).tolist(),
+            (by_wheel**2 + by_vehicle**2).tolist(),
+            ((noise.effort_std**2 + 2 * by_difference**2) / (load * load)).tolist(),
+            strict=True,
         )
+        return [
+            Sample(
+                t_us=row.t_us,
+                axle=row.axle,
+                slip=slip_,
+                adhesion=adhesion,
+                creep_speed=creep,
+                speed=row.speed,
+                load=row.load,
+                load_std=row.load_std,
+                slip_var=slip_var,
+                adhesion_var=adhesion_var,
+                covariates=self._covariates,
+            )
+            for row, (slip_, adhesion, creep, slip_var, adhesion_var) in zip(
+                rows, numbers, strict=True
+            )
+        ]
 
     def _load_at(self, axle: int, t_us: int, effort: float) -> tuple[float, float] | _Waiting:
         """Load of an axle and the standard deviation of what was not measured, N."""
