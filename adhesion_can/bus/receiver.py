@@ -161,5 +161,6 @@ def decode(message: BoundMessage, data: bytes, t_us: int) -> list[Reading] | Rej
         value = plan.value(raw)
         if not plan.in_range(value):
             return Rejection.RANGE
-        readings.append(Reading(t_us, signal.role, signal.axle, value * signal.scale))
+        si = value * signal.scale - signal.offset
+        readings.append(Reading(t_us, signal.role, signal.axle, si))
     return readings

@@ -29,6 +29,7 @@ class SignalChoice:
         unit: of its values.
         factor: multiplies the value after the unit's conversion.
         sign: +1 or −1.
+        offset: zero error, taken off last, in the role's SI unit.
         protection: of its message.
         data_id: of the protection.
         cycle_us: of its message.
@@ -44,6 +45,7 @@ class SignalChoice:
     unit: str | None = None
     factor: float = 1.0
     sign: int = 1
+    offset: float = 0.0
     protection: Protection | None = None
     data_id: int | None = None
     cycle_us: int | None = None
@@ -57,13 +59,26 @@ class SignalChoice:
 
 @dataclass(frozen=True, slots=True)
 class BoundSignal:
-    """A signal that is heard, with its way to SI: value · scale."""
+    """A signal that is heard, with its way to SI: value · scale − offset.
+
+    Attributes:
+        role: what it means.
+        axle: 1.. for roles per axle, else 0.
+        plan: of the signal in its message.
+        scale: to SI.
+        offset: in SI units.
+        not_available: raw value that says so; None: none does.
+        at_rim: a wheel speed given as speed of the rim, which is divided by the configured radius.
+
+    """
 
     role: Role
     axle: int
     plan: SignalPlan
     scale: float
+    offset: float
     not_available: int | None
+    at_rim: bool
 
     @property
     def name(self) -> str:
@@ -216,7 +231,9 @@ def _bind_signal(
         axle=choice.axle,
         plan=own,
         scale=factor * choice.factor * choice.sign,
+        offset=choice.offset,
         not_available=own.not_available if choice.not_available else None,
+        at_rim=to_si(choice.role, unit, None) is None,
     )
 
 

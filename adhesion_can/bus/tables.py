@@ -115,8 +115,9 @@ def _table(path: Path, columns: Mapping[str, Array], ignored: tuple[str, ...]) -
         )
     axle = columns.get("axle", 0 * ones)[good]
     axle = np.where(np.abs(axle) < 1000, axle, 0)  # no axle has such a number
+    t_us = np.round(time_s[good] * 1e6).astype(np.int64)
     samples = Samples(
-        t_us=np.round(time_s[good] * 1e6).astype(np.int64),
+        t_us=t_us,
         axle=axle.astype(np.int64),
         slip=slip[good],
         adhesion=adhesion[good],
@@ -126,6 +127,9 @@ def _table(path: Path, columns: Mapping[str, Array], ignored: tuple[str, ...]) -
         load_std=0 * ones[good],
         slip_var=0 * ones[good],
         adhesion_var=0 * ones[good],
+        slip_common_var=0 * ones[good],
+        speed_us=t_us,
+        transient_var=0 * ones[good],
         covariates={n: c[good] for n, c in columns.items() if n not in _KNOWN},
     )
     segment = columns.get("segment")

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from adhesion_can import __version__
-from adhesion_can.cli import check, demo, identify, replay, run, simulate
+from adhesion_can.cli import calibrate, check, demo, experiment, identify, replay, run, simulate
 from adhesion_can.errors import AdhesionCanError
 
-COMMANDS = (demo, run, simulate, replay, identify, check)
+COMMANDS = (demo, run, simulate, replay, identify, calibrate, experiment, check)
 
 
 class _Parser(argparse.ArgumentParser):

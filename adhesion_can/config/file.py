@@ -22,9 +22,15 @@ from adhesion_can.config.model import Configuration, ServiceSettings
 from adhesion_can.config.strict import no_more, section, table_of, typed
 from adhesion_can.errors import ConfigError
 from adhesion_can.identification.assessment import IdentifiabilitySettings
+from adhesion_can.identification.axles import AxleSettings
+from adhesion_can.identification.changes import RunLengthSettings
 from adhesion_can.identification.evolution import EvolutionSettings
+from adhesion_can.identification.memories import MemorySettings
 from adhesion_can.identification.paper import ChangeSettings
+from adhesion_can.identification.prior import PriorSettings
+from adhesion_can.identification.registry import DEFAULT
 from adhesion_can.identification.samples import SamplingSettings, Sensors
+from adhesion_can.identification.tracker import TrackerSettings
 from adhesion_can.physics.data import Role
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 
@@ -66,9 +72,9 @@ def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Con
     vehicle = _vehicle(document.pop("vehicle", {}), where)
     roles = document.pop("roles", None)
     choices = () if roles is None else tuple(_roles(table_of(roles, f"{where}: roles"), where))
-    estimator = document.pop("estimator", "paper")
+    estimator = document.pop("estimator", DEFAULT)
     if not isinstance(estimator, str):
-        raise ConfigError(f"{where}: estimator", "not a name", 'write estimator = "paper"')
+        raise ConfigError(f"{where}: estimator", "not a name", 'write estimator = "tracker"')
     sections: dict[str, Any] = {
         name: section(kind, document.pop(name, {}), f"{where}: {name}")
         for name, kind in _SECTIONS.items()
@@ -92,8 +98,13 @@ _SECTIONS: Mapping[str, type] = {
     "service": ServiceSettings,
     "sampling": SamplingSettings,
     "sensors": Sensors,
-    "evolution": EvolutionSettings,
     "identifiability": IdentifiabilitySettings,
+    "tracker": TrackerSettings,
+    "run_length": RunLengthSettings,
+    "memory": MemorySettings,
+    "prior": PriorSettings,
+    "axles": AxleSettings,
+    "evolution": EvolutionSettings,
     "change": ChangeSettings,
 }
 
@@ -193,6 +204,7 @@ class _RoleTable:
     unit: str = "?"
     factor: float = 1.0
     sign: int = 1
+    offset: float = 0.0
     protection: str = ""
     data_id: int | None = None
     cycle_ms: float = 0.0
@@ -237,6 +249,7 @@ def _roles(table: Mapping[str, Any], where: str) -> list[SignalChoice]:
                 unit=None if row.unit == "?" else row.unit,
                 factor=row.factor,
                 sign=row.sign,
+                offset=row.offset,
                 protection=row.protection or None,  # type: ignore[arg-type]
                 data_id=row.data_id,
                 cycle_us=round(row.cycle_ms * 1000) or None,

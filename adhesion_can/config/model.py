@@ -7,9 +7,16 @@ from adhesion_can.bus.database import CanDatabase
 from adhesion_can.bus.roles import BoundMessage, SignalChoice, bind
 from adhesion_can.errors import ConfigError
 from adhesion_can.identification.assessment import IdentifiabilitySettings
+from adhesion_can.identification.axles import AxleSettings
+from adhesion_can.identification.changes import RunLengthSettings
+from adhesion_can.identification.estimator import Estimator
 from adhesion_can.identification.evolution import EvolutionSettings
-from adhesion_can.identification.paper import ChangeSettings, PaperEstimator
+from adhesion_can.identification.memories import MemorySettings
+from adhesion_can.identification.paper import ChangeSettings
+from adhesion_can.identification.prior import PriorSettings
+from adhesion_can.identification.registry import DEFAULT, ESTIMATORS, EstimatorSettings
 from adhesion_can.identification.samples import SamplingSettings, Sensors
+from adhesion_can.identification.tracker import TrackerParts, TrackerSettings
 from adhesion_can.physics.data import Role
 from adhesion_can.physics.vehicle import Locomotive
 
@@ -52,8 +59,13 @@ class Configuration:
         service: see there.
         sampling: see there.
         sensors: see there.
-        evolution: see there.
         identifiability: see there.
+        tracker: see there.
+        run_length: see there.
+        memory: see there.
+        prior: see there.
+        axles: see there.
+        evolution: see there.
         change: see there.
         estimator: name of the estimator.
         where: file that it came from, for errors.
@@ -67,10 +79,15 @@ class Configuration:
     service: ServiceSettings = field(default_factory=ServiceSettings)
     sampling: SamplingSettings = field(default_factory=SamplingSettings)
     sensors: Sensors = field(default_factory=Sensors)
-    evolution: EvolutionSettings = field(default_factory=EvolutionSettings)
     identifiability: IdentifiabilitySettings = field(default_factory=IdentifiabilitySettings)
+    tracker: TrackerSettings = field(default_factory=TrackerSettings)
+    run_length: RunLengthSettings = field(default_factory=RunLengthSettings)
+    memory: MemorySettings = field(default_factory=MemorySettings)
+    prior: PriorSettings = field(default_factory=PriorSettings)
+    axles: AxleSettings = field(default_factory=AxleSettings)
+    evolution: EvolutionSettings = field(default_factory=EvolutionSettings)
     change: ChangeSettings = field(default_factory=ChangeSettings)
-    estimator: str = "paper"
+    estimator: str = DEFAULT
     where: str = "defaults"
     sha256: str = ""
 
@@ -116,7 +133,15 @@ class Configuration:
                     "state cycle_ms at its role, or GenMsgCycleTime in the database",
                 )
 
-    def make_estimator(self, name: str | None = None) -> PaperEstimator:
+    @property
+    def estimators(self) -> EstimatorSettings:
+        """What the estimators are set by."""
+        parts = TrackerParts(
+            self.tracker, self.run_length, self.memory, self.prior, self.axles, self.identifiability
+        )
+        return EstimatorSettings(parts, self.evolution, self.change)
+
+    def make_estimator(self, name: str | None = None) -> Estimator:
         """A fresh estimator by name; the configured one where none is given.
 
         Raises:
@@ -124,7 +149,8 @@ class Configuration:
 
         """
         wanted = name or self.estimator
-        if wanted != "paper":
+        if wanted not in ESTIMATORS:
             where = "--estimator" if name else f"{self.where}: estimator"
-            raise ConfigError(where, f"no estimator {wanted!r}", "known: paper")
-        return PaperEstimator(self.evolution, self.identifiability, self.change)
+            known = ", ".join(ESTIMATORS)
+            raise ConfigError(where, f"no estimator {wanted!r}", f"known: {known}")
+        return ESTIMATORS[wanted](self.estimators)

@@ -140,7 +140,7 @@ class PaperEstimator:
         """Innovation over what noise explains of it: in adhesion, and in slip by the slope."""
         h, z = samples.folded()
         slope = adhesion_slope(h, *held.theta)
-        explained = max(held.noise_std, self._change.floor) ** 2 + slope**2 * samples.slip_var
+        explained = max(held.noise_std, self._change.floor) ** 2 + slope**2 * samples.slip_total_var
         return np.asarray(innovation(held.theta, h, z) / np.sqrt(explained))
 
     def _continued(self, found: Search, h: Array, z: Array) -> Search:

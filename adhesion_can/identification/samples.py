@@ -86,7 +86,11 @@ _WAITING = _Waiting()
 
 
 class _Row(NamedTuple):
-    """Measured at one wheel-speed stamp: rad/s, rad/s², s, m/s, N; sorts by stamp and axle."""
+    """Measured at one wheel-speed stamp: rad/s, rad/s², s, m/s, N; sorts by stamp and axle.
+
+    `bend` is by how much dω/dt differs after and before the stamp, rad/s²; `spread` the standard
+    deviation of an effort that stepped somewhere between its two readings, N.
+    """
 
     t_us: int
     axle: int
@@ -97,6 +101,9 @@ class _Row(NamedTuple):
     effort: float
     load: float
     load_std: float
+    speed_us: int
+    bend: float
+    spread: float
 
 
 class _Track:
@@ -140,6 +147,20 @@ class _Track:
         if left is None or span > self.max_gap_us:
             return None
         return left + (right - left) * ((t_us - times[after - 1]) / span)
+
+    def closing(self, t_us: int) -> int:
+        """Stamp of the reading that closes the bracket around a stamp that has one."""
+        return self.times[bisect_left(self.times, t_us)]
+
+    def spread(self, t_us: int) -> float:
+        """Standard deviation at a stamp that has a bracket, had the value stepped within it."""
+        times, values = self.times, self.values
+        after = bisect_left(times, t_us)
+        left, right = values[after - 1], values[after]
+        if times[after] == t_us or left is None or right is None:
+            return 0.0
+        share = (t_us - times[after - 1]) / (times[after] - times[after - 1])
+        return abs(right - left) * sqrt(share * (1.0 - share))
 
     def held_at(self, t_us: int) -> float | None:
         """Last value at or before a stamp, unless it is older than the gap allowed."""
@@ -274,8 +295,22 @@ class SampleFormer:
         load, load_std = loaded
         if load < self._settings.min_load_share * self._vehicle.axle_load[axle - 1]:
             return "axle load implausibly low"
-        acceleration = (after - before) / (span * 1e-6)
-        return _Row(t, axle, omega, acceleration, span * 1e-6, v, effort, load, load_std)
+        later = (after - omega) / ((wheel.times[k + 1] - t) * 1e-6)
+        earlier = (omega - before) / ((t - wheel.times[k - 1]) * 1e-6)
+        return _Row(
+            t,
+            axle,
+            omega,
+            (after - before) / (span * 1e-6),
+            span * 1e-6,
+            v,
+            effort,
+            load,
+            load_std,
+            self._speed.closing(t),
+            later - earlier,
+            self._effort[axle].spread(t),
+        )
 
     def _samples(self, rows: list[_Row]) -> list[Sample]:
         """Eq. 1-3 on the rows of one update, and the variances that the sensors put on them."""
@@ -283,7 +318,7 @@ class SampleFormer:
             return []
         columns = np.array(rows, dtype=np.float64)
         axle = columns[:, 1].astype(np.int64) - 1
-        _, _, omega, acceleration, span, v, effort, load, _ = columns.T
+        _, _, omega, acceleration, span, v, effort, load, _, _, bend, spread = columns.T
         r, inertia = self._radius[axle], self._vehicle.wheelset_inertia
         noise = self._sensors
         slip = slip_ratio(omega, v, r, self._settings.v_min)
@@ -291,12 +326,18 @@ class SampleFormer:
         by_vehicle = r * omega * noise.vehicle_speed_std / (v * v)
         # Two readings make a central difference.
         by_difference = wheelset_effort(noise.wheel_speed_std / span, inertia, r)
+        # What noise alone explains of bend and spread (4 standard deviations) is no transient.
+        bend_noise = 4 * sqrt(6.0) * 2 * noise.wheel_speed_std / span
+        by_bend = wheelset_effort(np.where(np.abs(bend) > bend_noise, bend, 0.0) / 2, inertia, r)
+        by_spread = np.where(spread > 4 * noise.effort_std / sqrt(2.0), spread, 0.0)
         numbers = zip(
             slip.tolist(),
             adhesion_coefficient(effort, load, acceleration, inertia, r).tolist(),
             creep_speed(omega, v, r).tolist(),
-            (by_wheel**2 + by_vehicle**2).tolist(),
+            (by_wheel**2).tolist(),
+            (by_vehicle**2).tolist(),
             ((noise.effort_std**2 + 2 * by_difference**2) / (load * load)).tolist(),
+            ((by_bend**2 + by_spread**2) / (load * load)).tolist(),
             strict=True,
         )
         return [
@@ -311,11 +352,20 @@ class SampleFormer:
                 load_std=row.load_std,
                 slip_var=slip_var,
                 adhesion_var=adhesion_var,
+                slip_common_var=common_var,
+                speed_us=row.speed_us,
+                transient_var=transient_var,
                 covariates=self._covariates,
             )
-            for row, (slip_, adhesion, creep, slip_var, adhesion_var) in zip(
-                rows, numbers, strict=True
-            )
+            for row, (
+                slip_,
+                adhesion,
+                creep,
+                slip_var,
+                common_var,
+                adhesion_var,
+                transient_var,
+            ) in zip(rows, numbers, strict=True)
         ]
 
     def _load_at(self, axle: int, t_us: int, effort: float) -> tuple[float, float] | _Waiting:

@@ -6,6 +6,7 @@ Time is integer microseconds throughout. `Samples` is the columnar twin of `Samp
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -88,8 +89,13 @@ class Sample:
         speed: vehicle speed, m/s.
         load: wheelset load, N.
         load_std: standard deviation of a load that was not measured, N; 0 where it was.
-        slip_var: variance of `slip` from the sensors' resolution and noise.
-        adhesion_var: variance of `adhesion` from the same.
+        slip_var: variance of `slip` from the resolution and noise of the wheel speed.
+        adhesion_var: variance of `adhesion` from the sensors.
+        slip_common_var: variance of `slip` from the vehicle speed; that error is common to all
+            samples of one `speed_us`.
+        speed_us: stamp of the vehicle speed that closes the bracket around the sample, µs.
+        transient_var: variance of `adhesion` where effort or wheel speed moved faster than their
+            readings follow; 0 where they did not.
         covariates: other channels at the time, by name.
 
     """
@@ -104,6 +110,9 @@ class Sample:
     load_std: float = 0.0
     slip_var: float = 0.0
     adhesion_var: float = 0.0
+    slip_common_var: float = 0.0
+    speed_us: int = 0
+    transient_var: float = 0.0
     covariates: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -121,10 +130,18 @@ class Samples:
     load_std: Array
     slip_var: Array
     adhesion_var: Array
+    slip_common_var: Array
+    speed_us: NDArray[np.int64]
+    transient_var: Array
     covariates: Mapping[str, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.slip)
+
+    @property
+    def slip_total_var(self) -> Array:
+        """Variance of `slip` from wheel and vehicle speed, shape (n,)."""
+        return np.asarray(self.slip_var + self.slip_common_var)
 
     @classmethod
     def of(cls, samples: Iterable[Sample]) -> "Samples":
@@ -140,6 +157,7 @@ class Samples:
         return cls(
             t_us=np.array([row.t_us for row in rows], dtype=np.int64),
             axle=np.array([row.axle for row in rows], dtype=np.int64),
+            speed_us=np.array([row.speed_us for row in rows], dtype=np.int64),
             **{name: floats(name) for name in _FLOATS},
             covariates={
                 name: np.array([row.covariates[name] for row in rows], dtype=np.float64)
@@ -154,8 +172,9 @@ class Samples:
         """Points of a curve without a vehicle: load 1 N, speed 1 m/s, no stated noise."""
         slip = np.asarray(slip, dtype=np.float64)
         ones = np.ones_like(slip)
+        stamps = np.arange(len(slip)) if t_us is None else t_us
         return cls(
-            t_us=np.arange(len(slip)) if t_us is None else t_us,
+            t_us=stamps,
             axle=np.zeros(len(slip), dtype=np.int64),
             slip=slip,
             adhesion=np.asarray(adhesion, dtype=np.float64),
@@ -165,6 +184,9 @@ class Samples:
             load_std=0 * ones,
             slip_var=0 * ones,
             adhesion_var=0 * ones,
+            slip_common_var=0 * ones,
+            speed_us=stamps,
+            transient_var=0 * ones,
         )
 
     @classmethod
@@ -179,6 +201,7 @@ class Samples:
         return cls(
             t_us=joined("t_us"),
             axle=joined("axle"),
+            speed_us=joined("speed_us"),
             **{name: joined(name) for name in _FLOATS},
             covariates={n: np.concatenate([p.covariates[n] for p in full]) for n in sorted(names)},
         )
@@ -188,6 +211,7 @@ class Samples:
         return Samples(
             t_us=self.t_us[rows],
             axle=self.axle[rows],
+            speed_us=self.speed_us[rows],
             **{name: getattr(self, name)[rows] for name in _FLOATS},
             covariates={name: column[rows] for name, column in self.covariates.items()},
         )
@@ -206,6 +230,8 @@ _FLOATS = (
     "load_std",
     "slip_var",
     "adhesion_var",
+    "slip_common_var",
+    "transient_var",
 )
 
 
@@ -241,6 +267,8 @@ class Estimate:
         surface_since_us: when the present surface was first seen, µs.
         change_probability: that the surface changed within the last update, 0..1.
         per_axle: (μ_max, λ_m) of single axles where an estimator tells them apart.
+        mu_max_interval: 90 % interval of μ_max; unbounded where an estimator states none.
+        lambda_m_interval: likewise of λ_m.
 
     """
 
@@ -258,6 +286,8 @@ class Estimate:
     surface_since_us: int
     change_probability: float = 0.0
     per_axle: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    mu_max_interval: tuple[float, float] = (-inf, inf)
+    lambda_m_interval: tuple[float, float] = (-inf, inf)
 
     @property
     def theta(self) -> tuple[float, float, float]:

@@ -256,7 +256,8 @@ class ServiceCore:
         if estimate is not None and estimate is not self._estimate:
             if estimate.change_probability > 0.5:
                 self._change_us = t_us
-            elif self._estimate is not None:
+            elif estimate.identifiable.both:
+                # The new rail is known: the change is over.
                 self._change_us = None
         self._estimate = estimate
 

@@ -102,7 +102,12 @@ def test_replay_gives_frames_a_table_and_json_that_agree(recording, tmp_path, ca
     assert document["inputs"][0]["sha256"]
     assert document["dbc"]["sha256"]
     assert document["frames_rejected"] == 0
-    assert document["setpoints_by_status"].keys() <= {"INIT", "TRACKING", "SURFACE_CHANGE"}
+    assert document["setpoints_by_status"].keys() <= {
+        "INIT",
+        "LOW_EXCITATION",
+        "SURFACE_CHANGE",
+        "TRACKING",
+    }
 
 
 def test_replay_comes_within_5_percent_of_each_surface(recording, tmp_path):

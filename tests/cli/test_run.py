@@ -43,7 +43,7 @@ def test_run_in_this_process_keeps_log_state_and_json(tmp_path):
     assert document["sent"] > 600
     assert document["samples"] > 1000
     kept = json.loads(files["state.json"].read_text())
-    assert kept["samples"] == 500
+    assert kept["samples"] > 1000
     assert main(["replay", str(files["run.log"]), "--frames", str(tmp_path / "again.log")]) == 0
 
 
@@ -75,8 +75,10 @@ def test_a_signal_ends_the_service_in_order(tmp_path, number):
 
 
 def test_importing_the_package_imports_no_plotting_and_no_extra():
-    code = "import sys, adhesion_can.cli.main; "
-    code += "print([m for m in ('matplotlib', 'pyarrow', 'asammdf') if m in sys.modules])"
+    # python-can itself imports asammdf where it is installed.
+    code = "import sys, can; before = set(sys.modules); import adhesion_can.cli.main; "
+    code += "extras = {'matplotlib', 'pyarrow', 'asammdf', 'plotly', 'jinja2'}; "
+    code += "print(sorted(extras & set(sys.modules) - before))"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
     )

@@ -11,15 +11,15 @@ from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.data import Identifiable, Role, Sample, Samples
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=50)
-FLOATS = [
-    f.name for f in dataclasses.fields(Sample) if f.name not in {"t_us", "axle", "covariates"}
-]
+INTEGERS = ("t_us", "axle", "speed_us")
+FLOATS = [f.name for f in dataclasses.fields(Sample) if f.name not in {*INTEGERS, "covariates"}]
 
 ROWS = st.lists(
     st.builds(
         Sample,
         t_us=st.integers(0, 2**60),
         axle=st.integers(1, 6),
+        speed_us=st.integers(0, 2**60),
         **{name: st.floats(-1e6, 1e6) for name in FLOATS},
         covariates=st.dictionaries(st.sampled_from("abc"), st.floats(-1, 1)),
     ),
@@ -30,8 +30,7 @@ ROWS = st.lists(
 def rows_of(samples: Samples) -> list[Sample]:
     return [
         Sample(
-            int(samples.t_us[k]),
-            int(samples.axle[k]),
+            **{name: int(getattr(samples, name)[k]) for name in INTEGERS},
             **{name: float(getattr(samples, name)[k]) for name in FLOATS},
             covariates={name: float(column[k]) for name, column in samples.covariates.items()},
         )

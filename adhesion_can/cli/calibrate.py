@@ -1,0 +1,337 @@
+"""`calibrate`: wheel radii and the zero error of the vehicle speed, from coasting."""
+
+import argparse
+from array import array
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adhesion_can import __version__
+from adhesion_can.bus.frame import Frame, Mark
+from adhesion_can.bus.receiver import Receiver
+from adhesion_can.bus.recordings import file_sha256, whole_file
+from adhesion_can.bus.reference import read_reference, reference_path
+from adhesion_can.cli.common import (
+    add_configuration,
+    add_json,
+    configuration,
+    open_recordings,
+    progress,
+    read_problems,
+    require_folder,
+    require_positive,
+    talk,
+    write_json,
+)
+from adhesion_can.config import Configuration
+from adhesion_can.config.calibrated import Correction, rim_axles, with_correction
+from adhesion_can.errors import ConfigError, InputError, RecordingError
+from adhesion_can.identification.calibration import Calibration, calibrate
+from adhesion_can.identification.coasting import CalibrationSettings, CoastingDrive
+from adhesion_can.identification.traces import Trace
+from adhesion_can.physics.data import Reading, Role, SpeedSource
+from adhesion_can.reporting.calibration import (
+    calibration_json,
+    calibration_notes,
+    radius_table,
+    speed_lines,
+)
+from adhesion_can.reporting.provenance import provenance
+from adhesion_can.reporting.text import console
+from adhesion_can.service.extract import require_known
+from adhesion_can.service.replay import in_sequence
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    defaults = CalibrationSettings()
+    parser = commands.add_parser(
+        "calibrate",
+        help="wheel radii and speed offset from coasting",
+        description="Finds the radius of each wheel, relative to the vehicle speed, and the zero "
+        "error of the vehicle speed where axles coast, with standard errors.",
+    )
+    parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
+    parser.add_argument(
+        "--out", type=Path, metavar="CONFIG.toml", help="write the configuration with the result"
+    )
+    parser.add_argument(
+        "--speed",
+        metavar="CSV[:COLUMN]",
+        help="vehicle speed (m/s, with time_s on the recording's clock) of another recorder",
+    )
+    parser.add_argument(
+        "--adhesion-max",
+        type=float,
+        default=defaults.adhesion_max,
+        metavar="MU",
+        help=f"an axle with less adhesion coasts (default {defaults.adhesion_max:g})",
+    )
+    parser.add_argument(
+        "--acceleration-max",
+        type=float,
+        default=defaults.acceleration_max,
+        metavar="A",
+        help=f"no use of faster changes, m/s² (default {defaults.acceleration_max:g})",
+    )
+    parser.add_argument(
+        "--settle",
+        type=float,
+        default=defaults.settle_s,
+        metavar="S",
+        help=f"coasting is used after this time (default {defaults.settle_s:g})",
+    )
+    parser.add_argument(
+        "--block",
+        type=float,
+        default=defaults.block_s,
+        metavar="S",
+        help="errors of the vehicle speed are independent after about a fifth of this "
+        f"(default {defaults.block_s:g})",
+    )
+    parser.add_argument(
+        "--delay", type=float, metavar="S", help="known delay of the vehicle speed (else estimated)"
+    )
+    add_json(parser)
+    add_configuration(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    settings = _settings(options)
+    if options.out is not None:
+        require_folder(options.out, "--out")
+    config = configuration(options)
+    reference = None if options.speed is None else Trace.of(*read_reference(options.speed))
+    _require_roles(config, reference)
+    recordings = open_recordings(options.log)
+    heard = []
+    with progress("reading", len(recordings), "recordings") as show:
+        for number, recording in enumerate(recordings, start=1):
+            heard.append(_hear(in_sequence([recording]), config, str(recording.path)))
+            show(number)
+    drives = [one.drive(config, reference) for one in heard]
+    where = ", ".join(map(str, options.log))
+    _require_signals(drives, options, where)
+    result = calibrate(drives, config.vehicle, settings)
+    if all(axle.estimate is None for axle in result.axles):
+        raise InputError(where, *_no_coasting(result, settings))
+    rim = rim_axles(config)
+    named = "the vehicle speed" if options.speed is None else f"--speed {options.speed}"
+    notes = calibration_notes(result, settings, rim, named)
+    notes += _notes_on_source(result, heard, reference)
+    problems = read_problems(recordings)
+    inputs = [*options.log, *([reference_path(options.speed)[0]] if options.speed else [])]
+    write_json(
+        options.json,
+        {
+            **calibration_json(result, settings, rim),
+            "notes": notes,
+            "problems": problems,
+            **provenance(config, inputs),
+        },
+    )
+    if options.out is not None:
+        text = with_correction(
+            config, options.config, options.out, _correction(result, config, options)
+        )
+        with whole_file(options.out) as file:
+            file.write(text)
+    if talk(options):
+        out = console()
+        out.print(radius_table(result, rim))
+        for line in [*speed_lines(result, settings), *notes, *problems]:
+            out.print(line)
+    return 0
+
+
+def _settings(options: argparse.Namespace) -> CalibrationSettings:
+    for name in ("adhesion_max", "acceleration_max", "settle", "block"):
+        require_positive(getattr(options, name), f"--{name.replace('_', '-')}")
+    if options.delay is not None and not isfinite(options.delay):
+        raise InputError("--delay", f"{options.delay} is not finite", "give seconds")
+    return CalibrationSettings(
+        adhesion_max=options.adhesion_max,
+        acceleration_max=options.acceleration_max,
+        settle_s=options.settle,
+        block_s=options.block,
+        delay_s=options.delay,
+    )
+
+
+# --- what is heard
+
+
+@dataclass(slots=True)
+class _Heard:
+    """Readings of one recording by role and axle: stamps in µs, SI values or NaN."""
+
+    columns: dict[tuple[Role, int], tuple["array[int]", "array[float]"]] = field(
+        default_factory=dict
+    )
+    derived: int = 0
+    trailing: int = 0
+    _source: float | None = None
+
+    def take(self, readings: Iterable[Reading]) -> None:
+        """Readings of one frame."""
+        rows = list(readings)
+        for reading in rows:
+            if reading.role is Role.SPEED_SOURCE:
+                self._source = reading.value
+        for reading in rows:
+            value = np.nan if reading.value is None else reading.value
+            if reading.role is Role.VEHICLE_SPEED:
+                self.trailing += self._source == SpeedSource.TRAILING_AXLE
+                if self._source == SpeedSource.DRIVEN_AXLES:
+                    self.derived += 1
+                    value = np.nan
+            key = reading.role, reading.axle
+            stamps, values = self.columns.setdefault(key, (array("q"), array("d")))
+            stamps.append(reading.t_us)
+            values.append(value)
+
+    def drive(self, config: Configuration, reference: Trace | None) -> CoastingDrive:
+        """Columns of what was heard; a reference takes the place of the vehicle speed."""
+
+        def traces(role: Role) -> dict[int, Trace]:
+            axles = sorted(choice.axle for choice in config.choices if choice.role is role)
+            return {axle: _trace(*self.columns.get((role, axle), ((), ()))) for axle in axles}
+
+        return CoastingDrive(
+            reference or traces(Role.VEHICLE_SPEED)[0],
+            traces(Role.WHEEL_SPEED),
+            traces(Role.TRACTIVE_EFFORT),
+        )
+
+
+def _trace(t_us: Sequence[int], values: Sequence[float]) -> Trace:
+    return Trace.of(np.array(t_us, dtype=np.int64), np.array(values, dtype=np.float64))
+
+
+def _hear(items: Iterable[Frame | Mark], config: Configuration, where: str) -> _Heard:
+    receiver, heard, frames, now = Receiver(config.messages), _Heard(), 0, 0
+    for item in items:
+        if not isinstance(item, Frame):
+            continue
+        frames += 1
+        now = max(now, item.t_us)
+        outcome = receiver.accept(item._replace(t_us=now))
+        if isinstance(outcome, list):
+            heard.take(outcome)
+    require_known(receiver, frames, where)
+    return heard
+
+
+# --- what is needed
+
+
+def _require_roles(config: Configuration, reference: Trace | None) -> None:
+    roles = config.roles()
+    if Role.WHEEL_SPEED not in roles:
+        raise ConfigError(
+            config.where, "no role gives a wheel speed", "map wheel_speed.1, .. under [roles]"
+        )
+    if reference is None and Role.VEHICLE_SPEED not in roles:
+        raise ConfigError(
+            config.where,
+            "no role gives the vehicle speed",
+            "map vehicle_speed under [roles], or give --speed CSV[:COLUMN]",
+        )
+
+
+def _require_signals(drives: list[CoastingDrive], options: argparse.Namespace, where: str) -> None:
+    """Raise a RecordingError where a role was never heard, or a reference is of another time."""
+    wheels = [trace for drive in drives for trace in drive.wheel_speed.values()]
+    _require_heard(wheels, "wheel speed", where, "check the roles wheel_speed")
+    if options.speed is None:
+        speeds = [drive.speed for drive in drives]
+        _require_heard(
+            speeds,
+            "vehicle speed that is independent of the driven axles",
+            where,
+            "give one of another recorder with --speed CSV[:COLUMN]",
+        )
+    else:
+        stamps = np.concatenate([trace.t_us for trace in wheels]) / 1e6
+        speed = drives[0].speed.t_us / 1e6
+        if speed[-1] < stamps.min() or speed[0] > stamps.max():
+            raise InputError(
+                f"--speed {options.speed}",
+                f"its times ({speed[0]:.1f} to {speed[-1]:.1f} s) lie outside the recording's "
+                f"({stamps.min():.1f} to {stamps.max():.1f} s)",
+                "bring both onto one clock",
+            )
+    efforts = [trace for drive in drives for trace in drive.effort.values()]
+    if efforts:
+        _require_heard(
+            efforts,
+            "tractive effort, so coasting cannot be told",
+            where,
+            "check the roles tractive_effort; without them stretches of steady speed are used",
+        )
+
+
+def _require_heard(traces: list[Trace], what: str, where: str, mend: str) -> None:
+    if not any(np.isfinite(trace.value).any() for trace in traces):
+        raise RecordingError(where, f"holds no {what}", mend)
+
+
+def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[str, str]:
+    """What is wrong and the mend, where no axle has enough coasting."""
+    longest = max(axle.coasting_s for axle in result.axles)
+    kind = "coasts" if result.effort_known else "runs at a steady speed"
+    option = "--adhesion-max" if result.effort_known else "--acceleration-max"
+    what = (
+        f"no axle {kind} for {settings.coasting_min_s:g} s in {settings.blocks_min} blocks of "
+        f"{settings.block_s:g} s (longest {longest:.1f} s above {settings.speed_min:g} m/s)"
+    )
+    return what, f"record a drive in which one does, or raise {option}"
+
+
+def _notes_on_source(
+    result: Calibration, heard: list[_Heard], reference: Trace | None
+) -> list[str]:
+    """What is to be known of where the vehicle speed came from."""
+    if reference is not None:
+        told = result.offset is not None
+        return ["The offset is that of --speed, so no role is given it."] if told else []
+    notes = []
+    if derived := sum(one.derived for one in heard):
+        notes.append(f"{derived} vehicle speeds derived from the driven axles were left out.")
+    if any(one.trailing for one in heard):
+        notes.append(
+            "The vehicle speed comes from a trailing axle: the error of its radius is in all."
+        )
+    return notes
+
+
+def _correction(
+    result: Calibration, config: Configuration, options: argparse.Namespace
+) -> Correction:
+    """What the configuration file is to say."""
+    origin = f"by adhesion-can {__version__} from " + ", ".join(
+        f"{path.name} (sha256 {file_sha256(path)[:12]})" for path in options.log
+    )
+    rim = rim_axles(config)
+    told = {a.axle: a for a in result.axles if a.estimate is not None}
+    radii = ", ".join(
+        f"axle {i} ± {a.estimate.std:.2g}" for i, a in told.items() if a.estimate and i not in rim
+    )
+    offset = result.offset if options.speed is None else None
+    return Correction(
+        radius_ratio={i: a.ratio for i, a in told.items()},
+        offset=offset.value if offset else None,
+        radii_remark=f"standard errors in m: {radii}; {origin}",
+        factor_remark={
+            i: f"factor ± {a.estimate.std / a.configured:.2g}; {origin}"
+            for i, a in told.items()
+            if a.estimate
+        },
+        offset_remark=f"offset ± {offset.std:.2g} m/s; {origin}" if offset else "",
+    )

@@ -1,0 +1,249 @@
+"""`experiment`: the paper's three experiments, every estimator side by side."""
+
+import argparse
+import csv
+import os
+import platform
+import signal
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+from textwrap import fill
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from adhesion_can import __version__
+from adhesion_can.bus.recordings import whole_file
+from adhesion_can.cli.common import add_json, progress, talk, write_json
+from adhesion_can.errors import InputError
+from adhesion_can.identification.experiments import (
+    EXPERIMENTS,
+    Contender,
+    Experiment,
+    Track,
+    contenders,
+    run_once,
+)
+from adhesion_can.identification.merit import Outcome, outcome
+from adhesion_can.identification.registry import ESTIMATORS, EstimatorSettings
+from adhesion_can.identification.tracker import Tracker
+from adhesion_can.reporting.experiment import (
+    CSV_COLUMNS,
+    csv_rows,
+    document,
+    merit_table,
+    page,
+    verdict,
+)
+from adhesion_can.reporting.page import require_extra, write_page
+from adhesion_can.reporting.text import PIPE_WIDTH, console, table
+
+RUNS = 20
+BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+
+
+class _Task(NamedTuple):
+    """One run at one noise level, as a worker process gets it."""
+
+    experiment: Experiment
+    noise_std: float
+    run: int
+    seed: int
+    names: tuple[str, ...]
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "experiment",
+        help="the paper's experiments, every estimator side by side",
+        description="Repeats an experiment of the paper with every estimator over the same data: "
+        "1: one surface, data in sequence; 2: the rail switches twice, ordinary differential "
+        "evolution; 3: the same with the paper's two changes. Writes experiment-N.html (needs "
+        "the extra 'report'), .json and .csv.",
+    )
+    parser.add_argument("number", type=int, choices=sorted(EXPERIMENTS), metavar="1|2|3")
+    parser.add_argument(
+        "--runs", type=int, default=RUNS, metavar="N", help=f"of the Monte Carlo (default {RUNS})"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("adhesion-can-experiment"),
+        metavar="DIR",
+        help="folder for page and numbers (default ./adhesion-can-experiment)",
+    )
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all runs (default 1)")
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default all)"
+    )
+    parser.add_argument(
+        "--estimator",
+        action="append",
+        metavar="NAME",
+        help="only this one, besides the paper's own; may be repeated",
+    )
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    _check(options)
+    experiment = EXPERIMENTS[options.number]
+    out = options.out / f"experiment-{options.number}"
+    missing = _missing_extra(out.with_suffix(".html"))
+    if missing is not None:
+        print(f"no page will be written, the numbers will: {missing}", file=sys.stderr)
+    names = tuple(n for n in ESTIMATORS if not options.estimator or n in options.estimator)
+    outcomes = _run_all(experiment, options, names)
+    provenance = _provenance(options)
+    numbers = document(outcomes, provenance)
+    write_json(str(out.with_suffix(".json")), numbers)
+    with whole_file(out.with_suffix(".csv")) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(CSV_COLUMNS)
+        writer.writerows(csv_rows(outcomes))
+    if missing is None:
+        told = {name: str(value) for name, value in provenance.items() if value}
+        write_page(page(outcomes, told), out.with_suffix(".html"))
+    write_json(options.json, numbers)
+    if talk(options):
+        _print(outcomes, out, missing)
+    return 0
+
+
+def _check(options: argparse.Namespace) -> None:
+    for name in ("runs", "jobs"):
+        if getattr(options, name) < 1:
+            raise InputError(f"--{name}", f"{getattr(options, name)} is too few", "give 1 or more")
+    if options.seed < 0:
+        raise InputError("--seed", f"{options.seed} is negative", "give 0 or more")
+    for name in options.estimator or ():
+        if name not in ESTIMATORS:
+            raise InputError(
+                "--estimator", f"no estimator {name!r}", f"known: {', '.join(ESTIMATORS)}"
+            )
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"--out {options.out}", error.strerror or "cannot be made", "name another folder"
+        ) from error
+
+
+def _missing_extra(page_file: Path) -> InputError | None:
+    """Why there can be no page; known before the runs, not after them."""
+    try:
+        require_extra(str(page_file))
+    except InputError as error:
+        return error
+    return None
+
+
+def _oracle(settings: EstimatorSettings, changes_us: tuple[int, ...]) -> Tracker:
+    """The tracker, told when the rail changes."""
+    return Tracker(settings.parts, told_us=changes_us)
+
+
+def _who(experiment: Experiment, names: Sequence[str]) -> dict[str, Contender]:
+    return contenders(experiment, {name: ESTIMATORS[name] for name in names}, _oracle)
+
+
+def _work(task: _Task) -> dict[str, Track]:
+    """One run, in a worker process: estimators are made there, by name."""
+    who = _who(task.experiment, task.names)
+    return run_once(
+        task.experiment, task.noise_std, task.run, task.seed, who, clock=time.perf_counter
+    )
+
+
+def _run_all(
+    experiment: Experiment, options: argparse.Namespace, names: tuple[str, ...]
+) -> list[Outcome]:
+    """All runs over all processes; a run does not depend on which process it falls to."""
+    # The first runs have the most to do: all their noise levels come first.
+    tasks = [
+        _Task(experiment, noise_std, number, options.seed, names)
+        for number in range(options.runs)
+        for noise_std in experiment.noise_stds
+    ]
+    done: dict[tuple[float, int], dict[str, Track]] = {}
+    jobs = min(options.jobs, len(tasks))
+    with (
+        _one_blas_thread(),
+        progress(f"experiment {experiment.number}", len(tasks), "") as show,
+        ProcessPoolExecutor(
+            jobs,
+            mp_context=get_context("spawn"),
+            # Ctrl-C ends the workers without a word of their own.
+            initializer=signal.signal,
+            initargs=(signal.SIGINT, signal.SIG_DFL),
+        ) as pool,
+    ):
+        waiting = {pool.submit(_work, task): task for task in tasks}
+        try:
+            for future in as_completed(waiting):
+                task = waiting[future]
+                done[task.noise_std, task.run] = future.result()
+                show(len(done))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return [
+        outcome(experiment, sd, options.seed, [done[sd, number] for number in range(options.runs)])
+        for sd in experiment.noise_stds
+    ]
+
+
+@contextmanager
+def _one_blas_thread() -> Iterator[None]:
+    """Processes started within use one thread each for linear algebra: they are the threads."""
+    before = {name: os.environ.get(name) for name in BLAS_THREADS}
+    os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _provenance(options: argparse.Namespace) -> dict[str, Any]:
+    chosen = "".join(f" --estimator {name}" for name in options.estimator or ())
+    return {
+        "version": __version__,
+        "command": f"adhesion-can experiment {options.number} --runs {options.runs} "
+        f"--seed {options.seed}{chosen}",
+        "seed": options.seed,
+        "runs": options.runs,
+        "jobs": options.jobs,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors",
+        "inputs": [],
+    }
+
+
+def _print(outcomes: Sequence[Outcome], out: Path, missing: InputError | None) -> None:
+    screen = console()
+    for made in outcomes:
+        shown = merit_table(made)
+        screen.print(table(shown.caption, shown.columns, shown.rows))
+    lines = [fill(merit_table(outcomes[0]).note, PIPE_WIDTH), ""]
+    for made in outcomes:
+        lines += verdict(made)
+    endings = (".json", ".csv") if missing else (".html", ".json", ".csv")
+    lines += [f"written: {out.with_suffix(ending)}" for ending in endings]
+    if missing:
+        lines.append(f"no page: {missing}")
+    for line in lines:
+        # Names of files and extras hold brackets, which are no markup.
+        screen.print(line, markup=False)

@@ -1,0 +1,167 @@
+"""A user's configuration file with calibrated values in it; all else stays as written."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from tomlkit.items import InlineTable
+
+from adhesion_can.bus.database import packaged_path
+from adhesion_can.bus.roles import SignalChoice
+from adhesion_can.config.model import Configuration
+from adhesion_can.physics.data import Role
+
+MARK = "calibrated:"
+"""Begins our part of a comment behind a value; what stands before it is the user's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What a calibration changes, with a remark for each: standard error and origin.
+
+    Attributes:
+        radius_ratio: new over old radius by axle, of those that were told.
+        offset: zero error found in the vehicle speed as it is read now, m/s; None: not told.
+        radii_remark: goes behind `wheel_radius_m`.
+        factor_remark: goes behind the role of a wheel speed given at the rim, by axle.
+        offset_remark: goes behind the role of the vehicle speed.
+
+    """
+
+    radius_ratio: Mapping[int, float]
+    offset: float | None
+    radii_remark: str
+    factor_remark: Mapping[int, str]
+    offset_remark: str
+
+
+def rim_axles(configuration: Configuration) -> set[int]:
+    """Axles whose wheel speed is given as speed of the rim.
+
+    It was computed with a radius of its sender's, and the configured radius, which turns it into
+    rad/s, cancels out of the slip ratio: what corrects it is the role's `factor`.
+    """
+    return {
+        signal.axle
+        for message in configuration.messages
+        for signal in message.signals
+        if signal.role is Role.WHEEL_SPEED and signal.at_rim
+    }
+
+
+def with_correction(
+    configuration: Configuration, source: Path | None, target: Path, correction: Correction
+) -> str:
+    """Text of the configuration file with the correction in it, comments and order kept.
+
+    Args:
+        configuration: as it was loaded.
+        source: its file; None: the defaults, of which a new file is begun.
+        target: where the text will be written: the path of the database is made relative to it.
+        correction: see there.
+
+    """
+    text = "" if source is None else source.read_bytes().decode("utf-8")
+    document = tomlkit.parse(text)
+    _name_database(document, configuration, target)
+    at_rim = rim_axles(configuration)
+    radii = [axle for axle in correction.radius_ratio if axle not in at_rim]
+    if radii:
+        _set_radii(document, configuration, correction, radii)
+    scaled = [axle for axle in correction.radius_ratio if axle in at_rim]
+    if not scaled and correction.offset is None:
+        return tomlkit.dumps(document)
+    roles = _roles(document, configuration)
+    choices = {(choice.role, choice.axle): choice for choice in configuration.choices}
+    for axle in scaled:
+        choice = choices[Role.WHEEL_SPEED, axle]
+        ratio = correction.radius_ratio[axle]
+        keys = {"factor": choice.factor * ratio}
+        if choice.offset:
+            keys["offset"] = choice.offset * ratio
+        _set_keys(roles, choice, keys, correction.factor_remark[axle])
+    if correction.offset is not None:
+        choice = choices[Role.VEHICLE_SPEED, 0]
+        offset = choice.offset + correction.offset
+        _set_keys(roles, choice, {"offset": offset}, correction.offset_remark)
+    return tomlkit.dumps(document)
+
+
+def _name_database(document: Any, configuration: Configuration, target: Path) -> None:
+    """Let the file in its new place find the database that was used."""
+    used = configuration.database.path.resolve()
+    if used == packaged_path().resolve():
+        return
+    bus = document.setdefault("bus", tomlkit.table())
+    named = bus.get("database")
+    if named is None or (target.parent / named).resolve() != used:
+        bus["database"] = os.path.relpath(used, target.resolve().parent)
+
+
+def _set_radii(
+    document: Any, configuration: Configuration, correction: Correction, axles: Sequence[int]
+) -> None:
+    radii = list(configuration.vehicle.wheel_radius)
+    for axle in axles:
+        radii[axle - 1] = round(radii[axle - 1] * correction.radius_ratio[axle], 7)
+    vehicle = document.setdefault("vehicle", tomlkit.table())
+    stated = vehicle.get("wheel_radius_m")
+    if isinstance(stated, list):
+        # In place, which keeps the comments between the values.
+        for axle in axles:
+            stated[axle - 1] = radii[axle - 1]
+    _put(vehicle, "wheel_radius_m", stated if isinstance(stated, list) else radii)
+    _remark(vehicle, "wheel_radius_m", correction.radii_remark)
+
+
+def _roles(document: Any, configuration: Configuration) -> Any:
+    """Table of the roles; one role in a file displaces all defaults, so they are all written."""
+    if "roles" not in document:
+        roles = tomlkit.table()
+        for choice in configuration.choices:
+            roles[choice.name] = f"{choice.message}.{choice.signal}"
+        document["roles"] = roles
+    return document["roles"]
+
+
+def _set_keys(roles: Any, choice: SignalChoice, keys: Mapping[str, float], remark: str) -> None:
+    """Set keys of a role, however the file spells it."""
+    table, name = roles, choice.name
+    if name not in roles:
+        # An unquoted wheel_speed.1 is a table in a table.
+        outer, _, name = name.partition(".")
+        table = roles[outer]
+    if isinstance(table[name], str):
+        signal = tomlkit.inline_table()
+        signal["signal"] = str(table[name])
+        _put(table, name, signal)
+    role = table[name]
+    for key, value in keys.items():
+        _put(role, key, float(f"{value:.8g}"))
+    if isinstance(role, InlineTable):
+        _remark(table, name, remark)
+    else:
+        _remark(role, next(iter(keys)), remark)
+
+
+def _put(table: Any, key: str, value: Any) -> None:
+    """Replace a value; the comment behind it stays."""
+    comment = table[key].trivia.comment if key in table else ""
+    table[key] = value
+    if comment:
+        table[key].comment(comment.lstrip("# "))
+
+
+def _remark(table: Any, key: str, remark: str) -> None:
+    """Add a remark to the comment behind a value, in the place of an earlier one of ours.
+
+    Within an inline table TOML has no comments: there the remark is left out.
+    """
+    if isinstance(table, InlineTable):
+        return
+    item = table[key]
+    users = item.trivia.comment.lstrip("# ").partition(MARK)[0].rstrip("; ")
+    item.comment(f"{users}; {MARK} {remark}" if users else f"{MARK} {remark}")

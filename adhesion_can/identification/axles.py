@@ -1,0 +1,99 @@
+"""How single axles deviate from the common curve, as far as their data tell.
+
+Axle i follows (1 + g_i) μ(λ − d_i): a level of its own (load, cleaner rail behind the first axles)
+and a slip of its own (a wheel radius that is off by 1 % shifts λ by 0.01). To first order its
+residual is g μ − d a with the slope a = dμ/dλ: two regressors, with normal priors that shrink an
+axle with little data to the pool.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.physics.burckhardt import Array
+
+
+@dataclass(frozen=True, slots=True)
+class AxleSettings:
+    """How far axles may deviate.
+
+    Attributes:
+        level_std: of an axle's level, relative.
+        slip_std: of an axle's slip, absolute.
+        memory_s: time after which what was seen of an axle has faded to a third.
+
+    """
+
+    level_std: float = 0.05
+    slip_std: float = 0.004
+    memory_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not min(self.level_std, self.slip_std, self.memory_s) > 0:
+            raise ValueError("level_std, slip_std and memory_s must be positive")
+
+
+class AxleDeviations:
+    """Deviations of each axle from the pool.
+
+    Args:
+        settings: see there.
+
+    """
+
+    def __init__(self, settings: AxleSettings) -> None:
+        self._settings = settings
+        self._normal: Array = np.empty((0, 5))
+        self._axles: list[int] = []
+
+    def add(self, axle: NDArray[np.int64], adhesion: Array, residual: Array, slope: Array) -> None:
+        """Take samples into the normal equations of (g, d) of each axle.
+
+        Args:
+            axle: number of the axle of each sample, (n,); 0 stands for none.
+            adhesion: measured, (n,).
+            residual: of it from the pool's curve, (n,).
+            slope: dμ/dλ of the pool's curve at the samples, (n,).
+
+        """
+        level = adhesion - residual
+        terms = np.stack(
+            [level * level, -level * slope, slope * slope, level * residual, -slope * residual]
+        )
+        top = int(axle.max())
+        if top > len(self._normal):
+            self._normal = np.pad(self._normal, ((0, top - len(self._normal)), (0, 0)))
+        own = axle == np.arange(1, len(self._normal) + 1)[:, None]
+        self._normal += own.astype(np.float64) @ terms.T
+
+    def fade(self, seconds: float, share: float = 1.0) -> None:
+        """Let what was seen fade with time, and by a further share."""
+        self._normal *= share * np.exp(-seconds / self._settings.memory_s)
+
+    def of(
+        self, mu_max: float, lambda_m: float, noise_var: float
+    ) -> Mapping[int, tuple[float, float]]:
+        """(μ_max, λ_m) of each axle that was seen.
+
+        Args:
+            mu_max: of the pool.
+            lambda_m: of the pool, in its slip.
+            noise_var: σ² of the adhesion.
+
+        """
+        if not len(self._normal):
+            return {}
+        n = self._normal
+        a = n[:, 0] + noise_var / self._settings.level_std**2
+        c = n[:, 2] + noise_var / self._settings.slip_std**2
+        b = n[:, 1]
+        det = a * c - b * b
+        g = (c * n[:, 3] - b * n[:, 4]) / det
+        d = (a * n[:, 4] - b * n[:, 3]) / det
+        seen = np.flatnonzero(n[:, 0] > 0)
+        return {
+            int(i) + 1: (float((1.0 + g[i]) * mu_max), float(max(lambda_m + d[i], 0.0)))
+            for i in seen
+        }

@@ -1,0 +1,72 @@
+"""Samples as points on one branch of the curve, with the errors of their slips, less glitches."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.identification.segments import Points
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.data import Samples
+
+SURE = 4.0
+"""Standard deviations beyond which the sign of a measured slip is its true one."""
+
+
+def points_of(samples: Samples, *, errors_in_variables: bool = True) -> Points:
+    """Traction and braking on one branch.
+
+    A slip that is large against its own error carries the sign itself. One that is not takes it
+    from the mean adhesion of all samples: folding it at zero by its own noise would make a small
+    slip of what is none, and bend the curve where it is steepest.
+
+    Args:
+        samples: at least one, finite.
+        errors_in_variables: False takes the slips as exact.
+
+    """
+    slip, adhesion = samples.slip, samples.adhesion
+    if not errors_in_variables:
+        h, z = samples.folded()
+        zero, one_group = np.zeros(len(h)), np.zeros(len(h), dtype=np.int64)
+        return Points(h, z, zero, zero, samples.transient_var, one_group)
+    private, common = samples.slip_var, samples.slip_common_var
+    sign = np.copysign(1.0, slip)
+    unsure = slip * slip < SURE * SURE * (private + common)
+    if unsure.any():
+        sign[unsure] = np.copysign(1.0, adhesion.mean())
+    # A group shares the error of its vehicle speed; on the other branch that has the other sign.
+    stamp = samples.speed_us
+    group = np.zeros(len(sign), dtype=np.int64)
+    np.cumsum((stamp[1:] != stamp[:-1]) | (sign[1:] != sign[:-1]), out=group[1:])
+    return Points(sign * slip, sign * adhesion, private, common, samples.transient_var, group)
+
+
+class GlitchGate:
+    """Leaves out what one axle alone says against all others, for a few updates.
+
+    A rail changes under all axles within a train's length; a sensor fails on one. An axle that
+    persists is taken at its word.
+    """
+
+    FAR, NEAR, AXLES, PATIENCE = 8.0, 4.0, 3, 3
+
+    def __init__(self) -> None:
+        self._suspect = 0
+        self._times = 0
+
+    def passes(self, size: Array, axle: NDArray[np.int64]) -> NDArray[np.bool_] | None:
+        """Which samples to take, shape (n,); None for all.
+
+        Args:
+            size: of the residuals, in standard deviations, (n,).
+            axle: number of the axle of each, (n,).
+
+        """
+        if not size.max() > self.FAR:
+            self._times = 0
+            return None
+        suspect = int(axle[np.argmax(size)])
+        own = axle == suspect
+        alone = len(np.unique(axle)) >= self.AXLES and bool((size[~own] < self.NEAR).all())
+        self._times = self._times + 1 if suspect == self._suspect else 1
+        self._suspect = suspect
+        return ~own if alone and self._times <= self.PATIENCE else None

@@ -1,0 +1,45 @@
+"""Every estimator by its name, behind the one protocol."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from adhesion_can.identification.assessment import IdentifiabilitySettings
+from adhesion_can.identification.baselines import BASELINES
+from adhesion_can.identification.estimator import Estimator
+from adhesion_can.identification.evolution import EvolutionSettings
+from adhesion_can.identification.paper import ChangeSettings, PaperEstimator
+from adhesion_can.identification.tracker import Tracker, TrackerParts
+
+DEFAULT = "tracker"
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorSettings:
+    """What estimators are set by; each takes what it knows.
+
+    Attributes:
+        parts: of the tracker.
+        evolution: of the differential evolution.
+        change: when the paper's estimator believes in another rail.
+
+    """
+
+    parts: TrackerParts = field(default_factory=TrackerParts)
+    evolution: EvolutionSettings = field(default_factory=EvolutionSettings)
+    change: ChangeSettings = field(default_factory=ChangeSettings)
+
+    @property
+    def identifiability(self) -> IdentifiabilitySettings:
+        """When the peak counts as identifiable, the same for all of them."""
+        return self.parts.identifiability
+
+
+def _baseline(name: str) -> Callable[[EstimatorSettings], Estimator]:
+    return lambda settings: BASELINES[name](settings.evolution, settings.identifiability)
+
+
+ESTIMATORS: Mapping[str, Callable[[EstimatorSettings], Estimator]] = {
+    DEFAULT: lambda s: Tracker(s.parts),
+    "paper": lambda s: PaperEstimator(s.evolution, s.identifiability, s.change),
+    **{name: _baseline(name) for name in BASELINES},
+}

@@ -1,0 +1,213 @@
+"""What a stretch of constant rail says of its curve, in a vector of sums that never grows.
+
+For a given c2 the curve is linear in c1 and c3, with the regressors f1 = 1 − e^(−c2 λ) and f2 = −λ:
+
+    J(θ) = Z − 2 c1 C(c2) − 2 c3 E + c1² A(c2) + 2 c1 c3 B(c2) + c3² D
+
+A = Σ f1², B = Σ f1 f2, C = Σ f1 z are entire functions of x = ln c2, so their values at 48
+Chebyshev points tell them for every c2 between 2 and 500 to 11 digits; D = Σ f2², E = Σ f2 z,
+Z = Σ z² are numbers. The sums are additive: a sample is an increment, two stretches merge by
+addition, forgetting is a multiplication, and J of any θ is linear in them. Bins of λ, the usual
+way, are either coarse or many; this is neither.
+
+Errors in variables. The slip is not exact: each wheel speed adds an error of its own (private), the
+vehicle speed one that all axles and all samples between two of its frames share (common). With the
+slope a = dμ/dλ of the present curve the adhesion then has the covariance σ² I + diag(a² p) + a aᵀ q
+within such a group, and the sums are those of generalised least squares, exact by the
+Sherman-Morrison formula. The private error would still flatten the slope (regression dilution); it
+is taken out by corrected scores (Nakamura, Biometrika 77, 1990): e^(−c2 λ − c2² p/2) has the
+expectation of e^(−c2 λ) at the true slip, and likewise the products. The common one is taken out by
+`common_shift`, the error that fits the group best.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from adhesion_can.physics.burckhardt import Array
+
+C2_RANGE = (2.0, 500.0)
+NODES = 48
+X_RANGE = (float(np.log(C2_RANGE[0])), float(np.log(C2_RANGE[1])))
+
+_T = np.cos(np.pi * (2 * np.arange(NODES) + 1) / (2 * NODES))
+X_NODES: Array = X_RANGE[0] + (X_RANGE[1] - X_RANGE[0]) * (_T + 1) / 2
+"""ln c2 of the nodes, descending."""
+C2_NODES: Array = np.exp(X_NODES)
+
+_DEGREES = np.arange(NODES)
+_COEFFICIENTS = np.cos(np.outer(_DEGREES, np.arccos(_T))) * (2 / NODES)
+_COEFFICIENTS[0] /= 2
+
+A, B, C = slice(0, NODES), slice(NODES, 2 * NODES), slice(2 * NODES, 3 * NODES)
+D, E, Z, DOF, COUNT = range(3 * NODES, 3 * NODES + 5)
+"""Places in a vector of sums. DOF is the number of degrees of freedom that J has, a little less
+than COUNT where slips are not exact."""
+BINS = 64
+HISTOGRAM = slice(COUNT + 1, COUNT + 1 + BINS)
+"""Samples by slip, from 0 to the largest slip of the model: what was seen, and what was not."""
+LENGTH = COUNT + 1 + BINS
+
+
+class Points(NamedTuple):
+    """Samples on one branch, with what is known of the errors of their slips.
+
+    Attributes:
+        slip: λ; negative only within its own error; shape (n,).
+        adhesion: μ, (n,).
+        private_var: variance of λ from the wheel speed, (n,).
+        common_var: variance of λ from the vehicle speed, (n,).
+        transient_var: variance of μ beyond the noise that all samples have, (n,).
+        group: number of the group that shares the error of its vehicle speed, from one sample to
+            the next the same or one more, (n,).
+
+    """
+
+    slip: Array
+    adhesion: Array
+    private_var: Array
+    common_var: Array
+    transient_var: Array
+    group: NDArray[np.int64]
+
+    @property
+    def exact(self) -> bool:
+        """Whether no slip has an error, and all samples have the same noise."""
+        return not (self.private_var.any() or self.common_var.any() or self.transient_var.any())
+
+    def select(self, rows: NDArray[np.bool_]) -> "Points":
+        """The points that a mask names."""
+        return Points(
+            self.slip[rows],
+            self.adhesion[rows],
+            self.private_var[rows],
+            self.common_var[rows],
+            self.transient_var[rows],
+            self.group[rows],
+        )
+
+    def groups(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """First sample of each group, shape (groups,), and the group of each sample, (n,)."""
+        first = np.ones(len(self.group), dtype=np.bool_)
+        np.not_equal(self.group[1:], self.group[:-1], out=first[1:])
+        return first.nonzero()[0], first.cumsum() - 1
+
+
+def interpolation(x: ArrayLike) -> Array:
+    """Matrix that takes values at the nodes to values at x = ln c2; shape (n, NODES)."""
+    low, high = X_RANGE
+    t = np.clip(2 * (np.asarray(x, dtype=np.float64) - low) / (high - low) - 1, -1.0, 1.0)
+    return np.asarray(np.cos(np.outer(np.arccos(t), _DEGREES)) @ _COEFFICIENTS)
+
+
+def coefficients(theta: Array) -> Array:
+    """What A, B, C, D and E count for in J: c1², 2 c1 c3, −2 c1, c3², −2 c3; shape (5, n).
+
+    Args:
+        theta: (c1, c2, c3), shape (n, 3).
+
+    """
+    c1, _, c3 = theta.T
+    return np.stack([c1 * c1, 2 * c1 * c3, -2 * c1, c3 * c3, -2 * c3])
+
+
+def costs(sums: Array, at_x: Array, factors: Array) -> Array:
+    """J of curves, linear in the sums; shape (n,).
+
+    Args:
+        sums: shape (LENGTH,).
+        at_x: `interpolation` at the curves' ln c2, shape (n, NODES).
+        factors: `coefficients` of the curves, shape (5, n).
+
+    """
+    abc = sums[: 3 * NODES].reshape(3, NODES) @ at_x.T
+    abc *= factors[:3]
+    return np.asarray(abc.sum(axis=0) + sums[D : E + 1] @ factors[3:] + sums[Z])
+
+
+def increment(points: Points, slope: Array, noise_var: float, slip_max: float) -> Array:
+    """Sums of some samples, shape (LENGTH,).
+
+    Args:
+        points: samples.
+        slope: dμ/dλ of the present curve at them, (n,).
+        noise_var: σ² of the adhesion; the sums are in its unit, so that J/DOF estimates it.
+        slip_max: end of the histogram.
+
+    """
+    h, z, p, q, further, _ = points
+    sums = np.empty(LENGTH)
+    places = np.clip(h * (BINS / slip_max), 0, BINS - 1).astype(np.int64)
+    sums[HISTOGRAM] = np.bincount(places, minlength=BINS)
+    sums[COUNT] = len(h)
+    if points.exact:
+        f1 = -np.expm1(-np.multiply.outer(h, C2_NODES))
+        sums[A] = np.einsum("ij,ij->j", f1, f1)
+        sums[B], sums[C] = -(h @ f1), z @ f1
+        sums[D], sums[E], sums[Z], sums[DOF] = h @ h, -(h @ z), z @ z, len(h)
+        return sums
+    d = 1.0 + (slope * slope * p + further) / noise_var
+    v = slope / d
+    starts, member = points.groups()
+    s2 = q[starts] / noise_var
+    kappa = s2 / (1.0 + s2 * np.add.reduceat(slope * v, starts))
+    own = 1.0 / d - kappa[member] * v * v
+
+    half = np.multiply.outer(0.5 * p, C2_NODES * C2_NODES)
+    f1 = -np.expm1(-np.multiply.outer(h, C2_NODES) - half)
+    e = 1.0 - f1
+    group_f1 = np.add.reduceat(v[:, None] * f1, starts, axis=0)
+    group_h, group_z = np.add.reduceat(v * h, starts), np.add.reduceat(v * z, starts)
+    sums[A] = (1.0 / d) @ (f1 * f1) - kappa @ (group_f1 * group_f1)
+    sums[A] += own @ (e * e * np.expm1(-2.0 * half))
+    sums[B] = -(h / d) @ f1 + (kappa * group_h) @ group_f1 + ((own * p) @ e) * C2_NODES
+    sums[C] = (z / d) @ f1 - (kappa * group_z) @ group_f1
+    sums[D] = (h / d) @ h - (kappa * group_h) @ group_h - own @ p
+    sums[E] = -((z / d) @ h - (kappa * group_z) @ group_h)
+    sums[Z] = (z / d) @ z - (kappa * group_z) @ group_z
+    sums[DOF] = len(h) - own @ (slope * slope * p) / noise_var
+    return sums
+
+
+def slope_at(points: Points, theta: ArrayLike) -> Array:
+    """dμ/dλ of a curve at the samples, continued below zero slip; shape (n,)."""
+    c1, c2, c3 = np.asarray(theta, dtype=np.float64)
+    return np.asarray(c1 * c2 * np.exp(-c2 * points.slip) - c3)
+
+
+def residual_at(points: Points, theta: ArrayLike) -> Array:
+    """Adhesion less that of a curve continued below zero slip; shape (n,)."""
+    c1, c2, c3 = np.asarray(theta, dtype=np.float64)
+    return np.asarray(points.adhesion + c1 * np.expm1(-c2 * points.slip) + c3 * points.slip)
+
+
+def common_shift(points: Points, theta: ArrayLike, noise_var: float) -> Points:
+    """Samples with the error of each vehicle speed taken out as the present curve tells it.
+
+    The group's error e minimises Σ (z − μ(λ − e))²/(σ² + a² p) + e²/q (Gauss-Newton). It only moves
+    the point at which the curve is made linear: with the slope a there and z − a e in place of z,
+    `increment` counts e as unknown all the same.
+
+    Args:
+        points: samples.
+        theta: (c1, c2, c3) of the present curve.
+        noise_var: σ² of the adhesion.
+
+    Returns:
+        The samples, each with λ − e in place of λ.
+
+    """
+    h, _, p, q, further, _ = points
+    starts, member = points.groups()
+    var = np.maximum(q[starts], 1e-30)
+    error = np.zeros(len(starts))
+    moved = points
+    for _ in range(2):
+        a = slope_at(moved, theta)
+        v = a / (noise_var + a * a * p + further)
+        pull = np.add.reduceat(v * residual_at(moved, theta), starts) + error / var
+        error = error - pull / (np.add.reduceat(v * a, starts) + 1.0 / var)
+        error = np.clip(error, -3.0 * np.sqrt(var), 3.0 * np.sqrt(var))
+        moved = points._replace(slip=h - error[member])
+    return moved

@@ -1,0 +1,158 @@
+"""A calibration in words, as a table and as JSON."""
+
+from collections.abc import Collection
+from math import inf
+from typing import Any
+
+from rich.table import Table
+
+from adhesion_can.identification.calibration import AxleRadius, Calibration, Quantity
+from adhesion_can.identification.coasting import SOFTEST_CONTACT, CalibrationSettings
+from adhesion_can.reporting.text import plus_minus, table
+
+IMPLAUSIBLE = 0.1
+"""A radius off by more than this share is no wear."""
+
+
+def _quantity(found: Quantity | None) -> dict[str, Any]:
+    if found is None:
+        return {"value": None, "std": None, "interval": None}
+    return {"value": found.value, "std": found.std, "interval": list(found.interval)}
+
+
+def calibration_json(
+    result: Calibration, settings: CalibrationSettings, rim: Collection[int]
+) -> dict[str, Any]:
+    """As `calibrate --json` writes it; what was not told is null."""
+    return {
+        "axles": [
+            {
+                "axle": axle.axle,
+                "configured_m": axle.configured,
+                "radius_m": _quantity(axle.estimate)
+                if axle.estimate
+                else {"value": axle.configured, "std": None, "interval": None},
+                "change_percent": 100 * (axle.ratio - 1) if axle.estimate else None,
+                "coasting_s": axle.coasting_s,
+                "blocks": axle.blocks,
+                "corrected_by": "factor" if axle.axle in rim else "wheel_radius_m",
+            }
+            for axle in result.axles
+        ],
+        "offset_mps": _quantity(result.offset),
+        "delay_s": _quantity(result.delay),
+        "relative_to": "vehicle speed",
+        "coasting_told_by": "tractive effort" if result.effort_known else None,
+        "systematic_percent": 100 * settings.adhesion_max / SOFTEST_CONTACT
+        if result.effort_known
+        else None,
+        "noise_std_mps": result.noise_std,
+        "outliers_percent": 100 * result.outliers,
+    }
+
+
+def calibration_notes(
+    result: Calibration, settings: CalibrationSettings, rim: Collection[int], reference: str
+) -> list[str]:
+    """What a reader must know to take the figures for what they are, a sentence each."""
+    notes = [
+        f"Radii are relative to {reference}: a scale error of it is a part of all of them alike."
+    ]
+    if result.effort_known:
+        share = 100 * settings.adhesion_max / SOFTEST_CONTACT
+        notes.append(
+            f"Coasting is an adhesion below {settings.adhesion_max:g}; the creep left in it is "
+            f"within {share:.2f} % of a radius on a greasy rail, and not in the standard errors. "
+            "Brakes that no signal tells would add to it."
+        )
+    else:
+        notes.append(
+            "No role gives tractive effort, so coasting could not be told: speed was only steady "
+            f"(within {settings.acceleration_max:g} m/s²), and the slip of traction is inside the "
+            "radii."
+        )
+    notes += [_too_little(axle, settings) for axle in result.axles if axle.estimate is None]
+    notes += _untold(result, settings)
+    if rim:
+        axles = ", ".join(map(str, sorted(rim)))
+        notes.append(
+            f"Wheel speeds of axles {axles} are speeds of the rim, which their sender computed "
+            "with a radius of its own: the radius here is the one that would make them right, and "
+            "it is their factor that is corrected."
+        )
+    notes += [
+        f"Axle {axle.axle}: {100 * (axle.ratio - 1):+.1f} % is more than wear; check unit and "
+        "wheel_radius_m."
+        for axle in result.axles
+        if abs(axle.ratio - 1) > IMPLAUSIBLE
+    ]
+    return notes
+
+
+def _too_little(axle: AxleRadius, settings: CalibrationSettings) -> str:
+    return (
+        f"Axle {axle.axle} keeps its radius: {axle.coasting_s:.1f} s in {axle.blocks} blocks of "
+        f"{settings.block_s:g} s, where {settings.coasting_min_s:g} s in {settings.blocks_min} "
+        "are needed."
+    )
+
+
+def _untold(result: Calibration, settings: CalibrationSettings) -> list[str]:
+    """What offset and delay were not estimated, and what they would do to the radii."""
+    speed = result.mean_speed
+    low, high = result.speed_range
+    notes = []
+    if result.offset is None:
+        notes.append(
+            f"An offset of the vehicle speed is not told (speeds {low:.1f} to {high:.1f} m/s, "
+            f"{_would_be(result.offset_std, 'm/s')}) and taken as 0; one of 0.1 m/s would change "
+            f"the radii by {100 * 0.1 / speed:.2f} %."
+        )
+    if result.delay is None and settings.delay_s is None:
+        notes.append(
+            "A delay of the vehicle speed is not told "
+            f"({_would_be(result.delay_std, 's')}) and taken as 0; one of 0.1 s would change the "
+            f"radii by {abs(100 * 0.1 * result.mean_acceleration / speed):.2f} %."
+        )
+    return notes
+
+
+def _would_be(std: float, unit: str) -> str:
+    return "no bound" if std == inf else f"standard error would be {std:.2g} {unit}"
+
+
+def radius_table(result: Calibration, rim: Collection[int]) -> Table:
+    """Radii, a row an axle; `rim`: the axles whose wheel speed is given as speed of the rim."""
+    rows = [
+        (
+            str(axle.axle),
+            f"{axle.configured:.4f}",
+            f"{axle.configured:.4f} ± ?"
+            if axle.estimate is None
+            else plus_minus(axle.estimate.value, axle.estimate.std, 5),
+            "-"
+            if axle.estimate is None
+            else f"{100 * (axle.ratio - 1):+.3f} ± {100 * axle.estimate.std / axle.configured:.3f}",
+            f"{axle.coasting_s:.1f}",
+            "factor" if axle.axle in rim else "radius",
+        )
+        for axle in result.axles
+    ]
+    kind = "coasting" if result.effort_known else "steady speed"
+    columns = ("axle", "configured m", "radius m", "change %", f"{kind} s", "corrects")
+    return table("Wheel radii, ± standard error", columns, rows)
+
+
+def speed_lines(result: Calibration, settings: CalibrationSettings) -> list[str]:
+    """Offset and delay of the vehicle speed, a line each."""
+    delay = _quantity_text(result.delay, "s")
+    if settings.delay_s is not None:
+        delay = f"{settings.delay_s:g} s, as given"
+    return [
+        f"offset of the vehicle speed: {_quantity_text(result.offset, 'm/s')}",
+        f"delay of the vehicle speed: {delay}",
+    ]
+
+
+def _quantity_text(found: Quantity | None, unit: str) -> str:
+    return "not told" if found is None else f"{plus_minus(found.value, found.std)} {unit}"

@@ -1,0 +1,331 @@
+"""An experiment's results for people and programs: table, page, JSON and CSV."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from adhesion_can.identification.experiments import MU_MAX, QUANTITIES, SURFACES, with_peak
+from adhesion_can.identification.merit import (
+    Merit,
+    Outcome,
+    Result,
+    bound_slip,
+    mean,
+    merit,
+    quartiles,
+    rms,
+)
+from adhesion_can.identification.registry import DEFAULT
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.reporting.experiment_figures import PAPERS_OWN, figures
+from adhesion_can.reporting.page import Page, Section, Table, Text
+
+BOUND = "Cramér-Rao bound"
+TITLES: Mapping[int, str] = {
+    1: "one surface, data in sequence",
+    2: "a rail that switches, ordinary differential evolution",
+    3: "a rail that switches, the paper's modified differential evolution",
+}
+"""What each experiment is, as its page's title says it."""
+
+CSV_COLUMNS = ("estimator", "noise_std", "run", "quantity", "value")
+ORDINARY, SUMMED = "paper (ordinary)", "paper (sum)"
+
+
+def merit_table(made: Outcome) -> Table:
+    """Everyone side by side at one noise level, the smallest error of μ_max first."""
+    return _sequence_table(made) if made.experiment.ramp else _block_table(made)
+
+
+def _ranked(made: Outcome) -> list[tuple[Result, Merit]]:
+    pairs = [(r, merit(r, made)) for r in made.results if not r.says_nothing]
+    return sorted(pairs, key=lambda pair: (pair[1].rmse[MU_MAX], pair[0].name))
+
+
+def silent(made: Outcome) -> str:
+    """Sentence about those who gave no estimate before the end; empty where all did."""
+    names = [r.name for r in made.results if r.says_nothing]
+    if not names:
+        return ""
+    return f"No estimate before the end of the {made.experiment.updates} updates: " + ", ".join(
+        names
+    )
+
+
+def _block_table(made: Outcome) -> Table:
+    bound = rms(made.bound, 0)
+    rows = [(bound[MU_MAX], (BOUND, "-", *map(_sig, bound), "-", "-", "-", "-"))]
+    for result, m in _ranked(made):
+        samples = m.samples_needed
+        cells = (
+            result.name,
+            str(result.runs),
+            *map(_sig, m.rmse),
+            _sig(m.rmse_steady[MU_MAX]),
+            _count(_median(m.blocks_needed)),
+            "-" if samples is None else _count(_median(samples)),
+            _sig(m.update_ms),
+        )
+        rows.append((m.rmse[MU_MAX], cells))
+    return Table(
+        f"Experiment {made.experiment.number}, noise sd {made.noise_std:g}: root mean square "
+        "error over all blocks and runs",
+        ("estimator", "runs", *QUANTITIES, "mu_max*", "blocks", "samples", "ms"),
+        [cells for _, cells in sorted(rows, key=lambda row: row[0])],
+        "mu_max*: without the first block after each switch. blocks, samples: after a switch "
+        "until mu_max is within 5 % and stays there, median over runs and switches; samples with "
+        f"updates of {made.experiment.detail}, until {made.experiment.detail_after} blocks after "
+        f"the switch, in the first {made.experiment.detail_runs} runs. ms: median time of an "
+        f"update of {made.experiment.block} samples, measured in these runs, the machine's noise "
+        f"in it. {BOUND}: of all samples since the last switch.",
+    )
+
+
+def _sequence_table(made: Outcome) -> Table:
+    end, slips = made.bound[-1], bound_slip(made)
+    rows = [(end[MU_MAX], (BOUND, "-", *map(_slip, slips), _sig(end[MU_MAX]), "-"))]
+    for result, m in _ranked(made):
+        low, middle, high = m.slip_quartiles
+        cells = [
+            _slip(middle[q]) if q >= 3 else _with_quartiles(low[q], middle[q], high[q])
+            for q in range(len(QUANTITIES))
+        ]
+        cells += [_sig(m.rmse[MU_MAX]), _sig(m.update_ms)]
+        rows.append((m.rmse[MU_MAX], (result.name, str(result.runs), *cells)))
+    note = (
+        "Slip: where each value is within 10 % and stays there, median (quartiles) over the "
+        "runs; an open quartile: never. "
+        "end: root mean square error of mu_max after the last sample. ms: median time of an "
+        f"update of one sample, the machine's noise in it. {BOUND}: where its standard deviation "
+        f"falls below 10 %. {silent(made)}"
+    )
+    return Table(
+        f"Experiment {made.experiment.number}, noise sd {made.noise_std:g}: slip at which the "
+        "values are found",
+        ("estimator", "runs", *QUANTITIES, "end", "ms"),
+        [cells for _, cells in sorted(rows, key=lambda row: row[0])],
+        note.strip(),
+    )
+
+
+# ------------------------------------------------------------------------------------ verdict
+
+
+def verdict(made: Outcome) -> list[str]:
+    """What came out at one noise level, a sentence each."""
+    merits = {r.name: m for r, m in _ranked(made)}
+    own = PAPERS_OWN[made.experiment.number]
+    others = [name for name in merits if name != "oracle"]
+    if not others:
+        return []
+    best, level = others[0], f"Noise sd {made.noise_std:g}"
+    errors = {name: m.rmse[MU_MAX] for name, m in merits.items()}
+    limit = made.bound[-1, MU_MAX] if made.experiment.ramp else rms(made.bound, 0)[MU_MAX]
+    when = "at the end " if made.experiment.ramp else ""
+    first = (
+        f"{level}: {best} has the smallest error of the maximum adhesion {when}"
+        f"(RMSE {_sig(errors[best])}; {BOUND} {_sig(limit)})"
+    )
+    if own in errors and own != best:
+        times = errors[own] / errors[best]
+        much = f"{times:.1f} times as large" if times >= 1.05 else "hardly larger"
+        first += f"; that of {own} is {much} ({_sig(errors[own])})"
+    if DEFAULT in errors and best != DEFAULT:
+        first += f"; {DEFAULT}, the default, has {_sig(errors[DEFAULT])}"
+    found = [first + "."]
+    if made.experiment.ramp and own in merits:
+        c1, c2, c3, mu, _ = merits[own].slip_quartiles[1]
+        found.append(
+            f"{level}: slip at which {own} has found a value, median: c1 {_slip(c1)}, "
+            f"c2 {_slip(c2)}, c3 {_slip(c3)}, maximum adhesion {_slip(mu)} (the paper reports "
+            "about 0.1 for c1 and c2, 0.4 for c3)."
+        )
+    if {own, ORDINARY, SUMMED} <= errors.keys() and own != ORDINARY:
+        told = "; ".join(
+            f"{what} {_sig(errors[name])} and {_sig(merits[name].rmse[0])}"
+            for what, name in (
+                ("ordinary algorithm", ORDINARY),
+                ("both changes, mean innovation", own),
+                ("both changes, summed innovation", SUMMED),
+            )
+        )
+        found.append(f"{level}: the paper's own, RMSE of the maximum adhesion and of c1: {told}.")
+    return found
+
+
+# --------------------------------------------------------------------------------------- page
+
+
+def page(outcomes: Sequence[Outcome], provenance: Mapping[str, str]) -> Page:
+    """The page of an experiment: one section for each noise level."""
+    number = outcomes[0].experiment.number
+    sections = []
+    for made in outcomes:
+        parts: list[Any] = [merit_table(made)]
+        if silent(made) and not made.experiment.ramp:
+            parts.append(Text(silent(made) + "."))
+        parts += figures(made)
+        sections.append(Section(f"Noise sd {made.noise_std:g}", parts))
+    return Page(
+        title=f"Experiment {number}: {TITLES[number]}",
+        lead=_lead(outcomes[0]),
+        verdict=[sentence for made in outcomes for sentence in verdict(made)],
+        sections=sections,
+        provenance=provenance,
+    )
+
+
+def _lead(made: Outcome) -> str:
+    experiment = made.experiment
+    runs = max(r.runs for r in made.results)
+    rails = " → ".join("({:g}, {:g}, {:g})".format(*theta) for theta in experiment.surfaces)
+    data = (
+        f"{experiment.updates} samples in sequence, the slip rising from 0 to "
+        f"{experiment.slip_max:g}, a start anywhere in the search range"
+        if experiment.ramp
+        else f"{experiment.updates} blocks of {experiment.block} samples, slip uniform in 0 to "
+        f"{experiment.slip_max:g}, a sudden switch every {experiment.blocks} blocks"
+    )
+    count = "one run" if runs == 1 else f"{runs} runs"
+    return (
+        f"After He et al., IEEE Access 6 (2018). Curve (c1, c2, c3): {rails}; {data}; {count}. "
+        "All estimators get the same data. The paper's noise N(0, 0.01) is read as a "
+        "standard deviation of 0.01 and as a variance of 0.01 (sd 0.1)."
+    )
+
+
+# ------------------------------------------------------------------------------- JSON and CSV
+
+
+def document(outcomes: Sequence[Outcome], provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """All numbers, for `--json`."""
+    experiment = outcomes[0].experiment
+    surfaces = with_peak(np.array(experiment.surfaces)).tolist()
+    return {
+        "experiment": {**asdict(experiment), "paper_surfaces": experiment.surfaces == SURFACES},
+        "surfaces": [dict(zip(QUANTITIES, row, strict=True)) for row in surfaces],
+        "noise_levels": [
+            {
+                "noise_std": made.noise_std,
+                "cramer_rao": {
+                    "rmse": _named(_bound_rmse(made)),
+                    "by_update": _columns(made.bound),
+                },
+                "estimators": [_result_json(result, made) for result in made.results],
+                "verdict": verdict(made),
+            }
+            for made in outcomes
+        ],
+        **provenance,
+    }
+
+
+def _result_json(result: Result, made: Outcome) -> dict[str, Any]:
+    m = merit(result, made)
+    errors = result.values - made.truth
+    found: dict[str, Any] = {
+        "name": result.name,
+        "runs": result.runs,
+        "silent_before_the_end": result.says_nothing,
+        "answered": m.answered,
+        "rmse": _named(m.rmse),
+        "update_ms": m.update_ms,
+    }
+    if made.experiment.ramp:
+        found["slip_needed"] = {
+            name: _spread(column) for name, column in zip(QUANTITIES, m.slip_needed.T, strict=True)
+        }
+    else:
+        found["rmse_without_switch_blocks"] = _named(m.rmse_steady)
+        found["blocks_needed"] = _spread(m.blocks_needed)
+        samples = m.samples_needed
+        found["samples_needed"] = None if samples is None else _spread(samples)
+    found["mean_by_update"] = _columns(mean(result.values, 0))
+    found["rmse_by_update"] = _columns(rms(errors, 0))
+    return found
+
+
+def csv_rows(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, ...]]:
+    """Rows under `CSV_COLUMNS`: a figure of merit each, of each run and of all together.
+
+    A value is empty where there is none: no estimate, never found, or not measured.
+    """
+    for made in outcomes:
+        level = f"{made.noise_std:g}"
+        for name, value in zip(QUANTITIES, _bound_rmse(made), strict=True):
+            yield (BOUND, level, "all", f"rmse_{name}", _number(value))
+        for result in made.results:
+            runs = [(str(run + 1), slice(run, run + 1)) for run in range(result.runs)]
+            for run, part in (("all", slice(None)), *runs):
+                for quantity, value in _quantities(merit(result, made, part)):
+                    yield (result.name, level, run, quantity, _number(value))
+
+
+def _quantities(m: Merit) -> Iterator[tuple[str, float]]:
+    """Figures of merit by name; medians over the runs where there are several."""
+    for q, name in enumerate(QUANTITIES):
+        yield f"rmse_{name}", m.rmse[q]
+    for q, name in enumerate(QUANTITIES):
+        if len(m.slip_needed):
+            yield f"slip_needed_{name}", m.slip_quartiles[1, q]
+        else:
+            yield f"rmse_without_switch_blocks_{name}", m.rmse_steady[q]
+    for switch in range(m.blocks_needed.shape[1]):
+        yield f"blocks_needed_switch_{switch + 1}", _median(m.blocks_needed[:, switch])
+        if m.samples_needed is not None:
+            yield f"samples_needed_switch_{switch + 1}", _median(m.samples_needed[:, switch])
+    yield "update_ms", m.update_ms
+    yield "answered", m.answered
+
+
+# ------------------------------------------------------------------------------- ingredients
+
+
+def _bound_rmse(made: Outcome) -> Array:
+    return made.bound[-1] if made.experiment.ramp else rms(made.bound, 0)
+
+
+def _named(values: Array) -> dict[str, float]:
+    return dict(zip(QUANTITIES, map(float, values), strict=True))
+
+
+def _columns(values: Array) -> dict[str, list[float]]:
+    return dict(zip(QUANTITIES, values.T.tolist(), strict=True))
+
+
+def _median(values: Array) -> float:
+    return float(quartiles(values.ravel())[1])
+
+
+def _spread(values: Array) -> dict[str, Any]:
+    """Quartiles, and how often it was never found."""
+    low, middle, high = quartiles(values.ravel()).tolist()
+    return {"median": middle, "quartiles": [low, high], "never": float(np.isinf(values).mean())}
+
+
+def _number(value: float) -> str:
+    return f"{value:.8g}" if np.isfinite(value) else ""
+
+
+def _sig(value: float) -> str:
+    """Three digits, never as a power of ten."""
+    if not np.isfinite(value):
+        return "-"
+    return str(np.format_float_positional(value, 3, unique=False, fractional=False, trim="-"))
+
+
+def _count(value: float) -> str:
+    return "-" if np.isnan(value) else "never" if np.isinf(value) else f"{value:.0f}"
+
+
+def _slip(value: float) -> str:
+    return "-" if np.isnan(value) else "never" if np.isinf(value) else f"{value:.3f}"
+
+
+def _with_quartiles(low: float, middle: float, high: float) -> str:
+    if not np.isfinite(middle):
+        return _slip(middle)
+    ends = (f"{x:.2f}".removeprefix("0") if np.isfinite(x) else ".." for x in (low, high))
+    return f"{middle:.2f} ({'-'.join(ends)})"

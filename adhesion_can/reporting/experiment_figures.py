@@ -1,0 +1,400 @@
+"""The paper's figures, with every estimator in them: as Plotly's JSON for a page."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adhesion_can.identification.experiments import MU_MAX, QUANTITIES, world
+from adhesion_can.identification.merit import Outcome, Result, merit, quartiles, rms
+from adhesion_can.physics.burckhardt import Array, adhesion
+from adhesion_can.reporting.charts import (
+    DARK,
+    MARGINS,
+    Trace,
+    domains,
+    faded,
+    log_axis,
+    place,
+    rows,
+    spread,
+    suffix,
+    upright,
+    value_range,
+)
+from adhesion_can.reporting.page import Figure
+
+PAPERS_OWN: Mapping[int, str] = {1: "paper (sequence)", 2: "paper (ordinary)", 3: "paper (mean)"}
+"""The entry that is the paper's own, of each experiment."""
+
+SHOWN = ("oracle", "tracker", "paper", "de")
+"""Drawn from the begin, with the paper's own; the others on a click in the legend."""
+
+NAMES = dict(
+    zip(
+        QUANTITIES,
+        (
+            "c<sub>1</sub>",
+            "c<sub>2</sub>",
+            "c<sub>3</sub>",
+            "maximum adhesion μ<sub>m</sub>",
+            "optimal slip λ<sub>m</sub>",
+        ),
+        strict=True,
+    )
+)
+COLOURS = {
+    "tracker": "#0b5fa5",
+    "oracle": "#2e8b57",
+    "paper": "#d55e00",
+    "de": "#8e5aa8",
+    "paper (sequence)": "#e0a100",
+    "paper (mean)": "#e0a100",
+    "paper (ordinary)": "#b03a5b",
+}
+MORE = ("#4aa8d8", "#7d8794", "#10a5a0", "#9aa31a", "#d86fb0", "#8c564b", "#5b6ee1", "#3d7a3d")
+CLOUD = "#9aa5b1"
+BINS = (12, 60)
+"""Of a histogram: fewest and most, one for each 8 values between."""
+
+
+def in_order(made: Outcome) -> list[Result]:
+    """Results that say something before the end: those drawn from the begin, then by name."""
+    first = (PAPERS_OWN[made.experiment.number], *SHOWN)
+    return sorted(
+        (r for r in made.results if not r.says_nothing),
+        key=lambda r: (first.index(r.name) if r.name in first else len(first), r.name),
+    )
+
+
+def _is_shown(made: Outcome, name: str) -> bool:
+    return name in SHOWN or name == PAPERS_OWN[made.experiment.number]
+
+
+def _style(made: Outcome, result: Result, *, first: bool = True) -> Trace:
+    """What the traces of one contender share."""
+    rest = sorted(r.name for r in made.results if r.name not in COLOURS)
+    colour = COLOURS.get(result.name) or MORE[rest.index(result.name) % len(MORE)]
+    return {
+        "name": result.name,
+        "legendgroup": result.name,
+        "showlegend": first,
+        "visible": True if _is_shown(made, result.name) else "legendonly",
+        "line": {"color": colour, "width": 1.6},
+    }
+
+
+def figures(made: Outcome) -> list[Figure]:
+    """Every figure of one noise level."""
+    return [
+        curves(made),
+        over_updates(made, QUANTITIES[:3]),
+        over_updates(made, ("mu_max",)),
+        error_over_updates(made),
+        histograms(made),
+        slips_needed(made) if made.experiment.ramp else accuracy(made),
+    ]
+
+
+def curves(made: Outcome) -> Figure:
+    """Characteristic curves at the end of each surface, with the data of the last block there."""
+    experiment, each = made.experiment, made.experiment.updates // len(made.experiment.surfaces)
+    h, z = world(experiment, made.noise_std, 0, made.seed).samples.folded()
+    ends = (*experiment.switches, len(h))
+    last = np.concatenate([np.arange(end - experiment.block, end) for end in ends])
+    slip = np.linspace(0.0, experiment.slip_max, 121)
+
+    def lines(thetas: ArrayLike) -> dict[str, Array]:
+        """One line with a gap after each curve."""
+        parts = [np.append(adhesion(slip, *theta), np.nan) for theta in np.asarray(thetas)]
+        return {"x": np.tile(np.append(slip, np.nan), len(parts)), "y": np.concatenate(parts)}
+
+    data: list[Trace] = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": "data",
+            "x": h[last],
+            "y": z[last],
+            "marker": {"color": CLOUD, "size": 4, "opacity": 0.45},
+            "hoverinfo": "skip",
+        }
+    ]
+    for result in in_order(made):
+        thetas = result.values[0, each - 1 :: each, :3]
+        data.append({"type": "scatter", "mode": "lines", **_style(made, result), **lines(thetas)})
+    data.append(_truth(**lines(experiment.surfaces)))
+    middle = max(float(adhesion(experiment.slip_max, *theta)) for theta in experiment.surfaces)
+    layout = {
+        "xaxis": {"title": {"text": "slip ratio λ"}, "range": [0, experiment.slip_max]},
+        "yaxis": {
+            "title": {"text": "adhesion coefficient μ"},
+            "range": [min(0.0, -1.5 * made.noise_std), middle + 0.06 + 3 * made.noise_std],
+        },
+    }
+    what = "the run" if experiment.ramp else "each surface"
+    caption = (
+        f"Characteristic curves in the first run: the estimates at the end of {what}, the true "
+        f"curve, and the last {experiment.block} samples before."
+    )
+    return Figure(caption, data, layout, 430)
+
+
+def over_updates(made: Outcome, quantities: Sequence[str]) -> Figure:
+    """Values over the blocks, or over the slip in experiment 1: mean and spread over the runs."""
+    x = _abscissa(made)
+    data: list[Trace] = []
+    axes: list[Trace] = []
+    for row, name in enumerate(quantities):
+        q, here = QUANTITIES.index(name), place(row)
+        truth = made.truth[:, q]
+        spans = [truth]
+        for result in in_order(made):
+            values = result.values[..., q]
+            mean, low, high = spread(values)
+            style = _style(made, result, first=row == 0)
+            if _is_shown(made, result.name):
+                spans += [low, high]
+            known = np.isfinite(low)
+            band = {
+                **style,
+                "type": "scatter",
+                "mode": "lines",
+                "showlegend": False,
+                "x": np.concatenate([x[known], x[known][::-1]]),
+                "y": np.concatenate([high[known], low[known][::-1]]),
+                "fill": "toself",
+                "fillcolor": faded(style["line"]["color"]),
+                "line": {"width": 0},
+                "hoverinfo": "skip",
+            }
+            line = {"type": "scatter", "mode": "lines", **style, "x": x, "y": mean}
+            data += [band | here, line | here]
+        data.append(_truth(x=x, y=truth, showlegend=row == 0) | here)
+        axes.append({"title": {"text": NAMES[name]}, "range": value_range(spans, truth)})
+    what = "maximum adhesion" if tuple(quantities) == ("mu_max",) else "parameters"
+    where = "slip reached" if made.experiment.ramp else "blocks"
+    caption = (
+        f"The {what} over the {where}: mean over the runs (line) and 5 to 95 % of them (band)."
+    )
+    height = 340 if len(axes) == 1 else 210 * len(axes)
+    layout = rows(axes, _abscissa_title(made), height)
+    return Figure(caption, data, layout, height)
+
+
+def error_over_updates(made: Outcome) -> Figure:
+    """Root mean square error of the maximum adhesion over the runs, and the bound."""
+    x = _abscissa(made)
+    data: list[Trace] = []
+    for result in in_order(made):
+        errors = rms(result.values[..., MU_MAX] - made.truth[:, MU_MAX], 0)
+        line = {"type": "scatter", "mode": "lines", **_style(made, result)}
+        data.append(line | {"x": x, "y": np.where(errors > 0, errors, np.nan)})
+    bound = {
+        "type": "scatter",
+        "mode": "lines",
+        "name": "Cramér-Rao bound",
+        "x": x,
+        "y": made.bound[:, MU_MAX],
+        "line": {"color": DARK, "width": 1.4, "dash": "dot"},
+    }
+    finite = made.bound[:, MU_MAX][np.isfinite(made.bound[:, MU_MAX])]
+    layout = {
+        "xaxis": {"title": {"text": _abscissa_title(made)}},
+        "yaxis": {
+            "title": {"text": "RMSE of μ<sub>m</sub>"},
+            "type": "log",
+            "range": [np.log10(0.4 * finite.min()), np.log10(0.5)],
+            "dtick": 1,
+        },
+    }
+    caption = (
+        "Error of the maximum adhesion, beside the smallest that the samples since the last switch "
+        "allow: Cramér-Rao bound, for an unbiased estimator that knows when the rail changed. "
+        "Below it: a start near the truth, or a search range, which tell more than the samples."
+    )
+    return Figure(caption, [*data, bound], layout, 360)
+
+
+def histograms(made: Outcome) -> Figure:
+    """Distribution of the maximum adhesion on each surface, over runs and blocks."""
+    experiment = made.experiment
+    each = experiment.updates // len(experiment.surfaces)
+    data: list[Trace] = []
+    layout: dict[str, Any] = {}
+    count = len(experiment.surfaces)
+    height = 340 if count == 1 else 220 * count
+    for row, domain in enumerate(domains(count, height, gap=66)):
+        part = slice(experiment.updates - 1 if experiment.ramp else row * each, (row + 1) * each)
+        truth = float(made.truth[row * each, MU_MAX])
+        found = {r.name: r.values[:, part, MU_MAX].ravel() for r in in_order(made)}
+        half = _half_width([v - truth for n, v in found.items() if _is_shown(made, n)])
+        bins = np.clip(max((len(v) for v in found.values()), default=0) // 8, *BINS)
+        edges = truth + half * np.linspace(-1.0, 1.0, int(bins) + 1)
+        middles = 0.5 * (edges[1:] + edges[:-1])
+        for result in in_order(made):
+            values = found[result.name]
+            values = values[np.isfinite(values)]
+            counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
+            style = _style(made, result, first=row == 0)
+            colour = style["line"]["color"]
+            data.append(
+                style
+                | {
+                    "type": "scatter",
+                    "mode": "lines",
+                    "x": middles,
+                    "y": 100.0 * counts / max(len(values), 1),
+                    "line": {"color": colour, "width": 1.4, "shape": "hvh"},
+                    "fill": "tozeroy",
+                    "fillcolor": faded(colour),
+                }
+                | place(row)
+            )
+        axis = suffix(row)
+        where = f"on surface {row + 1}" if count > 1 else "at the end"
+        title = f"μ<sub>m</sub> {where} (true {truth:.4f})"
+        layout[f"xaxis{axis}"] = {
+            "title": {"text": title, "standoff": 10},
+            "range": [edges[0], edges[-1]],
+            "anchor": f"y{axis}",
+        }
+        layout[f"yaxis{axis}"] = {
+            "title": {"text": "share, %"},
+            "domain": domain,
+            "rangemode": "tozero",
+            "anchor": f"x{axis}",
+        }
+        layout.setdefault("shapes", []).append(upright(truth, row, "dash"))
+    whose = "at the end of the run" if experiment.ramp else "over all blocks of each surface"
+    caption = (
+        f"Histograms of the maximum adhesion {whose} and all runs; the dashed line is the truth, "
+        "the outermost bins hold all that lies beyond."
+    )
+    return Figure(caption, data, layout, height)
+
+
+def accuracy(made: Outcome) -> Figure:
+    """Errors of peak and place, and time of an update, one under the other."""
+    ranked = sorted(
+        ((r, merit(r, made)) for r in made.results if not r.says_nothing),
+        key=lambda pair: -pair[1].rmse[MU_MAX],
+    )
+    names = [r.name for r, _ in ranked]
+    panels: list[tuple[str, list[float], list[float] | None, float | None]] = [
+        (
+            f"RMSE of {symbol}",
+            [m.rmse[q] for _, m in ranked],
+            [m.rmse_steady[q] for _, m in ranked],
+            float(rms(made.bound[:, q], 0)),
+        )
+        for symbol, q in (("μ<sub>m</sub>", MU_MAX), ("λ<sub>m</sub>", MU_MAX + 1))
+    ]
+    size = made.experiment.block
+    panels.append(
+        (f"ms for an update of {size} samples", [m.update_ms for _, m in ranked], None, None)
+    )
+    data: list[Trace] = []
+    layout: dict[str, Any] = {"shapes": []}
+    height = MARGINS + len(panels) * (84 + 22 * len(names))
+    places = domains(len(panels), height, gap=68)
+    for row, ((title, all_, kept, bound), domain) in enumerate(zip(panels, places, strict=True)):
+        base = {"type": "scatter", "mode": "markers", "y": names, "showlegend": row == 0}
+        every = {"color": COLOURS["tracker"], "size": 9}
+        data.append(
+            base
+            | {"name": "all blocks", "legendgroup": "all", "x": all_, "marker": every}
+            | place(row)
+        )
+        if kept is not None:
+            name = "without the first block after a switch"
+            open_ = {"color": DARK, "size": 9, "symbol": "circle-open"}
+            data.append(
+                base
+                | {"name": name, "legendgroup": "kept", "x": kept, "marker": open_}
+                | place(row)
+            )
+        axis = suffix(row)
+        numbers = [*all_, *(kept or ()), *(() if bound is None else (bound,))]
+        layout[f"xaxis{axis}"] = {
+            "title": {"text": title, "standoff": 10},
+            "anchor": f"y{axis}",
+            **log_axis(numbers),
+        }
+        layout[f"yaxis{axis}"] = {"domain": domain, "anchor": f"x{axis}", "type": "category"}
+        if bound is not None:
+            layout["shapes"].append(upright(bound, row, "dot"))
+    caption = (
+        "Accuracy and cost side by side; the dotted line is the Cramér-Rao bound. Times were "
+        "measured in these runs, with all that the machine did besides."
+    )
+    return Figure(caption, data, layout, height)
+
+
+def slips_needed(made: Outcome) -> Figure:
+    """Experiment 1: where each value came within 10 % of the truth and stayed there."""
+    shown = [(r.name, merit(r, made).slip_needed) for r in reversed(in_order(made))]
+    data: list[Trace] = []
+    for q, colour in enumerate(("#0b5fa5", "#d55e00", "#2e8b57", "#8e5aa8")):
+        found = np.array([quartiles(slips[:, q]) for _, slips in shown])
+        low, middle, high = np.where(np.isfinite(found), found, np.nan).T
+        end = np.where(np.isnan(high), made.experiment.slip_max, high)
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "name": ("c<sub>1</sub>", "c<sub>2</sub>", "c<sub>3</sub>", "μ<sub>m</sub>")[q],
+                "x": middle,
+                "y": [name for name, _ in shown],
+                "marker": {"color": colour, "size": 9},
+                "error_x": {
+                    "type": "data",
+                    "symmetric": False,
+                    "array": end - middle,
+                    "arrayminus": middle - low,
+                    "color": colour,
+                    "thickness": 1.2,
+                    "width": 3,
+                },
+            }
+        )
+    layout = {
+        "xaxis": {
+            "title": {"text": "slip ratio λ reached"},
+            "range": [0, 1.02 * made.experiment.slip_max],
+        },
+        "yaxis": {"type": "category"},
+    }
+    caption = (
+        "Slip at which each value came within 10 % of the truth and stayed there: median and "
+        "quartiles over the runs; no mark where that was in less than half of them."
+    )
+    return Figure(caption, data, layout, 90 + 36 * len(shown))
+
+
+# ------------------------------------------------------------------------------- ingredients
+
+
+def _truth(**rest: Any) -> Trace:
+    line = {"color": DARK, "width": 1.6, "dash": "dash"}
+    return {"type": "scatter", "mode": "lines", "name": "truth", "line": line, **rest}
+
+
+def _abscissa(made: Outcome) -> Array:
+    experiment = made.experiment
+    if experiment.ramp:
+        return np.linspace(0.0, experiment.slip_max, experiment.updates)
+    return np.arange(1.0, experiment.updates + 1)
+
+
+def _abscissa_title(made: Outcome) -> str:
+    if made.experiment.ramp:
+        return "slip ratio λ reached"
+    return f"block k, of {made.experiment.block} samples"
+
+
+def _half_width(errors: Sequence[Array]) -> float:
+    """Half the width of a histogram: holds 98 % of the widest that is shown from the begin."""
+    sizes = [np.abs(e[np.isfinite(e)]) for e in errors]
+    return max((float(np.quantile(s, 0.98)) for s in sizes if len(s)), default=0.0) or 0.01

@@ -1,0 +1,180 @@
+"""Reports as one HTML page that needs nothing but a browser: no server, no network.
+
+A page is told as data: sections of text, tables and figures. Figures are Plotly's JSON as plain
+dictionaries; Plotly's script stands in the page once, and a content security policy in its head
+keeps the browser from loading anything else.
+
+Jinja2 and Plotly come with the extra `report`.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from adhesion_can.bus.recordings import whole_file
+from adhesion_can.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A paragraph, plain text."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table: its first column stands to the left, the others to the right.
+
+    Attributes:
+        caption: what it shows, one sentence.
+        columns: heads.
+        rows: cells, one a column.
+        note: below it, how its columns are meant.
+
+    """
+
+    caption: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        if any(len(row) != len(self.columns) for row in self.rows):
+            raise ValueError("each row needs a cell for each column")
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A figure.
+
+    Attributes:
+        caption: what it shows and how to read it.
+        data: Plotly's traces.
+        layout: Plotly's layout; what the house's style does not say.
+        height: px, without the legend.
+
+    """
+
+    caption: str
+    data: Sequence[Mapping[str, Any]]
+    layout: Mapping[str, Any] = field(default_factory=dict)
+    height: int = 380
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A part of a page under a heading of its own."""
+
+    title: str
+    parts: Sequence[Text | Table | Figure]
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A report.
+
+    Attributes:
+        title: of the page.
+        lead: what was done, a sentence or two.
+        verdict: what came out, a sentence each, most important first.
+        sections: in order.
+        provenance: where it comes from, name and value, with the command that repeats it.
+
+    """
+
+    title: str
+    lead: str
+    verdict: Sequence[str]
+    sections: Sequence[Section]
+    provenance: Mapping[str, str]
+
+
+def require_extra(where: str) -> None:
+    """Raise where Jinja2 or Plotly are missing, before work that would end in a page.
+
+    Args:
+        where: option or file that asks for the page.
+
+    Raises:
+        InputError: the extra is not installed.
+
+    """
+    _extra(where)
+
+
+def render(page: Page, where: str = "page") -> str:
+    """The page as HTML.
+
+    Args:
+        page: what to show.
+        where: option or file that asks for it, for the error.
+
+    Raises:
+        InputError: the extra is not installed.
+
+    """
+    jinja2, plotly_script = _extra(where)
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("adhesion_can.reporting"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.tests["figure"] = lambda part: isinstance(part, Figure)
+    environment.tests["table"] = lambda part: isinstance(part, Table)
+    environment.filters["figure_json"] = _figure_json
+    template = environment.get_template("page.html")
+    has_figures = any(isinstance(p, Figure) for s in page.sections for p in s.parts)
+    return str(template.render(page=page, plotly=plotly_script() if has_figures else ""))
+
+
+def write_page(page: Page, path: Path) -> None:
+    """Write the page.
+
+    Raises:
+        InputError: the extra is not installed, or the file cannot be written.
+
+    """
+    text = render(page, str(path))
+    with whole_file(path) as file:
+        file.write(text)
+
+
+def _extra(where: str) -> tuple[Any, Any]:
+    try:
+        import jinja2
+        from plotly.offline import get_plotlyjs
+    except ImportError as error:
+        raise InputError(
+            where,
+            f"an HTML page needs Jinja2 and Plotly (no module {error.name!r})",
+            "pip install 'adhesion-can[report]'",
+        ) from error
+    return jinja2, get_plotlyjs
+
+
+def _figure_json(figure: Figure) -> str:
+    """A figure as JSON that may stand within a script element; null for what is not finite."""
+    document = {"data": figure.data, "layout": figure.layout, "height": figure.height}
+    text = json.dumps(_plain(document), allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (str, bool)) or value is None:
+        return value
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, Sequence):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        # Six digits are more than a figure shows, and a third of the page's size.
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    return value
