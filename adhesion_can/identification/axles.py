@@ -92,8 +92,8 @@ class AxleDeviations:
         det = a * c - b * b
         g = (c * n[:, 3] - b * n[:, 4]) / det
         d = (a * n[:, 4] - b * n[:, 3]) / det
-        seen = np.flatnonzero(n[:, 0] > 0)
-        return {
-            int(i) + 1: (float((1.0 + g[i]) * mu_max), float(max(lambda_m + d[i], 0.0)))
-            for i in seen
-        }
+        values = zip(
+            ((1.0 + g) * mu_max).tolist(), np.maximum(lambda_m + d, 0.0).tolist(), strict=True
+        )
+        seen = (n[:, 0] > 0).tolist()
+        return {i + 1: value for i, value in enumerate(values) if seen[i]}

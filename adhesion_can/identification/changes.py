@@ -12,7 +12,7 @@ set, not tuned. The contenders' ages thin out with age, so their number stays th
 """
 
 from dataclasses import dataclass
-from math import inf
+from math import exp, inf, log
 
 import numpy as np
 
@@ -152,26 +152,26 @@ class Contenders:
                 takes it as certain.
 
         """
-        s = self.sums
+        s = self.sums * (1.0 / noise_var)
         p1, p3 = _STD**-2.0
-        a = np.maximum(s[:, segments.A] / noise_var, 0.0) + p1
-        b = s[:, segments.B] / noise_var
-        d = np.maximum(s[:, segments.D, None] / noise_var, 0.0) + p3
-        r1 = s[:, segments.C] / noise_var + p1 * _MEAN[0]
-        r3 = s[:, segments.E, None] / noise_var + p3 * _MEAN[1]
+        # Corrected scores may leave a sum of squares below zero where the slips say nothing of c2.
+        a = np.maximum(s[:, segments.A], 0.0) + p1
+        b = s[:, segments.B]
+        d = np.maximum(s[:, segments.D, None], 0.0) + p3
+        r1 = s[:, segments.C] + p1 * _MEAN[0]
+        r3 = s[:, segments.E, None] + p3 * _MEAN[1]
         det = np.maximum(a * d - b * b, 1e-12 * a * d)
-        explained = (d * r1 * r1 - 2.0 * b * r1 * r3 + a * r3 * r3) / det
+        explained = (r1 * (d * r1 - (2.0 * r3) * b) + a * (r3 * r3)) / det
         at_rest = p1 * _MEAN[0] ** 2 + p3 * _MEAN[1] ** 2
-        cost = np.maximum(s[:, Z, None] / noise_var + at_rest - explained, 0.0)
-        occam = self._log_prior - 0.5 * np.log(det / (p1 * p3))
+        cost = np.maximum(s[:, Z, None] + at_rest - explained, 0.0)
+        occam = self._log_prior - 0.5 * np.log(det * (1.0 / (p1 * p3)))
         old = (self._old_cost[: self._count] / noise_var)[:, None]
         if noise_dof is None:
-            gain = 0.5 * (old - cost)
+            score = occam + 0.5 * (old - cost)
         else:
             nu = min(self._settings.noise_freedom, noise_dof)
-            dof = s[:, DOF, None]
-            gain = 0.5 * (nu + dof) * (np.log(nu + old) - np.log(nu + cost))
-        score = occam + gain
+            freedom = nu + self.sums[:, DOF, None]
+            score = occam + 0.5 * freedom * np.log((nu + old) / (nu + cost))
         top = score.max(axis=1)
         return np.asarray(top + np.log(np.exp(score - top[:, None]).sum(axis=1)))
 
@@ -179,5 +179,5 @@ class Contenders:
         """Probability that the rail changed before one of the last updates."""
         if not len(log_factors):
             return 0.0
-        log_odds = float(np.logaddexp.reduce(log_factors)) + np.log(self._settings.false_alarm)
-        return float(1.0 / (1.0 + np.exp(-np.clip(log_odds, -700.0, 700.0))))
+        log_odds = float(np.logaddexp.reduce(log_factors)) + log(self._settings.false_alarm)
+        return 1.0 / (1.0 + exp(-min(max(log_odds, -700.0), 700.0)))

@@ -17,8 +17,10 @@ from adhesion_can.physics.burckhardt import Array
 
 LEAST_DENSITY = exp(-3.0)
 """Least factor by which one update can change the trust: no single one decides."""
-FEW, FEW_FOLLOWERS = 1 / 8, 1 / 24
+FEW, FEW_FOLLOWERS = 1 / 5, 1 / 20
 """Shares of the curves that must carry the weight: of the memory that leads, of the others."""
+SURELY = 2.0
+"""Standard deviations of a shorter memory from which its distance is no chance."""
 LOST = 0.7
 """Share of the samples for which curves were drawn below which they no longer reach far enough."""
 
@@ -35,7 +37,7 @@ class MemorySettings:
 
     """
 
-    times_s: tuple[float, ...] = (3600.0, 60.0, 8.0)
+    times_s: tuple[float, ...] = (3600.0, 15.0, 3.0)
     drift: float = 0.01
     switch_s: float = 10.0
 
@@ -162,6 +164,23 @@ class Memories:
         chosen = np.flatnonzero(self._trust >= least)
         total = self._trust[chosen].sum()
         return [(self._curves[i], self._trust[i] / total * self._weights[i]) for i in chosen]
+
+    def lag(self) -> tuple[float, float]:
+        """What the memory that leads may lag behind, in μ_max and λ_m: its distance from the next.
+
+        0 where the shorter memory's own uncertainty explains the distance, and for the shortest.
+        """
+        i, shorter = self._leader, self._leader + 1
+        if shorter == len(self._curves):
+            return 0.0, 0.0
+        lags = []
+        for name in ("mu_max", "lambda_m"):
+            long, short = (getattr(self._curves[k], name) for k in (i, shorter))
+            middle = self._weights[shorter] @ short
+            std = np.sqrt(self._weights[shorter] @ (short - middle) ** 2)
+            distance = abs(float(middle - self._weights[i] @ long))
+            lags.append(distance if distance > SURELY * std else 0.0)
+        return lags[0], lags[1]
 
     def _draw(self, i: int) -> None:
         self._adopt(i, draw(self._sums[i], self.noise, self.prior, self._slip_max, self._size))

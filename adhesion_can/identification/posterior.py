@@ -60,26 +60,24 @@ class Curves:
 
     Attributes:
         theta: (c1, c2, c3), shape (n, 3).
-        phi: (ln c1, ln c2, ln s) of them, shape (n, 3).
         at_x: `interpolation` at their ln c2, shape (n, NODES).
         factors: `coefficients` of them, shape (5, n).
         log_base: ln of prior over density of the draw, shape (n,).
-        mu_max: of each, shape (n,).
-        lambda_m: of each, at most the largest slip of the model, shape (n,).
-        by_mu_max: order of the curves by it, shape (n,).
-        by_lambda_m: likewise.
+        mu_max: of each, within the model's range, shape (n,).
+        lambda_m: likewise.
+        peaks: (μ_m, λ_m, s = c2 λ_m) of each, wherever its peak lies, shape (3, n).
+        order: of the curves by each of these, shape (3, n).
 
     """
 
     theta: Array
-    phi: Array
     at_x: Array
     factors: Array
     log_base: Array
     mu_max: Array
     lambda_m: Array
-    by_mu_max: NDArray[np.int64]
-    by_lambda_m: NDArray[np.int64]
+    peaks: Array
+    order: NDArray[np.int64]
 
     def costs(self, sums: Array) -> Array:
         """J of each curve, shape (n,)."""
@@ -92,17 +90,16 @@ def joined(parts: Sequence[Curves]) -> Curves:
     def column(name: str, axis: int = 0) -> Array:
         return np.concatenate([getattr(part, name) for part in parts], axis=axis)
 
-    mu_max, lambda_m = column("mu_max"), column("lambda_m")
+    peaks = column("peaks", axis=1)
     return Curves(
         column("theta"),
-        column("phi"),
         column("at_x"),
         column("factors", axis=1),
         column("log_base"),
-        mu_max,
-        lambda_m,
-        np.argsort(mu_max),
-        np.argsort(lambda_m),
+        column("mu_max"),
+        column("lambda_m"),
+        peaks,
+        np.argsort(peaks, axis=1),
     )
 
 
@@ -154,17 +151,17 @@ def draw(sums: Array, noise: Noise, prior: Prior, slip_max: float, size: int) ->
     phi = np.where(good[:, None], phi, 0.0)
     # From (ln c1, ln c2, ln s) to (c1, ln c2, c3): |d ln s/d c3| = 1/(s c3), d ln c1/d c1 = 1/c1.
     log_prior = prior.log_density(phi) - phi[:, 2] - np.log(c1 * c3)
-    top = peak(c1, c2, c3, slip_max)
+    top, s = peak(c1, c2, c3, slip_max), np.exp(phi[:, 2])
+    peaks = np.stack([c1 * (1.0 - np.exp(-s) * (1.0 + s)), s / c2, s])
     return Curves(
         theta,
-        phi,
         at_x,
         coefficients(theta),
         np.where(good, log_prior - log_q - log_q_rest, -np.inf),
         top.mu_max,
         top.lambda_m,
-        np.argsort(top.mu_max),
-        np.argsort(top.lambda_m),
+        peaks,
+        np.argsort(peaks, axis=1),
     )
 
 

@@ -10,15 +10,14 @@ Per update, at a cost that does not depend on the length of the drive:
    (`memories`);
 4. what single axles have of their own is told from their residuals (`axles`).
 
-What comes out is the mean over all of them, with its standard deviations and 90 % intervals.
+What comes out is the median over all of them, with standard deviations and 90 % intervals.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from math import hypot, inf, sqrt
+from math import exp, hypot, inf, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from adhesion_can.identification.assessment import IdentifiabilitySettings
 from adhesion_can.identification.axles import AxleDeviations, AxleSettings
@@ -37,7 +36,7 @@ from adhesion_can.identification.posterior import (
 from adhesion_can.identification.prior import (
     Prior,
     PriorSettings,
-    from_shape_coordinates,
+    Theta,
     shape_coordinates,
 )
 from adhesion_can.identification.segments import (
@@ -49,11 +48,11 @@ from adhesion_can.identification.segments import (
     residual_at,
     slope_at,
 )
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.burckhardt import Array, adhesion
 from adhesion_can.physics.data import Estimate, Identifiable, Samples
 
-MIXED_FROM = 0.01
-"""Probability from which a hypothesis enters the mean."""
+MIXED_FROM = 0.05
+"""Probability from which a hypothesis enters the estimate."""
 FEWEST_CURVES = 16.0
 """Fewer curves than these, effectively, describe no distribution."""
 NOISE_KEPT = 20.0
@@ -62,6 +61,7 @@ FALL_SEEN = 4.0
 """c3 over its standard deviation from which the curve was seen to fall beyond its peak."""
 
 
+SHARES = (0.05, 0.5, 0.95)
 WORTH_A_SHIFT = 0.006
 """(c2 σ)² of the vehicle speed's error in slip from which the curve bends within it."""
 
@@ -77,7 +77,7 @@ class TrackerSettings:
 
     """
 
-    curves: int = 256
+    curves: int = 384
     noise_std: float = 0.003
     errors_in_variables: bool = True
 
@@ -243,15 +243,17 @@ class Tracker:
     # -------------------------------------------------------------------------- the estimate
 
     def _estimate(self, changed: float) -> Estimate:
-        """Mean over memories, and over a change that is possible but not believed yet."""
+        """Of all memories, and of a change that is possible but not believed yet."""
         parts = self._memories.leading(MIXED_FROM)
         if MIXED_FROM < changed < 0.5:
             parts = [(curves, (1.0 - changed) * weights) for curves, weights in parts]
             parts.append(self._possible(changed))
         curves, weights = parts[0] if len(parts) == 1 else _joined(parts)
-        c1, c2, c3 = from_shape_coordinates((weights @ curves.phi)[None])[0].tolist()
-        mu_max, mu_std = _moments(curves.mu_max, weights)
-        lambda_m, lambda_std = _moments(curves.lambda_m, weights)
+        shares = _shares_below(curves, weights)
+        mu_max, lambda_m, theta = self._middle(curves, shares)
+        mu_lag, lambda_lag = self._memories.lag()
+        mu_std = hypot(_std(curves.mu_max, weights), mu_lag)
+        lambda_std = hypot(_std(curves.lambda_m, weights), lambda_lag)
         away = curves.theta - weights @ curves.theta
         covariance = (away * weights[:, None]).T @ away
         known = Identifiable(mu_max=False, lambda_m=False)
@@ -261,10 +263,11 @@ class Tracker:
             falls = float(weights @ curves.theta[:, 2]) > FALL_SEEN * sqrt(covariance[2, 2])
             known = self._identifiable(mu_std / mu_max, lambda_m, lambda_std, falls=falls)
         load_std = mu_max * sqrt(self._load_var)
+        further = hypot(load_std, mu_lag)
         return Estimate(
-            c1=c1,
-            c2=c2,
-            c3=c3,
+            c1=theta[0],
+            c2=theta[1],
+            c3=theta[2],
             covariance=covariance,
             mu_max=mu_max,
             mu_max_std=hypot(mu_std, load_std),
@@ -276,9 +279,23 @@ class Tracker:
             surface_since_us=self._since_us,
             change_probability=changed,
             per_axle=self._axles.of(mu_max, lambda_m, self._memories.noise_var),
-            mu_max_interval=_interval(curves.mu_max, curves.by_mu_max, weights, load_std),
-            lambda_m_interval=_interval(curves.lambda_m, curves.by_lambda_m, weights, 0.0),
+            mu_max_interval=_interval(curves.mu_max[curves.order[0]], shares[0], further),
+            lambda_m_interval=_interval(curves.lambda_m[curves.order[1]], shares[1], lambda_lag),
         )
+
+    def _middle(self, curves: Curves, shares: Array) -> tuple[float, float, Theta]:
+        """μ_max, λ_m and (c1, c2, c3) of the curve of which height, place and shape are medians.
+
+        Posteriors of a peak that is barely reached are skewed: their means lie too far out.
+        """
+        mu, slip, s = (
+            float(np.interp(0.5, share, values[order]))
+            for values, order, share in zip(curves.peaks, curves.order, shares, strict=True)
+        )
+        c1, c2 = mu / (1.0 - exp(-s) * (1.0 + s)), s / slip
+        theta = (c1, c2, c1 * c2 * exp(-s))
+        end = self._parts.identifiability.slip_max
+        return (mu, slip, theta) if slip <= end else (float(adhesion(end, *theta)), end, theta)
 
     def _possible(self, changed: float) -> tuple[Curves, Array]:
         """Curves of the likeliest contender, weighted by the probability of a change."""
@@ -322,19 +339,20 @@ def _joined(parts: list[tuple[Curves, Array]]) -> tuple[Curves, Array]:
     return joined([curves for curves, _ in parts]), weights / weights.sum()
 
 
-def _moments(values: Array, weights: Array) -> tuple[float, float]:
-    mean = float(weights @ values)
-    away = values - mean
-    return mean, sqrt(float(weights @ (away * away)))
+def _shares_below(curves: Curves, weights: Array) -> Array:
+    """Share of the weight below each curve in their three orders, shape (3, n)."""
+    in_order = weights[curves.order]
+    return np.asarray(in_order.cumsum(axis=1) - 0.5 * in_order)
 
 
-def _interval(
-    values: Array, order: NDArray[np.int64], weights: Array, further_std: float
-) -> tuple[float, float]:
+def _std(values: Array, weights: Array) -> float:
+    away = values - weights @ values
+    return sqrt(float(weights @ (away * away)))
+
+
+def _interval(in_order: Array, share_below: Array, further_std: float) -> tuple[float, float]:
     """Between the 5 and the 95 % quantile, widened by an independent error."""
-    sorted_weights = weights[order]
-    cumulative = sorted_weights.cumsum() - 0.5 * sorted_weights
-    low, middle, high = np.interp((0.05, 0.5, 0.95), cumulative, values[order])
+    low, middle, high = np.interp(SHARES, share_below, in_order)
     more = 1.645 * further_std
     return float(middle - hypot(middle - low, more)), float(middle + hypot(high - middle, more))
 
