@@ -165,7 +165,7 @@ class Contenders:
         at_rest = p1 * _MEAN[0] ** 2 + p3 * _MEAN[1] ** 2
         cost = np.maximum(s[:, Z, None] + at_rest - explained, 0.0)
         occam = self._log_prior - 0.5 * np.log(det * (1.0 / (p1 * p3)))
-        old = (self._old_cost[: self._count] / noise_var)[:, None]
+        old = np.maximum(self._old_cost[: self._count] / noise_var, 0.0)[:, None]
         if noise_dof is None:
             score = occam + 0.5 * (old - cost)
         else:

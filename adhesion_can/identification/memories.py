@@ -21,6 +21,8 @@ FEW, FEW_FOLLOWERS = 1 / 5, 1 / 20
 """Shares of the curves that must carry the weight: of the memory that leads, of the others."""
 SURELY = 2.0
 """Standard deviations of a shorter memory from which its distance is no chance."""
+NEWS = 0.03
+"""Share by which the samples must have changed since the last draw for another one."""
 LOST = 0.7
 """Share of the samples for which curves were drawn below which they no longer reach far enough."""
 
@@ -155,6 +157,8 @@ class Memories:
         least[self._leader] = self._size * FEW
         poor = (effective < least) | (self._sums[:, DOF] < LOST * self._drawn_dof)
         if poor.any():
+            # Where no draw is better (one slip only, say), a new one waits for new samples.
+            poor &= np.abs(self._sums[:, DOF] - self._drawn_dof) > NEWS * self._drawn_dof
             for i in np.flatnonzero(poor):
                 self._draw(int(i))
             self._weigh()

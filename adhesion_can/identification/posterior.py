@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr, ndtri
 
 from adhesion_can.identification import segments
-from adhesion_can.identification.prior import Prior, shape_coordinates
+from adhesion_can.identification.prior import C1_MAX, Prior, shape_coordinates
 from adhesion_can.identification.segments import DOF, X_RANGE, coefficients, interpolation
 from adhesion_can.physics.burckhardt import Array, peak
 
@@ -28,6 +28,8 @@ GRID = 48
 DEPTH = 14.0
 """ln of the density below its maximum to which the grid over ln c2 reaches."""
 ZOOMS = 8
+FEWEST = 8
+"""Fewer curves with a peak than these are no draw."""
 SPREAD = 1.3
 """Draws are spread so many times wider than the normal density: Student's tails, errors of J."""
 FALL_TOLD = 3.0
@@ -143,21 +145,31 @@ def draw(sums: Array, noise: Noise, prior: Prior, slip_max: float, size: int) ->
     at_x = interpolation(x)
     c2 = np.exp(x)
     c1, c3, log_q_rest = _draw_level_and_fall(sums, noise_var, prior, at_x, c2)
-    good = (c1 > 0) & (c3 > 0) & (c1 * c2 > c3)
+    good = (c1 > 0) & (c1 < C1_MAX) & (c3 > 0) & (c1 * c2 > c3)
     c1, c3 = np.where(good, c1, 1.0), np.where(good, c3, 0.5)
     theta = np.column_stack([c1, c2, c3])
     phi = shape_coordinates(theta)
     good &= np.isfinite(phi).all(axis=1)
     phi = np.where(good[:, None], phi, 0.0)
+    if good.sum() < FEWEST:
+        # Forces against the slip, say: no curve is near. The prior tells which are left.
+        theta = prior.sample(size, np.random.default_rng(size))
+        return _curves(theta, interpolation(np.log(theta[:, 1])), np.zeros(size), slip_max)
     # From (ln c1, ln c2, ln s) to (c1, ln c2, c3): |d ln s/d c3| = 1/(s c3), d ln c1/d c1 = 1/c1.
     log_prior = prior.log_density(phi) - phi[:, 2] - np.log(c1 * c3)
-    top, s = peak(c1, c2, c3, slip_max), np.exp(phi[:, 2])
+    log_base = np.where(good, log_prior - log_q - log_q_rest, -np.inf)
+    return _curves(theta, at_x, log_base, slip_max)
+
+
+def _curves(theta: Array, at_x: Array, log_base: Array, slip_max: float) -> Curves:
+    c1, c2, c3 = theta.T
+    top, s = peak(c1, c2, c3, slip_max), np.log(c1 * c2 / c3)
     peaks = np.stack([c1 * (1.0 - np.exp(-s) * (1.0 + s)), s / c2, s])
     return Curves(
         theta,
         at_x,
         coefficients(theta),
-        np.where(good, log_prior - log_q - log_q_rest, -np.inf),
+        log_base,
         top.mu_max,
         top.lambda_m,
         peaks,

@@ -14,6 +14,8 @@ import numpy as np
 from adhesion_can.identification.segments import C2_RANGE
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Array, Surface
 
+C1_MAX = 2.0
+"""No adhesion between a wheel and what it rolls on is larger."""
 FREEDOM = 4.0
 _NORM = gamma((FREEDOM + 3) / 2) / (gamma(FREEDOM / 2) * (FREEDOM * pi) ** 1.5)
 
@@ -49,7 +51,7 @@ class PriorSettings:
     """
 
     wide_weight: float = 0.5
-    wide_theta: Theta = (0.35, 40.0, 4.4)
+    wide_theta: Theta = (0.35, 45.0, 4.1)
     wide_std: Theta = (0.6, 0.7, 0.25)
     narrow_std: Theta = (0.15, 0.25, 0.08)
     library: bool = True
@@ -111,7 +113,7 @@ class Prior:
         return np.asarray(np.log(density.sum(axis=1)))
 
     def sample(self, size: int, rng: np.random.Generator) -> Array:
-        """Curves (c1, c2, c3) drawn from it, shape (size, 3), c2 within the range of the sums."""
+        """Curves (c1, c2, c3) drawn from it, c1 < `C1_MAX`, c2 in `C2_RANGE`; shape (size, 3)."""
         low, high = log(C2_RANGE[0]), log(C2_RANGE[1])
         drawn = np.empty((0, 3))
         while len(drawn) < size:
@@ -119,6 +121,6 @@ class Prior:
             chi = np.sqrt(rng.chisquare(FREEDOM, size) / FREEDOM)
             step = rng.standard_normal((size, 3)) / chi[:, None]
             phi = self._centre[which] + self._std[which] * step
-            inside = (phi[:, 1] >= low) & (phi[:, 1] <= high)
+            inside = (phi[:, 0] < log(C1_MAX)) & (phi[:, 1] >= low) & (phi[:, 1] <= high)
             drawn = np.concatenate([drawn, phi[inside]])
         return from_shape_coordinates(drawn[:size])

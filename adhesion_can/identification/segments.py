@@ -37,9 +37,7 @@ X_NODES: Array = X_RANGE[0] + (X_RANGE[1] - X_RANGE[0]) * (_T + 1) / 2
 C2_NODES: Array = np.exp(X_NODES)
 
 _C2_SQUARES = C2_NODES * C2_NODES
-_DEGREES = np.arange(NODES)
-_COEFFICIENTS = np.cos(np.outer(_DEGREES, np.arccos(_T))) * (2 / NODES)
-_COEFFICIENTS[0] /= 2
+_BARYCENTRIC = np.where(np.arange(NODES) % 2, -1.0, 1.0) * np.sin(np.arccos(_T))
 
 A, B, C = slice(0, NODES), slice(NODES, 2 * NODES), slice(2 * NODES, 3 * NODES)
 D, E, Z, DOF, COUNT = range(3 * NODES, 3 * NODES + 5)
@@ -96,10 +94,15 @@ class Points(NamedTuple):
 
 
 def interpolation(x: ArrayLike) -> Array:
-    """Matrix that takes values at the nodes to values at x = ln c2; shape (n, NODES)."""
+    """Matrix that takes values at the nodes to values at x = ln c2; shape (n, NODES).
+
+    The barycentric formula (Berrut & Trefethen, SIAM Review 46, 2004).
+    """
     low, high = X_RANGE
-    t = np.clip(2 * (np.asarray(x, dtype=np.float64) - low) / (high - low) - 1, -1.0, 1.0)
-    return np.asarray(np.cos(np.outer(np.arccos(t), _DEGREES)) @ _COEFFICIENTS)
+    distance = np.clip(np.asarray(x, dtype=np.float64), low, high)[:, None] - X_NODES
+    # On a node itself: so near that the others do not count.
+    terms = _BARYCENTRIC / np.where(distance == 0.0, 1e-200, distance)
+    return np.asarray(terms / terms.sum(axis=1, keepdims=True))
 
 
 def coefficients(theta: Array) -> Array:
@@ -151,8 +154,9 @@ def increment(points: Points, slope: Array, noise_var: float, slip_max: float) -
     starts, member = points.groups()
     weight = 1.0 / (1.0 + (slope * slope * p + further) / noise_var)
     v = slope * weight
+    in_group = np.where(member == np.arange(len(starts))[:, None], v, 0.0)
     s2 = q[starts] / noise_var
-    kappa = s2 / (1.0 + s2 * np.add.reduceat(slope * v, starts))
+    kappa = s2 / (1.0 + s2 * (in_group @ slope))
     # Diagonal of the inverse covariance.
     own = weight - kappa[member] * v * v
     wh, wz = weight * h, weight * z
@@ -160,11 +164,11 @@ def increment(points: Points, slope: Array, noise_var: float, slip_max: float) -
     private = float(p.mean())
     log_shrink = -0.5 * private * _C2_SQUARES
     e = np.exp(np.multiply.outer(h, -C2_NODES) + log_shrink)
-    we, whe, wze, owne = np.stack([weight, wh, wz, own]) @ e
-    wee, ownee = np.stack([weight, own]) @ (e * e)
-    group_v = np.add.reduceat(v, starts)[:, None]
-    group_f1 = group_v - np.add.reduceat(v[:, None] * e, starts, axis=0)
-    group_h, group_z = np.add.reduceat(v * h, starts), np.add.reduceat(v * z, starts)
+    rows = np.vstack([weight, wh, wz, own, in_group])
+    we, whe, wze, owne, *group_e = rows @ e
+    wee, ownee = rows[::3][:2] @ (e * e)
+    group_f1 = in_group.sum(axis=1, keepdims=True) - group_e
+    group_h, group_z = in_group @ h, in_group @ z
     sums[A] = weight.sum() - 2.0 * we + wee - kappa @ (group_f1 * group_f1)
     sums[A] += ownee * np.expm1(2.0 * log_shrink)
     sums[B] = whe - wh.sum() + (kappa * group_h) @ group_f1 + private * C2_NODES * owne
