@@ -732,3 +732,12 @@ def test_a_key_of_two_lines_is_told_in_one(tmp_path, text):
 
 def test_a_number_beyond_all_floats_is_refused(tmp_path):
     refused(tmp_path, f"[vehicle]\nwheel_radius_m = {'9' * 400}\n", "wheel_radius_m")
+
+
+def test_the_resolution_of_the_signals_adds_to_their_noise():
+    config = load_configuration()
+    sent, noise = config.sensors_as_sent, config.sensors
+    # Steps of the message set: 0.002 rad/s, 0.002 m/s, 10 N.
+    assert sent.wheel_speed_std**2 == pytest.approx(noise.wheel_speed_std**2 + 0.002**2 / 12)
+    assert sent.vehicle_speed_std**2 == pytest.approx(noise.vehicle_speed_std**2 + 0.002**2 / 12)
+    assert sent.effort_std**2 == pytest.approx(noise.effort_std**2 + 10.0**2 / 12)

@@ -258,3 +258,13 @@ def cycles_of(messages: Iterable[BoundMessage]) -> Mapping[Role, int]:
         for role in message.roles:
             cycles[role] = max(cycles.get(role, 0), message.cycle_us or 0)
     return cycles
+
+
+def resolutions_of(messages: Iterable[BoundMessage]) -> Mapping[Role, float]:
+    """Step of one raw bit of each role, SI; the coarsest where several signals carry it."""
+    steps: dict[Role, float] = {}
+    for message in messages:
+        for signal in message.signals:
+            step = 0.0 if signal.plan.is_float else abs(signal.plan.scale * signal.scale)
+            steps[signal.role] = max(steps.get(signal.role, 0.0), step)
+    return steps

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import hypot, sqrt
 
 from adhesion_can.bus.database import CanDatabase
-from adhesion_can.bus.roles import BoundMessage, SignalChoice, bind
+from adhesion_can.bus.roles import BoundMessage, SignalChoice, bind, resolutions_of
 from adhesion_can.errors import ConfigError
 from adhesion_can.identification.assessment import IdentifiabilitySettings
 from adhesion_can.identification.axles import AxleSettings
@@ -95,6 +96,20 @@ class Configuration:
     def messages(self) -> tuple[BoundMessage, ...]:
         """The messages heard, bound to their roles."""
         return bind(self.choices, self.database, self.vehicle.wheel_radius, self.where)
+
+    @cached_property
+    def sensors_as_sent(self) -> Sensors:
+        """`sensors` with the resolution of their signals: a raw step q adds a variance of q²/12."""
+        steps = resolutions_of(self.messages)
+
+        def with_step(std: float, role: Role) -> float:
+            return hypot(std, steps.get(role, 0.0) / sqrt(12.0))
+
+        return Sensors(
+            with_step(self.sensors.wheel_speed_std, Role.WHEEL_SPEED),
+            with_step(self.sensors.vehicle_speed_std, Role.VEHICLE_SPEED),
+            with_step(self.sensors.effort_std, Role.TRACTIVE_EFFORT),
+        )
 
     def roles(self) -> set[Role]:
         """The roles that have a signal."""

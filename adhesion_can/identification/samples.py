@@ -40,6 +40,8 @@ COVARIATES: Mapping[Role, str] = {
 class Sensors:
     """Standard deviations of the measurements, for the variances of the samples.
 
+    Noise alone; what the resolution of the signals adds is known from the database.
+
     Attributes:
         wheel_speed_std: rad/s.
         vehicle_speed_std: m/s.

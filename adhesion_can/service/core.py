@@ -110,7 +110,7 @@ class ServiceCore:
             configuration.vehicle,
             cycles_of(configuration.messages),
             configuration.sampling,
-            configuration.sensors,
+            configuration.sensors_as_sent,
         )
         self._inputs: dict[tuple[Role, int], _Input] = {}
         self._watches: list[_Input] = []

@@ -37,7 +37,7 @@ class Extraction:
             configuration.vehicle,
             cycles_of(configuration.messages),
             configuration.sampling,
-            configuration.sensors,
+            configuration.sensors_as_sent,
         )
         self._formed: list[Sample] = []
         self._collected_us = 0
