@@ -23,6 +23,8 @@ from adhesion_can.physics.burckhardt import Array
 
 _MEAN, _STD = np.array([0.3, 0.15]), np.array([0.4, 0.4])
 """Of (c1, c3) of a rail not seen yet."""
+LEFT_OUT = 16.0
+"""Price of leaving an update out, in units of σ²: eight in log likelihood."""
 WIDEST = 1.5
 """Of three ages in a row, (elder − younger)/middle: 1.5 is a factor of 2 from one to the next."""
 
@@ -110,14 +112,22 @@ class Contenders:
         self._sums[: self._count] += increment
         self._old_cost[: self._count] += old_cost
 
-    def close(self) -> None:
+    def close(self, latest_cost: float, latest_dof: float, noise_var: float) -> None:
         """The rail has changed: one last contender, of what comes from now on.
 
-        The latest update may hold samples of both rails.
+        The latest update may hold samples of both rails. For this contender it belongs to
+        neither: it costs what noise does, and a little for leaving it out.
+
+        Args:
+            latest_cost: what the latest update costs the old curve, as J.
+            latest_dof: its degrees of freedom.
+            noise_var: σ² of the adhesion.
+
         """
         slot = self._free_slot()
         self._updates += 1
-        self._sums[slot], self._old_cost[slot] = 0.0, 0.0
+        self._sums[slot] = 0.0
+        self._old_cost[slot] = latest_cost - (latest_dof + LEFT_OUT) * noise_var
         self._since_us[slot], self._born[slot] = -1, self._updates
 
     def extend(self, increment: Array, t_us: int) -> None:
@@ -165,13 +175,13 @@ class Contenders:
         at_rest = p1 * _MEAN[0] ** 2 + p3 * _MEAN[1] ** 2
         cost = np.maximum(s[:, Z, None] + at_rest - explained, 0.0)
         occam = self._log_prior - 0.5 * np.log(det * (1.0 / (p1 * p3)))
-        old = np.maximum(self._old_cost[: self._count] / noise_var, 0.0)[:, None]
+        old = self._old_cost[: self._count, None] / noise_var
         if noise_dof is None:
             score = occam + 0.5 * (old - cost)
         else:
             nu = min(self._settings.noise_freedom, noise_dof)
             freedom = nu + self.sums[:, DOF, None]
-            score = occam + 0.5 * freedom * np.log((nu + old) / (nu + cost))
+            score = occam + 0.5 * freedom * np.log((nu + np.maximum(old, 0.0)) / (nu + cost))
         top = score.max(axis=1)
         return np.asarray(top + np.log(np.exp(score - top[:, None]).sum(axis=1)))
 

@@ -22,7 +22,7 @@ FEW, FEW_FOLLOWERS = 1 / 5, 1 / 20
 SURELY = 2.0
 """Standard deviations of a shorter memory from which its distance is no chance."""
 NEWS = 0.03
-"""Share by which the samples must have changed since the last draw for another one."""
+"""Share of the samples that must be new since the last draw for another one."""
 LOST = 0.7
 """Share of the samples for which curves were drawn below which they no longer reach far enough."""
 
@@ -35,7 +35,7 @@ class MemorySettings:
         times_s: after which a sample's weight has faded to a third, longest first: the first is
             for a rail that stays, the others follow one that drifts.
         drift: probability that another memory than the first is the right one.
-        switch_s: time after which that may have become another one.
+        switch_s: mean time after which one that drifts goes back to where the trust began.
 
     """
 
@@ -83,6 +83,7 @@ class Memories:
         self._costs: Array = np.empty((count, size))
         self._weights: Array = np.empty((count, size))
         self._drawn_dof: Array = np.zeros(count)
+        self._taken: Array = np.zeros(count)
         self._leader = 0
 
     @property
@@ -118,7 +119,7 @@ class Memories:
         share = np.exp(-seconds * self._rates)[:, None]
         self._sums *= share
         self._costs *= share
-        back = -expm1(-seconds / self._settings.switch_s) * self._settings.drift
+        back = -expm1(-seconds * self._settings.drift / self._settings.switch_s)
         self._trust = (1.0 - back) * self._trust + back * self._shares
 
     def predict(self, added: Array) -> tuple[Array, float]:
@@ -148,6 +149,7 @@ class Memories:
         """Add samples whose costs `predict` has told."""
         self._sums += added
         self._costs += costs
+        self._taken += added[DOF]
 
     def refresh(self) -> None:
         """Weigh the curves by the sums; draw others where too few of them carry the weight."""
@@ -158,7 +160,7 @@ class Memories:
         poor = (effective < least) | (self._sums[:, DOF] < LOST * self._drawn_dof)
         if poor.any():
             # Where no draw is better (one slip only, say), a new one waits for new samples.
-            poor &= np.abs(self._sums[:, DOF] - self._drawn_dof) > NEWS * self._drawn_dof
+            poor &= (self._taken > NEWS * self._sums[:, DOF]) | (self._taken == 0.0)
             for i in np.flatnonzero(poor):
                 self._draw(int(i))
             self._weigh()
@@ -194,7 +196,7 @@ class Memories:
         self._curves[i], self._base[i] = curves, curves.log_base
         self._at_x[own], self._factors[:, own] = curves.at_x, curves.factors
         self._costs[i] = curves.costs(self._sums[i])
-        self._drawn_dof[i] = self._sums[i, DOF]
+        self._drawn_dof[i], self._taken[i] = self._sums[i, DOF], 0.0
 
     def _weigh(self) -> None:
         self._leader = leader = int(np.argmax(self._trust))

@@ -7,8 +7,27 @@ from adhesion_can.identification.segments import Points
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.data import Samples
 
+ADHESION_MAX = 5.0
+"""Larger ones are faults."""
 SURE = 4.0
 """Standard deviations beyond which the sign of a measured slip is its true one."""
+
+
+def is_usable(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
+    """Samples that a curve can be told from, shape (n,).
+
+    Left out: what is not finite, slips beyond the model (wheel lock at −1, spin), an adhesion that
+    no contact has, and coasting: where neither slip nor adhesion is larger than its error a sample
+    says that the curve begins at 0, which is known.
+    """
+    size, force = np.abs(samples.slip), np.abs(samples.adhesion)
+    slip_var = samples.slip_total_var
+    further = samples.adhesion_var + samples.transient_var + samples.load_std
+    usable = (size <= slip_max) & (force <= ADHESION_MAX) & np.isfinite(slip_var + further)
+    still = (size * size < SURE * SURE * slip_var) & (
+        force * force <= SURE * SURE * samples.adhesion_var
+    )
+    return np.asarray(usable & ~still)
 
 
 def points_of(samples: Samples, *, errors_in_variables: bool = True) -> Points:

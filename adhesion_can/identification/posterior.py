@@ -30,6 +30,8 @@ DEPTH = 14.0
 ZOOMS = 8
 FEWEST = 8
 """Fewer curves with a peak than these are no draw."""
+FEWEST_SAMPLES = 1.0
+"""Fewer samples leave the prior as it is."""
 SPREAD = 1.3
 """Draws are spread so many times wider than the normal density: Student's tails, errors of J."""
 FALL_TOLD = 3.0
@@ -141,6 +143,8 @@ def draw(sums: Array, noise: Noise, prior: Prior, slip_max: float, size: int) ->
         size: number of curves, even.
 
     """
+    if sums[DOF] < FEWEST_SAMPLES:
+        return _of_the_prior(prior, slip_max, size)
     x, log_q, noise_var = _draw_steepness(sums, noise, prior, size)
     at_x = interpolation(x)
     c2 = np.exp(x)
@@ -152,13 +156,18 @@ def draw(sums: Array, noise: Noise, prior: Prior, slip_max: float, size: int) ->
     good &= np.isfinite(phi).all(axis=1)
     phi = np.where(good[:, None], phi, 0.0)
     if good.sum() < FEWEST:
-        # Forces against the slip, say: no curve is near. The prior tells which are left.
-        theta = prior.sample(size, np.random.default_rng(size))
-        return _curves(theta, interpolation(np.log(theta[:, 1])), np.zeros(size), slip_max)
+        # Forces against the slip, say: no curve is near.
+        return _of_the_prior(prior, slip_max, size)
     # From (ln c1, ln c2, ln s) to (c1, ln c2, c3): |d ln s/d c3| = 1/(s c3), d ln c1/d c1 = 1/c1.
     log_prior = prior.log_density(phi) - phi[:, 2] - np.log(c1 * c3)
     log_base = np.where(good, log_prior - log_q - log_q_rest, -np.inf)
     return _curves(theta, at_x, log_base, slip_max)
+
+
+def _of_the_prior(prior: Prior, slip_max: float, size: int) -> Curves:
+    """Curves of the prior itself, always the same ones."""
+    theta = prior.sample(size, np.random.default_rng(size))
+    return _curves(theta, interpolation(np.log(theta[:, 1])), np.zeros(size), slip_max)
 
 
 def _curves(theta: Array, at_x: Array, log_base: Array, slip_max: float) -> Curves:

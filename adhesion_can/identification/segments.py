@@ -43,6 +43,7 @@ A, B, C = slice(0, NODES), slice(NODES, 2 * NODES), slice(2 * NODES, 3 * NODES)
 D, E, Z, DOF, COUNT = range(3 * NODES, 3 * NODES + 5)
 """Places in a vector of sums. DOF is the number of degrees of freedom that J has, a little less
 than COUNT where slips are not exact."""
+STEEPEST = 8.0
 BINS = 64
 HISTOGRAM = slice(COUNT + 1, COUNT + 1 + BINS)
 """Samples by slip, from 0 to the largest slip of the model: what was seen, and what was not."""
@@ -130,7 +131,13 @@ def costs(sums: Array, at_x: Array, factors: Array) -> Array:
     return np.asarray(abc.sum(axis=0) + sums[D : E + 1] @ factors[3:] + sums[Z])
 
 
-def increment(points: Points, slope: Array, noise_var: float, slip_max: float) -> Array:
+def increment(
+    points: Points,
+    slope: Array,
+    noise_var: float,
+    slip_max: float,
+    own_slope: Array | None = None,
+) -> Array:
     """Sums of some samples, shape (LENGTH,).
 
     Args:
@@ -138,6 +145,8 @@ def increment(points: Points, slope: Array, noise_var: float, slip_max: float) -
         slope: dμ/dλ of the present curve at them, (n,).
         noise_var: σ² of the adhesion; the sums are in its unit, so that J/DOF estimates it.
         slip_max: end of the histogram.
+        own_slope: the slope for the weight of the private error, where it is known otherwise than
+            by the slip that has the error: a weight that goes with the error biases the curve.
 
     """
     h, z, p, q, further, _ = points
@@ -152,7 +161,8 @@ def increment(points: Points, slope: Array, noise_var: float, slip_max: float) -
         sums[D], sums[E], sums[Z], sums[DOF] = h @ h, -(h @ z), z @ z, len(h)
         return sums
     starts, member = points.groups()
-    weight = 1.0 / (1.0 + (slope * slope * p + further) / noise_var)
+    by_own = (slope if own_slope is None else own_slope) ** 2 * p
+    weight = 1.0 / (1.0 + (by_own + further) / noise_var)
     v = slope * weight
     in_group = np.where(member == np.arange(len(starts))[:, None], v, 0.0)
     s2 = q[starts] / noise_var
@@ -163,7 +173,8 @@ def increment(points: Points, slope: Array, noise_var: float, slip_max: float) -
     # e* = e^(-c2 λ) · shrink, with the samples' mean variance: one sensor, nearly one speed.
     private = float(p.mean())
     log_shrink = -0.5 * private * _C2_SQUARES
-    e = np.exp(np.multiply.outer(h, -C2_NODES) + log_shrink)
+    # A slip below zero is an error; the steepest curves must not make numbers of 1e20 of it.
+    e = np.exp(np.minimum(np.multiply.outer(h, -C2_NODES), STEEPEST) + log_shrink)
     rows = np.vstack([weight, wh, wz, own, in_group])
     we, whe, wze, owne, *group_e = rows @ e
     wee, ownee = rows[::3][:2] @ (e * e)
@@ -176,7 +187,7 @@ def increment(points: Points, slope: Array, noise_var: float, slip_max: float) -
     sums[D] = wh @ h - (kappa * group_h) @ group_h - private * own.sum()
     sums[E] = (kappa * group_z) @ group_h - wz @ h
     sums[Z] = wz @ z - (kappa * group_z) @ group_z
-    sums[DOF] = len(h) - own @ (slope * slope) * private / noise_var
+    sums[DOF] = len(h) - own @ by_own / noise_var
     return sums
 
 
@@ -184,6 +195,13 @@ def slope_at(points: Points, theta: ArrayLike) -> Array:
     """dμ/dλ of a curve at the samples, continued below zero slip; shape (n,)."""
     c1, c2, c3 = np.asarray(theta, dtype=np.float64)
     return np.asarray(c1 * c2 * np.exp(-c2 * points.slip) - c3)
+
+
+def slope_by_adhesion(points: Points, theta: ArrayLike) -> Array:
+    """dμ/dλ of a curve where it has the samples' adhesion, whatever their slips; shape (n,)."""
+    c1, c2, c3 = np.asarray(theta, dtype=np.float64)
+    rest = c1 - c3 * points.slip - points.adhesion
+    return np.asarray(c2 * np.minimum(np.maximum(rest, 0.0), c1) - c3)
 
 
 def residual_at(points: Points, theta: ArrayLike) -> Array:

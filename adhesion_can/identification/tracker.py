@@ -23,7 +23,7 @@ from adhesion_can.identification.assessment import IdentifiabilitySettings
 from adhesion_can.identification.axles import AxleDeviations, AxleSettings
 from adhesion_can.identification.changes import Contenders, RunLengthSettings
 from adhesion_can.identification.memories import Memories, MemorySettings
-from adhesion_can.identification.points import GlitchGate, points_of
+from adhesion_can.identification.points import GlitchGate, is_usable, points_of
 from adhesion_can.identification.posterior import (
     Curves,
     Noise,
@@ -47,6 +47,7 @@ from adhesion_can.identification.segments import (
     increment,
     residual_at,
     slope_at,
+    slope_by_adhesion,
 )
 from adhesion_can.physics.burckhardt import Array, adhesion
 from adhesion_can.physics.data import Estimate, Identifiable, Samples
@@ -130,8 +131,7 @@ class Tracker:
         """See `Estimator.update`."""
         seconds = 0.0 if self._now_us is None else max(now_us - self._now_us, 0) * 1e-6
         self._now_us = now_us
-        usable = np.isfinite(samples.slip) & np.isfinite(samples.adhesion)
-        usable &= np.abs(samples.slip) <= self._parts.identifiability.slip_max
+        usable = is_usable(samples, self._parts.identifiability.slip_max)
         if not usable.all():
             samples = samples.select(usable)
         if self._held is None:
@@ -169,14 +169,15 @@ class Tracker:
         if samples.load_std.any():
             self._load_var = float(np.mean((samples.load_std / samples.load) ** 2))
         slip_max = self._parts.identifiability.slip_max
-        added = fresh = increment(points, slope, noise_var, slip_max)
+        by_adhesion = slope_by_adhesion(points, held.theta)
+        added = fresh = increment(points, slope, noise_var, slip_max, by_adhesion)
         if held.c2**2 * points.common_var.max() > WORTH_A_SHIFT:
             moved = common_shift(points, held.theta, noise_var)
             shift = points.slip - moved.slip
             residual, slope = residual_at(moved, held.theta), slope_at(moved, held.theta)
             # Another rail's points are not moved: they must not be bent towards the present one.
             moved = moved._replace(adhesion=points.adhesion - slope * shift)
-            added = increment(moved, slope, noise_var, slip_max)
+            added = increment(moved, slope, noise_var, slip_max, by_adhesion)
         costs, cost = self._memories.predict(added)
         changed = self._look_for_change(fresh, cost, samples)
         if changed < 0.5:
@@ -206,7 +207,7 @@ class Tracker:
         if changed >= 0.5:
             best = int(np.argmax(factors))
             self._begin_anew(self._contenders.sums[best], self._contenders.since_us[best])
-            self._contenders.close()
+            self._contenders.close(cost, float(fresh[DOF]), self._memories.noise_var)
             self._settling = float(self._parts.run_length.settling_samples)
         return changed
 
@@ -238,7 +239,7 @@ class Tracker:
         phi = shape_coordinates(np.array([*self._learned, theta]))
         away = np.abs(phi[:-1] - phi[-1]) / spread
         kept = [old for old, row in zip(self._learned, away, strict=True) if row.max() > 1.0]
-        self._learned = [*kept, theta][-self._parts.prior.learned :]
+        self._learned = [*kept, theta][max(len(kept) + 1 - self._parts.prior.learned, 0) :]
 
     # -------------------------------------------------------------------------- the estimate
 
@@ -252,6 +253,8 @@ class Tracker:
         shares = _shares_below(curves, weights)
         mu_max, lambda_m, theta = self._middle(curves, shares)
         mu_lag, lambda_lag = self._memories.lag()
+        load_std = mu_max * sqrt(self._load_var)
+        further = hypot(load_std, mu_lag)
         mu_std = hypot(_std(curves.mu_max, weights), mu_lag)
         lambda_std = hypot(_std(curves.lambda_m, weights), lambda_lag)
         away = curves.theta - weights @ curves.theta
@@ -259,11 +262,10 @@ class Tracker:
         known = Identifiable(mu_max=False, lambda_m=False)
         if effective(weights) < FEWEST_CURVES:
             covariance, mu_std, lambda_std = np.diag([inf] * 3), inf, inf
+            further = lambda_lag = inf
         else:
             falls = float(weights @ curves.theta[:, 2]) > FALL_SEEN * sqrt(covariance[2, 2])
             known = self._identifiable(mu_std / mu_max, lambda_m, lambda_std, falls=falls)
-        load_std = mu_max * sqrt(self._load_var)
-        further = hypot(load_std, mu_lag)
         return Estimate(
             c1=theta[0],
             c2=theta[1],
