@@ -44,6 +44,8 @@ D, E, Z, DOF, COUNT = range(3 * NODES, 3 * NODES + 5)
 """Places in a vector of sums. DOF is the number of degrees of freedom that J has, a little less
 than COUNT where slips are not exact."""
 STEEPEST = 8.0
+WIDE_ERROR, TOO_WIDE = 0.02, 0.1
+"""c2² p from which the private error is as wide as the curve bends."""
 BINS = 64
 HISTOGRAM = slice(COUNT + 1, COUNT + 1 + BINS)
 """Samples by slip, from 0 to the largest slip of the model: what was seen, and what was not."""
@@ -137,6 +139,7 @@ def increment(
     noise_var: float,
     slip_max: float,
     own_slope: Array | None = None,
+    bend: Array | None = None,
 ) -> Array:
     """Sums of some samples, shape (LENGTH,).
 
@@ -147,6 +150,8 @@ def increment(
         slip_max: end of the histogram.
         own_slope: the slope for the weight of the private error, where it is known otherwise than
             by the slip that has the error: a weight that goes with the error biases the curve.
+        bend: −d²μ/dλ² of the present curve at them, (n,); takes out what the slope, and with it
+            the direction of the common error, has of the private one. None: left in.
 
     """
     h, z, p, q, further, _ = points
@@ -172,7 +177,10 @@ def increment(
     wh, wz = weight * h, weight * z
     # e* = e^(-c2 λ) · shrink, with the samples' mean variance: one sensor, nearly one speed.
     private = float(p.mean())
-    log_shrink = -0.5 * private * _C2_SQUARES
+    # Curves that bend within the error itself are corrected less: the series ends, and what is
+    # taken out of few samples may be more than there is.
+    corrected = private / (1.0 + (private / TOO_WIDE) * _C2_SQUARES)
+    log_shrink = -0.5 * corrected * _C2_SQUARES
     # A slip below zero is an error; the steepest curves must not make numbers of 1e20 of it.
     e = np.exp(np.minimum(np.multiply.outer(h, -C2_NODES), STEEPEST) + log_shrink)
     rows = np.vstack([weight, wh, wz, own, in_group])
@@ -180,9 +188,13 @@ def increment(
     wee, ownee = rows[::3][:2] @ (e * e)
     group_f1 = in_group.sum(axis=1, keepdims=True) - group_e
     group_h, group_z = in_group @ h, in_group @ z
+    if bend is not None:
+        turning = np.where(member == np.arange(len(starts))[:, None], p * bend * weight, 0.0)
+        group_f1 = group_f1 + (turning @ e) * C2_NODES
+        group_h = group_h + turning.sum(axis=1)
     sums[A] = weight.sum() - 2.0 * we + wee - kappa @ (group_f1 * group_f1)
     sums[A] += ownee * np.expm1(2.0 * log_shrink)
-    sums[B] = whe - wh.sum() + (kappa * group_h) @ group_f1 + private * C2_NODES * owne
+    sums[B] = whe - wh.sum() + (kappa * group_h) @ group_f1 + corrected * C2_NODES * owne
     sums[C] = wz.sum() - wze - (kappa * group_z) @ group_f1
     sums[D] = wh @ h - (kappa * group_h) @ group_h - private * own.sum()
     sums[E] = (kappa * group_z) @ group_h - wz @ h
@@ -195,6 +207,18 @@ def slope_at(points: Points, theta: ArrayLike) -> Array:
     """dμ/dλ of a curve at the samples, continued below zero slip; shape (n,)."""
     c1, c2, c3 = np.asarray(theta, dtype=np.float64)
     return np.asarray(c1 * c2 * np.exp(-c2 * points.slip) - c3)
+
+
+def bend_at(points: Points, slope: Array, theta: ArrayLike) -> Array:
+    """−d²μ/dλ² of a curve where it has the slopes; shape (n,).
+
+    Held down where the private errors are as wide as the curve bends (c2² p large): there the
+    series in them is at its end.
+    """
+    _, c2, c3 = np.asarray(theta, dtype=np.float64)
+    return np.asarray(
+        c2 * (slope + c3) / np.maximum(c2 * c2 * points.private_var / WIDE_ERROR, 1.0)
+    )
 
 
 def slope_by_adhesion(points: Points, theta: ArrayLike) -> Array:
@@ -231,10 +255,12 @@ def common_shift(points: Points, theta: ArrayLike, noise_var: float) -> Points:
     var = np.maximum(q[starts], 1e-30)
     error = np.zeros(len(starts))
     moved = points
+    b = slope_by_adhesion(points, theta)
     for _ in range(2):
         a = slope_at(moved, theta)
-        v = a / (noise_var + a * a * p + further)
-        pull = np.add.reduceat(v * residual_at(moved, theta), starts) + error / var
+        v = a / (noise_var + b * b * p + further)
+        drift = 1.5 * a * bend_at(points, a, theta) * p / (noise_var + b * b * p + further)
+        pull = np.add.reduceat(v * residual_at(moved, theta) - drift, starts) + error / var
         error = error - pull / (np.add.reduceat(v * a, starts) + 1.0 / var)
         error = np.clip(error, -3.0 * np.sqrt(var), 3.0 * np.sqrt(var))
         moved = points._replace(slip=h - error[member])

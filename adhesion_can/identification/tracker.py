@@ -43,6 +43,7 @@ from adhesion_can.identification.segments import (
     BINS,
     DOF,
     LENGTH,
+    bend_at,
     common_shift,
     increment,
     residual_at,
@@ -170,14 +171,16 @@ class Tracker:
             self._load_var = float(np.mean((samples.load_std / samples.load) ** 2))
         slip_max = self._parts.identifiability.slip_max
         by_adhesion = slope_by_adhesion(points, held.theta)
-        added = fresh = increment(points, slope, noise_var, slip_max, by_adhesion)
+        bend = bend_at(points, slope, held.theta)
+        added = fresh = increment(points, slope, noise_var, slip_max, by_adhesion, bend)
         if held.c2**2 * points.common_var.max() > WORTH_A_SHIFT:
             moved = common_shift(points, held.theta, noise_var)
             shift = points.slip - moved.slip
             residual, slope = residual_at(moved, held.theta), slope_at(moved, held.theta)
             # Another rail's points are not moved: they must not be bent towards the present one.
             moved = moved._replace(adhesion=points.adhesion - slope * shift)
-            added = increment(moved, slope, noise_var, slip_max, by_adhesion)
+            bend = bend_at(moved, slope, held.theta)
+            added = increment(moved, slope, noise_var, slip_max, by_adhesion, bend)
         costs, cost = self._memories.predict(added)
         changed = self._look_for_change(fresh, cost, samples)
         if changed < 0.5:
