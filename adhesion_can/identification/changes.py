@@ -44,8 +44,8 @@ class RunLengthSettings:
     """
 
     false_alarm: float = 1e-9
-    contenders: int = 10
-    dense: int = 4
+    contenders: int = 9
+    dense: int = 3
     noise_freedom: float = 100.0
     settling_samples: int = 240
 

@@ -19,6 +19,8 @@ LEAST_DENSITY = exp(-3.0)
 """Least factor by which one update can change the trust: no single one decides."""
 FEW, FEW_FOLLOWERS = 1 / 5, 1 / 20
 """Shares of the curves that must carry the weight: of the memory that leads, of the others."""
+CERTAIN = 0.9
+"""Trust of the longest memory with which nothing lags."""
 SURELY = 2.0
 """Standard deviations of a shorter memory from which its distance is no chance."""
 NEWS = 0.03
@@ -177,7 +179,7 @@ class Memories:
         0 where the shorter memory's own uncertainty explains the distance, and for the shortest.
         """
         i, shorter = self._leader, self._leader + 1
-        if shorter == len(self._curves):
+        if shorter == len(self._curves) or (i == 0 and self._trust[0] > CERTAIN):
             return 0.0, 0.0
         lags = []
         for name in ("mu_max", "lambda_m"):

@@ -24,10 +24,10 @@ def is_usable(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
     slip_var = samples.slip_total_var
     further = samples.adhesion_var + samples.transient_var + samples.load_std
     usable = (size <= slip_max) & (force <= ADHESION_MAX) & np.isfinite(slip_var + further)
-    still = (size * size < SURE * SURE * slip_var) & (
-        force * force <= SURE * SURE * samples.adhesion_var
-    )
-    return np.asarray(usable & ~still)
+    small = size * size < SURE * SURE * slip_var
+    if small.any():
+        usable &= ~small | (force * force > SURE * SURE * samples.adhesion_var)
+    return np.asarray(usable)
 
 
 def points_of(samples: Samples, *, errors_in_variables: bool = True) -> Points:

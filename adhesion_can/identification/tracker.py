@@ -43,6 +43,7 @@ from adhesion_can.identification.segments import (
     BINS,
     DOF,
     LENGTH,
+    Points,
     bend_at,
     common_shift,
     increment,
@@ -66,6 +67,8 @@ FALL_SEEN = 4.0
 SHARES = (0.05, 0.5, 0.95)
 WORTH_A_SHIFT = 0.006
 """(c2 σ)² of the vehicle speed's error in slip from which the curve bends within it."""
+WORTH_A_CORRECTION = 0.001
+"""Likewise of the wheel speed's, from which the weights must not go with it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,24 +172,31 @@ class Tracker:
             residual, slope = residual[good], slope[good]
         if samples.load_std.any():
             self._load_var = float(np.mean((samples.load_std / samples.load) ** 2))
-        slip_max = self._parts.identifiability.slip_max
-        by_adhesion = slope_by_adhesion(points, held.theta)
-        bend = bend_at(points, slope, held.theta)
-        added = fresh = increment(points, slope, noise_var, slip_max, by_adhesion, bend)
+        added = fresh = self._sums_of(points, slope, held)
         if held.c2**2 * points.common_var.max() > WORTH_A_SHIFT:
             moved = common_shift(points, held.theta, noise_var)
             shift = points.slip - moved.slip
             residual, slope = residual_at(moved, held.theta), slope_at(moved, held.theta)
             # Another rail's points are not moved: they must not be bent towards the present one.
             moved = moved._replace(adhesion=points.adhesion - slope * shift)
-            bend = bend_at(moved, slope, held.theta)
-            added = increment(moved, slope, noise_var, slip_max, by_adhesion, bend)
+            added = self._sums_of(moved, slope, held, points)
         costs, cost = self._memories.predict(added)
         changed = self._look_for_change(fresh, cost, samples)
         if changed < 0.5:
             self._memories.take(added, costs)
             self._axles.add(samples.axle, points.adhesion, residual, slope)
         return changed
+
+    def _sums_of(
+        self, points: Points, slope: Array, held: Estimate, measured: Points | None = None
+    ) -> Array:
+        """Sums of points; the private errors are told by the adhesion as it was measured."""
+        own_slope = bend = None
+        if held.c2**2 * points.private_var.max() > WORTH_A_CORRECTION:
+            own_slope = slope_by_adhesion(measured or points, held.theta)
+            bend = bend_at(points, slope, held.theta)
+        slip_max = self._parts.identifiability.slip_max
+        return increment(points, slope, self._memories.noise_var, slip_max, own_slope, bend)
 
     # ------------------------------------------------------------------ changes of the rail
 
