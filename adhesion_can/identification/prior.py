@@ -11,15 +11,13 @@ from math import gamma, log, pi
 
 import numpy as np
 
-from adhesion_can.identification.segments import C2_RANGE
+from adhesion_can.identification.segments import C2_RANGE, Theta
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Array, Surface
 
 C1_MAX = 2.0
 """No adhesion between a wheel and what it rolls on is larger."""
 FREEDOM = 4.0
 _NORM = gamma((FREEDOM + 3) / 2) / (gamma(FREEDOM / 2) * (FREEDOM * pi) ** 1.5)
-
-Theta = tuple[float, float, float]
 
 
 def shape_coordinates(theta: Array) -> Array:

@@ -52,6 +52,9 @@ HISTOGRAM = slice(COUNT + 1, COUNT + 1 + BINS)
 LENGTH = COUNT + 1 + BINS
 
 
+Theta = tuple[float, float, float]
+
+
 class Points(NamedTuple):
     """Samples on one branch, with what is known of the errors of their slips.
 
@@ -169,7 +172,7 @@ def increment(
     by_own = (slope if own_slope is None else own_slope) ** 2 * p
     weight = 1.0 / (1.0 + (by_own + further) / noise_var)
     v = slope * weight
-    in_group = np.where(member == np.arange(len(starts))[:, None], v, 0.0)
+    in_group = _by_group(v, member, len(starts))
     s2 = q[starts] / noise_var
     kappa = s2 / (1.0 + s2 * (in_group @ slope))
     # Diagonal of the inverse covariance.
@@ -189,7 +192,7 @@ def increment(
     group_f1 = in_group.sum(axis=1, keepdims=True) - group_e
     group_h, group_z = in_group @ h, in_group @ z
     if bend is not None:
-        turning = np.where(member == np.arange(len(starts))[:, None], p * bend * weight, 0.0)
+        turning = _by_group(p * bend * weight, member, len(starts))
         group_f1 = group_f1 + (turning @ e) * C2_NODES
         group_h = group_h + turning.sum(axis=1)
     sums[A] = weight.sum() - 2.0 * we + wee - kappa @ (group_f1 * group_f1)
@@ -203,38 +206,45 @@ def increment(
     return sums
 
 
-def slope_at(points: Points, theta: ArrayLike) -> Array:
+def _by_group(values: Array, member: NDArray[np.int64], groups: int) -> Array:
+    """A row a group with its members' values, else 0; shape (groups, n)."""
+    if groups == 1:
+        return values[None]
+    return np.where(member == np.arange(groups)[:, None], values, 0.0)
+
+
+def slope_at(points: Points, theta: Theta) -> Array:
     """dμ/dλ of a curve at the samples, continued below zero slip; shape (n,)."""
-    c1, c2, c3 = np.asarray(theta, dtype=np.float64)
+    c1, c2, c3 = theta
     return np.asarray(c1 * c2 * np.exp(-c2 * points.slip) - c3)
 
 
-def bend_at(points: Points, slope: Array, theta: ArrayLike) -> Array:
+def bend_at(points: Points, slope: Array, theta: Theta) -> Array:
     """−d²μ/dλ² of a curve where it has the slopes; shape (n,).
 
     Held down where the private errors are as wide as the curve bends (c2² p large): there the
     series in them is at its end.
     """
-    _, c2, c3 = np.asarray(theta, dtype=np.float64)
+    _, c2, c3 = theta
     return np.asarray(
         c2 * (slope + c3) / np.maximum(c2 * c2 * points.private_var / WIDE_ERROR, 1.0)
     )
 
 
-def slope_by_adhesion(points: Points, theta: ArrayLike) -> Array:
+def slope_by_adhesion(points: Points, theta: Theta) -> Array:
     """dμ/dλ of a curve where it has the samples' adhesion, whatever their slips; shape (n,)."""
-    c1, c2, c3 = np.asarray(theta, dtype=np.float64)
+    c1, c2, c3 = theta
     rest = c1 - c3 * points.slip - points.adhesion
     return np.asarray(c2 * np.minimum(np.maximum(rest, 0.0), c1) - c3)
 
 
-def residual_at(points: Points, theta: ArrayLike) -> Array:
+def residual_at(points: Points, theta: Theta) -> Array:
     """Adhesion less that of a curve continued below zero slip; shape (n,)."""
-    c1, c2, c3 = np.asarray(theta, dtype=np.float64)
+    c1, c2, c3 = theta
     return np.asarray(points.adhesion + c1 * np.expm1(-c2 * points.slip) + c3 * points.slip)
 
 
-def common_shift(points: Points, theta: ArrayLike, noise_var: float) -> Points:
+def common_shift(points: Points, theta: Theta, noise_var: float) -> Points:
     """Samples with the error of each vehicle speed taken out as the present curve tells it.
 
     The group's error e minimises Σ (z − μ(λ − e))²/(σ² + a² p) + e²/q (Gauss-Newton). It only moves

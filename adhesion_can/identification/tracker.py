@@ -36,7 +36,6 @@ from adhesion_can.identification.posterior import (
 from adhesion_can.identification.prior import (
     Prior,
     PriorSettings,
-    Theta,
     shape_coordinates,
 )
 from adhesion_can.identification.segments import (
@@ -44,6 +43,7 @@ from adhesion_can.identification.segments import (
     DOF,
     LENGTH,
     Points,
+    Theta,
     bend_at,
     common_shift,
     increment,

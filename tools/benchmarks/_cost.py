@@ -11,13 +11,14 @@ from _data import DECLARED, POOLED, drive, points
 
 from adhesion_can.identification.evolution import EvolutionSettings, search
 from adhesion_can.identification.experiments import SURFACES
+from adhesion_can.identification.paper import PaperEstimator
 from adhesion_can.identification.tracker import Tracker
 from adhesion_can.physics.burckhardt import RAIL
 
 DRIVE_S = 40.0
 REPEATS = 3
 EVERY = 10
-"""Updates from one search of the paper's to the next."""
+"""Updates from one block of the paper's to the next."""
 
 
 def paper_block():
@@ -28,10 +29,10 @@ def paper_block():
 
 
 def timed(updates):
-    """Seconds of each update, and of each of the paper's searches among them."""
-    rng = np.random.default_rng(1)
-    settings, h, z = paper_block()
-    theta = search(h, z, SURFACES[0], settings, rng).theta
+    """Seconds of each update, and of each of the paper's blocks among them."""
+    block = points(np.random.default_rng(1), SURFACES[0], 0.01, EvolutionSettings().block)
+    paper = PaperEstimator()
+    paper.update(block, 0)
     tracker, ours, theirs = Tracker(), [], []
     for k, (samples, now_us) in enumerate(updates):
         began = time.perf_counter()
@@ -39,16 +40,16 @@ def timed(updates):
         ours.append(time.perf_counter() - began)
         if k % EVERY == 0:
             began = time.perf_counter()
-            search(h, z, theta, settings, rng)
+            paper.update(block, 0)
             theirs.append(time.perf_counter() - began)
     return ours, theirs
 
 
 def time_row(report, options):
-    """An update of the tracker against the paper's search on one block, in one run."""
+    """An update of the tracker against the paper's estimator on one block, in one run."""
     report.tell(
         f"updates of {POOLED} samples from the simulated locomotive at 10 m/s, {DRIVE_S:.0f} s, "
-        f"{REPEATS} times; the paper's search on {EvolutionSettings().block} samples between them"
+        f"{REPEATS} times; between them the paper's on {EvolutionSettings().block} samples"
     )
     rails = (("three changes", "dry-wet-greasy-dry"), ("constant rail", "dry"))
     for name, scenario in rails:
