@@ -12,7 +12,7 @@ set, not tuned. The contenders' ages thin out with age, so their number stays th
 """
 
 from dataclasses import dataclass
-from math import exp, inf, log
+from math import exp, inf, log, sqrt
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from adhesion_can.physics.burckhardt import Array
 _MEAN, _STD = np.array([0.3, 0.15]), np.array([0.4, 0.4])
 """Of (c1, c3) of a rail not seen yet."""
 LEFT_OUT = 16.0
-"""Price of leaving an update out, in units of σ²: eight in log likelihood."""
+"""Price of leaving an update out, in units of σ², beyond what noise explains."""
 WIDEST = 1.5
 """Of three ages in a row, (elder − younger)/middle: 1.5 is a factor of 2 from one to the next."""
 
@@ -127,7 +127,9 @@ class Contenders:
         slot = self._free_slot()
         self._updates += 1
         self._sums[slot] = 0.0
-        self._old_cost[slot] = latest_cost - (latest_dof + LEFT_OUT) * noise_var
+        # J of noise alone scatters by √(2 n) σ²: twice that is no sign of another rail.
+        neither = latest_dof + LEFT_OUT + 2.0 * sqrt(2.0 * latest_dof)
+        self._old_cost[slot] = latest_cost - neither * noise_var
         self._since_us[slot], self._born[slot] = -1, self._updates
 
     def extend(self, increment: Array, t_us: int) -> None:

@@ -181,8 +181,8 @@ class Tracker:
             moved = moved._replace(adhesion=points.adhesion - slope * shift)
             added = self._sums_of(moved, slope, held, points)
         costs, cost = self._memories.predict(added)
-        changed = self._look_for_change(fresh, cost, samples)
-        if changed < 0.5:
+        changed, anew = self._look_for_change(fresh, cost, samples)
+        if not anew:
             self._memories.take(added, costs)
             self._axles.add(samples.axle, points.adhesion, residual, slope)
         return changed
@@ -200,20 +200,22 @@ class Tracker:
 
     # ------------------------------------------------------------------ changes of the rail
 
-    def _look_for_change(self, fresh: Array, cost: float, samples: Samples) -> float:
-        """Probability that the rail changed; from 0.5 on the memories have begun anew."""
+    def _look_for_change(self, fresh: Array, cost: float, samples: Samples) -> tuple[float, bool]:
+        """Probability that the rail changed, and whether the memories have begun anew.
+
+        Then they hold these samples already.
+        """
         first_us = int(samples.t_us[0])
         if self._told is not None:
             if not self._told or first_us < self._told[0]:
-                return 0.0
+                return 0.0, False
             self._told = [t for t in self._told if t > first_us]
             self._begin_anew(fresh, first_us)
-            return 1.0
+            return 1.0, True
         if self._settling > 0.0:
-            self._settle(fresh, first_us)
-            return 0.0
+            return 0.0, self._settle(fresh, first_us)
         if self._memories.dof < self._parts.identifiability.samples:
-            return 0.0
+            return 0.0, False
         self._contenders.add(fresh, cost, first_us)
         factors = self._contenders.log_factors(self._memories.noise_var, self._memories.dof)
         changed = self._contenders.probability(factors)
@@ -222,7 +224,7 @@ class Tracker:
             self._begin_anew(self._contenders.sums[best], self._contenders.since_us[best])
             self._contenders.close(cost, float(fresh[DOF]), self._memories.noise_var)
             self._settling = float(self._parts.run_length.settling_samples)
-        return changed
+        return changed, changed >= 0.5
 
     def _begin_anew(self, sums: Array, since_us: int) -> None:
         held = self._held
@@ -234,17 +236,18 @@ class Tracker:
         self._axles.fade(0.0, share=0.1)
         self._since_us = since_us
 
-    def _settle(self, fresh: Array, first_us: int) -> None:
-        """Samples after a change tell still better when it was."""
+    def _settle(self, fresh: Array, first_us: int) -> bool:
+        """Samples after a change tell still better when it was: whether it is another moment."""
         self._contenders.extend(fresh, first_us)
         self._settling -= float(fresh[DOF])
         best = int(np.argmax(self._contenders.log_factors(self._memories.noise_var)))
-        if self._contenders.since_us[best] != self._since_us:
-            # Without the latest samples: these are about to be taken.
-            self._memories.restart(self._contenders.sums[best] - fresh, self._memories.noise)
+        moved = self._contenders.since_us[best] != self._since_us
+        if moved:
+            self._memories.restart(self._contenders.sums[best], self._memories.noise)
             self._since_us = self._contenders.since_us[best]
         if self._settling <= 0.0:
             self._contenders.clear()
+        return moved
 
     def _learn(self, theta: tuple[float, float, float]) -> None:
         """Remember a surface; one that is known already is brought up to date."""

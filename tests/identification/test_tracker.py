@@ -582,3 +582,19 @@ def test_an_update_costs_the_same_late_as_early():
 def test_senseless_settings_are_refused(chosen):
     with pytest.raises(ValueError, match="must"):
         TrackerSettings(**chosen)
+
+
+@pytest.mark.parametrize(("before", "after"), [(DRY, WET), (GREASY, DRY)], ids=str)
+def test_a_switch_between_large_updates_is_known_at_once_and_stays_known(before, after):
+    # A recording gives hundreds of samples an update; the moment of the change may still be revised.
+    top = float(peak(*after).mu_max)
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        tracker = Tracker()
+        for k in range(10):
+            h = rng.uniform(0, 0.2, 500)
+            z = adhesion(h, *(before if k < 5 else after)) + 0.01 * rng.standard_normal(500)
+            stamps = round(k * 500e6 / 600) + np.round(np.arange(500) * 1e6 / 600).astype(np.int64)
+            e = tracker.update(Samples.curve(h, z, t_us=stamps), int(stamps[-1]))
+            if k >= 5:
+                assert abs(e.mu_max - top) < min(5 * e.mu_max_std, 0.02 * top), (seed, k)
