@@ -586,7 +586,7 @@ def test_senseless_settings_are_refused(chosen):
 
 @pytest.mark.parametrize(("before", "after"), [(DRY, WET), (GREASY, DRY)], ids=str)
 def test_a_switch_between_large_updates_is_known_at_once_and_stays_known(before, after):
-    # A recording gives hundreds of samples an update; the moment of the change may still be revised.
+    # A recording may give hundreds of samples an update; the moment may still be revised.
     top = float(peak(*after).mu_max)
     for seed in range(12):
         rng = np.random.default_rng(seed)
