@@ -146,7 +146,7 @@ def run(options: argparse.Namespace) -> int:
         out = console()
         out.print(radius_table(result, rim))
         for line in [*speed_lines(result, settings), *notes, *problems]:
-            out.print(line)
+            out.print(line, markup=False)
     return 0
 
 
@@ -323,13 +323,14 @@ def _correction(
     radii = ", ".join(
         f"axle {i} ± {a.estimate.std:.2g}" for i, a in told.items() if a.estimate and i not in rim
     )
+    factor = {c.axle: c.factor for c in config.choices if c.role is Role.WHEEL_SPEED}
     offset = result.offset if options.speed is None else None
     return Correction(
         radius_ratio={i: a.ratio for i, a in told.items()},
         offset=offset.value if offset else None,
         radii_remark=f"standard errors in m: {radii}; {origin}",
         factor_remark={
-            i: f"factor ± {a.estimate.std / a.configured:.2g}; {origin}"
+            i: f"factor ± {factor[i] * a.estimate.std / a.configured:.2g}; {origin}"
             for i, a in told.items()
             if a.estimate
         },

@@ -86,7 +86,8 @@ def add_to(commands: Any) -> None:
         "--estimator",
         action="append",
         metavar="NAME",
-        help="only this one, besides the paper's own; may be repeated",
+        help="only this one, besides the paper's own and the oracle; may be repeated: "
+        + ", ".join(ESTIMATORS),
     )
     add_json(parser)
     parser.set_defaults(run=run)

@@ -135,7 +135,7 @@ def _print(result: BatchResult, problems: list[str]) -> None:
             "stays too small, or the noise is too large."
         )
     for line in problems:
-        out.print(line)
+        out.print(line, markup=False)
 
 
 def _cells(e: Estimate) -> tuple[str, ...]:

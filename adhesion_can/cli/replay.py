@@ -24,6 +24,7 @@ from adhesion_can.cli.common import (
     write_json,
 )
 from adhesion_can.errors import InputError
+from adhesion_can.identification.registry import ESTIMATORS
 from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import console, plus_minus, table
 from adhesion_can.service.core import ServiceCore
@@ -52,7 +53,7 @@ def add_to(commands: Any) -> None:
         "--frames", type=Path, metavar="OUT.log", help="write the answers (candump)"
     )
     parser.add_argument("--table", type=Path, metavar="OUT.csv", help="write a row a setpoint")
-    parser.add_argument("--estimator", metavar="NAME", help="default: as configured")
+    parser.add_argument("--estimator", metavar="NAME", help=f"one of {', '.join(ESTIMATORS)}")
     span = parser.add_argument_group("part of the recording, in s after its first frame")
     span.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S")
     span.add_argument("--to", dest="to_s", type=float, metavar="S")
@@ -211,4 +212,4 @@ def _print(
             f"c1 {e.c1:.4f}, c2 {e.c2:.2f}, c3 {e.c3:.4f}"
         )
     for line in (*problems, *core.faults):
-        out.print(line)
+        out.print(line, markup=False)

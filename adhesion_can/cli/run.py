@@ -10,6 +10,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import numpy as np
+
 from adhesion_can.bus.recordings import whole_file
 from adhesion_can.cli.common import (
     add_bus,
@@ -115,7 +117,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _resumed(config: Configuration, path: Path) -> Configuration:
-    """Configuration whose search begins at a kept estimate; nothing of it is sent before new data.
+    """Configuration that begins from a kept estimate; nothing of it is sent before new data.
+
+    The tracker takes it as a surface it may meet again, if it was known; a search begins there.
 
     Raises:
         InputError: the file is there and is no kept estimate.
@@ -126,7 +130,14 @@ def _resumed(config: Configuration, path: Path) -> Configuration:
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
         c1, c2, c3 = (float(kept[name]["value"]) for name in ("c1", "c2", "c3"))
-        return replace(config, evolution=replace(config.evolution, theta0=(c1, c2, c3)))
+        known = all(kept["identifiable"].values())
+        search = config.evolution
+        theta0 = tuple(np.clip((c1, c2, c3), search.lower, search.upper).tolist())
+        return replace(
+            config,
+            evolution=replace(search, theta0=theta0),
+            met=((c1, c2, c3),) if known and c1 * c2 > c3 > 0 else (),
+        )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"--state {path}", f"not a kept estimate ({error})", "delete it to begin afresh"

@@ -17,6 +17,7 @@ from adhesion_can.identification.paper import ChangeSettings
 from adhesion_can.identification.prior import PriorSettings
 from adhesion_can.identification.registry import DEFAULT, ESTIMATORS, EstimatorSettings
 from adhesion_can.identification.samples import SamplingSettings, Sensors
+from adhesion_can.identification.segments import Theta
 from adhesion_can.identification.tracker import TrackerParts, TrackerSettings
 from adhesion_can.physics.data import Role
 from adhesion_can.physics.vehicle import Locomotive
@@ -69,6 +70,7 @@ class Configuration:
         evolution: see there.
         change: see there.
         estimator: name of the estimator.
+        met: (c1, c2, c3) of surfaces that an earlier run met.
         where: file that it came from, for errors.
         sha256: of the file, hex; '' for the defaults.
 
@@ -89,6 +91,7 @@ class Configuration:
     evolution: EvolutionSettings = field(default_factory=EvolutionSettings)
     change: ChangeSettings = field(default_factory=ChangeSettings)
     estimator: str = DEFAULT
+    met: tuple[Theta, ...] = ()
     where: str = "defaults"
     sha256: str = ""
 
@@ -152,7 +155,13 @@ class Configuration:
     def estimators(self) -> EstimatorSettings:
         """What the estimators are set by."""
         parts = TrackerParts(
-            self.tracker, self.run_length, self.memory, self.prior, self.axles, self.identifiability
+            self.tracker,
+            self.run_length,
+            self.memory,
+            self.prior,
+            self.axles,
+            self.identifiability,
+            self.met,
         )
         return EstimatorSettings(parts, self.evolution, self.change)
 

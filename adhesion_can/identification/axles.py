@@ -48,19 +48,33 @@ class AxleDeviations:
         self._normal: Array = np.empty((0, 5))
         self._axles: list[int] = []
 
-    def add(self, axle: NDArray[np.int64], adhesion: Array, residual: Array, slope: Array) -> None:
+    def add(
+        self,
+        axle: NDArray[np.int64],
+        level: Array,
+        shifted: Array,
+        residual: Array,
+        weight: Array,
+    ) -> None:
         """Take samples into the normal equations of (g, d) of each axle.
 
         Args:
             axle: number of the axle of each sample, (n,); 0 stands for none.
-            adhesion: measured, (n,).
-            residual: of it from the pool's curve, (n,).
-            slope: dμ/dλ of the pool's curve at the samples, (n,).
+            level: μ of the pool's curve, the regressor of g, (n,).
+            shifted: −dμ/dλ of it, with the sign of the slip, the regressor of d, (n,): the slip
+                that a radius makes has the same sign in traction and in braking.
+            residual: adhesion less that of the pool's curve, (n,).
+            weight: of each, noise over what is explained of the residual, (n,).
 
         """
-        level = adhesion - residual
-        terms = np.stack(
-            [level * level, -level * slope, slope * slope, level * residual, -slope * residual]
+        terms = weight * np.stack(
+            [
+                level * level,
+                level * shifted,
+                shifted * shifted,
+                level * residual,
+                shifted * residual,
+            ]
         )
         top = int(axle.max())
         if top > len(self._normal):
@@ -73,13 +87,14 @@ class AxleDeviations:
         self._normal *= share * np.exp(-seconds / self._settings.memory_s)
 
     def of(
-        self, mu_max: float, lambda_m: float, noise_var: float
+        self, mu_max: float, lambda_m: float, sign: float, noise_var: float
     ) -> Mapping[int, tuple[float, float]]:
         """(μ_max, λ_m) of each axle that was seen.
 
         Args:
             mu_max: of the pool.
             lambda_m: of the pool, in its slip.
+            sign: 1 in traction, −1 in braking.
             noise_var: σ² of the adhesion.
 
         """
@@ -93,7 +108,9 @@ class AxleDeviations:
         g = (c * n[:, 3] - b * n[:, 4]) / det
         d = (a * n[:, 4] - b * n[:, 3]) / det
         values = zip(
-            ((1.0 + g) * mu_max).tolist(), np.maximum(lambda_m + d, 0.0).tolist(), strict=True
+            ((1.0 + g) * mu_max).tolist(),
+            np.maximum(lambda_m + sign * d, 0.0).tolist(),
+            strict=True,
         )
         seen = (n[:, 0] > 0).tolist()
         return {i + 1: value for i, value in enumerate(values) if seen[i]}

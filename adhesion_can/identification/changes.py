@@ -52,8 +52,8 @@ class RunLengthSettings:
     def __post_init__(self) -> None:
         if not 0 < self.false_alarm < 1:
             raise ValueError("false_alarm must be a probability above 0")
-        if not 1 <= self.dense <= self.contenders:
-            raise ValueError("dense must be in 1..contenders")
+        if not 1 <= self.dense < self.contenders:
+            raise ValueError("dense must be at least 1 and below contenders")
         if self.noise_freedom <= 0 or self.settling_samples < 0:
             raise ValueError("noise_freedom must be positive, settling_samples not negative")
 
@@ -112,19 +112,20 @@ class Contenders:
         self._sums[: self._count] += increment
         self._old_cost[: self._count] += old_cost
 
-    def close(self, latest_cost: float, latest_dof: float, noise_var: float) -> None:
+    def close(self, believed: int, latest_cost: float, latest_dof: float, noise_var: float) -> None:
         """The rail has changed: one last contender, of what comes from now on.
 
         The latest update may hold samples of both rails. For this contender it belongs to
         neither: it costs what noise does, and a little for leaving it out.
 
         Args:
+            believed: place of the contender that was believed in; it stays.
             latest_cost: what the latest update costs the old curve, as J.
             latest_dof: its degrees of freedom.
             noise_var: σ² of the adhesion.
 
         """
-        slot = self._free_slot()
+        slot = self._free_slot(believed)
         self._updates += 1
         self._sums[slot] = 0.0
         # J of noise alone scatters by √(2 n) σ²: twice that is no sign of another rail.
@@ -137,7 +138,7 @@ class Contenders:
         self._sums[: self._count] += increment
         self._since_us = [t_us if since == -1 else since for since in self._since_us]
 
-    def _free_slot(self) -> int:
+    def _free_slot(self, kept: int | None = None) -> int:
         """Place of a new contender; where none is free, that of the one that is missed least.
 
         It is the one whose neighbours in age stand closest around it, so that the ages come to
@@ -148,9 +149,10 @@ class Contenders:
             self._since_us.append(0)
             self._born.append(0)
             return self._count - 1
-        eldest_first = sorted(range(self._count), key=self._born.__getitem__)
+        places = (place for place in range(self._count) if place != kept)
+        eldest_first = sorted(places, key=self._born.__getitem__)
         age = [float(self._updates + 1 - self._born[slot]) for slot in eldest_first]
-        inner = range(1, self._count - self._settings.dense)
+        inner = range(1, len(eldest_first) - self._settings.dense)
         crowded = {k: (age[k - 1] - age[k + 1]) / age[k] for k in inner}
         closest = min(crowded, key=crowded.__getitem__, default=0)
         return eldest_first[closest if crowded.get(closest, inf) < WIDEST else 0]

@@ -48,8 +48,10 @@ class MemorySettings:
     def __post_init__(self) -> None:
         if not self.times_s or min(self.times_s) <= 0 or self.switch_s <= 0:
             raise ValueError("times_s must name at least one time, all times be positive")
+        if list(self.times_s) != sorted(self.times_s, reverse=True):
+            raise ValueError("times_s must fall: longest first")
         if not 0 <= self.drift < 1:
-            raise ValueError("drift must be in 0..1")
+            raise ValueError("drift must be at least 0 and below 1")
 
 
 class Memories:
@@ -159,17 +161,17 @@ class Memories:
         effective = 1.0 / np.einsum("ij,ij->i", self._weights, self._weights)
         least = np.full(len(effective), self._size * FEW_FOLLOWERS)
         least[self._leader] = self._size * FEW
-        poor = (effective < least) | (self._sums[:, DOF] < LOST * self._drawn_dof)
+        # Where no draw is better (one slip only, say), a new one waits for new samples.
+        poor = (effective < least) & (self._taken > NEWS * self._sums[:, DOF])
+        poor |= self._sums[:, DOF] < LOST * self._drawn_dof
         if poor.any():
-            # Where no draw is better (one slip only, say), a new one waits for new samples.
-            poor &= (self._taken > NEWS * self._sums[:, DOF]) | (self._taken == 0.0)
             for i in np.flatnonzero(poor):
                 self._draw(int(i))
             self._weigh()
 
     def leading(self, least: float) -> list[tuple[Curves, Array]]:
         """Curves and weights of the memories that have at least so much trust; weights sum to 1."""
-        chosen = np.flatnonzero(self._trust >= least)
+        chosen = np.flatnonzero(self._trust >= min(least, self._trust.max()))
         total = self._trust[chosen].sum()
         return [(self._curves[i], self._trust[i] / total * self._weights[i]) for i in chosen]
 

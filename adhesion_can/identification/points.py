@@ -46,7 +46,8 @@ def points_of(samples: Samples, *, errors_in_variables: bool = True) -> Points:
     if not errors_in_variables:
         h, z = samples.folded()
         zero, one_group = np.zeros(len(h)), np.zeros(len(h), dtype=np.int64)
-        return Points(h, z, zero, zero, samples.transient_var, one_group)
+        sign = np.copysign(1.0, slip)
+        return Points(h, z, zero, zero, samples.transient_var, one_group, sign)
     private, common = samples.slip_var, samples.slip_common_var
     sign = np.copysign(1.0, slip)
     unsure = slip * slip < SURE * SURE * (private + common)
@@ -56,7 +57,8 @@ def points_of(samples: Samples, *, errors_in_variables: bool = True) -> Points:
     stamp = samples.speed_us
     group = np.zeros(len(sign), dtype=np.int64)
     np.cumsum((stamp[1:] != stamp[:-1]) | (sign[1:] != sign[:-1]), out=group[1:])
-    return Points(sign * slip, sign * adhesion, private, common, samples.transient_var, group)
+    further = samples.transient_var
+    return Points(sign * slip, sign * adhesion, private, common, further, group, sign)
 
 
 class GlitchGate:

@@ -60,6 +60,9 @@ class PriorSettings:
             raise ValueError("wide_weight must be in 0..1 and not 0: no library holds every rail")
         if not min(*self.wide_theta, *self.wide_std, *self.narrow_std) > 0:
             raise ValueError("centres and spreads must be positive")
+        low, high = C2_RANGE
+        if not (self.wide_theta[0] < C1_MAX and low <= self.wide_theta[1] <= high):
+            raise ValueError(f"wide_theta must have c1 below {C1_MAX:g}, c2 in {low:g}..{high:g}")
         if self.learned < 0:
             raise ValueError("learned must not be negative")
 

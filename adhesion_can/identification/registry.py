@@ -30,7 +30,7 @@ class EstimatorSettings:
 
     @property
     def identifiability(self) -> IdentifiabilitySettings:
-        """When the peak counts as identifiable, the same for all of them."""
+        """When the peak counts as identifiable; the tracker also wants its fall beyond seen."""
         return self.parts.identifiability
 
 

@@ -66,6 +66,7 @@ class Points(NamedTuple):
         transient_var: variance of μ beyond the noise that all samples have, (n,).
         group: number of the group that shares the error of its vehicle speed, from one sample to
             the next the same or one more, (n,).
+        sign: 1 where traction, −1 where braking was folded onto the branch, (n,).
 
     """
 
@@ -75,6 +76,7 @@ class Points(NamedTuple):
     common_var: Array
     transient_var: Array
     group: NDArray[np.int64]
+    sign: Array
 
     @property
     def exact(self) -> bool:
@@ -90,6 +92,7 @@ class Points(NamedTuple):
             self.common_var[rows],
             self.transient_var[rows],
             self.group[rows],
+            self.sign[rows],
         )
 
     def groups(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -157,7 +160,7 @@ def increment(
             the direction of the common error, has of the private one. None: left in.
 
     """
-    h, z, p, q, further, _ = points
+    h, z, p, q, further, *_ = points
     sums = np.empty(LENGTH)
     places = np.clip(h * (BINS / slip_max), 0, BINS - 1).astype(np.int64)
     sums[HISTOGRAM] = np.bincount(places, minlength=BINS)
@@ -260,7 +263,7 @@ def common_shift(points: Points, theta: Theta, noise_var: float) -> Points:
         The samples, each with λ − e in place of λ.
 
     """
-    h, _, p, q, further, _ = points
+    h, _, p, q, further, *_ = points
     starts, member = points.groups()
     var = np.maximum(q[starts], 1e-30)
     error = np.zeros(len(starts))

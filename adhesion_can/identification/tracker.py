@@ -52,7 +52,7 @@ from adhesion_can.identification.segments import (
     slope_by_adhesion,
 )
 from adhesion_can.physics.burckhardt import Array, adhesion
-from adhesion_can.physics.data import Estimate, Identifiable, Samples
+from adhesion_can.physics.data import CHANGED, Estimate, Identifiable, Samples
 
 MIXED_FROM = 0.05
 """Probability from which a hypothesis enters the estimate."""
@@ -93,7 +93,12 @@ class TrackerSettings:
 
 @dataclass(frozen=True, slots=True)
 class TrackerParts:
-    """Settings of the tracker and of its parts; see there."""
+    """Settings of the tracker and of its parts; see there.
+
+    Attributes:
+        met: (c1, c2, c3) of surfaces that an earlier run met: part of the prior from the start.
+
+    """
 
     tracker: TrackerSettings = field(default_factory=TrackerSettings)
     run_length: RunLengthSettings = field(default_factory=RunLengthSettings)
@@ -101,6 +106,7 @@ class TrackerParts:
     prior: PriorSettings = field(default_factory=PriorSettings)
     axles: AxleSettings = field(default_factory=AxleSettings)
     identifiability: IdentifiabilitySettings = field(default_factory=IdentifiabilitySettings)
+    met: tuple[Theta, ...] = ()
 
 
 class Tracker:
@@ -117,8 +123,8 @@ class Tracker:
     ) -> None:
         self._parts = parts = parts or TrackerParts()
         self._told = None if told_us is None else sorted(told_us)
-        self._learned: list[tuple[float, float, float]] = []
-        prior = Prior(parts.prior)
+        self._learned: list[Theta] = list(parts.met)
+        prior = Prior(parts.prior, self._learned)
         slip_max, size = parts.identifiability.slip_max, parts.tracker.curves
         own = Noise(parts.tracker.noise_std**2, 1.0)
         self._memories = Memories(parts.memory, prior, own, slip_max, size)
@@ -126,6 +132,7 @@ class Tracker:
         self._axles = AxleDeviations(parts.axles)
         self._gate = GlitchGate()
         self._load_var = 0.0
+        self._sign = 1.0
         self._now_us: int | None = None
         self._since_us = 0
         self._settling = 0.0
@@ -138,28 +145,27 @@ class Tracker:
         usable = is_usable(samples, self._parts.identifiability.slip_max)
         if not usable.all():
             samples = samples.select(usable)
-        if self._held is None:
+        held = self._held
+        if held is None:
             if not len(samples):
                 return None
-            self._begin(samples)
+            held = self._begin(samples)
         self._memories.fade(seconds)
         self._axles.fade(seconds)
-        changed = self._take(samples) if len(samples) else 0.0
+        changed = self._take(samples, held) if len(samples) else 0.0
         self._memories.refresh()
         self._held = self._estimate(changed)
         return self._held
 
-    def _begin(self, samples: Samples) -> None:
+    def _begin(self, samples: Samples) -> Estimate:
         stated = float(np.mean(samples.adhesion_var))
         noise = Noise(stated, 4.0) if stated > 0.0 else self._memories.noise
         self._memories.restart(np.zeros(LENGTH), noise)
         self._since_us = int(samples.t_us[0])
-        self._held = self._estimate(0.0)
+        return self._estimate(0.0)
 
-    def _take(self, samples: Samples) -> float:
+    def _take(self, samples: Samples, held: Estimate) -> float:
         """Take samples; returns the probability that the rail changed with the latest of them."""
-        held = self._held
-        assert held is not None  # noqa: S101  `update` sees to it
         weigh = self._parts.tracker.errors_in_variables
         points = points_of(samples, errors_in_variables=weigh)
         noise_var = self._memories.noise_var
@@ -169,9 +175,12 @@ class Tracker:
         good = self._gate.passes(np.abs(residual) / np.sqrt(explained), samples.axle)
         if good is not None:
             points, samples = points.select(good), samples.select(good)
-            residual, slope = residual[good], slope[good]
-        if samples.load_std.any():
-            self._load_var = float(np.mean((samples.load_std / samples.load) ** 2))
+            residual, slope, explained = residual[good], slope[good], explained[good]
+        unmeasured = samples.load_std.any()
+        self._load_var = (
+            float(np.mean((samples.load_std / samples.load) ** 2)) if unmeasured else 0.0
+        )
+        self._sign = float(points.sign[-1])
         added = fresh = self._sums_of(points, slope, held)
         if held.c2**2 * points.common_var.max() > WORTH_A_SHIFT:
             moved = common_shift(points, held.theta, noise_var)
@@ -184,7 +193,9 @@ class Tracker:
         changed, anew = self._look_for_change(fresh, cost, samples)
         if not anew:
             self._memories.take(added, costs)
-            self._axles.add(samples.axle, points.adhesion, residual, slope)
+            level = points.adhesion - residual
+            shifted = -points.sign * slope
+            self._axles.add(samples.axle, level, shifted, residual, noise_var / explained)
         return changed
 
     def _sums_of(
@@ -219,12 +230,12 @@ class Tracker:
         self._contenders.add(fresh, cost, first_us)
         factors = self._contenders.log_factors(self._memories.noise_var, self._memories.dof)
         changed = self._contenders.probability(factors)
-        if changed >= 0.5:
+        if changed >= CHANGED:
             best = int(np.argmax(factors))
             self._begin_anew(self._contenders.sums[best], self._contenders.since_us[best])
-            self._contenders.close(cost, float(fresh[DOF]), self._memories.noise_var)
+            self._contenders.close(best, cost, float(fresh[DOF]), self._memories.noise_var)
             self._settling = float(self._parts.run_length.settling_samples)
-        return changed, changed >= 0.5
+        return changed, changed >= CHANGED
 
     def _begin_anew(self, sums: Array, since_us: int) -> None:
         held = self._held
@@ -262,7 +273,7 @@ class Tracker:
     def _estimate(self, changed: float) -> Estimate:
         """Of all memories, and of a change that is possible but not believed yet."""
         parts = self._memories.leading(MIXED_FROM)
-        if MIXED_FROM < changed < 0.5:
+        if MIXED_FROM < changed < CHANGED:
             parts = [(curves, (1.0 - changed) * weights) for curves, weights in parts]
             parts.append(self._possible(changed))
         curves, weights = parts[0] if len(parts) == 1 else _joined(parts)
@@ -296,7 +307,7 @@ class Tracker:
             identifiable=known,
             surface_since_us=self._since_us,
             change_probability=changed,
-            per_axle=self._axles.of(mu_max, lambda_m, self._memories.noise_var),
+            per_axle=self._axles.of(mu_max, lambda_m, self._sign, self._memories.noise_var),
             mu_max_interval=_interval(curves.mu_max[curves.order[0]], shares[0], further),
             lambda_m_interval=_interval(curves.lambda_m[curves.order[1]], shares[1], lambda_lag),
         )
@@ -378,5 +389,5 @@ def _interval(in_order: Array, share_below: Array, further_std: float) -> tuple[
 def _reach(histogram: Array, share: float, slip_max: float) -> float:
     """Slip that a share of the samples exceeded, by the lower edge of its bin."""
     beyond = np.cumsum(histogram[::-1])[::-1]
-    held = np.flatnonzero(beyond >= share * max(beyond[0], 1e-300))
+    held = np.flatnonzero((beyond > 0.0) & (beyond >= share * beyond[0]))
     return float(held[-1]) * slip_max / BINS if len(held) else 0.0

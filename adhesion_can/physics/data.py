@@ -248,6 +248,10 @@ class Identifiable:
         return self.mu_max and self.lambda_m
 
 
+CHANGED = 0.5
+"""Probability of a change of the rail from which it is declared."""
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """What an estimator believes of the rail, with how far it can be believed.

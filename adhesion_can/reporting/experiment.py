@@ -74,7 +74,8 @@ def _block_table(made: Outcome) -> Table:
         "error over all blocks and runs",
         ("estimator", "runs", *QUANTITIES, "mu_max*", "blocks", "samples", "ms"),
         [cells for _, cells in sorted(rows, key=lambda row: row[0])],
-        "mu_max*: without the first block after each switch. blocks, samples: after a switch "
+        "oracle: the tracker, told when the rail changes. mu_max*: without the first block after "
+        "each switch. blocks, samples: after a switch "
         "until mu_max is within 5 % and stays there, median over runs and switches; samples with "
         f"updates of {made.experiment.detail}, until {made.experiment.detail_after} blocks after "
         f"the switch, in the first {made.experiment.detail_runs} runs. ms: median time of an "

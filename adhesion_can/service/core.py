@@ -18,7 +18,15 @@ from adhesion_can.bus.roles import cycles_of
 from adhesion_can.config import Configuration
 from adhesion_can.identification.estimator import Estimator
 from adhesion_can.identification.samples import SampleFormer
-from adhesion_can.physics.data import Estimate, Identifiable, Reading, Role, Samples, SpeedSource
+from adhesion_can.physics.data import (
+    CHANGED,
+    Estimate,
+    Identifiable,
+    Reading,
+    Role,
+    Samples,
+    SpeedSource,
+)
 from adhesion_can.service.outputs import Health, OutputMessages, Outputs, outputs_of, target_slip
 from adhesion_can.service.states import VALUES, Conditions, Status, Values, status_of
 
@@ -254,7 +262,7 @@ class ServiceCore:
             self._discard(t_us, "the estimate is not finite")
             return
         if estimate is not None and estimate is not self._estimate:
-            if estimate.change_probability > 0.5:
+            if estimate.change_probability >= CHANGED:
                 self._change_us = t_us
             elif estimate.identifiable.both:
                 # The new rail is known: the change is over.
@@ -274,6 +282,7 @@ class ServiceCore:
     def _forget_estimate(self) -> None:
         self._estimator = self._make_estimator()
         self._estimate = None
+        self._change_us = None
 
     def _conditions(self, t_us: int) -> Conditions:
         settings = self.configuration.service

@@ -24,7 +24,7 @@ ONE_MEMORY = MemorySettings(times_s=(3600.0,))
 
 def sums_of(h, z):
     zero = np.zeros(len(h))
-    points = Points(h, z, zero, zero, zero, np.zeros(len(h), dtype=np.int64))
+    points = Points(h, z, zero, zero, zero, np.zeros(len(h), dtype=np.int64), np.ones(len(h)))
     return increment(points, zero, 1e-4, SLIP_MAX)
 
 
@@ -206,34 +206,38 @@ def test_a_constant_rail_is_not_estimated_worse_for_it():
 
 
 def deviating(rng, n, *, level=0.0, slip=0.0, sd=0.005, axle=2, top=0.1):
-    """Axles, adhesion, residual and slope of samples of which one axle deviates."""
+    """Axles, regressors, residual and weight of samples of which one axle deviates."""
     axles = np.arange(n) % 6 + 1
     h = rng.uniform(0, top, n)
     z = adhesion(h, *DRY)
     own = axles == axle
     z[own] = (1 + level) * adhesion(np.maximum(h[own] - slip, 0.0), *DRY)
     z += sd * rng.standard_normal(n)
-    return axles, z, z - adhesion(h, *DRY), adhesion_slope(h, *DRY)
+    pool = adhesion(h, *DRY)
+    return axles, pool, -adhesion_slope(h, *DRY), z - pool, np.ones(n)
 
 
 @FIXED
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.floats(0.001, 0.1))
 def test_deviations_are_ridge_regression(seed, n, sd):
     rng = np.random.default_rng(seed)
-    axles, z, residual, slope = deviating(rng, n, level=0.05, slip=0.003, sd=sd)
+    axles, *columns = deviating(rng, n, level=0.05, slip=0.003, sd=sd)
+    columns[-1] = rng.uniform(0.1, 1.0, n)
+    level, shifted, residual, weight = columns
     chosen = AxleSettings()
     ours = AxleDeviations(chosen)
     half = n // 2
     for rows in (slice(0, half), slice(half, n)):
         if len(axles[rows]):
-            ours.add(axles[rows], z[rows], residual[rows], slope[rows])
-    told = ours.of(0.37, 0.07, sd**2)
+            ours.add(axles[rows], *(column[rows] for column in columns))
+    told = ours.of(0.37, 0.07, 1.0, sd**2)
     assert sorted(told) == sorted(set(axles.tolist()))
     for axle in told:
         own = axles == axle
-        f = np.column_stack([(z - residual)[own], -slope[own]])
+        f = np.column_stack([level[own], shifted[own]])
+        fw = f * weight[own, None]
         prior = np.diag([sd**2 / chosen.level_std**2, sd**2 / chosen.slip_std**2])
-        g, d = np.linalg.solve(f.T @ f + prior, f.T @ residual[own])
+        g, d = np.linalg.solve(fw.T @ f + prior, fw.T @ residual[own])
         np.testing.assert_allclose(
             told[axle], [(1 + g) * 0.37, max(0.07 + d, 0.0)], rtol=1e-6, atol=1e-9
         )
@@ -245,7 +249,7 @@ def test_deviations_are_ridge_regression(seed, n, sd):
 def test_much_data_find_an_axle_of_its_own(level, slip):
     ours = AxleDeviations(AxleSettings())
     ours.add(*deviating(np.random.default_rng(1), 6000, level=level, slip=slip))
-    told = ours.of(0.37, 0.07, 0.005**2)
+    told = ours.of(0.37, 0.07, 1.0, 0.005**2)
     # A shift of 0.004 is no small one on a slope of 24: first order tells it to a fifth.
     assert told[2][0] / 0.37 - 1 == pytest.approx(level, abs=0.012)
     assert told[2][1] - 0.07 == pytest.approx(slip, abs=0.0008)
@@ -254,16 +258,23 @@ def test_much_data_find_an_axle_of_its_own(level, slip):
         assert told[axle][1] == pytest.approx(0.07, abs=0.0003)
 
 
+def test_a_slip_of_its_own_has_the_other_sign_in_braking():
+    ours = AxleDeviations(AxleSettings())
+    ours.add(*deviating(np.random.default_rng(1), 6000, slip=0.003))
+    assert ours.of(0.37, 0.07, 1.0, 0.005**2)[2][1] == pytest.approx(0.073, abs=0.0008)
+    assert ours.of(0.37, 0.07, -1.0, 0.005**2)[2][1] == pytest.approx(0.067, abs=0.0008)
+
+
 def test_little_data_shrink_to_the_pool():
     few = AxleDeviations(AxleSettings())
     few.add(*deviating(np.random.default_rng(1), 12, level=0.5, slip=0.02, sd=0.1))
-    told = few.of(0.37, 0.07, 0.1**2)
+    told = few.of(0.37, 0.07, 1.0, 0.1**2)
     for mu, lam in told.values():
         assert abs(mu / 0.37 - 1) < 0.03
         assert abs(lam - 0.07) < 0.003
     one = AxleDeviations(AxleSettings())
     one.add(*deviating(np.random.default_rng(1), 12, level=0.5, slip=0.02, sd=0.005))
-    assert abs(told[2][0] - 0.37) < abs(one.of(0.37, 0.07, 0.005**2)[2][0] - 0.37)
+    assert abs(told[2][0] - 0.37) < abs(one.of(0.37, 0.07, 1.0, 0.005**2)[2][0] - 0.37)
 
 
 def test_what_was_seen_of_an_axle_fades_to_the_pool():
@@ -271,7 +282,7 @@ def test_what_was_seen_of_an_axle_fades_to_the_pool():
     ours.add(*deviating(np.random.default_rng(1), 6000, level=0.05))
     levels = []
     for _ in range(12):
-        levels.append(ours.of(0.37, 0.07, 0.005**2)[2][0] / 0.37 - 1)
+        levels.append(ours.of(0.37, 0.07, 1.0, 0.005**2)[2][0] / 0.37 - 1)
         ours.fade(60.0)
     assert levels[0] > 0.04
     assert abs(levels[-1]) < 0.2 * levels[0]
@@ -279,19 +290,19 @@ def test_what_was_seen_of_an_axle_fades_to_the_pool():
 
 def test_no_axle_is_no_deviation():
     ours = AxleDeviations(AxleSettings())
-    assert ours.of(0.3, 0.05, 1e-4) == {}
-    ours.add(np.zeros(3, dtype=np.int64), np.full(3, 0.3), np.zeros(3), np.ones(3))
-    assert ours.of(0.3, 0.05, 1e-4) == {}
-    ours.add(np.array([3]), np.array([0.3]), np.zeros(1), np.ones(1))
-    assert list(ours.of(0.3, 0.05, 1e-4)) == [3]
+    assert ours.of(0.3, 0.05, 1.0, 1e-4) == {}
+    ours.add(np.zeros(3, dtype=np.int64), np.full(3, 0.3), -np.ones(3), np.zeros(3), np.ones(3))
+    assert ours.of(0.3, 0.05, 1.0, 1e-4) == {}
+    ours.add(np.array([3]), np.array([0.3]), -np.ones(1), np.zeros(1), np.ones(1))
+    assert list(ours.of(0.3, 0.05, 1.0, 1e-4)) == [3]
     ours.fade(1.0, share=0.1)
-    assert list(ours.of(0.3, 0.05, 1e-4)) == [3]
+    assert list(ours.of(0.3, 0.05, 1.0, 1e-4)) == [3]
 
 
 def test_place_of_an_axles_peak_is_never_negative():
     ours = AxleDeviations(AxleSettings(slip_std=1.0))
     ours.add(*deviating(np.random.default_rng(1), 600, slip=-0.05))
-    assert ours.of(0.3, 0.001, 1e-6)[2][1] >= 0.0
+    assert ours.of(0.3, 0.001, 1.0, 1e-6)[2][1] >= 0.0
 
 
 @pytest.mark.parametrize("name", ["level_std", "slip_std", "memory_s"])

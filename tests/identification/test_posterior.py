@@ -50,7 +50,7 @@ def stretch(theta, sd, top, n, seed, low=0.0):
     h = rng.uniform(low, top, n)
     z = model(h, *theta) + sd * rng.standard_normal(n)
     zero = np.zeros(n)
-    points = Points(h, z, zero, zero, zero, np.zeros(n, dtype=np.int64))
+    points = Points(h, z, zero, zero, zero, np.zeros(n, dtype=np.int64), np.ones(n))
     return h, z, increment(points, zero, 1e-4, SLIP_MAX)
 
 
@@ -265,7 +265,7 @@ def test_posterior_of_much_data_is_the_fisher_information(n):
     h = np.linspace(0, 0.2, 100)
     zero = np.zeros(100)
     z = model(h, *DRY)
-    points = Points(h, z, zero, zero, zero, np.zeros(100, dtype=np.int64))
+    points = Points(h, z, zero, zero, zero, np.zeros(100, dtype=np.int64), np.ones(100))
     sums = increment(points, zero, 1e-4, SLIP_MAX) * (n / 100)
     noise = Noise(0.01**2, 1e9)
     curves = draw(sums, noise, Prior(PriorSettings()), SLIP_MAX, SIZE)

@@ -56,6 +56,7 @@ def random_points(rng, *, private=0.0, common=0.0, transient=0.0, groups=4):
         ((common * rng.uniform(0.2, 1.0, groups)) ** 2)[group],
         (transient * rng.uniform(0.0, 1.0, n)) ** 2,
         group,
+        np.ones(n),
     )
 
 
@@ -76,7 +77,7 @@ def test_exact_slips_give_the_sum_of_squares(seed, theta, n):
     rng = np.random.default_rng(seed)
     zero = np.zeros(n)
     h, z = rng.uniform(0, SLIP_MAX, n), rng.normal(0.2, 0.3, n)
-    points = Points(h, z, zero, zero, zero, np.zeros(n, dtype=np.int64))
+    points = Points(h, z, zero, zero, zero, np.zeros(n, dtype=np.int64), np.ones(n))
     sums = increment(points, slope_at(points, DRY), 1e-4, SLIP_MAX)
     direct = np.sum((z - adhesion(h, *theta)) ** 2)
     scale = 1e-9 * np.sum(z * z + theta[0] ** 2 + (theta[2] * h) ** 2)
@@ -113,14 +114,14 @@ def test_corrected_scores_expect_what_the_true_slips_cost(c2):
     def sums_of(slips, private):
         k = len(slips)
         columns = np.tile(z, k), private, np.full(k * n, q), np.tile(t, k)
-        points = Points(slips.ravel(), *columns, np.repeat(np.arange(k), n))
+        points = Points(slips.ravel(), *columns, np.repeat(np.arange(k), n), np.ones(k * n))
         return increment(points, np.tile(slope, k), noise_var, SLIP_MAX)
 
     blocks = [
         cost_of(sums_of(part, np.tile(p, len(part))), theta)[0] / len(part)
         for part in np.split(measured, 40)
     ]
-    one = Points(true, z, p, np.full(n, q), t, np.zeros(n, dtype=np.int64))
+    one = Points(true, z, p, np.full(n, q), t, np.zeros(n, dtype=np.int64), np.ones(n))
     w = dense_weights(one, slope, noise_var)
     r = z - model(true, *theta)
     exact = float(r @ w @ r)
@@ -143,7 +144,7 @@ def test_cost_over_degrees_of_freedom_is_the_noise():
     h = true + np.sqrt(p) * rng.standard_normal(group.size)
     h += (np.sqrt(q) * rng.standard_normal(groups))[group]
     full = np.ones(group.size)
-    points = Points(h, z, p * full, q * full, t * full, group)
+    points = Points(h, z, p * full, q * full, t * full, group, full)
     slope = adhesion_slope(true, *DRY)
     sums = increment(points, slope, noise**2, SLIP_MAX)
     assert np.sqrt(cost_of(sums, DRY)[0] / sums[DOF]) == pytest.approx(noise, rel=0.05)
@@ -193,7 +194,7 @@ def test_interpolation_bears_slips_that_noise_took_below_zero():
 def test_histogram_counts_by_slip_and_keeps_what_lies_outside_in_its_end_bins():
     h = np.array([-0.01, 0.0, 0.25, 0.4999, 0.5, 0.9])
     zero = np.zeros(len(h))
-    points = Points(h, zero, zero, zero, zero, np.zeros(len(h), dtype=np.int64))
+    points = Points(h, zero, zero, zero, zero, np.zeros(len(h), dtype=np.int64), np.ones(len(h)))
     counts = increment(points, zero, 1.0, SLIP_MAX)[HISTOGRAM]
     assert counts[0] == 2
     assert counts[BINS // 2] == 1

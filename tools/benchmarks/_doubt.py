@@ -120,7 +120,7 @@ def inside(interval, truth):
 def judged(rng, theta, cell):
     """Whether μ_max and λ_m lie in their intervals, whether they are called identifiable, an error.
 
-    A tracker that fails holds nothing and identifies nothing.
+    A tracker that fails holds nothing and identifies nothing. NaN where no interval is stated.
     """
     samples = points(rng, theta, cell.noise_std, cell.samples, slip_max=cell.top)
     try:
@@ -128,7 +128,7 @@ def judged(rng, theta, cell):
     except ValueError as error:
         return (False, False), (False, False), str(error)
     if not np.isfinite([*last.mu_max_interval, *last.lambda_m_interval]).all():
-        return (False, False), (False, False), "an interval that is not finite"
+        return (np.nan, np.nan), (False, False), None
     truth = peak(*theta, slip_max=RANGE)
     held = (
         inside(last.mu_max_interval, float(truth.mu_max)),
@@ -163,7 +163,11 @@ def excitation_row(report, options):
     value = f"{len(failed)}" + (f" ({failed[0]})" if failed else "")
     report.check("runs in which the tracker failed", value, "0", met=not failed)
     drawn = np.array([[held for held, *_ in found[k][0]] for k in numbers], dtype=float)
-    share = 100 * drawn.mean(axis=1)
+    unstated = np.isnan(drawn[..., 0])
+    report.tell(
+        f"no interval stated in {unstated.sum()} of {unstated.size} runs: too few curves fit"
+    )
+    share = 100 * np.nanmean(drawn, axis=1)
     for i, value in enumerate(("μ_max", "λ_m")):
         for noise_std in sorted({cell.noise_std for cell in CELLS}):
             own = [k for k in numbers if CELLS[k].noise_std == noise_std]
