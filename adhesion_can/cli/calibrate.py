@@ -151,8 +151,18 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _settings(options: argparse.Namespace) -> CalibrationSettings:
-    for name in ("adhesion_max", "acceleration_max", "settle", "block"):
+    for name in ("adhesion_max", "acceleration_max"):
         require_positive(getattr(options, name), f"--{name.replace('_', '-')}")
+    if not (isfinite(options.settle) and options.settle >= 0):
+        raise InputError(
+            "--settle", f"{options.settle} is no waiting time", "give seconds, 0 or more"
+        )
+    if not (isfinite(options.block) and options.block >= 1):
+        raise InputError(
+            "--block",
+            f"{options.block} s is too short for errors to be independent",
+            "give 1 s or more",
+        )
     if options.delay is not None and not isfinite(options.delay):
         raise InputError("--delay", f"{options.delay} is not finite", "give seconds")
     return CalibrationSettings(
@@ -315,8 +325,9 @@ def _correction(
     result: Calibration, config: Configuration, options: argparse.Namespace
 ) -> Correction:
     """What the configuration file is to say."""
+    sources = [*options.log, *([reference_path(options.speed)[0]] if options.speed else [])]
     origin = f"by adhesion-can {__version__} from " + ", ".join(
-        f"{path.name} (sha256 {file_sha256(path)[:12]})" for path in options.log
+        f"{path.name} (sha256 {file_sha256(path)[:12]})" for path in sources
     )
     rim = rim_axles(config)
     told = {a.axle: a for a in result.axles if a.estimate is not None}

@@ -30,8 +30,7 @@ from adhesion_can.identification.experiments import (
     run_once,
 )
 from adhesion_can.identification.merit import Outcome, outcome
-from adhesion_can.identification.registry import ESTIMATORS, EstimatorSettings
-from adhesion_can.identification.tracker import Tracker
+from adhesion_can.identification.registry import ESTIMATORS, oracle
 from adhesion_can.reporting.experiment import (
     CSV_COLUMNS,
     csv_rows,
@@ -147,13 +146,8 @@ def _missing_extra(page_file: Path) -> InputError | None:
     return None
 
 
-def _oracle(settings: EstimatorSettings, changes_us: tuple[int, ...]) -> Tracker:
-    """The tracker, told when the rail changes."""
-    return Tracker(settings.parts, told_us=changes_us)
-
-
 def _who(experiment: Experiment, names: Sequence[str]) -> dict[str, Contender]:
-    return contenders(experiment, {name: ESTIMATORS[name] for name in names}, _oracle)
+    return contenders(experiment, {name: ESTIMATORS[name] for name in names}, oracle)
 
 
 def _work(task: _Task) -> dict[str, Track]:

@@ -1,6 +1,6 @@
 """Every estimator by its name, behind the one protocol."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from adhesion_can.identification.assessment import IdentifiabilitySettings
@@ -32,6 +32,17 @@ class EstimatorSettings:
     def identifiability(self) -> IdentifiabilitySettings:
         """When the peak counts as identifiable; the tracker also wants its fall beyond seen."""
         return self.parts.identifiability
+
+
+def oracle(settings: EstimatorSettings, changes_us: Iterable[int]) -> Tracker:
+    """The tracker, told when the rail changes: what finding it out costs shows beside it.
+
+    Args:
+        settings: see there.
+        changes_us: stamps from which on the rail is another one, µs.
+
+    """
+    return Tracker(settings.parts, told_us=changes_us)
 
 
 def _baseline(name: str) -> Callable[[EstimatorSettings], Estimator]:

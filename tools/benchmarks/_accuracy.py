@@ -18,19 +18,14 @@ from adhesion_can.identification.experiments import (
 )
 from adhesion_can.identification.memories import MemorySettings
 from adhesion_can.identification.merit import merit, outcome, rms
-from adhesion_can.identification.registry import ESTIMATORS
+from adhesion_can.identification.registry import ESTIMATORS, oracle
 from adhesion_can.identification.tracker import Tracker, TrackerParts
-from adhesion_can.physics.burckhardt import peak
+from adhesion_can.physics.burckhardt import adhesion, peak
 
 LAMBDA_M = QUANTITIES.index("lambda_m")
 PAPER = "paper (mean)"
 # The closer look at the switches is another row's.
 EXPERIMENT = replace(EXPERIMENTS[3], detail_runs=0)
-
-
-def oracle(settings, changes_us):
-    """The tracker, told when the rail changes."""
-    return Tracker(settings.parts, told_us=changes_us)
 
 
 def one_run(seed, task):
@@ -90,7 +85,7 @@ def one_drift(task):
     # All of the curve is scaled.
     scale = 1.0 - fall * np.arange(len(samples)) / len(samples)
     c1, c2, c3 = SURFACES[0]
-    curve = c1 * (1.0 - np.exp(-c2 * samples.slip)) - c3 * samples.slip
+    curve = adhesion(samples.slip, c1, c2, c3)
     samples = replace(samples, adhesion=samples.adhesion + scale * curve)
     truth = float(peak(c1, c2, c3).mu_max) * scale[SLOW_UPDATE - 1 :: SLOW_UPDATE]
     found = {}
