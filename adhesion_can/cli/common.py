@@ -168,3 +168,13 @@ def require_folder(path: Path, option: str) -> None:
     """Raise an InputError where an output's folder does not exist, before hours of work."""
     if not path.resolve().parent.is_dir():
         raise InputError(f"{option} {path}", "its folder does not exist", "make the folder first")
+
+
+def make_folder(path: Path, option: str) -> None:
+    """Make an output's folder; raise an InputError where that cannot be done."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{option} {path}", error.strerror or "cannot be made", "name another folder"
+        ) from error

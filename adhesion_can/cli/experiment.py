@@ -19,7 +19,7 @@ import numpy as np
 
 from adhesion_can import __version__
 from adhesion_can.bus.recordings import whole_file
-from adhesion_can.cli.common import add_json, progress, talk, write_json
+from adhesion_can.cli.common import add_json, make_folder, progress, talk, write_json
 from adhesion_can.errors import InputError
 from adhesion_can.identification.experiments import (
     EXPERIMENTS,
@@ -129,12 +129,7 @@ def _check(options: argparse.Namespace) -> None:
             raise InputError(
                 "--estimator", f"no estimator {name!r}", f"known: {', '.join(ESTIMATORS)}"
             )
-    try:
-        options.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"--out {options.out}", error.strerror or "cannot be made", "name another folder"
-        ) from error
+    make_folder(options.out, "--out")
 
 
 def _missing_extra(page_file: Path) -> InputError | None:
