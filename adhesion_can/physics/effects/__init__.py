@@ -1,20 +1,83 @@
 """Mechanisms beyond the plain curve: one file each, one definition for all uses.
 
-The registry is this tuple; adding an effect is adding a file and a line here.
+The registry is this tuple; adding an effect is adding a file and a line here. Two forms of one
+mechanism share their id.
 """
 
-from adhesion_can.physics.effects.base import Contact, Effect, Parameter
-from adhesion_can.physics.effects.falling_friction import FallingFriction
-from adhesion_can.physics.effects.load_dependence import LoadDependence
+from adhesion_can.physics.effects.active import ActiveEffect, change_of, instruments_of
+from adhesion_can.physics.effects.adhesion_recovery import AdhesionRecovery
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    ContactEffect,
+    Effect,
+    InstrumentEffect,
+    Parameter,
+)
+from adhesion_can.physics.effects.creep_relaxation import CreepRelaxation
+from adhesion_can.physics.effects.curve_creep import CurveCreep
+from adhesion_can.physics.effects.effort_bias import EffortBias
+from adhesion_can.physics.effects.effort_delay import EffortDelay
+from adhesion_can.physics.effects.falling_friction import FallingFriction, PolachFriction
+from adhesion_can.physics.effects.humidity import Humidity
+from adhesion_can.physics.effects.load_dependence import LoadDependence, LoadPower
+from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.rail_cleaning import RailCleaning
+from adhesion_can.physics.effects.rail_temperature import RailTemperature
+from adhesion_can.physics.effects.sanding import Sanding
+from adhesion_can.physics.effects.slow_drift import SlowDrift
+from adhesion_can.physics.effects.speed_delay import SpeedDelay
+from adhesion_can.physics.effects.speed_dependence import SpeedDependence
+from adhesion_can.physics.effects.speed_scale import SpeedScale
+from adhesion_can.physics.effects.traction_braking_asymmetry import TractionBrakingAsymmetry
+from adhesion_can.physics.effects.wheel_radius import WheelRadius
+from adhesion_can.physics.effects.wheelset_inertia import WheelsetInertia
 
-EFFECTS: tuple[Effect, ...] = (FallingFriction(), LoadDependence())
+# What changes the slip stands before what multiplies the adhesion, as it does in the contact.
+EFFECTS: tuple[Effect, ...] = (
+    WheelsetInertia(),
+    WheelRadius(),
+    SpeedScale(),
+    SpeedDelay(),
+    EffortDelay(),
+    EffortBias(),
+    CreepRelaxation(),
+    CurveCreep(),
+    SpeedDependence(),
+    LoadDependence(),
+    LoadPower(),
+    FallingFriction(),
+    PolachFriction(),
+    RailCleaning(),
+    AdhesionRecovery(),
+    Humidity(),
+    RailTemperature(),
+    Sanding(),
+    SlowDrift(),
+    TractionBrakingAsymmetry(),
+)
 
-__all__ = ["EFFECTS", "Contact", "Effect", "Parameter", "effect_by_id"]
+__all__ = [
+    "EFFECTS",
+    "ActiveEffect",
+    "Change",
+    "Contact",
+    "ContactEffect",
+    "Effect",
+    "InstrumentEffect",
+    "Memory",
+    "Parameter",
+    "change_of",
+    "effect_by_id",
+    "instruments_of",
+]
 
 
-def effect_by_id(effect_id: str) -> Effect:
-    """The effect of that id; KeyError with the ids that exist."""
+def effect_by_id(effect_id: str, form: str = "") -> Effect:
+    """The effect of that id, in a form or in its first one; KeyError with the ids that exist."""
     for effect in EFFECTS:
-        if effect.id == effect_id:
+        if effect.id == effect_id and form in {"", effect.form}:
             return effect
-    raise KeyError(f"no effect {effect_id!r}; known: {', '.join(e.id for e in EFFECTS)}")
+    known = ", ".join(dict.fromkeys(e.id for e in EFFECTS))
+    wanted = f"{effect_id} {form}".strip()
+    raise KeyError(f"no effect {wanted!r}; known: {known}")

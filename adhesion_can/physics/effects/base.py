@@ -1,9 +1,17 @@
-"""What an effect is: an id, parameters, literature, and a change of the predicted adhesion."""
+"""What an effect is: an id, parameters, literature, and what it changes.
 
-from dataclasses import dataclass
-from typing import Protocol
+There are two kinds. An effect in the contact changes the slip with which the curve is entered, or
+multiplies the adhesion that the curve gives: μ = factor · curve(slip). An effect of the instruments
+changes what the readings mean. Simulation, identification and criticism use the same definitions.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
 
 from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.instruments import Instruments
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,6 +25,7 @@ class Parameter:
         lower: smallest value that makes sense.
         upper: largest value that makes sense.
         meaning: one line for an engineer.
+        axle: whether it is the number of an axle, found by trying each.
 
     """
 
@@ -26,6 +35,7 @@ class Parameter:
     lower: float
     upper: float
     meaning: str
+    axle: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +47,11 @@ class Contact:
         creep_speed: r ω − v, m/s.
         speed: vehicle speed, m/s.
         load: wheelset load, N.
+        time_s: time since the recording began, s.
+        axle: number of the axle, 1...
+        place: of the axle, counted from the leading one in the direction of travel, 1...
+        adhesion: force over load in the contact, as measured or as it was a step ago.
+        covariates: other channels, by name.
 
     """
 
@@ -44,10 +59,29 @@ class Contact:
     creep_speed: Array
     speed: Array
     load: Array
+    time_s: Array
+    axle: Array
+    place: Array
+    adhesion: Array
+    covariates: Mapping[str, Array] = field(default_factory=dict)
 
 
-class Effect(Protocol):
-    """A mechanism that changes the adhesion which the plain curve predicts."""
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What effects change in contacts: μ = factor · curve(slip).
+
+    Attributes:
+        slip: with which the curve is entered; shape of the contact's.
+        factor: of the adhesion; shape of the contact's, or a number.
+
+    """
+
+    slip: Array
+    factor: Array | float = 1.0
+
+
+class Described(Protocol):
+    """What every effect says of itself."""
 
     @property
     def id(self) -> str:
@@ -55,8 +89,18 @@ class Effect(Protocol):
         ...
 
     @property
+    def form(self) -> str:
+        """Which of several forms of one mechanism; '' where there is one."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """What happens, a clause that follows 'because'."""
+        ...
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Its numbers; the first is the size."""
+        """Its numbers; the first is the size: nothing changes where it is 0."""
         ...
 
     @property
@@ -64,16 +108,35 @@ class Effect(Protocol):
         """Where it is described."""
         ...
 
-    def apply(self, adhesion: Array, contact: Contact, values: tuple[float, ...]) -> Array:
-        """Adhesion with the effect in place.
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Covariates of which one must be known for the effect to be told; (): none."""
+        ...
+
+
+@runtime_checkable
+class ContactEffect(Described, Protocol):
+    """A mechanism in the contact."""
+
+    def change(self, contact: Contact, values: tuple[float, ...], memory: Memory) -> Change:
+        """What it changes.
 
         Args:
-            adhesion: μ without it, any shape.
-            contact: state of the same contacts, same shape.
+            contact: state of the contacts; rows of one axle in the order of time.
             values: of `parameters`, in their order.
-
-        Returns:
-            μ with it, same shape; unchanged where the first value is 0.
+            memory: what lags behind, carried from call to call; fresh for a whole drive.
 
         """
         ...
+
+
+@runtime_checkable
+class InstrumentEffect(Described, Protocol):
+    """An error of sensors or of the vehicle's data."""
+
+    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
+        """Instruments with this error in addition."""
+        ...
+
+
+Effect = ContactEffect | InstrumentEffect

@@ -1,22 +1,48 @@
-"""Adhesion falls with wheelset load: Burckhardt's c5."""
+"""Adhesion changes with wheelset load: Burckhardt's c5, and a power law."""
 
 from dataclasses import dataclass
 
-from adhesion_can.physics.burckhardt import Array, load_factor
-from adhesion_can.physics.effects.base import Contact, Parameter
+from adhesion_can.physics.burckhardt import load_factor
+from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.memory import Memory
+
+_ID, _TITLE = "load_dependence", "adhesion changes with wheel load"
+REFERENCE = 100e3
+"""Load at which the power law changes nothing, N."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoadDependence:
     """Factor 1 − c5 F_Z²."""
 
-    id: str = "load_dependence"
+    id: str = _ID
+    form: str = "burckhardt"
+    title: str = _TITLE
     parameters: tuple[Parameter, ...] = (
-        # 2e-12 takes 12 % off at 245 kN.
-        Parameter("c5", "1/N^2", 2e-12, 0.0, 1.5e-11, "share of adhesion lost per squared load"),
+        # 4e-12 takes a quarter off at 245 kN. The bound is for road tyres' loads of a few kN.
+        Parameter("c5", "1/N^2", 4e-12, 0.0, 1e-6, "share of adhesion lost per squared load"),
     )
     literature: str = "Burckhardt 1993, eq. 4 of He et al. 2018"
+    needs: tuple[str, ...] = ()
 
-    def apply(self, adhesion: Array, contact: Contact, values: tuple[float, ...]) -> Array:
-        """See `Effect.apply`."""
-        return adhesion * load_factor(contact.load, values[0])
+    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+        """See `ContactEffect.change`."""
+        return Change(contact.slip, load_factor(contact.load, values[0]))
+
+
+@dataclass(frozen=True, slots=True)
+class LoadPower:
+    """Factor (N / 100 kN)^(−p): Hertzian contact has p = 1/3 at constant friction of its area."""
+
+    id: str = _ID
+    form: str = "power"
+    title: str = _TITLE
+    parameters: tuple[Parameter, ...] = (
+        Parameter("exponent", "1", 0.5, -3.0, 3.0, "adhesion falls with this power of the load"),
+    )
+    literature: str = "Popov, Contact Mechanics and Friction, 2nd ed. 2017, on the load's power law"
+    needs: tuple[str, ...] = ()
+
+    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+        """See `ContactEffect.change`."""
+        return Change(contact.slip, (contact.load / REFERENCE) ** -values[0])

@@ -1,0 +1,30 @@
+"""Slip work cleans the contact: adhesion recovers at an axle that has slipped."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.memory import Memory
+
+
+@dataclass(frozen=True, slots=True)
+class AdhesionRecovery:
+    """Factor 1 + gain W, with dW/dt = |F v_s| − W/T: the slip work of the last T seconds."""
+
+    id: str = "adhesion_recovery"
+    form: str = ""
+    title: str = "slip work cleans the contact, and adhesion recovers"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("gain", "1/J", 4e-7, 0.0, 1e-5, "share of adhesion gained per slip work"),
+        Parameter("time", "s", 3.0, 0.3, 30.0, "after which it is lost again"),
+    )
+    literature: str = "Meierhofer et al., Proc. IMechE F 228 (2014); Voltr and Lata 2015"
+    needs: tuple[str, ...] = ()
+
+    def change(self, contact: Contact, values: tuple[float, ...], memory: Memory) -> Change:
+        """See `ContactEffect.change`."""
+        gain, time = values
+        power = np.abs(contact.adhesion * contact.load * contact.creep_speed)
+        work = memory.follow(self.id, contact.axle, contact.time_s, power * time, 1.0 / time, 0.0)
+        return Change(contact.slip, 1.0 + gain * work)

@@ -1,0 +1,31 @@
+"""The contact lags behind the slip by a relaxation length."""
+
+from dataclasses import dataclass
+
+from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.memory import Memory
+
+_SHORTEST = 1e-6  # m; no contact is as short, and a length of 0 is a rate that is not finite
+
+
+@dataclass(frozen=True, slots=True)
+class CreepRelaxation:
+    """(σ/v) dλ'/dt + λ' = λ: the curve is entered with λ'."""
+
+    id: str = "creep_relaxation"
+    form: str = ""
+    title: str = "the contact follows the slip over a relaxation length"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("length", "m", 0.5, 0.0, 10.0, "way over which the contact follows"),
+    )
+    literature: str = "Pacejka, Tire and Vehicle Dynamics, 3rd ed. 2012, ch. 7; Kalker 1990"
+    needs: tuple[str, ...] = ()
+
+    def change(self, contact: Contact, values: tuple[float, ...], memory: Memory) -> Change:
+        """See `ContactEffect.change`."""
+        if values[0] == 0.0:
+            return Change(contact.slip)
+        rate = contact.speed / max(values[0], _SHORTEST)
+        return Change(
+            memory.follow(self.id, contact.axle, contact.time_s, contact.slip, rate),
+        )

@@ -1,0 +1,28 @@
+"""Adhesion changes with the humidity of the air."""
+
+from dataclasses import dataclass
+
+from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.memory import Memory
+
+CHANNEL = "relative_humidity_percent"
+REFERENCE = 60.0
+"""Humidity at which nothing changes, %."""
+
+
+@dataclass(frozen=True, slots=True)
+class Humidity:
+    """Factor 1 + slope (RH − 60 %)."""
+
+    id: str = "humidity"
+    form: str = ""
+    title: str = "adhesion changes with the humidity of the air"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("slope", "1/%", -0.003, -0.01, 0.01, "share of adhesion per % of humidity"),
+    )
+    literature: str = "Olofsson and Sundvall, Proc. IMechE F 218 (2004) 301-310"
+    needs: tuple[str, ...] = (CHANNEL,)
+
+    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+        """See `ContactEffect.change`."""
+        return Change(contact.slip, 1.0 + values[0] * (contact.covariates[CHANNEL] - REFERENCE))

@@ -1,0 +1,24 @@
+"""Later axles find a rail that the ones in front have cleaned."""
+
+from dataclasses import dataclass
+
+from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.memory import Memory
+
+
+@dataclass(frozen=True, slots=True)
+class RailCleaning:
+    """Factor 1 + gain (k − 1) for the k-th axle in the direction of travel."""
+
+    id: str = "rail_cleaning"
+    form: str = ""
+    title: str = "each axle finds a rail that the ones in front have cleaned"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("gain", "1", 0.02, -0.1, 0.2, "share of adhesion gained from axle to axle"),
+    )
+    literature: str = "Voltr and Lata, Vehicle System Dynamics 53 (2015) 605-618"
+    needs: tuple[str, ...] = ()
+
+    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+        """See `ContactEffect.change`."""
+        return Change(contact.slip, 1.0 + values[0] * (contact.place - 1.0))

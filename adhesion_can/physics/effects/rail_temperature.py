@@ -1,0 +1,28 @@
+"""Adhesion changes with the temperature of the rail."""
+
+from dataclasses import dataclass
+
+from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.memory import Memory
+
+CHANNEL = "rail_temperature_degC"
+REFERENCE = 20.0
+"""Temperature at which nothing changes, degC."""
+
+
+@dataclass(frozen=True, slots=True)
+class RailTemperature:
+    """Factor 1 + slope (T − 20 degC)."""
+
+    id: str = "rail_temperature"
+    form: str = ""
+    title: str = "adhesion changes with the temperature of the rail"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("slope", "1/K", 0.005, -0.02, 0.02, "share of adhesion per K"),
+    )
+    literature: str = "Lyu et al., Tribology International 90 (2015) 1-8"
+    needs: tuple[str, ...] = (CHANNEL,)
+
+    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+        """See `ContactEffect.change`."""
+        return Change(contact.slip, 1.0 + values[0] * (contact.covariates[CHANNEL] - REFERENCE))

@@ -1,0 +1,29 @@
+"""Adhesion drifts with time: the rail dries, or a film builds up."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.memory import Memory
+
+LEAST = 0.1
+"""A drift goes on no further than to this share of the adhesion."""
+
+
+@dataclass(frozen=True, slots=True)
+class SlowDrift:
+    """Factor 1 + rate t, t since the recording began."""
+
+    id: str = "slow_drift"
+    form: str = ""
+    title: str = "adhesion drifts with time"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("rate", "1/s", -5e-4, -0.01, 0.01, "share of adhesion per second"),
+    )
+    literature: str = "Beagley and Pritchard, Wear 35 (1975) 299-313, on drying rails"
+    needs: tuple[str, ...] = ()
+
+    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+        """See `ContactEffect.change`."""
+        return Change(contact.slip, np.maximum(1.0 + values[0] * contact.time_s, LEAST))

@@ -1,0 +1,30 @@
+"""Adhesion at the same slip falls with vehicle speed: Curtius and Kniffler's curve."""
+
+from dataclasses import dataclass
+
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.memory import Memory
+
+
+def curtius_kniffler(speed: Array) -> Array:
+    """Adhesion over that at standstill, 7.5/(V + 44) + 0.161 with V in km/h, of a speed in m/s."""
+    return (7.5 / (3.6 * speed + 44.0) + 0.161) / (7.5 / 44.0 + 0.161)
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedDependence:
+    """Factor 1 + share (f(v) − 1), f by Curtius and Kniffler."""
+
+    id: str = "speed_dependence"
+    form: str = ""
+    title: str = "adhesion at the same slip falls with vehicle speed"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("share", "1", 1.0, -1.0, 3.0, "fall with speed; 1 is Curtius and Kniffler's"),
+    )
+    literature: str = "Curtius and Kniffler, Elektrische Bahnen 21 (1950) 201-210"
+    needs: tuple[str, ...] = ()
+
+    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+        """See `ContactEffect.change`."""
+        return Change(contact.slip, 1.0 + values[0] * (curtius_kniffler(contact.speed) - 1.0))

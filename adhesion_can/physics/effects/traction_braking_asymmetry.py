@@ -1,0 +1,26 @@
+"""Braking finds another adhesion than traction."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.memory import Memory
+
+
+@dataclass(frozen=True, slots=True)
+class TractionBrakingAsymmetry:
+    """Factor 1 + gain where the slip is negative."""
+
+    id: str = "traction_braking_asymmetry"
+    form: str = ""
+    title: str = "braking finds another adhesion than traction"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("gain", "1", -0.1, -0.6, 1.0, "share by which adhesion in braking is higher"),
+    )
+    literature: str = "Kalker, Three-Dimensional Elastic Bodies in Rolling Contact, 1990, ch. 5"
+    needs: tuple[str, ...] = ()
+
+    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+        """See `ContactEffect.change`."""
+        return Change(contact.slip, np.where(contact.slip < 0, 1.0 + values[0], 1.0))

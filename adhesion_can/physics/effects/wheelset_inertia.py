@@ -1,0 +1,24 @@
+"""The wheelset's inertia is not the configured one."""
+
+from dataclasses import dataclass, replace
+
+from adhesion_can.physics.effects.base import Parameter
+from adhesion_can.physics.instruments import Instruments
+
+
+@dataclass(frozen=True, slots=True)
+class WheelsetInertia:
+    """J = configured J + error: what accelerates the wheelset does not reach the rail."""
+
+    id: str = "wheelset_inertia"
+    form: str = ""
+    title: str = "the wheelset's inertia is not the configured one"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("error", "kg m^2", 400.0, -2000.0, 5000.0, "true less configured inertia"),
+    )
+    literature: str = "Eq. 3 of He et al. 2018"
+    needs: tuple[str, ...] = ()
+
+    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
+        """See `InstrumentEffect.amend`."""
+        return replace(instruments, inertia_error=instruments.inertia_error + values[0])

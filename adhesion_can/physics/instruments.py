@@ -1,0 +1,54 @@
+"""What the sensors and the vehicle's data get wrong: how readings become what was really there.
+
+The errors are kept as one value, so that sample formation, criticism and the simulated sensors
+mean the same by them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from adhesion_can.physics.vehicle import Locomotive
+
+_NONE: Mapping[int, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class Instruments:
+    """Errors of the sensors and of the vehicle's data; the default has none.
+
+    Attributes:
+        radius_error: by axle (1..): true radius = configured radius · (1 + error).
+        inertia_error: true inertia of a wheelset less the configured one, kg·m².
+        speed_error: measured vehicle speed = (1 + error) · true one.
+        speed_delay: a vehicle speed is measured so long before its stamp, s.
+        effort_bias: measured effort less the true one, N, every axle.
+        effort_delay: an effort is measured so long before its stamp, s.
+
+    """
+
+    radius_error: Mapping[int, float] = field(default_factory=lambda: _NONE)
+    inertia_error: float = 0.0
+    speed_error: float = 0.0
+    speed_delay: float = 0.0
+    effort_bias: float = 0.0
+    effort_delay: float = 0.0
+
+    def vehicle(self, configured: Locomotive) -> Locomotive:
+        """The vehicle as it really is: radii and inertia amended."""
+        radii = tuple(
+            radius * (1.0 + self.radius_error.get(axle, 0.0))
+            for axle, radius in enumerate(configured.wheel_radius, start=1)
+        )
+        inertia = max(configured.wheelset_inertia + self.inertia_error, 0.0)
+        return replace(configured, wheel_radius=radii, wheelset_inertia=inertia)
+
+    def radius_factor(self, axles: int) -> np.ndarray:
+        """True over configured radius of axles 1.., shape (axles,)."""
+        return np.array([1.0 + self.radius_error.get(i + 1, 0.0) for i in range(axles)])
+
+
+PERFECT = Instruments()
+"""Sensors and data without an error."""
