@@ -1,9 +1,6 @@
 """`calibrate`: wheel radii and the zero error of the vehicle speed, from coasting."""
 
 import argparse
-from array import array
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -11,8 +8,6 @@ from typing import Any
 import numpy as np
 
 from adhesion_can import __version__
-from adhesion_can.bus.frame import Frame, Mark
-from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.recordings import file_sha256, whole_file
 from adhesion_can.bus.reference import read_reference, reference_path
 from adhesion_can.cli.common import (
@@ -33,7 +28,7 @@ from adhesion_can.errors import ConfigError, InputError, RecordingError
 from adhesion_can.identification.calibration import Calibration, calibrate
 from adhesion_can.identification.coasting import CalibrationSettings, CoastingDrive
 from adhesion_can.identification.traces import Trace
-from adhesion_can.physics.data import Reading, Role, SpeedSource
+from adhesion_can.physics.data import Role
 from adhesion_can.reporting.calibration import (
     calibration_json,
     calibration_notes,
@@ -42,7 +37,7 @@ from adhesion_can.reporting.calibration import (
 )
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
-from adhesion_can.service.extract import require_known
+from adhesion_can.service.hear import Heard, hear
 from adhesion_can.service.replay import in_sequence
 
 
@@ -113,9 +108,9 @@ def run(options: argparse.Namespace) -> int:
     heard = []
     with progress("reading", len(recordings), "recordings") as show:
         for number, recording in enumerate(recordings, start=1):
-            heard.append(_hear(in_sequence([recording]), config, str(recording.path)))
+            heard.append(hear(in_sequence([recording]), config, str(recording.path)))
             show(number)
-    drives = [one.drive(config, reference) for one in heard]
+    drives = [_drive(one, config, reference) for one in heard]
     where = ", ".join(map(str, options.log))
     _require_signals(drives, options, where)
     result = calibrate(drives, config.vehicle, settings)
@@ -177,65 +172,18 @@ def _settings(options: argparse.Namespace) -> CalibrationSettings:
 # --- what is heard
 
 
-@dataclass(slots=True)
-class _Heard:
-    """Readings of one recording by role and axle: stamps in µs, SI values or NaN."""
+def _drive(heard: Heard, config: Configuration, reference: Trace | None) -> CoastingDrive:
+    """Columns of what was heard; a reference takes the place of the vehicle speed."""
 
-    columns: dict[tuple[Role, int], tuple["array[int]", "array[float]"]] = field(
-        default_factory=dict
+    def traces(role: Role) -> dict[int, Trace]:
+        axles = sorted(choice.axle for choice in config.choices if choice.role is role)
+        return {axle: heard.trace(role, axle) for axle in axles}
+
+    return CoastingDrive(
+        reference or traces(Role.VEHICLE_SPEED)[0],
+        traces(Role.WHEEL_SPEED),
+        traces(Role.TRACTIVE_EFFORT),
     )
-    derived: int = 0
-    trailing: int = 0
-    _source: float | None = None
-
-    def take(self, readings: Iterable[Reading]) -> None:
-        """Readings of one frame."""
-        rows = list(readings)
-        for reading in rows:
-            if reading.role is Role.SPEED_SOURCE:
-                self._source = reading.value
-        for reading in rows:
-            value = np.nan if reading.value is None else reading.value
-            if reading.role is Role.VEHICLE_SPEED:
-                self.trailing += self._source == SpeedSource.TRAILING_AXLE
-                if self._source == SpeedSource.DRIVEN_AXLES:
-                    self.derived += 1
-                    value = np.nan
-            key = reading.role, reading.axle
-            stamps, values = self.columns.setdefault(key, (array("q"), array("d")))
-            stamps.append(reading.t_us)
-            values.append(value)
-
-    def drive(self, config: Configuration, reference: Trace | None) -> CoastingDrive:
-        """Columns of what was heard; a reference takes the place of the vehicle speed."""
-
-        def traces(role: Role) -> dict[int, Trace]:
-            axles = sorted(choice.axle for choice in config.choices if choice.role is role)
-            return {axle: _trace(*self.columns.get((role, axle), ((), ()))) for axle in axles}
-
-        return CoastingDrive(
-            reference or traces(Role.VEHICLE_SPEED)[0],
-            traces(Role.WHEEL_SPEED),
-            traces(Role.TRACTIVE_EFFORT),
-        )
-
-
-def _trace(t_us: Sequence[int], values: Sequence[float]) -> Trace:
-    return Trace.of(np.array(t_us, dtype=np.int64), np.array(values, dtype=np.float64))
-
-
-def _hear(items: Iterable[Frame | Mark], config: Configuration, where: str) -> _Heard:
-    receiver, heard, frames, now = Receiver(config.messages), _Heard(), 0, 0
-    for item in items:
-        if not isinstance(item, Frame):
-            continue
-        frames += 1
-        now = max(now, item.t_us)
-        outcome = receiver.accept(item._replace(t_us=now))
-        if isinstance(outcome, list):
-            heard.take(outcome)
-    require_known(receiver, frames, where)
-    return heard
 
 
 # --- what is needed
@@ -304,9 +252,7 @@ def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[st
     return what, f"record a drive in which one does, or raise {option}"
 
 
-def _notes_on_source(
-    result: Calibration, heard: list[_Heard], reference: Trace | None
-) -> list[str]:
+def _notes_on_source(result: Calibration, heard: list[Heard], reference: Trace | None) -> list[str]:
     """What is to be known of where the vehicle speed came from."""
     if reference is not None:
         told = result.offset is not None

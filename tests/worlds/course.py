@@ -151,12 +151,10 @@ def _phases(
         pull = force / vehicle.mass - 0.015 - 9.81 * gradient[row:end]
         course = speed + np.cumsum(pull) * STEP_S
         outside = np.flatnonzero((course < SPEEDS[0]) | (course > SPEEDS[1]))
-        if len(outside) and end < n + LEAD:
+        if len(outside):
             length = round(0.9 * int(outside[0]))
             if length < 300:
-                length, mode = 600, (-1 if course[outside[0]] > 10 else 1)
-                if (mode > 0) == (speed > 15):
-                    return None
+                return None
             continue
         v[row:end], slip[row:end] = course, wanted
         speed, row = float(course[-1]), end

@@ -1,0 +1,76 @@
+"""The worlds' own fit of c1..c3: variable projection with SciPy, weights from the noise."""
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from tests.worlds.plant import View
+from tests.worlds.rail import Floats, Ints
+
+THIN = 5
+
+
+def fit(view: View, rows: Ints | None = None) -> Floats:
+    """c1, c2, c3 of one surface from the rows that can be used (each fifth of them).
+
+    Twice: the second time the weights know the slope of the curve, and so what the noise of the
+    slip adds.
+    """
+    if rows is None:
+        rows = np.flatnonzero(view.use)
+    v = view
+    rows = rows[::THIN]
+    whole, share = v.contact.entered()
+    whole, share = whole[rows].ravel(), share[rows].ravel()
+    factor = np.broadcast_to(v.contact.factor, v.adhesion.shape)[rows].ravel() * share
+    told = v.adhesion[rows].ravel() - factor * v.contact.second_hump(whole)
+    std, slip_std = v.std[rows].ravel(), v.slip_std[rows].ravel()
+    if v.limits is not None:
+        # What the sensor cut off says nothing of the curve.
+        inside = (v.adhesion > v.limits[0] + 1e-3) & (v.adhesion < v.limits[1] - 1e-3)
+        std = np.where(inside[rows].ravel(), std, 1e3)
+    c = _project(whole, factor, told, 1 / std)
+    for _ in range(2):
+        slope = factor * (c[0] * c[1] * np.exp(-c[1] * whole) - c[2])
+        c = _project(whole, factor, told, 1 / np.hypot(std, slope * slip_std))
+    return c
+
+
+def _project(whole: Floats, factor: Floats, told: Floats, weight: Floats) -> Floats:
+    """c2 by search, c1 and c3 by least squares for each; c3 not below 0."""
+    target, falls = weight * told, -weight * factor * whole
+
+    def best(log_c2: float) -> tuple[float, Floats]:
+        rises = weight * factor * -np.expm1(-np.exp(log_c2) * whole)
+        rr, rf, ff = rises @ rises, rises @ falls, falls @ falls
+        rt, ft = rises @ target, falls @ target
+        c1, c3 = np.linalg.solve([[rr, rf], [rf, ff + 1e-12]], [rt, ft])
+        if c3 < 0:
+            c1, c3 = rt / rr, 0.0
+        left = target - c1 * rises - c3 * falls
+        return float(left @ left), np.array([c1, np.exp(log_c2), c3])
+
+    # A coarse look first: far off the sum of squares need not have one valley only.
+    grid = np.linspace(np.log(5), np.log(600), 9)
+    k = int(np.argmin([best(x)[0] for x in grid]))
+    bounds = (grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)])
+    found = minimize_scalar(
+        lambda x: best(float(x))[0], bounds=bounds, method="bounded", options={"xatol": 2e-3}
+    )
+    return best(float(found.x))[1]
+
+
+def fitted_residual(view: View, surface: Ints, outside: Ints | None = None) -> Floats:
+    """Residual (n, 6) of curves fitted to the rows given (all that can be used), by surface."""
+    rows = np.flatnonzero(view.use) if outside is None else outside
+    c = np.empty((len(view.t), 3))
+    for number in np.unique(surface):
+        own = rows[surface[rows] == number]
+        # A surface that lies within what is held out altogether must be fitted there.
+        own = own if len(own) > 200 else np.flatnonzero(view.use & (surface == number))
+        c[surface == number] = fit(view, own)
+    return view.residual(c)
+
+
+def rmse(residual: Floats) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(residual * residual)))

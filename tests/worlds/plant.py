@@ -1,0 +1,238 @@
+"""From a course and what is hidden to the readings on the bus, and back to samples.
+
+`drive` makes the readings. `view` is what a program that knows a model sees in them: with no
+effects the plain model's slip and adhesion, with the true effects what the truth would have made of
+the same noisy readings.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.worlds.course import AXLES, LEAD, RADIUS, STATIC_LOAD, STEP_S, Course, Vehicle
+from tests.worlds.hidden import Contact, Hidden, State, between, contact, find
+from tests.worlds.rail import Floats, Rail
+
+EFFORT_STD, SPEED_STD, WHEEL_STD, LOAD_STD = 0.01 * STATIC_LOAD, 0.01, 0.003, 500.0
+EDGE_S = 1.0
+"""No sample this near to the ends: what is late has not come there yet."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Drawn once a drive, so that sizes are compared on the same noise; one row a frame."""
+
+    effort: Floats
+    speed: Floats
+    wheel: Floats
+    load: Floats
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What the bus carries: a row a frame of the message's cycle, quantised as the bus does.
+
+    Attributes:
+        wheel_speed: rad/s, (n, 6), each 10 ms.
+        speed: m/s, (n/2,), each 20 ms.
+        effort: N, (n, 6), each 10 ms.
+        load: N, (n/20, 6), each 200 ms.
+        curvature: 1/m, (n/20,), each 200 ms.
+        gradient: 1, (n/20,), each 200 ms.
+        humidity, rail_temperature, ambient_temperature, sanding: (n/100,), each second.
+        forward: direction of travel.
+
+    """
+
+    wheel_speed: Floats
+    speed: Floats
+    effort: Floats
+    load: Floats
+    curvature: Floats
+    gradient: Floats
+    humidity: Floats
+    rail_temperature: Floats
+    ambient_temperature: Floats
+    sanding: Floats
+    forward: bool
+
+
+def draw_noise(rng: np.random.Generator, rows: int, correlation_s: float) -> Noise:
+    """White, but for the effort with a correlation time: AR(1) of the same total size."""
+    effort = rng.standard_normal((rows, AXLES))
+    if correlation_s > 0:
+        keep = np.exp(-STEP_S / correlation_s)
+        for row in range(1, rows):
+            effort[row] = keep * effort[row - 1] + np.sqrt(1 - keep * keep) * effort[row]
+    return Noise(
+        effort=EFFORT_STD * effort,
+        speed=SPEED_STD * rng.standard_normal(len(range(0, rows, 2))),
+        wheel=WHEEL_STD * rng.standard_normal((rows, AXLES)),
+        load=LOAD_STD * rng.standard_normal((len(range(0, rows, 20)), AXLES)),
+    )
+
+
+def drive(
+    course: Course, vehicle: Vehicle, rail: Rail, effects: Sequence[Hidden], noise: Noise
+) -> Readings:
+    """Run the course with the effects hidden in it."""
+    state = State(
+        course.t,
+        course.v,
+        course.slip,
+        course.load,
+        course.position,
+        course.curvature,
+        course.humidity,
+        course.rail_temperature,
+        course.sanding,
+        vehicle.order,
+        vehicle.behind,
+    )
+    curves = rail.curves[rail.surface_at(course.t)]
+    link = between(effects)
+    omega = (1 + course.slip) * course.v[:, None] / link.radius
+    force = contact(state, effects, curves).adhesion(curves) * course.load
+    effort = force + link.inertia * np.gradient(omega, STEP_S, axis=0) / link.radius
+    # The drive's torsion swings the wheel; the motor, whose torque the effort is, hardly feels it.
+    omega = omega + torsion(course, effects, rail)
+    seen = course.t[LEAD:]
+    late_v = np.interp(seen[::2] - link.speed_delay, course.t, course.v)
+    late_f = np.stack(
+        [np.interp(seen - link.effort_delay, course.t, effort[:, i]) for i in range(AXLES)], axis=1
+    )
+    measured = late_f + link.bias + noise.effort
+    measured = np.clip(measured, -link.saturation, link.saturation)
+    return Readings(
+        wheel_speed=_steps(omega[LEAD:] + noise.wheel, 0.002, 0, 65534),
+        speed=_steps(link.scale * late_v + noise.speed, 0.002, 0, 65534),
+        effort=_steps(measured, 10.0, -32768, 32766),
+        load=_steps(course.load[LEAD::20] + noise.load, 10.0, 0, 65534),
+        curvature=_steps(course.curvature[LEAD::20], 1e-6, -32768, 32766),
+        gradient=_steps(course.gradient[LEAD::20], 1e-5, -32768, 32766),
+        humidity=_steps(course.humidity[LEAD::100], 0.5, 0, 200),
+        rail_temperature=_steps(course.rail_temperature[LEAD::100] + 40, 0.5, 0, 254) - 40,
+        ambient_temperature=_steps(course.ambient_temperature[LEAD::100] + 40, 0.5, 0, 254) - 40,
+        sanding=course.sanding[LEAD::100],
+        forward=vehicle.forward,
+    )
+
+
+def _steps(values: Floats, step: float, lowest: int, highest: int) -> Floats:
+    return np.clip(np.rint(values / step), lowest, highest) * step
+
+
+def torsion(course: Course, effects: Sequence[Hidden], rail: Rail) -> Floats:
+    """Swing of the wheel speeds, rad/s, (n, 6): it grows where the creep lies beyond the peak."""
+    found = find(effects, "out:torsion")
+    if found is None:
+        return np.zeros_like(course.slip)
+    p = found.parameters
+    c = rail.curves[0]
+    onset = float(np.log(c[0] * c[1] / c[2]) / c[1])
+    x = np.clip((np.abs(course.slip) - onset) / 0.03, 0, 1)
+    envelope = p["amplitude"] * x * x * (3 - 2 * x) * course.v[:, None] / RADIUS
+    turns = p["frequency"] * course.t[:, None] + np.arange(AXLES) * p["shift"]
+    return envelope * np.sin(2 * np.pi * turns)
+
+
+@dataclass(frozen=True)
+class View:
+    """Samples as a model reads them; a row each 10 ms.
+
+    Attributes:
+        t: s, (n,).
+        adhesion: (n, 6).
+        std: standard deviation of an adhesion from the effort noise, (n, 6).
+        slip_std: of λ, (n, 6).
+        contact: how the curve is entered.
+        limits: lowest and highest adhesion that the effort sensor can show, (2, n, 6); None: all.
+        use: rows that a program can use, (n,).
+
+    """
+
+    t: Floats
+    adhesion: Floats
+    std: Floats
+    slip_std: Floats
+    contact: Contact
+    limits: Floats | None
+    use: NDArray[np.bool_]
+
+    def residual(self, c: Floats) -> Floats:
+        """Adhesion less the model's with curve c, (3,) or (n, 3); (n, 6)."""
+        said = self.contact.adhesion(c)
+        if self.limits is not None:
+            said = np.clip(said, self.limits[0], self.limits[1])
+        return self.adhesion - said
+
+    def thinned(self, every: int) -> "View":
+        """Every so many rows."""
+        rows = slice(None, None, every)
+        entered = replace(
+            self.contact,
+            slip=self.contact.slip[rows],
+            lateral=self.contact.lateral[rows],
+            factor=np.broadcast_to(self.contact.factor, self.contact.slip.shape)[rows],
+        )
+        return View(
+            self.t[rows],
+            self.adhesion[rows],
+            self.std[rows],
+            self.slip_std[rows],
+            entered,
+            None if self.limits is None else self.limits[:, rows],
+            self.use[rows],
+        )
+
+
+def view(
+    readings: Readings,
+    effects: Sequence[Hidden],
+    rail: Rail,
+    vehicle: Vehicle,
+    course: Course | None = None,
+) -> View:
+    """Samples of the readings under the effects; `course` is what a torsion is known from."""
+    link = between(effects)
+    n = len(readings.wheel_speed)
+    t = np.arange(n) * STEP_S
+    held, slow = np.arange(n) // 20, np.arange(n) // 100
+    omega = readings.wheel_speed
+    if course is not None:
+        omega = omega - torsion(course, effects, rail)[LEAD:]
+    v = np.interp(t + link.speed_delay, t[::2], readings.speed) / link.scale
+    effort = readings.effort - link.bias
+    if link.effort_delay:
+        ahead = t + link.effort_delay
+        effort = np.stack([np.interp(ahead, t, effort[:, i]) for i in range(AXLES)], axis=1)
+    position = np.cumsum(v) * STEP_S
+    state = State(
+        t,
+        v,
+        link.radius * omega / v[:, None] - 1,
+        readings.load[held],
+        position - position[0],
+        readings.curvature[held],
+        readings.humidity[slow],
+        readings.rail_temperature[slow],
+        readings.sanding[slow],
+        vehicle.order,
+        vehicle.behind,
+    )
+    own = link.inertia * np.gradient(omega, STEP_S, axis=0) / link.radius
+    entered = contact(state, effects, rail.curves[rail.surface_at(t)])
+    limits = None
+    if np.isfinite(link.saturation):
+        limits = (np.array([[[-1.0]], [[1.0]]]) * link.saturation - own) / state.load
+    return View(
+        t,
+        (effort - own) / state.load,
+        EFFORT_STD / state.load,
+        np.hypot(RADIUS * WHEEL_STD / v[:, None], (1 + state.slip) * SPEED_STD / v[:, None]),
+        entered,
+        limits,
+        np.asarray((t > EDGE_S) & (t < t[-1] - EDGE_S)),
+    )
