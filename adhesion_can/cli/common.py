@@ -4,8 +4,9 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from adhesion_can.bus.recordings import Recording, whole_file
 from adhesion_can.bus.tables import is_table
 from adhesion_can.config import Configuration, load_configuration
+from adhesion_can.config.extension import read_model
 from adhesion_can.errors import BusError, InputError, RecordingError
 from adhesion_can.reporting.text import console
 
@@ -29,6 +31,22 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--dbc", type=Path, metavar="F", help="CAN database (default: our own)")
 
 
+MODEL_ONLINE = "its effects are taken out of what is measured and stand in what is sent"
+
+
+def add_model(parser: argparse.ArgumentParser, what: str) -> None:
+    """Option --model.
+
+    Args:
+        parser: of the command.
+        what: the command does with it.
+
+    """
+    parser.add_argument(
+        "--model", type=Path, metavar="F", help=f"extended model that 'diagnose' wrote: {what}"
+    )
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Option --json."""
     parser.add_argument("--json", metavar="F", help="write the result as JSON; - for stdout")
@@ -40,8 +58,10 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
 
 
 def configuration(options: argparse.Namespace) -> Configuration:
-    """Configuration that the options name."""
-    return load_configuration(options.config, options.dbc)
+    """Configuration that the options name, with the extended model where one is named."""
+    config = load_configuration(options.config, options.dbc)
+    model = getattr(options, "model", None)
+    return config if model is None else replace(config, model=read_model(model))
 
 
 def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
@@ -156,6 +176,14 @@ def read_problems(recordings: Iterable[Recording]) -> list[str]:
             lines = ", ".join(map(str, report.bad_lines[:5]))
             found.append(f"{recording.path.name}: lines passed over: {kinds} (line {lines}, ..)")
     return found
+
+
+def left_out_lines(left_out: Mapping[str, int]) -> list[str]:
+    """Sentences about samples that the extended model could not be applied to, by reason."""
+    return [
+        f"{count} samples left out by the extended model: {reason}"
+        for reason, count in left_out.items()
+    ]
 
 
 def require_positive(value: float, name: str) -> None:

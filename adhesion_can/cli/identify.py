@@ -1,16 +1,21 @@
 """`identify`: one batch fit, its standard errors, and whether the data can tell."""
 
 import argparse
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from adhesion_can.bus.tables import is_table, read_table
+from adhesion_can.bus.tables import Table, is_table, read_table
 from adhesion_can.cli.common import (
     add_configuration,
     add_json,
+    add_model,
     configuration,
+    left_out_lines,
     open_recordings,
     progress,
     read_problems,
@@ -20,6 +25,12 @@ from adhesion_can.cli.common import (
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.identification.batch import BatchResult, identify
+from adhesion_can.identification.correction import (
+    corrected,
+    require_columns,
+    with_true_instruments,
+)
+from adhesion_can.identification.extended import ExtendedModel
 from adhesion_can.physics.data import Estimate, Samples
 from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import console, plus_minus, table
@@ -36,6 +47,7 @@ def add_to(commands: Any) -> None:
         "stretch of constant rail, and says what the data can tell.",
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
+    add_model(parser, "its effects are taken out, and its base curve is what is fitted")
     add_json(parser)
     add_configuration(parser)
     parser.set_defaults(run=run)
@@ -48,17 +60,18 @@ def run(options: argparse.Namespace) -> int:
     if tables and len(tables) < len(options.inputs):
         raise InputError("identify", "recordings and tables together", "give one kind at a time")
     if tables:
-        samples, labels, problems = _from_tables(tables)
+        samples, labels, problems, left_out = _from_tables(tables, config)
     else:
-        samples, problems = _from_logs(options.inputs, config)
+        samples, problems, left_out = _from_logs(options.inputs, config)
         labels = None
     result = identify(samples, config.identifiability, labels=labels)
     if result is None:
         raise InputError(
             ", ".join(map(str, options.inputs)),
             "not one usable sample (a moving vehicle, slip within the curve's range)",
-            "see what 'adhesion-can check' says of it",
+            "; ".join(left_out_lines(left_out)) or "see what 'adhesion-can check' says of it",
         )
+    extension = {} if config.model is None else _extension_json(config.model, left_out)
     write_json(
         options.json,
         {
@@ -72,13 +85,34 @@ def run(options: argparse.Namespace) -> int:
                 for s in result.segments
             ],
             "left_out": result.left_out,
+            **extension,
             "problems": problems,
             **provenance(config, options.inputs),
         },
     )
     if talk(options):
-        _print(result, problems)
+        _print(result, [*problems, *left_out_lines(left_out)], config.model)
     return 0
+
+
+def _extension_json(model: ExtendedModel, left_out: Mapping[str, int]) -> dict[str, Any]:
+    """What the fit is of, and the effects that were taken out before it."""
+    return {
+        "curve": "base curve of the extended model",
+        "effects": [
+            {
+                "effect": active.effect.id,
+                "form": active.effect.form,
+                "parameters": {
+                    p.name: value
+                    for p, value in zip(active.effect.parameters, active.values, strict=True)
+                },
+            }
+            for active in model.effects
+        ],
+        "splines": [{"channel": spline.channel, "kind": spline.kind} for spline in model.splines],
+        "left_out_by_model": dict(left_out),
+    }
 
 
 def _exists(path: Path) -> bool:
@@ -87,8 +121,17 @@ def _exists(path: Path) -> bool:
     return True
 
 
-def _from_tables(paths: list[Path]) -> tuple[Samples, Any, list[str]]:
+def _from_tables(
+    paths: list[Path], config: Configuration
+) -> tuple[Samples, Any, list[str], Counter[str]]:
     tables = [read_table(path) for path in paths]
+    left_out: Counter[str] = Counter()
+    if config.model is not None:
+        model = config.model
+        tables = [
+            _without_effects(t, model, str(path), left_out)
+            for path, t in zip(paths, tables, strict=True)
+        ]
     problems = [
         f"{path.name}: {t.left_out} of {t.rows} rows without a finite time, slip and adhesion"
         for path, t in zip(paths, tables, strict=True)
@@ -96,24 +139,40 @@ def _from_tables(paths: list[Path]) -> tuple[Samples, Any, list[str]]:
     ]
     samples = Samples.concatenate([t.samples for t in tables])
     if len(tables) == 1 and tables[0].segment is None:
-        return samples, None, problems
+        return samples, None, problems, left_out
     # Each table, and each segment of one, is a stretch of its own.
     labels, base = [], 0
     for t in tables:
         own = t.segment if t.segment is not None else np.zeros(len(t.samples), dtype=np.int64)
         labels.append(own + base)
         base += int(own.max(initial=0)) + 1
-    return samples, np.concatenate(labels), problems
+    return samples, np.concatenate(labels), problems, left_out
 
 
-def _from_logs(paths: list[Path], config: Configuration) -> tuple[Samples, list[str]]:
+def _without_effects(
+    table: Table, model: ExtendedModel, where: str, left_out: Counter[str]
+) -> Table:
+    """A table's rows without the model's effects: a drive of its own."""
+    require_columns(model, table.samples, where)
+    samples = with_true_instruments(table.samples, model.instruments, where)
+    result = corrected(samples, model, int(samples.axle.max(initial=1)))
+    left_out.update(result.left_out)
+    segment = None if table.segment is None else table.segment[result.kept]
+    return replace(table, samples=result.samples, segment=segment)
+
+
+def _from_logs(paths: list[Path], config: Configuration) -> tuple[Samples, list[str], Counter[str]]:
     recordings = open_recordings(paths)
     with progress("reading", 1, "recordings"):
         samples, _ = samples_of(in_sequence(recordings), config, ", ".join(map(str, paths)))
-    return samples, read_problems(recordings)
+    left_out: Counter[str] = Counter()
+    if config.model is not None:
+        result = corrected(samples, config.model, config.vehicle.axles)
+        samples, left_out = result.samples, result.left_out
+    return samples, read_problems(recordings), left_out
 
 
-def _print(result: BatchResult, problems: list[str]) -> None:
+def _print(result: BatchResult, problems: list[str], model: ExtendedModel | None) -> None:
     out = console()
     rows = [
         (f"{s.from_us / 1e6:.1f} .. {s.to_us / 1e6:.1f}", *_cells(s.estimate))
@@ -123,6 +182,9 @@ def _print(result: BatchResult, problems: list[str]) -> None:
         rows.append(("all together", *_cells(result.whole)))
     columns = ("time s", "samples", "mu_max", "lambda_m", "c1", "c2", "c3", "noise", "peak told")
     out.print(table("Batch fit, ± standard deviation", columns, rows))
+    if model is not None:
+        taken = ", ".join(model.names) or "no effects"
+        out.print(f"Base curve of the extended model {model.where}: without {taken}.", markup=False)
     if len(result.segments) > 1:
         out.print(
             f"The curve changed {len(result.segments) - 1} times: one for all does not "

@@ -13,9 +13,12 @@ from adhesion_can.bus.candump import format_frame
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.bus.recordings import whole_file
 from adhesion_can.cli.common import (
+    MODEL_ONLINE,
     add_configuration,
     add_json,
+    add_model,
     configuration,
+    left_out_lines,
     open_recordings,
     progress,
     read_problems,
@@ -58,6 +61,7 @@ def add_to(commands: Any) -> None:
     span.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S")
     span.add_argument("--to", dest="to_s", type=float, metavar="S")
     parser.add_argument("--realtime", action="store_true", help="at the recording's own speed")
+    add_model(parser, MODEL_ONLINE)
     add_json(parser)
     add_configuration(parser)
     parser.set_defaults(run=run)
@@ -179,6 +183,7 @@ def _document(
         "to_s": None if summary.last_us is None else summary.last_us / 1e6,
         "samples": core.counts.samples,
         "samples_dropped": core.dropped_samples,
+        "samples_left_out": core.left_out_samples,
         "restarts": core.counts.restarts,
         "faults": core.faults,
         "setpoints_by_status": statuses,
@@ -211,5 +216,5 @@ def _print(
             f"lambda_m {plus_minus(e.lambda_m, e.lambda_m_std)}, "
             f"c1 {e.c1:.4f}, c2 {e.c2:.2f}, c3 {e.c3:.4f}"
         )
-    for line in (*problems, *core.faults):
+    for line in (*problems, *core.faults, *left_out_lines(core.left_out_samples)):
         out.print(line, markup=False)

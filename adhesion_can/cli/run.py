@@ -14,9 +14,11 @@ import numpy as np
 
 from adhesion_can.bus.recordings import whole_file
 from adhesion_can.cli.common import (
+    MODEL_ONLINE,
     add_bus,
     add_configuration,
     add_json,
+    add_model,
     bus_opener,
     configuration,
     require_folder,
@@ -51,6 +53,7 @@ def add_to(commands: Any) -> None:
     )
     parser.add_argument("--dry-run", action="store_true", help="listen and identify, send nothing")
     parser.add_argument("--duration", type=float, metavar="S", help="end after so long")
+    add_model(parser, MODEL_ONLINE)
     add_json(parser)
     add_configuration(parser)
     add_bus(parser)
@@ -103,6 +106,7 @@ def run(options: argparse.Namespace) -> int:
         "frames_lost": core.receiver.lost + core.counts.receive_drops,
         "frames_clamped": core.counts.clamped,
         "samples": core.counts.samples,
+        "samples_left_out": core.left_out_samples,
         "loop_time_p99_us": core.loop_time_p99_us,
         "faults": core.faults,
     }

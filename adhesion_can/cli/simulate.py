@@ -22,11 +22,10 @@ from adhesion_can.cli.common import (
     require_positive,
     write_json,
 )
+from adhesion_can.cli.effect_option import SYNTAX, effects_help, parse_effects
 from adhesion_can.errors import BusError, InputError
-from adhesion_can.physics.effects import EFFECTS, effect_by_id
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.service.core import ServiceCore
-from adhesion_can.simulation.plant import ActiveEffect
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
 
@@ -34,15 +33,11 @@ from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     names = "\n".join(f"  {s.name:20}{s.meaning}" for s in SCENARIOS)
-    effects = "\n".join(
-        f"  {e.id:20}{e.parameters[0].meaning}, {e.parameters[0].unit}; "
-        f"typical {e.parameters[0].typical:g}"
-        for e in EFFECTS
-    )
     parser = commands.add_parser(
         "simulate",
         help="a simulated locomotive, to a log or on a bus",
-        description=f"Scenarios:\n{names}\n\nEffects:\n{effects}",
+        description=f"Scenarios:\n{names}\n\nEffects, with what --effect NAME alone takes:\n"
+        f"{effects_help()}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--scenario", required=True, metavar="NAME")
@@ -51,7 +46,7 @@ def add_to(commands: Any) -> None:
     parser.add_argument("--log", type=Path, metavar="F.log", help="write candump text")
     parser.add_argument("--truth", type=Path, metavar="F.json", help="write what is true")
     parser.add_argument(
-        "--effect", action="append", default=[], metavar="NAME[=SIZE]", help="may be repeated"
+        "--effect", action="append", default=[], metavar=SYNTAX, help="may be repeated"
     )
     parser.add_argument(
         "--closed-loop", action="store_true", help="the drive obeys AdhesionSetpoint"
@@ -104,39 +99,17 @@ def _settings(options: argparse.Namespace) -> RunSettings:
             f"no scenario {options.scenario!r}",
             f"known: {', '.join(s.name for s in SCENARIOS)}",
         ) from error
+    vehicle = configuration(options).vehicle
     return RunSettings(
         scenario,
         options.duration,
         seed=options.seed,
-        vehicle=configuration(options).vehicle,
-        effects=tuple(_effect(text) for text in options.effect),
+        vehicle=vehicle,
+        effects=parse_effects(options.effect, vehicle),
         obey=options.closed_loop,
         load_transfer=options.load_transfer,
         along_track=options.along_track,
     )
-
-
-def _effect(text: str) -> ActiveEffect:
-    name, given, size = text.partition("=")
-    try:
-        effect = effect_by_id(name)
-    except KeyError as error:
-        known = ", ".join(e.id for e in EFFECTS)
-        raise InputError(f"--effect {text}", f"no effect {name!r}", f"known: {known}") from error
-    first = effect.parameters[0]
-    try:
-        value = float(size) if given else first.typical
-    except ValueError as error:
-        raise InputError(
-            f"--effect {text}", f"{size!r} is not a number", f"give {first.name} in {first.unit}"
-        ) from error
-    if not first.lower <= value <= first.upper:
-        raise InputError(
-            f"--effect {text}",
-            f"{first.name} out of range",
-            f"give {first.lower:g} to {first.upper:g} {first.unit}",
-        )
-    return ActiveEffect(effect, (value, *(p.typical for p in effect.parameters[1:])))
 
 
 def _to_log(simulation: Simulation, path: Path, core: ServiceCore | None) -> None:

@@ -5,21 +5,24 @@ from functools import cached_property
 from math import hypot, sqrt
 
 from adhesion_can.bus.database import CanDatabase
-from adhesion_can.bus.roles import BoundMessage, SignalChoice, bind, resolutions_of
+from adhesion_can.bus.roles import BoundMessage, SignalChoice, bind, cycles_of, resolutions_of
 from adhesion_can.errors import ConfigError
 from adhesion_can.identification.assessment import IdentifiabilitySettings
 from adhesion_can.identification.axles import AxleSettings
 from adhesion_can.identification.changes import RunLengthSettings
+from adhesion_can.identification.correction import require_axles, require_channels
 from adhesion_can.identification.estimator import Estimator
 from adhesion_can.identification.evolution import EvolutionSettings
+from adhesion_can.identification.extended import ExtendedEstimator, ExtendedModel
 from adhesion_can.identification.memories import MemorySettings
 from adhesion_can.identification.paper import ChangeSettings
 from adhesion_can.identification.prior import PriorSettings
 from adhesion_can.identification.registry import DEFAULT, ESTIMATORS, EstimatorSettings
-from adhesion_can.identification.samples import SamplingSettings, Sensors
+from adhesion_can.identification.samples import COVARIATES, SampleFormer, SamplingSettings, Sensors
 from adhesion_can.identification.segments import Theta
 from adhesion_can.identification.tracker import TrackerParts, TrackerSettings
 from adhesion_can.physics.data import Role
+from adhesion_can.physics.instruments import PERFECT
 from adhesion_can.physics.vehicle import Locomotive
 
 
@@ -71,6 +74,7 @@ class Configuration:
         change: see there.
         estimator: name of the estimator.
         met: (c1, c2, c3) of surfaces that an earlier run met.
+        model: extended model, whose effects are taken into account; None: the plain curve.
         where: file that it came from, for errors.
         sha256: of the file, hex; '' for the defaults.
 
@@ -92,6 +96,7 @@ class Configuration:
     change: ChangeSettings = field(default_factory=ChangeSettings)
     estimator: str = DEFAULT
     met: tuple[Theta, ...] = ()
+    model: ExtendedModel | None = None
     where: str = "defaults"
     sha256: str = ""
 
@@ -150,6 +155,28 @@ class Configuration:
                     "its cycle is unknown, so it cannot be told when it is stale",
                     "state cycle_ms at its role, or GenMsgCycleTime in the database",
                 )
+        self._require_model()
+
+    def _require_model(self) -> None:
+        """ConfigError where the extended model asks for what the vehicle or no role gives."""
+        if self.model is None:
+            return
+        given = [COVARIATES[role] for role in self.roles() if role in COVARIATES]
+        mend = "map its role under [roles], or take the effect out of the model"
+        require_channels(self.model, given, f"no role of {self.where}", mend)
+        require_axles(self.model, self.vehicle.axles)
+
+    def make_former(self) -> SampleFormer:
+        """Fresh, for readings of these messages."""
+        model = self.model
+        return SampleFormer(
+            self.vehicle,
+            cycles_of(self.messages),
+            self.sampling,
+            self.sensors_as_sent,
+            PERFECT if model is None else model.instruments,
+            with_travel=model is not None,
+        )
 
     @property
     def estimators(self) -> EstimatorSettings:
@@ -168,6 +195,8 @@ class Configuration:
     def make_estimator(self, name: str | None = None) -> Estimator:
         """A fresh estimator by name; the configured one where none is given.
 
+        With an extended model it follows the base curve and says the curve that holds now.
+
         Raises:
             ConfigError: no estimator has that name.
 
@@ -177,4 +206,7 @@ class Configuration:
             where = "--estimator" if name else f"{self.where}: estimator"
             known = ", ".join(ESTIMATORS)
             raise ConfigError(where, f"no estimator {wanted!r}", f"known: {known}")
-        return ESTIMATORS[wanted](self.estimators)
+        estimator = ESTIMATORS[wanted](self.estimators)
+        if self.model is None or not self.model.online:
+            return estimator
+        return ExtendedEstimator(estimator, self.model, self.vehicle.axles, self.identifiability)

@@ -6,16 +6,18 @@ speeds before and after. So a sample is ready a cycle after its stamp, and a gap
 in it and no others.
 """
 
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
-from math import hypot, sqrt
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from math import hypot, nan, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from adhesion_can.physics.data import Direction, Reading, Role, Sample
+from adhesion_can.identification.track import WAITING, Track, Waiting
+from adhesion_can.physics.data import Direction, Reading, Role, Sample, Samples
+from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.kinematics import (
     V_MIN,
     adhesion_coefficient,
@@ -24,6 +26,9 @@ from adhesion_can.physics.kinematics import (
     wheelset_effort,
 )
 from adhesion_can.physics.vehicle import Locomotive
+
+TRAVEL = "travel"
+"""Covariate: 1 forwards and as long as nobody tells, -1 in reverse."""
 
 COVARIATES: Mapping[Role, str] = {
     Role.AMBIENT_TEMPERATURE: "ambient_temperature_degC",
@@ -80,13 +85,6 @@ class SamplingSettings:
             raise ValueError("min_load_share must be in 0..1")
 
 
-class _Waiting:
-    """The bracket's later reading has not come yet."""
-
-
-_WAITING = _Waiting()
-
-
 class _Row(NamedTuple):
     """Measured at one wheel-speed stamp: rad/s, rad/s², s, m/s, N; sorts by stamp and axle.
 
@@ -108,68 +106,7 @@ class _Row(NamedTuple):
     spread: float
 
 
-class _Track:
-    """Recent readings of one signal, in the order of their stamps."""
-
-    __slots__ = ("max_gap_us", "times", "values")
-
-    def __init__(self, max_gap_us: float) -> None:
-        self.max_gap_us = max_gap_us
-        self.times: list[int] = []
-        self.values: list[float | None] = []
-
-    def add(self, t_us: int, value: float | None) -> None:
-        if self.times and t_us <= self.times[-1]:
-            # Two readings of one stamp: the later one counts, a difference needs two stamps.
-            self.values[-1] = value
-            return
-        self.times.append(t_us)
-        self.values.append(value)
-
-    def forget_before(self, t_us: int) -> int:
-        """Drop what no bracket at or after `t_us` needs; returns how many went."""
-        keep = max(bisect_right(self.times, t_us) - 2, 0)
-        if keep:
-            del self.times[:keep], self.values[:keep]
-        return keep
-
-    def at(self, t_us: int) -> float | _Waiting | None:
-        """Value at a stamp, interpolated; None across a gap or a missing value."""
-        times = self.times
-        if not times or times[-1] < t_us:
-            return _WAITING
-        after = bisect_left(times, t_us)
-        right = self.values[after]
-        if times[after] == t_us or right is None:
-            return right
-        if after == 0:
-            return None
-        left = self.values[after - 1]
-        span = times[after] - times[after - 1]
-        if left is None or span > self.max_gap_us:
-            return None
-        return left + (right - left) * ((t_us - times[after - 1]) / span)
-
-    def closing(self, t_us: int) -> int:
-        """Stamp of the reading that closes the bracket around a stamp that has one."""
-        return self.times[bisect_left(self.times, t_us)]
-
-    def spread(self, t_us: int) -> float:
-        """Standard deviation at a stamp that has a bracket, had the value stepped within it."""
-        times, values = self.times, self.values
-        after = bisect_left(times, t_us)
-        left, right = values[after - 1], values[after]
-        if times[after] == t_us or left is None or right is None:
-            return 0.0
-        share = (t_us - times[after - 1]) / (times[after] - times[after - 1])
-        return abs(right - left) * sqrt(share * (1.0 - share))
-
-    def held_at(self, t_us: int) -> float | None:
-        """Last value at or before a stamp, unless it is older than the gap allowed."""
-        before = bisect_right(self.times, t_us) - 1
-        if before < 0 or t_us - self.times[before] > self.max_gap_us:
-            return None
-        return self.values[before]
+_TRAVEL_OF = {Direction.FORWARD: 1.0, Direction.REVERSE: -1.0}
 
 
 class SampleFormer:
@@ -180,6 +117,8 @@ class SampleFormer:
         cycles_us: cycle of each role's message, µs; what allows a gap to be told.
         settings: see there.
         sensors: see there.
+        instruments: errors of the sensors and of the vehicle's data, taken out of the readings.
+        with_travel: whether samples carry the direction of travel, the covariate `TRAVEL`.
 
     """
 
@@ -189,8 +128,15 @@ class SampleFormer:
         cycles_us: Mapping[Role, int],
         settings: SamplingSettings | None = None,
         sensors: Sensors | None = None,
+        instruments: Instruments = PERFECT,
+        *,
+        with_travel: bool = False,
     ) -> None:
-        self._vehicle = vehicle
+        self._vehicle = vehicle = instruments.vehicle(vehicle)
+        self._instruments, self._with_travel = instruments, with_travel
+        self._speed_lag_us = round(instruments.speed_delay * 1e6)
+        self._effort_lag_us = round(instruments.effort_delay * 1e6)
+        self._lag_us = max(self._speed_lag_us, self._effort_lag_us, 0)
         self._radius = np.array(vehicle.wheel_radius)
         self._settings = settings or SamplingSettings()
         self._sensors = sensors or Sensors()
@@ -198,13 +144,14 @@ class SampleFormer:
         required = (Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT)
         self._patience_us = max(self._gap.get(role, 0.0) for role in required)
         axles = range(1, vehicle.axles + 1)
-        self._wheel = {i: _Track(self._gap.get(Role.WHEEL_SPEED, 0.0)) for i in axles}
-        self._effort = {i: _Track(self._gap.get(Role.TRACTIVE_EFFORT, 0.0)) for i in axles}
-        self._load = {i: _Track(self._gap.get(Role.AXLE_LOAD, 0.0)) for i in axles}
-        self._speed = _Track(self._gap.get(Role.VEHICLE_SPEED, 0.0))
+        self._wheel = {i: Track(self._gap.get(Role.WHEEL_SPEED, 0.0)) for i in axles}
+        self._effort = {i: Track(self._gap.get(Role.TRACTIVE_EFFORT, 0.0)) for i in axles}
+        self._load = {i: Track(self._gap.get(Role.AXLE_LOAD, 0.0)) for i in axles}
+        self._speed = Track(self._gap.get(Role.VEHICLE_SPEED, 0.0))
         self._next = dict.fromkeys(axles, 1)
         self._travel = 1.0
         self._covariates: dict[str, float] = {}
+        self._history: list[tuple[int, dict[str, float]]] = []
         geometry = vehicle.geometry
         self._transfer = (
             None if geometry is None else geometry.load_transfer(np.eye(vehicle.axles)).T.tolist()
@@ -213,26 +160,42 @@ class SampleFormer:
         """Wheel-speed readings that gave no sample, by reason."""
 
     def add(self, reading: Reading) -> None:
-        """Take one reading; stamps must not run backwards."""
-        role, axle = reading.role, reading.axle
+        """Take one reading; stamps must not run backwards.
+
+        What a sensor measured earlier than it is stamped goes back to when that was; samples wait
+        for it.
+        """
+        role, axle, wrong = reading.role, reading.axle, self._instruments
         if role is Role.WHEEL_SPEED and axle in self._wheel:
             self._wheel[axle].add(reading.t_us, reading.value)
         elif role is Role.TRACTIVE_EFFORT and axle in self._effort:
-            self._effort[axle].add(reading.t_us, reading.value)
+            effort = None if reading.value is None else reading.value - wrong.effort_bias
+            self._effort[axle].add(reading.t_us - self._effort_lag_us, effort)
         elif role is Role.VEHICLE_SPEED:
-            self._speed.add(reading.t_us, reading.value)
+            speed = None if reading.value is None else reading.value / (1.0 + wrong.speed_error)
+            self._speed.add(reading.t_us - self._speed_lag_us, speed)
         elif role is Role.AXLE_LOAD and axle in self._load:
             self._load[axle].add(reading.t_us, reading.value)
         elif role is Role.DIRECTION and reading.value is not None:
-            known = {Direction.FORWARD: 1.0, Direction.REVERSE: -1.0}
-            self._travel = known.get(int(reading.value), self._travel)
+            self._travel = _TRAVEL_OF.get(int(reading.value), self._travel)
+            if self._with_travel and self._covariates.get(TRAVEL) != self._travel:
+                self._set_covariate(TRAVEL, self._travel, reading.t_us)
         elif role in COVARIATES:
-            self._set_covariate(COVARIATES[role], reading.value)
+            self._set_covariate(COVARIATES[role], reading.value, reading.t_us)
 
-    def _set_covariate(self, name: str, value: float | None) -> None:
+    def _set_covariate(self, name: str, value: float | None, t_us: int) -> None:
         # A new mapping, since the samples formed so far share the old one.
         rest = {key: old for key, old in self._covariates.items() if key != name}
         self._covariates = rest if value is None else {**rest, name: value}
+        if self._lag_us:
+            self._history.append((t_us, self._covariates))
+
+    def _covariates_at(self, t_us: int) -> dict[str, float]:
+        """Those of a sample: the present ones, unless it had to wait for late readings."""
+        if not self._lag_us:
+            return self._covariates
+        before = bisect_right(self._history, t_us, key=lambda entry: entry[0]) - 1
+        return self._history[before][1] if before >= 0 else {}
 
     def collect(self, now_us: int) -> list[Sample]:
         """Samples that became complete, by stamp and axle.
@@ -247,8 +210,8 @@ class SampleFormer:
             k = self._next[axle]
             while k < len(wheel.times) - 1:
                 outcome = self._form(axle, k)
-                if outcome is _WAITING:
-                    if now_us - wheel.times[k] <= 2 * self._patience_us:
+                if outcome is WAITING:
+                    if now_us - wheel.times[k] <= 2 * self._patience_us + self._lag_us:
                         break
                     outcome = "no bracket"
                 if isinstance(outcome, _Row):
@@ -257,8 +220,9 @@ class SampleFormer:
                     self.dropped[str(outcome)] += 1
                 k += 1
             self._next[axle] = k - wheel.forget_before(wheel.times[k - 1]) if wheel.times else k
+        samples = self._samples(sorted(formed))
         self._forget(now_us)
-        return self._samples(sorted(formed))
+        return samples
 
     def _forget(self, now_us: int) -> None:
         """Drop what no waiting wheel speed needs, nor any that may still be bracketed."""
@@ -267,11 +231,15 @@ class SampleFormer:
             for axle, wheel in self._wheel.items()
             if len(wheel.times) >= self._next[axle]
         ]
-        oldest = max(min(waiting, default=now_us), round(now_us - 4 * self._patience_us))
+        oldest = max(
+            min(waiting, default=now_us), round(now_us - 4 * self._patience_us - self._lag_us)
+        )
         for track in (self._speed, *self._effort.values(), *self._load.values()):
             track.forget_before(oldest)
+        gone = bisect_right(self._history, oldest, key=lambda entry: entry[0]) - 1
+        del self._history[: max(gone, 0)]
 
-    def _form(self, axle: int, k: int) -> _Row | str | _Waiting:  # noqa: PLR0911  a reason each
+    def _form(self, axle: int, k: int) -> _Row | str | Waiting:  # noqa: PLR0911  a reason each
         """What a sample at the k-th wheel speed of an axle is made of, or why there is none."""
         wheel = self._wheel[axle]
         t = wheel.times[k]
@@ -283,8 +251,8 @@ class SampleFormer:
             return "gap in wheel speed"
         v = self._speed.at(t)
         effort = self._effort[axle].at(t)
-        if isinstance(v, _Waiting) or isinstance(effort, _Waiting):
-            return _WAITING
+        if isinstance(v, Waiting) or isinstance(effort, Waiting):
+            return WAITING
         if v is None:
             return "vehicle speed not available"
         if effort is None:
@@ -292,8 +260,8 @@ class SampleFormer:
         if v < self._settings.v_min:
             return "below v_min"
         loaded = self._load_at(axle, t, effort)
-        if isinstance(loaded, _Waiting):
-            return _WAITING
+        if isinstance(loaded, Waiting):
+            return WAITING
         load, load_std = loaded
         if load < self._settings.min_load_share * self._vehicle.axle_load[axle - 1]:
             return "axle load implausibly low"
@@ -357,7 +325,7 @@ class SampleFormer:
                 slip_common_var=common_var,
                 speed_us=row.speed_us,
                 transient_var=transient_var,
-                covariates=self._covariates,
+                covariates=self._covariates_at(row.t_us),
             )
             for row, (
                 slip_,
@@ -370,7 +338,7 @@ class SampleFormer:
             ) in zip(rows, numbers, strict=True)
         ]
 
-    def _load_at(self, axle: int, t_us: int, effort: float) -> tuple[float, float] | _Waiting:
+    def _load_at(self, axle: int, t_us: int, effort: float) -> tuple[float, float] | Waiting:
         """Load of an axle and the standard deviation of what was not measured, N."""
         measured = self._load[axle].held_at(t_us)
         if measured is not None:
@@ -384,9 +352,9 @@ class SampleFormer:
         for j, share in enumerate(row, start=1):
             track = self._effort[j]
             other = track.at(t_us)
-            if isinstance(other, _Waiting) and track.times:
-                return _WAITING
-            if other is None or isinstance(other, _Waiting):
+            if isinstance(other, Waiting) and track.times:
+                return WAITING
+            if other is None or isinstance(other, Waiting):
                 # Another axle's effort is unknown: no transfer, but its whole size as doubt.
                 return static, hypot(spread, effort * sum(row))
             shift += share * other
@@ -407,3 +375,14 @@ def common_load_std(loads: np.ndarray, load_std: np.ndarray) -> float:
     if not len(loads):
         return 0.0
     return sqrt(float(np.mean((load_std / loads) ** 2)))
+
+
+def columns_of(samples: Iterable[Sample]) -> Samples:
+    """Columns of samples with every covariate that any of them carries, NaN where one does not."""
+    rows = list(samples)
+    names = sorted(set().union(*(row.covariates.keys() for row in rows)))
+    covariates = {
+        name: np.array([row.covariates.get(name, nan) for row in rows], dtype=np.float64)
+        for name in names
+    }
+    return replace(Samples.of(rows), covariates=covariates)

@@ -11,12 +11,15 @@ from adhesion_can.physics.data import Estimate
 
 
 def provenance(configuration: Configuration, inputs: Sequence[Path] = ()) -> dict[str, Any]:
-    """Version, and hashes of inputs, database and configuration."""
+    """Version, and hashes of inputs, database, configuration and, where one is used, model."""
+    model = configuration.model
+    named = {} if model is None else {"model": {"path": model.where, "sha256": model.sha256}}
     return {
         "version": __version__,
         "inputs": [{"path": str(path), "sha256": file_sha256(path)} for path in inputs],
         "dbc": {"path": configuration.database.path.name, "sha256": configuration.database.sha256},
         "configuration": {"path": configuration.where, "sha256": configuration.sha256 or None},
+        **named,
     }
 
 

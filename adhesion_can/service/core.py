@@ -14,10 +14,9 @@ from math import inf, isfinite, isnan
 from adhesion_can.bus.e2e import Rejection
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
-from adhesion_can.bus.roles import cycles_of
 from adhesion_can.config import Configuration
 from adhesion_can.identification.estimator import Estimator
-from adhesion_can.identification.samples import SampleFormer
+from adhesion_can.identification.extended import ExtendedEstimator
 from adhesion_can.physics.data import (
     CHANGED,
     Estimate,
@@ -114,12 +113,7 @@ class ServiceCore:
         self._due = {}
         self._estimator = self._make_estimator()
         self._estimate: Estimate | None = None
-        self._former = SampleFormer(
-            configuration.vehicle,
-            cycles_of(configuration.messages),
-            configuration.sampling,
-            configuration.sensors_as_sent,
-        )
+        self._former = configuration.make_former()
         self._inputs: dict[tuple[Role, int], _Input] = {}
         self._watches: list[_Input] = []
         self._speed: float | None = None
@@ -148,6 +142,12 @@ class ServiceCore:
     def dropped_samples(self) -> dict[str, int]:
         """Wheel-speed readings that gave no sample, by reason."""
         return dict(self._former.dropped)
+
+    @property
+    def left_out_samples(self) -> dict[str, int]:
+        """Samples that the extended model could not be applied to, by reason."""
+        estimator = self._estimator
+        return dict(estimator.left_out) if isinstance(estimator, ExtendedEstimator) else {}
 
     def feed(self, frame: Frame) -> list[Frame]:
         """Take one frame; returns what was due at or before its stamp.

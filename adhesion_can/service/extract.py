@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterable
 from adhesion_can.bus.e2e import Rejection
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.bus.receiver import Receiver
-from adhesion_can.bus.roles import cycles_of
 from adhesion_can.config import Configuration
 from adhesion_can.errors import RecordingError
-from adhesion_can.identification.samples import SampleFormer
+from adhesion_can.identification.samples import columns_of
 from adhesion_can.physics.data import Reading, Sample, Samples
 
 UPDATE_US = 20_000
@@ -33,22 +32,20 @@ class Extraction:
         self.first_us: int | None = None
         self.last_us = 0
         self._on_reading = on_reading
-        self._former = SampleFormer(
-            configuration.vehicle,
-            cycles_of(configuration.messages),
-            configuration.sampling,
-            configuration.sensors_as_sent,
-        )
+        self._former = configuration.make_former()
         self._formed: list[Sample] = []
         self._collected_us = 0
 
     def run(self, items: Iterable[Frame | Mark]) -> Samples:
-        """Samples of all frames, in the order of their stamps; marks are passed over."""
+        """Samples of all frames, in the order of their stamps; marks are passed over.
+
+        A covariate that was not available at a sample is NaN there.
+        """
         for item in items:
             if isinstance(item, Frame):
                 self._take(item)
         self._formed += self._former.collect(self.last_us)
-        return Samples.of(self._formed)
+        return columns_of(self._formed)
 
     @property
     def dropped(self) -> dict[str, int]:

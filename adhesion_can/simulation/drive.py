@@ -52,6 +52,9 @@ class Pattern(Enum):
 
 
 SWEEP_PERIOD_S = 20.0
+SWEEP_PARTS = (0.0, 0.32, 0.64, 0.72, 0.80, 1.0)
+SWEEP_HEIGHTS = (0.0, 1.0, 0.0, 1.0, 0.0, 0.0)
+"""Of each half: a slow sweep up and down, a quick one that shows what lags behind, coasting."""
 
 
 def probing_slip(time_s: float, axles: int, pattern: Pattern, settings: DriveSettings) -> Array:
@@ -72,8 +75,7 @@ def probing_slip(time_s: float, axles: int, pattern: Pattern, settings: DriveSet
     half = SWEEP_PERIOD_S / 2
     sign = 1.0 if phase_s < half else -1.0
     part = (phase_s % half) / half
-    # Four fifths of each half are a sweep up and down, the last fifth is coasting.
-    size = high * (1.0 - abs(part / 0.4 - 1.0)) if part < 0.8 else 0.0
+    size = high * np.interp(part, SWEEP_PARTS, SWEEP_HEIGHTS)
     return np.full(axles, sign * size)
 
 

@@ -3,27 +3,36 @@
 Each wheelset: J dω/dt = r (T − F), F = μ(λ) N. The train: M dv/dt = Σ F − resistance − gradient.
 Near the start of the curve the contact is stiff (1000 1/s and more), so a step is linearly implicit
 in ω (Rosenbrock-Euler), and what the rail gives in it is taken from the same balance.
+
+Effects in the contact turn the curve into F = factor μ(λ') N, with λ' the slip that they change.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import pi, sin
 
 import numpy as np
 
 from adhesion_can.physics.burckhardt import SLIP_MAX, Array, Surface, adhesion, adhesion_slope
-from adhesion_can.physics.effects import Contact, Effect
+from adhesion_can.physics.effects import (
+    ActiveEffect,
+    Contact,
+    ContactEffect,
+    Memory,
+    change_of,
+)
 from adhesion_can.physics.vehicle import GRAVITY, Locomotive
+from adhesion_can.simulation.surroundings import Conditions, Surroundings
+
+Curves = tuple[Array, Array, Array]
+"""c1, c2, c3 under each axle, shape (axles,) each."""
 
 SLOWEST = 0.2
 """m/s; λ is formed with at least this speed, so that a standing train can start."""
 
 
-@dataclass(frozen=True, slots=True)
-class ActiveEffect:
-    """An effect with the values of its parameters."""
-
-    effect: Effect
-    values: tuple[float, ...]
+NUDGE = 1e-6
+"""Change of slip by which the stiffness of a contact is told where effects change the slip."""
 
 
 def running_resistance(speed: float, train_mass: float) -> float:
@@ -46,27 +55,33 @@ class Profile:
         speed: at which it is level, m/s.
         rise: gradient per m/s above that speed.
         steepest: either way, m/m.
+        swing: share by which that speed goes up and down with time.
+        period_s: of the swing, s.
 
     """
 
     speed: float = 0.0
     rise: float = 0.0
     steepest: float = 0.035
+    swing: float = 0.0
+    period_s: float = 180.0
 
-    def at(self, speed: float) -> float:
-        """Gradient where the train has a speed, m/m, positive uphill."""
-        return min(max(self.rise * (speed - self.speed), -self.steepest), self.steepest)
+    def at(self, speed: float, time_s: float = 0.0) -> float:
+        """Gradient where the train has a speed (m/s) at a time (s), m/m, positive uphill."""
+        level = self.speed * (1.0 + self.swing * sin(2.0 * pi * time_s / self.period_s))
+        return min(max(self.rise * (speed - level), -self.steepest), self.steepest)
 
 
 class Plant:
     """State of the locomotive and its train.
 
     Args:
-        vehicle: its data.
+        vehicle: its data, as they really are.
         speed: at the start, m/s.
-        effects: mechanisms beyond the curve.
+        effects: mechanisms beyond the curve; those of the instruments change nothing here.
         load_transfer: whether axle loads move under effort.
         gradient: of the track, m/m, positive uphill; or its profile.
+        surroundings: see there.
 
     """
 
@@ -78,23 +93,39 @@ class Plant:
         *,
         load_transfer: bool = False,
         gradient: "float | Profile" = 0.0,
+        surroundings: Surroundings | None = None,
     ) -> None:
         self.vehicle = vehicle
         self._gradient = gradient
+        self.time_s = 0.0
         self.speed = speed
         self.position = 0.0
         self.radius = np.array(vehicle.wheel_radius)
         self.wheel_speed: Array = speed / self.radius
         self.force: Array = np.zeros(vehicle.axles)
         self.load: Array = np.array(vehicle.axle_load)
-        self._effects = tuple(effects)
-        self._load_transfer = load_transfer
+        self._effects = tuple(a for a in effects if isinstance(a.effect, ContactEffect))
+        self._channels = {name for a in self._effects for name in a.effect.needs}
+        self._memory = Memory()
+        self._axle = np.arange(1.0, vehicle.axles + 1)
+        self._surroundings = surroundings or Surroundings()
+        # Transfer is linear in the efforts: (axles, axles), N of load per N of effort.
+        self._transfer = (
+            vehicle.geometry.load_transfer(np.eye(vehicle.axles))
+            if load_transfer and vehicle.geometry
+            else None
+        )
 
     @property
     def gradient(self) -> float:
         """Of the track here, m/m, positive uphill."""
         slope = self._gradient
-        return slope.at(self.speed) if isinstance(slope, Profile) else slope
+        return slope.at(self.speed, self.time_s) if isinstance(slope, Profile) else slope
+
+    @property
+    def conditions(self) -> Conditions:
+        """Around the locomotive now."""
+        return self._surroundings.at(self.time_s, self.position)
 
     @property
     def slip(self) -> Array:
@@ -102,7 +133,7 @@ class Plant:
         v = max(self.speed, SLOWEST)
         return np.asarray((self.radius * self.wheel_speed - self.speed) / v)
 
-    def step(self, effort: Array, theta: tuple[Array, Array, Array], dt: float) -> None:
+    def step(self, effort: Array, theta: Curves, dt: float) -> None:
         """Advance by one step.
 
         Args:
@@ -113,16 +144,10 @@ class Plant:
         """
         r, inertia = self.radius, self.vehicle.wheelset_inertia
         v = max(self.speed, SLOWEST)
-        slip = self.slip
-        # Past a slip of 1 a wheel only spins faster: the straight -c3 λ would turn negative there.
-        mu = adhesion(np.clip(slip, -SLIP_MAX, SLIP_MAX), *theta)
-        if self._effects:
-            contact = Contact(slip, slip * v, np.full_like(slip, self.speed), self.load)
-            for active in self._effects:
-                mu = active.effect.apply(mu, contact, active.values)
-        if self._load_transfer:
-            self.load = self.vehicle.loads(effort)
-        stiffness = np.maximum(adhesion_slope(slip, *theta), 0.0) * self.load * r / v
+        if self._transfer is not None:
+            self.load = np.asarray(self.vehicle.axle_load + effort @ self._transfer)
+        mu, slope = self._contact(self.slip, v, theta)
+        stiffness = np.maximum(slope, 0.0) * self.load * r / v
         gain = dt * r / inertia
         change = gain * (effort - mu * self.load) / (1.0 + gain * stiffness)
         # A locked wheel stands: brakes do not turn it backwards, and the rail gives what it can.
@@ -136,6 +161,48 @@ class Plant:
         before = self.speed
         self.speed = max(before + dt * pull / mass, 0.0)
         self.position += dt * (before + self.speed) / 2
+        self.time_s += dt
+
+    def _contact(self, slip: Array, v: float, theta: Curves) -> tuple[Array, Array]:
+        """Adhesion of each axle and its slope over slip, shape (axles,) each.
+
+        The slope is what adhesion answers with within the step: of a contact that lags behind the
+        slip it is a small share of the curve's. It need not be exact, it keeps the step stable.
+        """
+        if not self._effects:
+            return _curve(slip, theta), adhesion_slope(slip, *theta)
+        before = self._memory.copy()
+        contact = self._contact_state(slip, v)
+        change = change_of(self._effects, contact, self._memory)
+        mu = _curve(change.slip, theta) * change.factor
+        if change.slip is slip:
+            return mu, adhesion_slope(slip, *theta) * change.factor
+        # The memory of a step ago, so that what lags behind moves as far as in this step.
+        nudged = change_of(self._effects, replace(contact, slip=slip + NUDGE), before)
+        return mu, (_curve(nudged.slip, theta) * nudged.factor - mu) / NUDGE
+
+    def _contact_state(self, slip: Array, v: float) -> Contact:
+        def every(value: float) -> Array:
+            return np.full(len(slip), value)
+
+        conditions, gradient = self.conditions, self.gradient
+        known = {name: conditions.covariate(name, gradient) for name in self._channels}
+        return Contact(
+            slip=slip,
+            creep_speed=slip * v,
+            speed=every(v),
+            load=self.load,
+            time_s=every(self.time_s),
+            axle=self._axle,
+            place=self._axle,  # the simulated locomotive runs forward
+            adhesion=self.force / self.load,
+            covariates={name: every(x) for name, x in known.items() if x is not None},
+        )
+
+
+def _curve(slip: Array, theta: Curves) -> Array:
+    # Past a slip of 1 a wheel only spins faster: the straight -c3 λ would turn negative there.
+    return adhesion(np.clip(slip, -SLIP_MAX, SLIP_MAX), *theta)
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,9 +233,9 @@ class Track:
         self._behind = behind
         self._entered_m = [-np.inf]
         self._curves = np.array([s.surface.theta for s in self._stretches])
-        self._settled: tuple[Array, Array, Array] | None = None
+        self._settled: Curves | None = None
 
-    def under(self, time_s: float, position: float) -> tuple[Array, Array, Array]:
+    def under(self, time_s: float, position: float) -> Curves:
         """c1, c2, c3 under each axle, shape (axles,) each.
 
         Args:

@@ -9,9 +9,11 @@ import numpy as np
 from adhesion_can.bus.codec import MessagePlan
 from adhesion_can.bus.database import CanDatabase
 from adhesion_can.bus.frame import Frame, to_us
+from adhesion_can.errors import InputError
+from adhesion_can.physics.effects import ActiveEffect, instruments_of
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.drive import Drive, DriveSettings
-from adhesion_can.simulation.plant import ActiveEffect, Plant, Track
+from adhesion_can.simulation.plant import Plant, Track
 from adhesion_can.simulation.scenarios import Scenario
 from adhesion_can.simulation.sensors import NoiseSettings, PlantState, Sensors
 
@@ -28,12 +30,12 @@ class RunSettings:
         scenario: see there.
         duration_s: simulated time, s.
         seed: of the noise.
-        vehicle: see there.
-        effects: mechanisms beyond the curve.
+        vehicle: as configured; effects may make the real one another.
+        effects: mechanisms beyond the curve, and errors of sensors and data.
         noise: of the sensors.
         drive: of the creep controller.
         obey: whether the drive follows `AdhesionSetpoint`.
-        load_transfer: whether axle loads move under effort.
+        load_transfer: whether axle loads move under effort; some scenarios let them anyway.
         along_track: whether each axle finds a change of surface where the leading one found it,
             or all at the same moment.
 
@@ -62,18 +64,27 @@ class Simulation:
 
     def __init__(self, settings: RunSettings, database: CanDatabase) -> None:
         self.settings = settings
-        scenario, vehicle = settings.scenario, settings.vehicle
+        scenario, instruments = settings.scenario, instruments_of(settings.effects)
+        vehicle = instruments.vehicle(settings.vehicle)
+        if not vehicle.wheelset_inertia > 0:
+            raise InputError(
+                "vehicle",
+                f"the real inertia of a wheelset would be {vehicle.wheelset_inertia:g} kg m^2",
+                "a locomotive that runs needs more than 0",
+            )
         self.plant = Plant(
             vehicle,
             scenario.speed,
             settings.effects,
-            load_transfer=settings.load_transfer,
+            load_transfer=settings.load_transfer or scenario.load_transfer,
             gradient=scenario.profile,
+            surroundings=scenario.surroundings,
         )
         self.stretches = scenario.stretches(settings.duration_s)
         self._track = Track(self.stretches, axles_behind(vehicle, along=settings.along_track))
         self._drive = Drive(vehicle.axles, settings.drive, scenario.pattern, settings.obey)
-        self._sensors = Sensors(database, settings.noise, np.random.default_rng(settings.seed))
+        rng = np.random.default_rng(settings.seed)
+        self._sensors = Sensors(database, settings.noise, rng, instruments)
         self._setpoint = MessagePlan(database.message("AdhesionSetpoint"))
         self.now_us = 0
 
@@ -114,11 +125,20 @@ class Simulation:
     def _state(self) -> PlantState:
         plant = self.plant
         return PlantState(
-            plant.wheel_speed, plant.speed, self._drive.effort, plant.load, plant.gradient
+            plant.wheel_speed,
+            plant.speed,
+            self._drive.effort,
+            plant.load,
+            plant.gradient,
+            plant.conditions,
         )
 
     def truth(self) -> dict[str, Any]:
-        """What is true in this run, as `--truth` writes it."""
+        """What is true in this run, as `--truth` writes it.
+
+        The vehicle is the configured one, and the surfaces are without the effects: these say in
+        what the real ones differ.
+        """
         settings = self.settings
         ends = [stretch.from_s for stretch in self.stretches[1:]] + [settings.duration_s]
         return {
@@ -141,6 +161,7 @@ class Simulation:
             "effects": [
                 {
                     "effect": active.effect.id,
+                    "form": active.effect.form,
                     "parameters": {
                         p.name: value
                         for p, value in zip(active.effect.parameters, active.values, strict=True)
@@ -149,6 +170,7 @@ class Simulation:
                 for active in settings.effects
             ],
             "noise": asdict(settings.noise),
+            "surroundings": asdict(settings.scenario.surroundings),
         }
 
 

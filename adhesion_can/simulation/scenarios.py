@@ -1,12 +1,16 @@
 """Named runs: which rail comes when, how fast the train is and what the drive does."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from adhesion_can.physics.burckhardt import RAIL, Surface
 from adhesion_can.simulation.drive import Pattern
 from adhesion_can.simulation.plant import Profile, Stretch
+from adhesion_can.simulation.surroundings import Curve, Surroundings, Wave
 
 _BY_NAME = {surface.name: surface for surface in RAIL}
+
+SPEED_PERIOD_S = 170.0
+"""Of a swing of the speed; the other periods of `sweep` share no multiple with it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +23,9 @@ class Scenario:
         speed: at the start, m/s; the track's profile keeps the train near it.
         pattern: of a drive that is left alone.
         meaning: one line.
+        speed_swing: share by which the profile lets the speed go up and down.
+        load_transfer: whether axle loads move under effort without being asked to.
+        surroundings: see there.
 
     """
 
@@ -27,11 +34,19 @@ class Scenario:
     speed: float = 10.0
     pattern: Pattern = Pattern.STAGGERED
     meaning: str = ""
+    speed_swing: float = 0.0
+    load_transfer: bool = False
+    surroundings: Surroundings = field(default_factory=Surroundings)
 
     @property
     def profile(self) -> Profile:
-        """Of the track: the climb that takes up full effort on dry rail comes 6 m/s faster."""
-        return Profile(self.speed, rise=0.005)
+        """Of the track: the climb that takes up full effort on dry rail comes 6 m/s faster.
+
+        Where the speed is to change, the track is as steep as it must be for the train to follow.
+        """
+        if not self.speed_swing:
+            return Profile(self.speed, rise=0.005)
+        return Profile(self.speed, rise=0.02, swing=self.speed_swing, period_s=SPEED_PERIOD_S)
 
     def stretches(self, duration_s: float) -> list[Stretch]:
         """Surfaces with the times at which they begin."""
@@ -60,9 +75,24 @@ SCENARIOS: tuple[Scenario, ...] = (
     Scenario(
         "sweep",
         ("dry",),
-        speed=15.0,
+        speed=13.5,
         pattern=Pattern.SWEEP,
-        meaning="creep from 0 to beyond the peak in traction and braking, with coasting",
+        meaning="creep from 0 to beyond the peak in traction and braking, with coasting; "
+        "speed, curves, air and sand vary",
+        speed_swing=0.6,
+        load_transfer=True,
+        surroundings=Surroundings(
+            humidity=Wave(60.0, 20.0, 97.0),
+            rail_temperature=Wave(20.0, 9.0, 131.0),
+            sanding_period_s=47.0,
+            sanding_s=15.0,
+            curves=(
+                Curve(260.0, 300.0, 220.0),
+                Curve(200.0, -600.0, 160.0),
+                Curve(240.0, 420.0, 280.0),
+                Curve(180.0, -1200.0, 130.0),
+            ),
+        ),
     ),
 )
 

@@ -1,5 +1,6 @@
 """What the sensors make of the plant's state, and the frames that carry it."""
 
+from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -8,9 +9,11 @@ import numpy as np
 from adhesion_can.bus.codec import MessagePlan
 from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase, e2e_data_id
 from adhesion_can.bus.e2e import COUNTS, protect
-from adhesion_can.bus.frame import Frame
+from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.data import Direction, SpeedSource
+from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.simulation.surroundings import CALM, Conditions
 
 SLOT_US = 250
 """Two frames of 8 bytes follow each other at 500 kbit/s in about this time."""
@@ -45,6 +48,7 @@ class PlantState:
     effort: Array
     load: Array
     gradient: float
+    conditions: Conditions = CALM
 
     def towards(self, other: "PlantState", share: float) -> "PlantState":
         """Between this state (share 0) and a later one (share 1)."""
@@ -54,7 +58,46 @@ class PlantState:
             self.effort + share * (other.effort - self.effort),
             self.load + share * (other.load - self.load),
             other.gradient,
+            other.conditions,
         )
+
+
+class Past:
+    """States of a while ago, for sensors that are late.
+
+    Args:
+        depth_us: how far back they are needed.
+
+    """
+
+    def __init__(self, depth_us: int) -> None:
+        self._depth_us = depth_us
+        self._times: list[int] = []
+        self._states: list[PlantState] = []
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no state was taken yet."""
+        return not self._times
+
+    def add(self, t_us: int, state: PlantState) -> None:
+        """Take the state at a stamp; stamps rise."""
+        self._times.append(t_us)
+        self._states.append(state)
+        # A thousand at a time: to drop one from the front of a list moves all others.
+        if len(self._times) > 1000 and self._times[-1000] < t_us - self._depth_us:
+            del self._times[:-1000], self._states[:-1000]
+
+    def at(self, t_us: int) -> PlantState:
+        """State at a stamp, between the two that stand around it; the first one before all."""
+        after = bisect_right(self._times, t_us)
+        if after == 0:
+            return self._states[0]
+        if after == len(self._times):
+            return self._states[-1]
+        before = self._times[after - 1]
+        share = (t_us - before) / (self._times[after] - before)
+        return self._states[after - 1].towards(self._states[after], share)
 
 
 class Transmitter:
@@ -93,14 +136,27 @@ class Sensors:
         database: our own message set.
         noise: see there.
         rng: random numbers.
+        instruments: errors that the sensors have beside the noise.
 
     """
 
     def __init__(
-        self, database: CanDatabase, noise: NoiseSettings, rng: np.random.Generator
+        self,
+        database: CanDatabase,
+        noise: NoiseSettings,
+        rng: np.random.Generator,
+        instruments: Instruments = PERFECT,
     ) -> None:
         self._noise = noise
         self._rng = rng
+        self._instruments = instruments
+        self._delay_us = {
+            "VehicleSpeed": to_us(instruments.speed_delay),
+            "TractiveEffort1": to_us(instruments.effort_delay),
+            "TractiveEffort2": to_us(instruments.effort_delay),
+        }
+        latest = max(self._delay_us.values())
+        self._past = Past(latest) if latest else None
         self._transmitters = [
             Transmitter(database, name, slot) for slot, name in enumerate(INPUT_MESSAGES)
         ]
@@ -117,37 +173,48 @@ class Sensors:
             until_us: end of it.
 
         """
+        if self._past is not None:
+            if self._past.is_empty:
+                self._past.add(from_us, before)
+            self._past.add(until_us, after)
         frames = []
         ready = [t for t in self._transmitters if t.due_us <= until_us]
         for transmitter in sorted(ready, key=lambda t: t.due_us):
             share = (transmitter.due_us - from_us) / (until_us - from_us)
             state = before.towards(after, max(share, 0.0))
+            delay_us = self._delay_us.get(transmitter.name, 0)
+            if delay_us and self._past is not None:
+                state = self._past.at(transmitter.due_us - delay_us)
             frames.append(transmitter.frame(self._values(transmitter.name, state)))
         return frames
 
     def _values(self, name: str, state: PlantState) -> dict[str, float | None]:
         noise, rng = self._noise, self._rng
         if name == "VehicleSpeed":
-            speed = max(state.speed + noise.vehicle_speed * rng.standard_normal(), 0.0)
+            speed = (1.0 + self._instruments.speed_error) * state.speed
             return {
-                "VehicleSpeed": speed,
+                "VehicleSpeed": max(speed + noise.vehicle_speed * rng.standard_normal(), 0.0),
                 "VehicleSpeedSource": float(SpeedSource.RADAR),
                 "Direction": float(Direction.FORWARD),
             }
         if name == "Environment":
             return {
-                "AmbientTemperature": 15.0,
-                "RailTemperature": 18.0,
-                "RelativeHumidity": 60.0,
-                "SandingActive": 0.0,
-                "Rain": 0.0,
+                "AmbientTemperature": state.conditions.ambient_temperature,
+                "RailTemperature": state.conditions.rail_temperature,
+                "RelativeHumidity": state.conditions.humidity,
+                "SandingActive": state.conditions.sanding,
+                "Rain": state.conditions.rain,
             }
         if name == "TrackGeometry":
-            return {"Gradient": state.gradient * 1e3, "Curvature": 0.0}
+            return {
+                "Gradient": state.gradient * 1e3,
+                "Curvature": state.conditions.curvature * 1e3,
+            }
         first = AXLES_PER_MESSAGE * (int(name[-1]) - 1)
+        bias = self._instruments.effort_bias
         signal, column, spread = {
             "WheelSpeeds": ("WheelSpeed", state.wheel_speed, noise.wheel_speed),
-            "TractiveEffort": ("TractiveEffort", state.effort, noise.effort),
+            "TractiveEffort": ("TractiveEffort", state.effort + bias, noise.effort),
             "AxleLoads": ("AxleLoad", state.load, noise.load),
         }[name[:-1]]
         axles = range(first, min(first + AXLES_PER_MESSAGE, len(column)))

@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from adhesion_can.physics.burckhardt import RAIL, Surface, peak
-from adhesion_can.physics.effects import effect_by_id
+from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.simulation.plant import (
-    ActiveEffect,
     Plant,
     Stretch,
     Track,

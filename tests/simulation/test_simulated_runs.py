@@ -13,11 +13,10 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.identification.batch import identify
 from adhesion_can.physics.burckhardt import RAIL, peak
-from adhesion_can.physics.effects import EFFECTS, effect_by_id
+from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.service.extract import samples_of
 from adhesion_can.simulation.drive import Pattern
-from adhesion_can.simulation.plant import ActiveEffect
 from adhesion_can.simulation.run import RunSettings, Simulation, axles_behind
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
 from adhesion_can.simulation.sensors import NoiseSettings
@@ -108,7 +107,9 @@ def test_truth_has_the_contracts_keys_and_true_values():
     truth = json.loads(json.dumps(Simulation(settings, DATABASE).truth(), allow_nan=False))
     assert set(truth) >= {"scenario", "seed", "vehicle", "surfaces", "effects", "noise"}
     assert (truth["scenario"], truth["seed"]) == ("dry-wet-greasy-dry", 17)
-    assert truth["effects"] == [{"effect": "falling_friction", "parameters": {"c4": 0.2}}]
+    assert truth["effects"] == [
+        {"effect": "falling_friction", "form": "burckhardt", "parameters": {"c4": 0.2}}
+    ]
     assert truth["vehicle"]["wheel_radius"] == [0.625] * 6
     assert truth["noise"]["effort"] == NoiseSettings().effort
     assert [s["name"] for s in truth["surfaces"]] == ["dry", "wet", "greasy", "dry"]

@@ -100,7 +100,7 @@ def wander(rng: np.random.Generator, t: Floats, shortest_s: float, longest_s: fl
     periods = np.exp(rng.uniform(np.log(shortest_s), np.log(longest_s), 5))
     phases = rng.uniform(0, 2 * np.pi, 5)
     x = np.sin(2 * np.pi * t[:, None] / periods + phases).sum(axis=1)
-    return 2 * (x - x.min()) / (x.max() - x.min()) - 1
+    return np.asarray(2 * (x - x.min()) / (x.max() - x.min()) - 1)
 
 
 def draw_course(
@@ -188,7 +188,9 @@ def _sweeps(rng: np.random.Generator, rows: int, curves: Floats) -> Floats:
     swing = 0.5 - 0.5 * np.cos(2 * np.pi * t[:, None] / period + phase)
     ramp = rng.uniform(1.0, 2.5)
     edge = np.clip(np.minimum(t, t[-1] - t) / ramp, 0, 1)
-    return top * swing * (edge * edge * edge * (10 - 15 * edge + 6 * edge * edge))[:, None]
+    return np.asarray(
+        top * swing * (edge * edge * edge * (10 - 15 * edge + 6 * edge * edge))[:, None]
+    )
 
 
 def _loads(
@@ -197,7 +199,7 @@ def _loads(
     whole = (curve(curves, slip) * vehicle.static_load).sum(axis=1, keepdims=True)
     lean = vehicle.transfer * (1 if vehicle.forward else -1)
     sway = np.stack([wander(rng, t, 8, 50) for _ in range(AXLES)], axis=1)
-    return vehicle.static_load * (1 + rng.uniform(0.01, 0.03) * sway) + lean * whole
+    return np.asarray(vehicle.static_load * (1 + rng.uniform(0.01, 0.03) * sway) + lean * whole)
 
 
 def _curvature(rng: np.random.Generator, position: Floats) -> Floats:

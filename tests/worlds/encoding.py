@@ -85,6 +85,7 @@ def packed(message: Message, signals: dict[str, Floats]) -> Bytes:
         mask = np.uint64((1 << signal.length) - 1)
         word |= (raw.astype(np.uint64) & mask) << np.uint64(signal.start)
     data = word.astype("<u8").view(np.uint8).reshape(n, 8)
+    assert message.dbc is not None
     data_id = int(message.dbc.attributes["E2EDataId"].value)
     crc = np.full(n, _TABLE[_TABLE[data_id & 0xFF] ^ (data_id >> 8)], dtype=np.uint8)
     for column in range(1, 8):
@@ -114,9 +115,7 @@ def _text(t_us: NDArray[np.int64], number: NDArray[np.int64], data: Bytes) -> by
     return b"".join(parts)
 
 
-def _lines(
-    t_us: NDArray[np.int64], number: NDArray[np.int64], data: Bytes, width: int
-) -> bytes:
+def _lines(t_us: NDArray[np.int64], number: NDArray[np.int64], data: Bytes, width: int) -> bytes:
     template = f"({'0' * width}.000000) can0 000#{'0' * 16}\n".encode()
     text = np.tile(np.frombuffer(template, dtype=np.uint8), (len(t_us), 1))
     _decimal(text, t_us // 1_000_000, 1, width)

@@ -28,14 +28,14 @@ def fit(view: View, rows: Ints | None = None) -> Floats:
         # What the sensor cut off says nothing of the curve.
         inside = (v.adhesion > v.limits[0] + 1e-3) & (v.adhesion < v.limits[1] - 1e-3)
         std = np.where(inside[rows].ravel(), std, 1e3)
-    c = _project(whole, factor, told, 1 / std)
+    c = project(whole, factor, told, 1 / std)
     for _ in range(2):
         slope = factor * (c[0] * c[1] * np.exp(-c[1] * whole) - c[2])
-        c = _project(whole, factor, told, 1 / np.hypot(std, slope * slip_std))
+        c = project(whole, factor, told, 1 / np.hypot(std, slope * slip_std))
     return c
 
 
-def _project(whole: Floats, factor: Floats, told: Floats, weight: Floats) -> Floats:
+def project(whole: Floats, factor: Floats, told: Floats, weight: Floats) -> Floats:
     """c2 by search, c1 and c3 by least squares for each; c3 not below 0."""
     target, falls = weight * told, -weight * factor * whole
 
@@ -59,16 +59,29 @@ def _project(whole: Floats, factor: Floats, told: Floats, weight: Floats) -> Flo
     return best(float(found.x))[1]
 
 
-def fitted_residual(view: View, surface: Ints, outside: Ints | None = None) -> Floats:
-    """Residual (n, 6) of curves fitted to the rows given (all that can be used), by surface."""
+def fitted_curves(view: View, surface: Ints, outside: Ints | None = None) -> dict[int, Floats]:
+    """Curve of each surface, fitted to the rows given (all that can be used)."""
     rows = np.flatnonzero(view.use) if outside is None else outside
-    c = np.empty((len(view.t), 3))
+    curves = {}
     for number in np.unique(surface):
         own = rows[surface[rows] == number]
         # A surface that lies within what is held out altogether must be fitted there.
         own = own if len(own) > 200 else np.flatnonzero(view.use & (surface == number))
-        c[surface == number] = fit(view, own)
+        curves[int(number)] = fit(view, own)
+    return curves
+
+
+def residual_of(view: View, surface: Ints, curves: dict[int, Floats]) -> Floats:
+    """Residual (n, 6) of curves by surface."""
+    c = np.empty((len(view.t), 3))
+    for number in np.unique(surface):
+        c[surface == number] = curves[int(number)]
     return view.residual(c)
+
+
+def fitted_residual(view: View, surface: Ints, outside: Ints | None = None) -> Floats:
+    """Residual (n, 6) of curves fitted to the rows given (all that can be used), by surface."""
+    return residual_of(view, surface, fitted_curves(view, surface, outside))
 
 
 def rmse(residual: Floats) -> float:

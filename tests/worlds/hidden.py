@@ -112,7 +112,7 @@ def contact(state: State, effects: Sequence[Hidden], c: Floats) -> Contact:
     return now
 
 
-def _factor(state: State, hidden: Hidden) -> Floats | float:  # noqa: PLR0911  a formula each
+def _factor(state: State, hidden: Hidden) -> Floats | float:
     p, rows = hidden.parameters, (slice(None), None)
     creep_speed = np.abs(state.slip) * state.v[rows]
     match hidden.effect:
@@ -124,9 +124,9 @@ def _factor(state: State, hidden: Hidden) -> Floats | float:  # noqa: PLR0911  a
         case "load_dependence":
             return 1 - p["c5"] * state.load**2
         case "falling_friction" if hidden.form == "polach":
-            return (1 - p["A"]) * np.exp(-p["B"] * creep_speed) + p["A"]
+            return np.asarray((1 - p["A"]) * np.exp(-p["B"] * creep_speed) + p["A"])
         case "falling_friction":
-            return np.exp(-p["c4"] * creep_speed)
+            return np.asarray(np.exp(-p["c4"] * creep_speed))
         case "rail_cleaning":
             return (1 + p["gain"] * (state.order - 1))[None, :]
         case "humidity":
@@ -154,7 +154,7 @@ def _lagged(slip: Floats, v: Floats, length: float) -> Floats:
     drive[1:] = share[1:, None] * 0.5 * (slip[1:] + slip[:-1])
     band = np.ones((2, len(v)))
     band[1, :-1] = -(1 - share[1:])
-    return solve_banded((1, 0), band, drive)
+    return np.asarray(solve_banded((1, 0), band, drive))
 
 
 def _recovered(state: State, p: Parameters, now: Contact, c: Floats) -> Contact:
@@ -171,7 +171,7 @@ def _recovered(state: State, p: Parameters, now: Contact, c: Floats) -> Contact:
         drive = np.zeros_like(power)
         drive[1:] = 0.5 * (power[1:] + power[:-1]) * p["time"] * (1 - keep)
         new = 1 + p["gain"] * solve_banded((1, 0), band, drive)
-        done = np.max(np.abs(new - factor)) < 1e-6
+        done = np.max(np.abs(new - factor)) < 1e-5
         factor = new
         if done:
             break

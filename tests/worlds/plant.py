@@ -121,7 +121,7 @@ def drive(
 
 
 def _steps(values: Floats, step: float, lowest: int, highest: int) -> Floats:
-    return np.clip(np.rint(values / step), lowest, highest) * step
+    return np.asarray(np.clip(np.rint(values / step), lowest, highest) * step)
 
 
 def torsion(course: Course, effects: Sequence[Hidden], rail: Rail) -> Floats:

@@ -4,7 +4,13 @@ The registry is this tuple; adding an effect is adding a file and a line here. T
 mechanism share their id.
 """
 
-from adhesion_can.physics.effects.active import ActiveEffect, change_of, instruments_of
+from adhesion_can.physics.effects.active import (
+    LEAST,
+    ActiveEffect,
+    acts_in_contact,
+    change_of,
+    instruments_of,
+)
 from adhesion_can.physics.effects.adhesion_recovery import AdhesionRecovery
 from adhesion_can.physics.effects.base import (
     Change,
@@ -59,6 +65,7 @@ EFFECTS: tuple[Effect, ...] = (
 
 __all__ = [
     "EFFECTS",
+    "LEAST",
     "ActiveEffect",
     "Change",
     "Contact",
@@ -67,6 +74,7 @@ __all__ = [
     "InstrumentEffect",
     "Memory",
     "Parameter",
+    "acts_in_contact",
     "change_of",
     "effect_by_id",
     "instruments_of",

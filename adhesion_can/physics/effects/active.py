@@ -2,6 +2,10 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cache
+from typing import TypeGuard
+
+import numpy as np
 
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects.base import (
@@ -13,6 +17,9 @@ from adhesion_can.physics.effects.base import (
 )
 from adhesion_can.physics.effects.memory import Memory
 from adhesion_can.physics.instruments import PERFECT, Instruments
+
+LEAST = 0.01
+"""Factor below which effects do not take adhesion together: a rail does not drive the wheel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +47,21 @@ def change_of(actives: Iterable[ActiveEffect], contact: Contact, memory: Memory)
         memory: see `ContactEffect.change`.
 
     """
-    factor: Array | float = 1.0
+    factor: Array | float | None = None
     for active in actives:
-        if isinstance(active.effect, ContactEffect):
+        if acts_in_contact(active.effect):
             change = active.effect.change(contact, active.values, memory)
-            contact = replace(contact, slip=change.slip)
-            factor = factor * change.factor
-    return Change(contact.slip, factor)
+            if change.slip is not contact.slip:
+                contact = replace(contact, slip=change.slip)
+            factor = change.factor if factor is None else factor * change.factor
+    return Change(contact.slip, 1.0 if factor is None else np.maximum(factor, LEAST))
+
+
+def acts_in_contact(effect: Effect) -> TypeGuard[ContactEffect]:
+    """Whether an effect is one in the contact; as `isinstance`, which is slow on protocols."""
+    return _has_change(type(effect))
+
+
+@cache
+def _has_change(kind: type) -> bool:
+    return hasattr(kind, "change")

@@ -29,7 +29,7 @@ class CurveCreep:
         Parameter(
             "lever",
             "m",
-            3.0,
+            6.0,
             0.0,
             30.0,
             "lateral creep per curvature, or per slip angle",

@@ -1,6 +1,7 @@
 """What lags behind: first-order lags, axle by axle, over a whole drive or a step at a time."""
 
 from itertools import pairwise
+from math import expm1, inf
 
 import numpy as np
 
@@ -8,15 +9,17 @@ from adhesion_can.physics.burckhardt import Array
 
 PAUSE_S = 1.0
 """After a pause this long in an axle's samples, what lags behind begins anew."""
+FEW = 48
+"""Rows that are followed one by one: arrays cost more than they save on so few."""
 _RANGE = 300.0
 """Exponents that stay finite, and with room for the products with them."""
 
 
 class Memory:
-    """States of first-order lags by name and axle, and the stamps at which they stood so."""
+    """Stamps, states and targets of first-order lags, by name and axle."""
 
     def __init__(self) -> None:
-        self._states: dict[tuple[str, int], tuple[float, float]] = {}
+        self._states: dict[tuple[str, int], tuple[float, float, float]] = {}
 
     def follow(
         self,
@@ -27,7 +30,7 @@ class Memory:
         rate: Array | float,
         start: float | None = None,
     ) -> Array:
-        """X of dx/dt = rate · (target − x), the target held over each step.
+        """X of dx/dt = rate · (target − x), the target a straight line over each step.
 
         Args:
             name: of the lag.
@@ -42,6 +45,8 @@ class Memory:
 
         """
         rates = np.broadcast_to(np.asarray(rate, dtype=np.float64), np.shape(target))
+        if len(target) <= FEW:
+            return self._one_by_one(name, axle, time_s, target, rates, start)
         x = np.empty(len(target))
         for number in np.unique(axle):
             rows = np.flatnonzero(axle == number)
@@ -52,27 +57,64 @@ class Memory:
             begins = np.flatnonzero((steps > PAUSE_S) | (steps < 0))
             if known is None:
                 begins = np.union1d(begins, [0])
-            state = 0.0 if known is None else known[1]
+            state, before = (0.0, 0.0) if known is None else known[1:]
             bounds = np.union1d(begins, [0, len(rows)]).astype(np.int64)
             for first, last in pairwise(bounds):
                 if first in begins:
-                    state = float(targets[first]) if start is None else start
+                    before = float(targets[first])
+                    state = before if start is None else start
                     steps[first] = 0.0
                 part = slice(first, last)
-                x[rows[part]] = _lag(targets[part], steps[part] * rates[rows[part]], state)
-                state = float(x[rows[last - 1]])
-            self._states[key] = (float(times[-1]), state)
+                exponents = steps[part] * rates[rows[part]]
+                x[rows[part]] = _lag(targets[part], before, exponents, state)
+                state, before = float(x[rows[last - 1]]), float(targets[last - 1])
+            self._states[key] = (float(times[-1]), state, before)
         return x
 
+    def copy(self) -> "Memory":
+        """The same states, which then go a way of their own."""
+        other = Memory()
+        other._states = dict(self._states)
+        return other
 
-def _lag(target: Array, exponent: Array, state: float) -> Array:
-    """x_n = x_(n-1) + (1 − e^(−exponent_n)) (target_n − x_(n-1)), in stretches of one sum each.
+    def _one_by_one(
+        self,
+        name: str,
+        axle: Array,
+        time_s: Array,
+        target: Array,
+        rates: Array,
+        start: float | None,
+    ) -> Array:
+        """The same for few rows."""
+        x = []
+        columns = (column.tolist() for column in (axle, time_s, target, rates))
+        for number, time, wanted, rate in zip(*columns, strict=True):
+            key = (name, int(number))
+            since, state, before = self._states.get(key, (-inf, 0.0, 0.0))
+            step = time - since
+            if not 0.0 <= step <= PAUSE_S:
+                state = wanted if start is None else start
+            elif (exponent := min(step * rate, _RANGE / 4)) > 0.0:
+                gone = -expm1(-exponent)
+                share = 1.0 - gone - gone / exponent
+                state += gone * (wanted - state) + share * (wanted - before)
+            self._states[key] = (time, state, wanted)
+            x.append(state)
+        return np.array(x)
 
-    With S the running sum of the exponents, x_n e^(S_n) is a running sum of the inputs' e^(S_n).
+
+def _lag(target: Array, before: float, exponent: Array, state: float) -> Array:
+    """The lag's exact answer to straight lines between its targets, in stretches of one sum each.
+
+    x_n = a x_(n-1) + b_n with a = e^(−E), b_n = u_n − a u_(n-1) − (u_n − u_(n-1)) (1 − a)/E. With S
+    the running sum of the exponents E, x_n e^(S_n) is a running sum of b_n e^(S_n).
     """
-    exponent = np.minimum(exponent, _RANGE / 4)
-    total = np.cumsum(exponent)
-    taken = -np.expm1(-exponent) * target
+    rise = np.diff(target, prepend=before)
+    gone = -np.expm1(-exponent)
+    mean = np.divide(gone, exponent, out=np.ones_like(gone), where=exponent > 0)
+    taken = gone * target + rise * (1.0 - gone - mean)
+    total = np.cumsum(np.minimum(exponent, _RANGE / 4))
     x = np.empty(len(target))
     first = 0
     while first < len(target):

@@ -1,0 +1,149 @@
+"""`--effect`: an effect by name, with its size and its other parameters."""
+
+from collections.abc import Iterable
+from math import isfinite
+
+import numpy as np
+
+from adhesion_can.errors import InputError
+from adhesion_can.physics.effects import (
+    EFFECTS,
+    LEAST,
+    ActiveEffect,
+    Contact,
+    Effect,
+    Memory,
+    Parameter,
+    change_of,
+    effect_by_id,
+)
+from adhesion_can.physics.vehicle import Locomotive
+
+SYNTAX = "NAME[:FORM][=SIZE[,PARAMETER=VALUE]..]"
+
+
+def effects_help() -> str:
+    """Every effect with its parameters, a line each, for the help of a command."""
+    return "\n".join(f"  {_full_name(e):28}{_described(e)}" for e in EFFECTS)
+
+
+def parse_effects(texts: Iterable[str], vehicle: Locomotive) -> tuple[ActiveEffect, ...]:
+    """Effects from the texts of `--effect`.
+
+    Args:
+        texts: one for each use of the option.
+        vehicle: on which they act, as configured.
+
+    Raises:
+        InputError: an unknown name, a value that makes no sense, an effect given twice.
+
+    """
+    actives: list[ActiveEffect] = []
+    for text in texts:
+        active = _parse(text, vehicle)
+        if any(_is_same(active, other) for other in actives):
+            raise InputError(
+                f"--effect {text}", "the same effect is given twice", "give one size for it"
+            )
+        actives.append(active)
+    return tuple(actives)
+
+
+def _parse(text: str, vehicle: Locomotive) -> ActiveEffect:
+    where = f"--effect {text}"
+    name, given, rest = text.partition("=")
+    effect = _effect(name, where)
+    first, *others = effect.parameters
+    values = {p.name: p.typical for p in effect.parameters}
+    size, *pairs = rest.split(",")
+    if given:
+        values[first.name] = _number(size, first, where)
+    for pair in pairs:
+        key, _, number = pair.partition("=")
+        named = next((p for p in others if p.name == key.strip()), None)
+        if named is None:
+            known = ", ".join(p.name for p in others) or "none beside the size"
+            raise InputError(where, f"no parameter {key.strip()!r}", f"known: {known}")
+        values[named.name] = _number(number, named, where, vehicle.axles)
+    active = ActiveEffect(effect, tuple(values.values()))
+    _require_some_adhesion(active, vehicle, where)
+    return active
+
+
+def _effect(name: str, where: str) -> Effect:
+    effect_id, _, form = name.partition(":")
+    forms = [e.form for e in EFFECTS if e.id == effect_id]
+    if not forms:
+        known = ", ".join(dict.fromkeys(e.id for e in EFFECTS))
+        raise InputError(where, f"no effect {effect_id!r}", f"known: {known}")
+    try:
+        return effect_by_id(effect_id, form)
+    except KeyError as error:
+        known = ", ".join(form for form in forms if form) or "it has one only, leave it out"
+        raise InputError(where, f"no form {form!r}", f"known: {known}") from error
+
+
+def _number(text: str, parameter: Parameter, where: str, axles: int = 0) -> float:
+    upper = float(axles) if parameter.axle else parameter.upper
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    try:
+        value = float(text)
+    except ValueError as error:
+        mend = f"give {parameter.name}, {parameter.lower:g} to {upper:g}{unit}"
+        raise InputError(where, f"{text!r} is not a number", mend) from error
+    if not (isfinite(value) and parameter.lower <= value <= upper):
+        raise InputError(
+            where,
+            f"{parameter.name} out of range",
+            f"give {parameter.lower:g} to {upper:g}{unit}",
+        )
+    if parameter.axle and value != round(value):
+        raise InputError(where, f"{text} is no axle", f"give 1 to {axles}")
+    return value
+
+
+def _require_some_adhesion(active: ActiveEffect, vehicle: Locomotive, where: str) -> None:
+    """Raise an InputError where nothing of the adhesion is left on a common rail."""
+    loads = np.array(vehicle.axle_load)
+    axle = np.arange(1.0, vehicle.axles + 1)
+
+    def every(value: float) -> np.ndarray:
+        return np.full(vehicle.axles, value)
+
+    common = Contact(
+        slip=every(0.02),
+        creep_speed=every(0.2),
+        speed=every(10.0),
+        load=loads,
+        time_s=every(0.0),
+        axle=axle,
+        place=axle,
+        adhesion=every(0.2),
+        covariates={
+            "relative_humidity_percent": every(60.0),
+            "rail_temperature_degC": every(20.0),
+            "sanding_active": every(1.0),
+            "curvature_per_m": every(0.0),
+        },
+    )
+    if np.min(change_of([active], common, Memory()).factor) <= LEAST:
+        raise InputError(where, "leaves no adhesion on a common rail", "give a smaller size")
+
+
+def _is_same(one: ActiveEffect, other: ActiveEffect) -> bool:
+    """Whether two are one effect; of another axle, or in another form, they are two."""
+    if (one.effect.id, one.effect.form) != (other.effect.id, other.effect.form):
+        return False
+    places = [k for k, p in enumerate(one.effect.parameters) if p.axle]
+    return all(one.values[k] == other.values[k] for k in places)
+
+
+def _full_name(effect: Effect) -> str:
+    return f"{effect.id}:{effect.form}" if effect.form else effect.id
+
+
+def _described(effect: Effect) -> str:
+    return "; ".join(
+        f"{p.name}: {p.meaning}" + ("" if p.unit == "1" else f", {p.unit}") + f" ({p.typical:g})"
+        for p in effect.parameters
+    )

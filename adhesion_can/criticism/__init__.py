@@ -1,0 +1,1 @@
+"""What the simulation gets wrong, why, how it must be extended, and what that gains."""

@@ -1,0 +1,296 @@
+"""The model of the data: a curve for each surface and effects in front of it; its fit.
+
+    e = z(φ) − factor(φ) · curve(slip(φ); θ_s)
+
+with z the adhesion as observed, θ_s = (c1, ln c2, c3) of the surface of a row, and φ the parameters
+of the effects. Every fit is least squares on residuals that are scaled by what the sensors leave in
+doubt and whitened (`whitening`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.criticism.course import Course
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.effects import (
+    EFFECTS,
+    ActiveEffect,
+    Contact,
+    Effect,
+    Memory,
+    change_of,
+    instruments_of,
+)
+
+EXCLUDED = -1
+"""Surface of a row that belongs to none: close to a change of the rail."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """An effect that may be at work, with the axle that it may be at.
+
+    Attributes:
+        effect: see there.
+        axle: for an effect at one axle; 0 for the others.
+
+    """
+
+    effect: Effect
+    axle: int = 0
+
+    @property
+    def size(self) -> int:
+        """Number of parameters that are looked for."""
+        return sum(not p.axle for p in self.effect.parameters)
+
+    @property
+    def name(self) -> str:
+        """Effect, form and axle in one word."""
+        parts = [self.effect.id, self.effect.form, f"axle {self.axle}" if self.axle else ""]
+        return " ".join(part for part in parts if part)
+
+    def active(self, values: Sequence[float]) -> ActiveEffect:
+        """With values of the parameters that are looked for, clipped to what makes sense."""
+        given = iter(values)
+        return ActiveEffect(
+            self.effect,
+            tuple(
+                float(self.axle) if p.axle else float(np.clip(next(given), p.lower, p.upper))
+                for p in self.effect.parameters
+            ),
+        )
+
+    @property
+    def none(self) -> tuple[float, ...]:
+        """Values at which nothing changes."""
+        rest = [p.typical for p in self.effect.parameters[1:] if not p.axle]
+        return (0.0, *rest)
+
+    @property
+    def steps(self) -> tuple[float, ...]:
+        """Small steps of the parameters, for slopes."""
+        return tuple(1e-2 * abs(p.typical) for p in self.effect.parameters if not p.axle)
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Recordings that are looked at together.
+
+    Attributes:
+        courses: one a recording.
+        surface: number of each row's surface over all courses, `EXCLUDED` for none; shape (n,).
+        surfaces: how many there are.
+
+    """
+
+    courses: tuple[Course, ...]
+    surface: NDArray[np.int64]
+    surfaces: int
+
+    def __len__(self) -> int:
+        return len(self.surface)
+
+    def column(self, name: str) -> Array:
+        """An attribute of the courses' rows, all together."""
+        return np.concatenate([getattr(course, name) for course in self.courses])
+
+
+@dataclass(frozen=True, slots=True)
+class Theta:
+    """(c1, ln c2, c3) of every surface, shape (surfaces, 3)."""
+
+    values: Array
+
+    def rows(self, surface: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+        """c1, c2, c3 of each row."""
+        c1, log_c2, c3 = self.values[np.maximum(surface, 0)].T
+        return c1, np.exp(log_c2), c3
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """A model on the rows of a study, shape (n,) each.
+
+    Attributes:
+        adhesion: as observed with the model's instruments.
+        slip: as it enters the curve.
+        factor: of the adhesion.
+        predicted: adhesion by the model.
+
+    """
+
+    adhesion: Array
+    slip: Array
+    factor: Array
+    predicted: Array
+
+    @property
+    def residual(self) -> Array:
+        """Observed less predicted adhesion."""
+        return self.adhesion - self.predicted
+
+
+def evaluate(
+    study: Study,
+    theta: Theta,
+    actives: Sequence[ActiveEffect] = (),
+    shift: Array | None = None,
+) -> Evaluation:
+    """Adhesion as observed and as predicted, in every row.
+
+    Args:
+        study: see there.
+        theta: curves of the surfaces.
+        actives: effects.
+        shift: what is added to every measured slip, shape (n,).
+
+    """
+    ends = np.cumsum([len(course) for course in study.courses])[:-1]
+    shifts = [None] * len(study.courses) if shift is None else np.split(shift, ends)
+    parts = [
+        _contact(course, actives, own) for course, own in zip(study.courses, shifts, strict=True)
+    ]
+    adhesion, slip, factor = (np.concatenate(column) for column in zip(*parts, strict=True))
+    c1, c2, c3 = theta.rows(study.surface)
+    size = np.abs(slip)
+    curve = -c1 * np.expm1(-c2 * size) - c3 * size
+    return Evaluation(adhesion, slip, factor, factor * np.copysign(curve, slip))
+
+
+def _contact(
+    course: Course, actives: Sequence[ActiveEffect], shift: Array | None
+) -> tuple[Array, Array, Array]:
+    seen = course.observe(instruments_of(actives))
+    contact = Contact(
+        slip=seen.slip if shift is None else seen.slip + shift,
+        creep_speed=seen.creep_speed if shift is None else seen.creep_speed + shift * seen.speed,
+        speed=seen.speed,
+        load=seen.load,
+        time_s=course.t_s,
+        axle=course.axle.astype(np.float64),
+        place=course.place,
+        adhesion=seen.adhesion,
+        covariates=course.covariates,
+    )
+    change = change_of(actives, contact, Memory())
+    return seen.adhesion, change.slip, np.broadcast_to(change.factor, change.slip.shape)
+
+
+def curve_slopes(study: Study, theta: Theta, at: Evaluation) -> Array:
+    """∂predicted/∂(c1, ln c2, c3) of each surface, shape (n, 3·surfaces); 0 in other rows."""
+    c1, c2, c3 = theta.rows(study.surface)
+    size = np.abs(at.slip)
+    signed = np.copysign(at.factor, at.slip)
+    fallen = np.exp(-c2 * size)
+    own = np.stack([signed * (1.0 - fallen), signed * c1 * c2 * size * fallen, -signed * size], 1)
+    if study.surfaces == 1:
+        return own
+    columns = np.zeros((len(study), 3 * study.surfaces))
+    for number in range(study.surfaces):
+        rows = study.surface == number
+        columns[rows, 3 * number : 3 * number + 3] = own[rows]
+    return columns
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Curves and effects with their values.
+
+    Attributes:
+        theta: of every surface.
+        candidates: the effects.
+        values: of each one's parameters.
+
+    """
+
+    theta: Theta
+    candidates: tuple[Candidate, ...] = ()
+    values: tuple[tuple[float, ...], ...] = ()
+
+    @property
+    def actives(self) -> tuple[ActiveEffect, ...]:
+        """The effects as they act, in the order of the list of all effects."""
+        pairs = sorted(
+            zip(self.candidates, self.values, strict=True),
+            key=lambda pair: EFFECTS.index(pair[0].effect),
+        )
+        return tuple(candidate.active(values) for candidate, values in pairs)
+
+    @property
+    def vector(self) -> Array:
+        """All parameters: θ surface by surface, then φ effect by effect."""
+        return np.concatenate([self.theta.values.ravel(), *map(np.array, self.values)])
+
+    def at(self, vector: Array) -> "Model":
+        """With other parameters, kept where they make sense."""
+        size = self.theta.values.size
+        theta = vector[:size].reshape(-1, 3).copy()
+        theta[:, 0] = np.clip(theta[:, 0], 1e-6, 10.0)
+        theta[:, 1] = np.clip(theta[:, 1], 0.0, np.log(1000.0))
+        theta[:, 2] = np.clip(theta[:, 2], 0.0, 10.0)
+        values, first = [], size
+        for candidate in self.candidates:
+            last = first + candidate.size
+            limits = [p for p in candidate.effect.parameters if not p.axle]
+            values.append(
+                tuple(
+                    float(np.clip(v, p.lower, p.upper))
+                    for v, p in zip(vector[first:last], limits, strict=True)
+                )
+            )
+            first = last
+        return Model(Theta(theta), self.candidates, tuple(values))
+
+    def with_effect(self, candidate: Candidate, values: tuple[float, ...] | None = None) -> "Model":
+        """With one more effect, at no size where no values are given."""
+        given = candidate.none if values is None else values
+        return replace(
+            self, candidates=(*self.candidates, candidate), values=(*self.values, given)
+        )
+
+
+def without(model: Model, place: int) -> tuple[Model, Candidate, tuple[float, ...]]:
+    """A model without one of its effects, and that effect with its values."""
+    rest = [i for i in range(len(model.candidates)) if i != place]
+    less = replace(
+        model,
+        candidates=tuple(model.candidates[i] for i in rest),
+        values=tuple(model.values[i] for i in rest),
+    )
+    return less, model.candidates[place], model.values[place]
+
+
+def effect_slopes(
+    study: Study,
+    model: Model,
+    candidate: Candidate,
+    values: tuple[float, ...] | None = None,
+    shift: Array | None = None,
+) -> Array:
+    """−∂e/∂φ of an effect, shape (n, size), by central differences.
+
+    Args:
+        study: see there.
+        model: the effects that are there besides.
+        candidate: the effect; where it is one of the model's, the model without it is given.
+        values: at which; None: where nothing changes. A step that leaves the range is one-sided.
+        shift: see `evaluate`.
+
+    """
+    at = candidate.none if values is None else values
+    limits = [p for p in candidate.effect.parameters if not p.axle]
+    columns = []
+    for place, (step, limit) in enumerate(zip(candidate.steps, limits, strict=True)):
+        ends = []
+        for side in (1.0, -1.0):
+            moved = list(at)
+            moved[place] = float(np.clip(at[place] + side * step, limit.lower, limit.upper))
+            actives = model.with_effect(candidate, tuple(moved)).actives
+            left = evaluate(study, model.theta, actives, shift).residual
+            ends.append((moved[place], left))
+        columns.append((ends[1][1] - ends[0][1]) / (ends[0][0] - ends[1][0]))
+    return np.stack(columns, axis=1)

@@ -1,0 +1,189 @@
+"""From recordings to a stage: weights, shared errors, and a filter that knows all that may be."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.criticism.channels import Channel, channels_of
+from adhesion_can.criticism.ledger import solve
+from adhesion_can.criticism.model import (
+    EXCLUDED,
+    Candidate,
+    Model,
+    Study,
+    Theta,
+    curve_slopes,
+    evaluate,
+)
+from adhesion_can.criticism.stage import Fit, Stage, fit
+from adhesion_can.criticism.whitening import Stretches, Whitener
+from adhesion_can.physics.burckhardt import Array
+
+FLAT = 2.0
+"""Slope dμ/dλ below which the slip's errors say little: the noise of the effort is read there."""
+WINDOWS_A_BLOCK = 2.0
+BLOCK_S = 4.0
+KNOTS = (4, 14)
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A stage, the plain model on it, and what may be tested.
+
+    Attributes:
+        stage: see there.
+        base: curves alone.
+        candidates: effects that can be tested.
+        signatures: slopes of each, adhesion, shape (n, size).
+        channels: that move.
+        splines: columns of each channel, adhesion, shape (n, columns).
+        saturated: residual of everything at once, adhesion, shape (n,).
+
+    """
+
+    stage: Stage
+    base: Fit
+    candidates: tuple[Candidate, ...]
+    signatures: tuple[Array, ...]
+    channels: tuple[Channel, ...]
+    splines: tuple[Array, ...]
+    saturated: Array
+
+
+def block_seconds(study: Study) -> float:
+    """Length of a block: errors of the vehicle speed do not reach far beyond it."""
+    windows = [course.speed_doubt[1] for course in study.courses]
+    return max(BLOCK_S, WINDOWS_A_BLOCK * max(windows, default=0.0))
+
+
+def prepare(
+    study: Study,
+    start: Theta,
+    block: NDArray[np.int64],
+    candidates: tuple[Candidate, ...],
+    length_s: float,
+) -> Prepared:
+    """Stage of a study, whitened by what the fullest model leaves.
+
+    Args:
+        study: see there.
+        start: curves to begin with.
+        block: number of each row's block, negative: kept back; shape (n,).
+        candidates: effects to test.
+        length_s: of a block.
+
+    """
+    n = len(study)
+    zero = np.zeros(n)
+    stage = Stage(
+        study, np.ones(n), zero, np.zeros((n, 0)), zero,
+        Whitener(np.array([1.0]), _stretches(study)), np.ones(n), block,
+    )  # fmt: skip
+    model = fit(stage, Model(start), 30).model
+    stage = _weighed(stage, model, length_s)
+    base = fit(stage, model)
+    model = base.model
+    likely = evaluate(study, model.theta)
+    channels = tuple(channels_of(study, likely))
+    residual = _saturated(stage, model, candidates, channels)
+    stage = replace(stage, shift=_likely_shift(stage, model, residual))
+    likely = evaluate(study, model.theta, (), stage.shift)
+    channels = tuple(channels_of(study, likely))
+    residual = _saturated(stage, model, candidates, channels)
+    stage = stage.rewhitened(residual)
+    base = fit(stage, model)
+    likely = evaluate(study, base.model.theta, (), stage.shift)
+    return Prepared(
+        stage,
+        base,
+        candidates,
+        tuple(stage.slopes(base.model, candidate) for candidate in candidates),
+        channels,
+        tuple(channel.basis(likely) for channel in channels),
+        residual,
+    )
+
+
+def _stretches(study: Study) -> Stretches:
+    lengths = [len(course) for course in study.courses]
+    starts = np.cumsum([0, *lengths])[:-1]
+    breaks = np.zeros(len(study), dtype=np.bool_)
+    breaks[starts[np.array(lengths) > 0]] = True
+    return Stretches.of(study.column("t_s"), study.column("axle"), breaks)
+
+
+def _weighed(stage: Stage, model: Model, length_s: float) -> Stage:
+    """With each row's standard deviation, and what errors of the vehicle speed do to it."""
+    study = stage.study
+    at = evaluate(study, model.theta)
+    slope = _slope(study, model, at.slip)
+    used = (study.surface != EXCLUDED) & (stage.block >= 0)
+    flat = used & (np.abs(slope) < FLAT)
+    if flat.sum() < 0.02 * used.sum():
+        flat = used
+    noise = max(float(np.sqrt(np.mean(at.residual[flat] ** 2))), 1e-9)
+    doubt = (slope * study.column("wheel_slip_std") / noise) ** 2
+    speeds = np.concatenate([course.observe().speed for course in study.courses])
+    doubts = [course.speed_doubt for course in study.courses]
+    std = np.concatenate(
+        [np.full(len(c), s) for c, (s, _) in zip(study.courses, doubts, strict=True)]
+    )
+    window_s = max((w for s, w in doubts if s > 0.0), default=0.0)
+    reach = slope * (1.0 + at.slip) / speeds * std
+    shared = np.zeros((len(study), 0))
+    if window_s > 0.0:
+        knots = int(np.clip(np.ceil(2.0 * length_s / window_s) + 1, *KNOTS))
+        place = (study.column("t_s") / length_s) % 1.0 * (knots - 1)
+        hats = np.maximum(1.0 - np.abs(place[:, None] - np.arange(knots)), 0.0)
+        shared = hats * reach[:, None]
+    return replace(
+        stage, scale=1.0 / (noise * np.sqrt(1.0 + doubt)), doubt=doubt / (1.0 + doubt), shared=shared
+    )
+
+
+def _slope(study: Study, model: Model, slip: Array) -> Array:
+    """dμ/dλ of the plain curve in each row."""
+    c1, c2, c3 = model.theta.rows(study.surface)
+    return np.asarray(c1 * c2 * np.exp(-c2 * np.abs(slip)) - c3)
+
+
+def _saturated(
+    stage: Stage, model: Model, candidates: tuple[Candidate, ...], channels: tuple[Channel, ...]
+) -> Array:
+    """Residual, adhesion, of curves, all effects and all splines together, to first order."""
+    study = stage.study
+    likely = evaluate(study, model.theta, (), stage.shift)
+    columns = [curve_slopes(study, model.theta, likely)]
+    columns += [stage.slopes(model, candidate) for candidate in candidates]
+    columns += [channel.basis(likely) for channel in channels]
+    raw = np.column_stack(columns)
+    left = evaluate(study, model.theta).residual
+    total = stage.ledger(stage.white(np.column_stack([raw, left]))).total
+    return np.asarray(left - raw @ solve(total[:-1, :-1], total[:-1, -1]))
+
+
+def _likely_shift(stage: Stage, model: Model, residual: Array) -> Array:
+    """By what the measured slips are likely to be wrong, given residuals of a full model.
+
+    The error of the vehicle speed shows in all axles at once, most where the curve is steep; what
+    is left of a residual then goes to the wheel speed by its share of the variance.
+    """
+    study = stage.study
+    at = evaluate(study, model.theta)
+    slope = _slope(study, model, at.slip)
+    moved = np.zeros(len(study))
+    if stage.shared.shape[1]:
+        scaled = stage.shared * stage.scale[:, None]
+        left = residual * stage.scale
+        number = np.abs(np.where(stage.block >= 0, stage.block, -1 - stage.block))
+        order = np.argsort(number, kind="stable")
+        starts = np.unique(number[order], return_index=True)[1]
+        for rows in np.split(order, starts[1:]):
+            part = scaled[rows]
+            gram = part.T @ part + np.eye(part.shape[1])
+            moved[rows] = stage.shared[rows] @ np.linalg.solve(gram, part.T @ left[rows])
+    safe = np.where(np.abs(slope) > 1e-3, slope, np.inf)
+    by_wheel = stage.doubt * (residual - moved) / safe
+    # A residual of s·δ means that the slip reads low by δ.
+    return np.asarray(moved / safe + by_wheel)

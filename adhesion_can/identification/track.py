@@ -1,0 +1,76 @@
+"""Recent readings of one signal, and its value at stamps between them."""
+
+from bisect import bisect_left, bisect_right
+from math import sqrt
+
+
+class Waiting:
+    """The bracket's later reading has not come yet."""
+
+
+WAITING = Waiting()
+
+
+class Track:
+    """Recent readings of one signal, in the order of their stamps."""
+
+    __slots__ = ("max_gap_us", "times", "values")
+
+    def __init__(self, max_gap_us: float) -> None:
+        self.max_gap_us = max_gap_us
+        self.times: list[int] = []
+        self.values: list[float | None] = []
+
+    def add(self, t_us: int, value: float | None) -> None:
+        """Take a reading; stamps must not run backwards."""
+        if self.times and t_us <= self.times[-1]:
+            # Two readings of one stamp: the later one counts, a difference needs two stamps.
+            self.values[-1] = value
+            return
+        self.times.append(t_us)
+        self.values.append(value)
+
+    def forget_before(self, t_us: int) -> int:
+        """Drop what no bracket at or after `t_us` needs; returns how many went."""
+        keep = max(bisect_right(self.times, t_us) - 2, 0)
+        if keep:
+            del self.times[:keep], self.values[:keep]
+        return keep
+
+    def at(self, t_us: int) -> float | Waiting | None:
+        """Value at a stamp, interpolated; None across a gap or a missing value."""
+        times = self.times
+        if not times or times[-1] < t_us:
+            return WAITING
+        after = bisect_left(times, t_us)
+        right = self.values[after]
+        if times[after] == t_us or right is None:
+            return right
+        if after == 0:
+            return None
+        left = self.values[after - 1]
+        span = times[after] - times[after - 1]
+        if left is None or span > self.max_gap_us:
+            return None
+        return left + (right - left) * ((t_us - times[after - 1]) / span)
+
+    def closing(self, t_us: int) -> int:
+        """Stamp of the reading that closes the bracket around a stamp that has one."""
+        return self.times[bisect_left(self.times, t_us)]
+
+    def spread(self, t_us: int) -> float:
+        """Standard deviation at a stamp that has a bracket, had the value stepped within it."""
+        times, values = self.times, self.values
+        after = bisect_left(times, t_us)
+        left, right = values[after - 1], values[after]
+        if times[after] == t_us or left is None or right is None:
+            return 0.0
+        share = (t_us - times[after - 1]) / (times[after] - times[after - 1])
+        return abs(right - left) * sqrt(share * (1.0 - share))
+
+    def held_at(self, t_us: int) -> float | None:
+        """Last value at or before a stamp, unless it is older than the gap allowed."""
+        before = bisect_right(self.times, t_us) - 1
+        if before < 0 or t_us - self.times[before] > self.max_gap_us:
+            return None
+        return self.values[before]

@@ -1,0 +1,142 @@
+"""What surrounds the locomotive: air, rail, sand and curves, as functions of time and place.
+
+Each has a period of its own, so that what one of them does to adhesion can be told from the rest.
+Nothing here is random: a scenario is the same drive each time, but for the noise of its sensors.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import pi, sin
+
+import numpy as np
+
+from adhesion_can.physics.burckhardt import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """Surroundings at one moment.
+
+    Attributes:
+        ambient_temperature: degC.
+        rail_temperature: degC.
+        humidity: of the air, %.
+        sanding: 1.0 while sand is strewn, else 0.0.
+        rain: 0 none, 1 light, 2 heavy.
+        curvature: of the track, 1/m, positive to the left.
+
+    """
+
+    ambient_temperature: float = 15.0
+    rail_temperature: float = 18.0
+    humidity: float = 60.0
+    sanding: float = 0.0
+    rain: float = 0.0
+    curvature: float = 0.0
+
+    def covariate(self, name: str, gradient: float) -> float | None:
+        """Value under the name that samples carry it by; None: there is no such channel here."""
+        return {
+            "ambient_temperature_degC": self.ambient_temperature,
+            "rail_temperature_degC": self.rail_temperature,
+            "relative_humidity_percent": self.humidity,
+            "sanding_active": self.sanding,
+            "rain": self.rain,
+            "gradient": gradient,
+            "curvature_per_m": self.curvature,
+        }.get(name)
+
+
+CALM = Conditions()
+
+
+@dataclass(frozen=True, slots=True)
+class Wave:
+    """A channel that swings around a mean.
+
+    Attributes:
+        mean: in the channel's unit.
+        swing: to either side.
+        period_s: of a swing, s.
+
+    """
+
+    mean: float
+    swing: float = 0.0
+    period_s: float = 60.0
+
+    def at(self, time_s: float) -> float:
+        """Value at a time, s."""
+        return self.mean + self.swing * sin(2.0 * pi * time_s / self.period_s)
+
+
+TRANSITION_M = 40.0
+"""Over this way curvature grows from 0, and falls back to it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A curve of the track and the straight behind it.
+
+    Attributes:
+        length: with both transitions, m.
+        radius: m, negative for a curve to the right.
+        straight: that follows it, m.
+
+    """
+
+    length: float
+    radius: float
+    straight: float
+
+    def __post_init__(self) -> None:
+        if not (self.length >= 2 * TRANSITION_M and self.straight > 0 and self.radius != 0):
+            raise ValueError("a curve needs its two transitions, a radius and a straight")
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """How the conditions change along a run; the default is calm.
+
+    Attributes:
+        humidity: %.
+        rail_temperature: degC.
+        sanding_period_s: sand is strewn once in so long a time, s.
+        sanding_s: for so long, at the end of each period, s.
+        curves: one after another, and then the first again.
+
+    """
+
+    humidity: Wave = field(default_factory=lambda: Wave(CALM.humidity))
+    rail_temperature: Wave = field(default_factory=lambda: Wave(CALM.rail_temperature))
+    sanding_period_s: float = 60.0
+    sanding_s: float = 0.0
+    curves: tuple[Curve, ...] = ()
+
+    def at(self, time_s: float, position: float) -> Conditions:
+        """Conditions at a time, s, and a place along the track, m."""
+        left = self.sanding_period_s - time_s % self.sanding_period_s
+        return Conditions(
+            rail_temperature=self.rail_temperature.at(time_s),
+            humidity=self.humidity.at(time_s),
+            sanding=float(left <= self.sanding_s),
+            curvature=self.curvature(position),
+        )
+
+    def curvature(self, position: float) -> float:
+        """Of the track at a place, m: 1/m."""
+        if not self.curves:
+            return 0.0
+        places, bends = self._lap
+        return float(np.interp(position % places[-1], places, bends))
+
+    @cached_property
+    def _lap(self) -> tuple[Array, Array]:
+        """Corners of the curvature over the way, m and 1/m; what lies between is straight."""
+        places, bends = [0.0], [0.0]
+        for curve in self.curves:
+            begin, inner = places[-1], 1.0 / curve.radius
+            ways = (TRANSITION_M, curve.length - TRANSITION_M, curve.length)
+            places += [*(begin + way for way in ways), begin + curve.length + curve.straight]
+            bends += [inner, inner, 0.0, 0.0]
+        return np.array(places), np.array(bends)

@@ -1,0 +1,189 @@
+"""Make a drive that hides an effect.
+
+The size is searched for: it must raise the residual RMSE, after c1..c3 were fitted anew, by a
+random share above the noise floor. A drive in which the effect's range cannot do so is drawn again.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+
+from tests.worlds.course import LEAD, Course, draw_course, draw_vehicle
+from tests.worlds.encoding import write_log
+from tests.worlds.fitting import THIN, fitted_residual, rmse
+from tests.worlds.hidden import Hidden
+from tests.worlds.kinds import CHANNELS, Draft, draft, effects_of
+from tests.worlds.plant import Noise, draw_noise, drive, view
+from tests.worlds.rail import curve, one_surface, several_surfaces
+from tests.worlds.table import make_table
+from tests.worlds.truth import DriveJudge, Surface, Truth
+
+LEAST_EXCESS = 0.10
+LEAST_FACTOR = 0.1
+"""An effect that takes more of the adhesion than this leaves is none."""
+Excess = tuple[float, float]
+SINGLE_EXCESS: Excess = (0.10, 0.60)
+PAIR_EXCESS: Excess = (0.10, 0.40)
+
+
+class TooWeakError(Exception):
+    """Within its range the effect cannot be felt enough in this drive."""
+
+
+def make_world(
+    kind: str,
+    seed: int,
+    path: Path,
+    *,
+    duration_s: float = 240.0,
+    excess: Excess | None = None,
+    fresh: bool = False,
+) -> Truth:
+    """Write a drive (.log) or a table (.csv) that hides what `kind` says.
+
+    Args:
+        kind: one of `kinds.KINDS`.
+        seed: the same kind, seed and options give the same bytes.
+        path: of the file; a fresh drive lies beside it, `_fresh` added to its name.
+        duration_s: of the drive.
+        excess: lowest and highest share by which each effect shall raise the RMSE of the plain
+            fit above the noise floor.
+        fresh: also write a second drive of the same world: same effects, rail and vehicle, another
+            course.
+
+    """
+    excess = excess or (PAIR_EXCESS if kind.startswith("pair:") else SINGLE_EXCESS)
+    path = Path(path)
+    if kind == "out:table":
+        return make_table(seed, path, duration_s=duration_s, excess=excess, fresh=fresh)
+    names = effects_of(kind)
+    for attempt in range(60):
+        try:
+            return _World(kind, seed, attempt, duration_s).written(names, path, excess, fresh)
+        except TooWeakError:
+            continue
+    raise RuntimeError(f"{kind}, seed {seed}: no drive of sixty lets the effect be felt")
+
+
+class _World:
+    """Rail, vehicle and first drive of one attempt."""
+
+    def __init__(self, kind: str, seed: int, attempt: int, duration_s: float) -> None:
+        self.kind, self.seed, self.duration_s = kind, seed, duration_s
+        self.rng = np.random.default_rng([seed, crc32(kind.encode()), attempt])
+        surfaces = kind == "null:surfaces"
+        self.rail = several_surfaces(self.rng, duration_s) if surfaces else one_surface(self.rng)
+        self.vehicle = draw_vehicle(self.rng, self.rail)
+        self.course, self.noise = self._drive()
+
+    def _drive(self) -> tuple[Course, Noise]:
+        course = draw_course(self.rng, self.duration_s, self.vehicle, self.rail)
+        of_noise = self.kind.removeprefix("null:")
+        correlation_s = float(of_noise) if of_noise in ("1", "5") else 0.0
+        return course, draw_noise(self.rng, len(course.t) - LEAD, correlation_s)
+
+    def written(self, names: tuple[str, ...], path: Path, excess: Excess, fresh: bool) -> Truth:
+        effects, shares = self._sized(names, excess)
+        truth = self._write(self.course, self.noise, effects, shares, path)
+        if effects and truth.rmse_before < (1 + LEAST_EXCESS) * truth.noise_floor:
+            # Two that hide each other, or a figure that one row in five flattered.
+            raise TooWeakError(self.kind)
+        if not fresh:
+            return truth
+        second = self._write(
+            *self._drive(), effects, shares, path.with_name(f"{path.stem}_fresh{path.suffix}")
+        )
+        return replace(truth, fresh=second)
+
+    def _sized(
+        self, names: tuple[str, ...], excess: Excess
+    ) -> tuple[tuple[Hidden, ...], tuple[float, ...]]:
+        if not names:
+            return (), ()
+        largest = float(np.abs(curve(self.rail.curves[0], self.course.slip)).max())
+        largest *= float(self.vehicle.static_load.mean())
+        effects, shares = [], []
+        for name in names:
+            drawn = draft(self.rng, name, self.rail.curves[0], largest)
+            wanted = self.rng.uniform(excess[0] + 0.01, excess[1])
+            hidden, share = size_for(drawn, wanted, self._excess)
+            effects.append(hidden)
+            shares.append(share)
+        return tuple(effects), tuple(shares)
+
+    def _excess(self, hidden: Hidden) -> float:
+        """Share by which an effect alone lifts the plain fit's RMSE above the true model's."""
+        readings = drive(self.course, self.vehicle, self.rail, (hidden,), self.noise)
+        # One row in five: enough for the figure, and no multiple of the 20 ms of the speed.
+        true = view(readings, (hidden,), self.rail, self.vehicle, self.course).thinned(THIN)
+        if np.min(true.contact.factor) < LEAST_FACTOR:
+            raise TooWeakError(hidden.effect)
+        plain = view(readings, (), self.rail, self.vehicle).thinned(THIN)
+        surface = self.rail.surface_at(plain.t)
+        before = rmse(fitted_residual(plain, surface)[plain.use])
+        return before / rmse(true.residual(self.rail.curves[surface])[true.use]) - 1
+
+    def _write(
+        self,
+        course: Course,
+        noise: Noise,
+        effects: tuple[Hidden, ...],
+        shares: tuple[float, ...],
+        path: Path,
+    ) -> Truth:
+        readings = drive(course, self.vehicle, self.rail, effects, noise)
+        write_log(readings, path)
+        plain = view(readings, (), self.rail, self.vehicle)
+        true = view(readings, effects, self.rail, self.vehicle, course)
+        surface = self.rail.surface_at(plain.t)
+        before = rmse(fitted_residual(plain, surface)[plain.use])
+        floor = rmse(true.residual(self.rail.curves[surface])[true.use])
+        return Truth(
+            kind=self.kind,
+            seed=self.seed,
+            path=str(path),
+            effects=effects,
+            channel=CHANNELS.get(self.kind),
+            surfaces=tuple(
+                Surface(begin, *(float(x) for x in c))
+                for begin, c in zip(self.rail.begins_s, self.rail.curves, strict=True)
+            ),
+            noise_floor=floor,
+            rmse_before=before,
+            excess=shares,
+            fresh=None,
+            judge=DriveJudge(plain, true, surface, self.rail.curves[surface]),
+        )
+
+
+def size_for(
+    drawn: Draft, wanted: float, share_of: Callable[[Hidden], float]
+) -> tuple[Hidden, float]:
+    """Size of an effect that raises the RMSE by the share wanted, or as near as its range goes.
+
+    Raises:
+        TooWeakError: no size within the range raises it enough.
+
+    """
+    size, best = drawn.first, None
+    for _ in range(8):
+        hidden = drawn.sized(size)
+        share = share_of(hidden)
+        if share >= LEAST_EXCESS and (best is None or abs(share - wanted) < abs(best[1] - wanted)):
+            best = hidden, share
+        if abs(share - wanted) < 0.02 and share >= LEAST_EXCESS:
+            break
+        # Mean squares add, and what an effect adds grows with the square of its size.
+        step = np.sqrt(((1 + wanted) ** 2 - 1) / max((1 + share) ** 2 - 1, 1e-4))
+        new = size * float(np.clip(step, 0.1, 6.0))
+        new = np.sign(drawn.limit) * min(abs(new), abs(drawn.limit))
+        if new == size:
+            break
+        size = new
+    # Far above what was wanted is as wrong as too little.
+    if best is None or best[1] > wanted + 0.1:
+        raise TooWeakError(drawn.effect)
+    return best

@@ -1,0 +1,148 @@
+"""What a diagnosis is worth beside the truth. The rules are here and nowhere else."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from plan import group_of
+
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A record, judged.
+
+    Attributes:
+        kind: of the world.
+        group: of the kind.
+        outcome: 'named' (by its own name), 'rival' (declared indistinguishable), 'wrong', 'both',
+            'one', 'unexplained' (with the right channel where there is one), 'wrong channel',
+            'nothing', 'failed'.
+        said: what was named or the channel, for the confusion.
+        inside: whether each parameter that can be compared lies in its interval.
+        covered: whether the gain's interval holds the true gain; None: cannot be said.
+        gain_error: reported less true gain, %; None: cannot be said.
+        floor_ratio: held-out RMSE after extension over the noise floor there.
+        seconds: of the diagnosis.
+        rss_mb: its peak of memory.
+
+    """
+
+    kind: str
+    group: str
+    outcome: str
+    said: tuple[str, ...]
+    inside: tuple[bool, ...]
+    covered: bool | None
+    gain_error: float | None
+    floor_ratio: float | None
+    seconds: float
+    rss_mb: float | None
+
+    @property
+    def found(self) -> bool:
+        """Whether every hidden effect was named, by name or with its rivals."""
+        return self.outcome in ("named", "rival", "both")
+
+
+def judged(record: Record) -> Judged:
+    """Judge one record."""
+    kind = record["kind"]
+    diagnosis = record.get("diagnosis")
+    if diagnosis is None or record["status"] != 0:
+        outcome, said, inside = "failed", (str(record["status"]),), ()
+    else:
+        outcome, said = _outcome(record, diagnosis)
+        inside = tuple(_inside(record, diagnosis["causes"]))
+    covered, error, ratio = _gain(record) if diagnosis else (None, None, None)
+    return Judged(
+        kind,
+        group_of(kind),
+        outcome,
+        said,
+        inside,
+        covered,
+        error,
+        ratio,
+        float(record["seconds"]),
+        record["rss_mb"],
+    )
+
+
+def _outcome(record: Record, diagnosis: Record) -> tuple[str, tuple[str, ...]]:
+    causes = diagnosis["causes"]
+    names = tuple(cause["effect"] for cause in causes)
+    true = [e["effect"] for e in record["truth"]["effects"]]
+    verdict, channel = diagnosis["verdict"], diagnosis["channel"]
+    if group_of(record["kind"]) in ("null", "out"):
+        if names or verdict == "named":
+            return "wrong", names
+        if verdict == "nothing_found":
+            return "nothing", ()
+        wanted = record["truth"]["channel"]
+        right = wanted is None or wanted == channel
+        return ("unexplained" if right else "wrong channel"), (f"[{channel}]",)
+    if verdict == "named" and len(true) == 1:
+        return single_outcome(true[0], causes), names
+    if verdict == "named":
+        return {2: "both", 1: "one", 0: "wrong"}[pair_count(true, causes)], names
+    # What it names beside a channel that it does not know is no answer.
+    if verdict == "unexplained":
+        return "unexplained", (*names, f"[{channel}]")
+    return "nothing", ()
+
+
+def single_outcome(true: str, causes: Sequence[Record]) -> str:
+    """The true id is a cause, or a rival of one, and every other cause is a rival of that one."""
+    for cause in causes:
+        others = {c["effect"] for c in causes if c is not cause}
+        if true in {cause["effect"], *_rivals(cause)} and others <= _rivals(cause):
+            return "named" if cause["effect"] == true else "rival"
+    return "wrong"
+
+
+def pair_count(true: Sequence[str], causes: Sequence[Record]) -> int:
+    """How many of two effects are named, each by a cause of its own or as its rival."""
+    first, second = (
+        {k for k, c in enumerate(causes) if effect in {c["effect"], *_rivals(c)}} for effect in true
+    )
+    if first and second and len(first | second) > 1:
+        return 2
+    return 1 if first or second else 0
+
+
+def _rivals(cause: Record) -> set[str]:
+    return set(cause["rivals"] or ())
+
+
+def _inside(record: Record, causes: Sequence[Record]) -> list[bool]:
+    """Parameters of effects named by their own name: the truth within value ± 1.96 std."""
+    found = []
+    for hidden in record["truth"]["effects"]:
+        for cause in causes:
+            if cause["effect"] != hidden["effect"]:
+                continue
+            told = cause["parameters"] or {}
+            for name, true in hidden["parameters"].items():
+                if name == "axle" or told.get(name) is None:
+                    continue  # another form of the effect has other parameters
+                if told[name]["std"] is not None:
+                    found.append(abs(told[name]["value"] - true) <= 1.96 * told[name]["std"])
+            axle = (told.get("axle") or {}).get("value")
+            if axle is not None and axle != hidden["parameters"].get("axle"):
+                found = [False for _ in found]
+    return found
+
+
+def _gain(record: Record) -> tuple[bool | None, float | None, float | None]:
+    gain, true, floor = record["diagnosis"]["gain"], record.get("true_gain"), record.get("floor")
+    after = gain["rmse_after"]
+    ratio = after / floor if after is not None and floor else None
+    if true is None or gain["percent"] is None:
+        return None, None, ratio
+    error = gain["percent"] - true
+    if not gain["interval"] or None in gain["interval"]:
+        return None, error, ratio
+    low, high = gain["interval"]
+    return low <= true <= high, error, ratio

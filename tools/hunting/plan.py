@@ -1,0 +1,121 @@
+"""Which drives a hunt makes, and what it is known by."""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.worlds import KINDS, NULLS, OUTSIDE, PAIRS, SINGLES
+
+ROOT = Path(__file__).resolve().parents[2]
+PAIRS_A_ROUND = 10
+GROUPS = {"single": SINGLES, "pair": PAIRS, "null": NULLS, "out": OUTSIDE}
+
+
+@dataclass(frozen=True)
+class Task:
+    """A drive to make and to diagnose."""
+
+    kind: str
+    seed: int
+
+
+def group_of(kind: str) -> str:
+    """'single', 'pair', 'null' or 'out'."""
+    head = kind.partition(":")[0]
+    return head if head in GROUPS else "single"
+
+
+def check_kinds(chosen: Sequence[str]) -> None:
+    """Each one a kind or a group.
+
+    Raises:
+        ValueError: one is neither.
+
+    """
+    for name in chosen:
+        if name not in KINDS and name not in GROUPS:
+            raise ValueError(f"no kind {name!r}: one of {', '.join(GROUPS)}, {', '.join(SINGLES)}")
+
+
+def tasks_of(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
+    """Every drive of a hunt, round by round.
+
+    Args:
+        seed: of the whole hunt; the first rounds are the same however many there are.
+        rounds: each one has every single effect, null and outsider once and ten pairs.
+        only: kinds and groups; none: all.
+
+    """
+    tasks = []
+    for number in range(rounds):
+        rng = np.random.default_rng([seed, number])
+        sampled = [PAIRS[k] for k in rng.choice(len(PAIRS), PAIRS_A_ROUND, replace=False)]
+        everything = [*SINGLES, *sampled, *NULLS, *OUTSIDE]
+        kinds = [k for k in everything if not only or k in only or group_of(k) in only]
+        kinds += [k for k in only if k in PAIRS and k not in kinds]
+        tasks += [Task(kind, seed + number) for kind in kinds]
+    return tasks
+
+
+def code_version() -> str:
+    """Hash of all that a result depends on: the product, the worlds, the database."""
+    digest = hashlib.sha256()
+    files = [*ROOT.glob("adhesion_can/**/*.py"), *ROOT.glob("tests/worlds/*.py")]
+    for path in sorted([*files, ROOT / "dbc" / "adhesion.dbc"]):
+        digest.update(str(path.relative_to(ROOT)).encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+class Results:
+    """A JSON-lines file of what was found: a line a hunt that began and a line a drive."""
+
+    def __init__(self, path: Path, version: str) -> None:
+        self.path, self.version = path, version
+        self._lines = _read(path) if path.exists() else []
+
+    @property
+    def seed(self) -> int | None:
+        """Of the last hunt with this code."""
+        seeds = [line["hunt"] for line in self._lines if "hunt" in line and self._ours(line)]
+        return int(seeds[-1]) if seeds else None
+
+    def records(self) -> list[dict[str, Any]]:
+        """Drives that were diagnosed with this code, each one once."""
+        found = {
+            (line["kind"], line["seed"], line["holdout"]): line
+            for line in self._lines
+            if "kind" in line and self._ours(line)
+        }
+        return list(found.values())
+
+    def begin(self, seed: int) -> None:
+        """Note the seed of a hunt, so that a killed one can go on."""
+        if self.seed != seed:
+            self.add({"hunt": seed})
+
+    def add(self, line: dict[str, Any]) -> None:
+        """Append a line at once: a killed hunt loses no more than what runs."""
+        line = {"version": self.version, **line}
+        self._lines.append(line)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with self.path.open("a") as file:
+            file.write(json.dumps(line) + "\n")
+
+    def _ours(self, line: dict[str, Any]) -> bool:
+        return bool(line.get("version") == self.version)
+
+
+def _read(path: Path) -> list[dict[str, Any]]:
+    """Lines of a results file; the last one may have been cut when the hunt was killed."""
+    text = path.read_text()
+    lines = text.splitlines()
+    if text and not text.endswith("\n"):
+        # Else the next line would be written on to it.
+        path.write_text("".join(line + "\n" for line in lines[:-1]))
+        lines = lines[:-1]
+    return [json.loads(line) for line in lines]

@@ -1,0 +1,189 @@
+"""The confusion and the targets as Markdown, which reads well enough on a terminal too."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from judge import Judged
+from scipy.stats import beta
+
+from tests.worlds import NULLS, OUTSIDE, SINGLES
+
+
+@dataclass(frozen=True)
+class Target:
+    """A target beside its figure.
+
+    Attributes:
+        what: it is about.
+        figure: as text.
+        wanted: as text.
+        verdict: 'met', 'not met' (missed, but the bound does not exclude it), 'FAILED', 'no data'.
+
+    """
+
+    what: str
+    figure: str
+    wanted: str
+    verdict: str
+
+
+def bounds(hits: int, of: int) -> tuple[float, float]:
+    """One-sided 95 % bounds of a share, the lower one and the upper one (Clopper and Pearson)."""
+    low = float(beta.ppf(0.05, hits, of - hits + 1)) if hits else 0.0
+    high = float(beta.ppf(0.95, hits + 1, of - hits)) if hits < of else 1.0
+    return low, high
+
+
+def share(what: str, hits: Iterable[bool], least: float, most: float = 1.0) -> Target:
+    """A share of rounds beside the least, and the most, that it may be."""
+    all_hits = list(hits)
+    of, n = len(all_hits), sum(all_hits)
+    wanted = f"at least {least:.0%}" if most == 1 else f"{least:.0%} to {most:.0%}"
+    if not of:
+        return Target(what, "-", wanted, "no data")
+    low, high = bounds(n, of)
+    figure = f"{n / of:.1%} ({n} of {of}; {low:.0%}..{high:.0%})"
+    if high < least or low > most:
+        return Target(what, figure, wanted, "FAILED")
+    return Target(what, figure, wanted, "met" if least <= n / of <= most else "not met")
+
+
+def at_most(what: str, value: float | None, most: float, unit: str, also: str = "") -> Target:
+    """A figure that may be so large."""
+    wanted = f"at most {most:g} {unit}"
+    if value is None:
+        return Target(what, "-", wanted, "no data")
+    return Target(what, f"{value:.3g} {unit}{also}", wanted, "met" if value <= most else "FAILED")
+
+
+def targets(rows: Sequence[Judged]) -> list[Target]:
+    """Every target of the hunt."""
+    singles = [r for r in rows if r.group == "single"]
+    pairs = [r for r in rows if r.group == "pair"]
+    outside = [r for r in rows if r.group == "out"]
+    named = [r for r in rows if r.found]
+    seconds = [r.seconds for r in rows]
+    memory = [r.rss_mb for r in rows if r.rss_mb is not None]
+    ratios = [r.floor_ratio for r in singles if r.found and r.floor_ratio is not None]
+    result = [share("single effects named, or with their rivals", (r.found for r in singles), 0.95)]
+    for effect in SINGLES:
+        own = [r.found for r in singles if r.kind == effect]
+        if own:
+            result.append(share(f"- {effect}", own, 0.85))
+    result += [
+        share("pairs: both named", (r.outcome == "both" for r in pairs), 0.75),
+        share("pairs: at least one named", (r.outcome in ("both", "one") for r in pairs), 0.95),
+    ]
+    for kind in NULLS:
+        own = [r.outcome == "nothing" for r in rows if r.kind == kind]
+        if own:
+            result.append(share(f"{kind}: nothing found", own, 0.95))
+    result.append(
+        share("outside: unexplained, channel right", (r.outcome == "unexplained" for r in outside),
+              0.85)
+    )  # fmt: skip
+    for kind in OUTSIDE:
+        own = [r.outcome == "unexplained" for r in outside if r.kind == kind]
+        if own:
+            result.append(share(f"- {kind}", own, 0.85))
+    covered = [r.covered for r in named if r.covered is not None]
+    median = float(np.median(seconds)) if seconds else None
+    longest = f", longest {max(seconds):.1f} s" if seconds else ""
+    result += [
+        share("gain: interval holds the true one (all hidden was named)", covered, 0.85, 0.97),
+        share("RMSE after extension at most 1.10 of the noise floor (singles named)",
+              (ratio <= 1.10 for ratio in ratios), 0.95),
+        share("parameters in their 95 % interval (named by name)",
+              (hit for r in rows for hit in r.inside), 0.85),
+        at_most("time, median", median, 10.0, "s", longest),
+        at_most("memory, peak", max(memory) if memory else None, 2048.0, "MiB"),
+    ]  # fmt: skip
+    return result
+
+
+def target_table(found: Sequence[Target]) -> str:
+    """Targets as Markdown."""
+    head = ("target", "wanted", "figure (one-sided 95 % bounds)", "verdict")
+    return _table(head, [(t.what, t.wanted, t.figure, t.verdict) for t in found])
+
+
+def confusion(rows: Sequence[Judged]) -> str:
+    """Every kind and what was said of it, as Markdown."""
+    parts = [
+        _outcomes(
+            rows,
+            "single effect",
+            SINGLES,
+            ("named", "rival", "wrong", "unexplained", "nothing", "failed"),
+        ),
+        _pairs(rows),
+        _outcomes(rows, "no effect", NULLS, ("nothing", "wrong", "unexplained", "failed")),
+        _outcomes(
+            rows,
+            "outside the library",
+            OUTSIDE,
+            ("unexplained", "wrong channel", "wrong", "nothing", "failed"),
+        ),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _outcomes(
+    rows: Sequence[Judged], title: str, kinds: Sequence[str], columns: Sequence[str]
+) -> str:
+    lines = []
+    for kind in kinds:
+        own = [r for r in rows if r.kind == kind]
+        if own:
+            counts = Counter(r.outcome for r in own)
+            # A null that is called unexplained went wrong, whatever channel is blamed.
+            said = Counter(" + ".join(r.said) for r in own if not r.found and r.said)
+            # What was right needs no telling.
+            if kind in OUTSIDE:
+                said = Counter(
+                    " + ".join(r.said) for r in own if r.outcome != "unexplained" and r.said
+                )
+            told = ", ".join(f"{name} {n}" for name, n in said.most_common())
+            lines.append((kind, str(len(own)), *(_count(counts[c]) for c in columns), told))
+    return _table((title, "drives", *columns, "instead"), lines) if lines else ""
+
+
+def _pairs(rows: Sequence[Judged]) -> str:
+    """Pairs by the effects that are in them."""
+    pairs = [r for r in rows if r.group == "pair"]
+    columns = ("both", "one", "wrong", "unexplained", "nothing", "failed")
+
+    def line(name: str, has: Callable[[Judged], bool]) -> tuple[str, ...]:
+        own = [r for r in pairs if has(r)]
+        counts = Counter(r.outcome for r in own)
+        return (name, str(len(own)), *(_count(counts[c]) for c in columns))
+
+    if not pairs:
+        return ""
+    lines = [line("all", lambda _: True)]
+    for effect in SINGLES:
+        row = line(effect, lambda r, e=effect: e in _members(r.kind))  # type: ignore[misc]
+        if row[1] != "0":
+            lines.append(row)
+    return _table(("pairs with", "drives", *columns), lines)
+
+
+def _members(kind: str) -> list[str]:
+    return kind.removeprefix("pair:").split("+")
+
+
+def _count(n: int) -> str:
+    return str(n) if n else "."
+
+
+def _table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    widths = [max(len(row[k]) for row in (head, *lines)) for k in range(len(head))]
+
+    def text(row: Sequence[str]) -> str:
+        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        return f"| {' | '.join(cells)} |"
+
+    rule = f"|{'|'.join('-' * (width + 2) for width in widths)}|"
+    return "\n".join([text(head), rule, *(text(line) for line in lines)])

@@ -1,0 +1,152 @@
+"""One drive: make it, have it diagnosed in a process of its own, note what is needed to judge."""
+
+import importlib
+import json
+import os
+import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from plan import Task
+
+from tests.worlds import Truth, make_world
+
+NO_WORLD = "no world"
+"""Status of a drive that could not be made: no fault of the diagnosis."""
+
+
+@dataclass(frozen=True)
+class Orders:
+    """How to diagnose.
+
+    Attributes:
+        entry: MODULE:FUNCTION that takes the command line.
+        holdout: whether a fresh drive is made and held out.
+        timeout_s: after which a diagnosis is ended.
+        keep: folder that drives and diagnoses are left in; None: nowhere.
+
+    """
+
+    entry: str = "adhesion_can.cli.main:main"
+    holdout: bool = False
+    timeout_s: float = 300.0
+    keep: Path | None = None
+
+
+def work(task: Task, orders: Orders) -> dict[str, Any]:
+    """Record of a drive, fit for JSON."""
+    with TemporaryDirectory(prefix="hunt-") as folder:
+        name = f"{task.kind}-{task.seed}".replace(":", "_").replace("+", "-")
+        where = Path(folder) if orders.keep is None else orders.keep
+        path = where / (name + (".csv" if task.kind == "out:table" else ".log"))
+        record: dict[str, Any] = {
+            "kind": task.kind,
+            "seed": task.seed,
+            "holdout": orders.holdout,
+        }
+        try:
+            truth = make_world(task.kind, task.seed, path, fresh=orders.holdout)
+        except RuntimeError as error:
+            return record | {"status": NO_WORLD, "error": str(error), "seconds": 0, "rss_mb": None}
+        answer = path.with_name(f"{name}.json")
+        answer.unlink(missing_ok=True)
+        arguments = ["diagnose", str(path), "--json", str(answer)]
+        if truth.fresh:
+            arguments += ["--holdout", truth.fresh.path]
+        record["truth"] = truth.to_dict()
+        record |= diagnosed(arguments, orders, path.with_name(f"{name}.txt"))
+        if record["status"] == 0:
+            try:
+                record["diagnosis"] = shortened(json.loads(answer.read_text()))
+                record |= compared(truth, record["diagnosis"])
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                record |= {"status": "unreadable", "error": repr(error)}
+    return record
+
+
+def diagnosed(arguments: list[str], orders: Orders, said: Path) -> dict[str, Any]:
+    """Run the command in a new process: exit status, seconds with its imports, peak memory."""
+    context = get_context("spawn")
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_call, args=(orders.entry, arguments, str(said), theirs))
+    process.start()
+    theirs.close()
+    found: dict[str, Any] = {"status": "timeout", "seconds": orders.timeout_s, "rss_mb": None}
+    if ours.poll(orders.timeout_s):
+        try:
+            found = ours.recv()
+        except EOFError:
+            found |= {"status": "died"}
+    else:
+        process.kill()
+    process.join()
+    if found["status"] != 0:
+        with suppress(OSError):
+            found["error"] = said.read_text(errors="replace")[-2000:]
+    return found
+
+
+def _call(entry: str, arguments: list[str], said: str, pipe: Any) -> None:
+    """In the new process: everything that the command says goes to a file."""
+    out = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(out, 1)
+    os.dup2(out, 2)
+    began = time.perf_counter()
+    try:
+        module, _, function = entry.partition(":")
+        status = getattr(importlib.import_module(module), function)(arguments)
+    except SystemExit as left:
+        status = left.code if isinstance(left.code, int) else 1
+    except Exception:  # noqa: BLE001  whatever it was: it is the finding
+        import traceback
+
+        traceback.print_exc()
+        status = "crashed"
+    seconds = time.perf_counter() - began
+    sys.stdout.flush()
+    sys.stderr.flush()
+    pipe.send({"status": status or 0, "seconds": round(seconds, 3), "rss_mb": _peak_mb()})
+
+
+def _peak_mb() -> float:
+    """Peak of this process alone: what getrusage says may be its parent's."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) / 1024
+    raise OSError("no VmHWM in /proc/self/status")
+
+
+def shortened(diagnosis: dict[str, Any]) -> dict[str, Any]:
+    """What of a diagnosis is needed to judge it."""
+    gain = diagnosis.get("gain") or {}
+    return {
+        "verdict": diagnosis["verdict"],
+        "channel": diagnosis.get("channel"),
+        "causes": [
+            {key: cause.get(key) for key in ("effect", "form", "parameters", "p_value", "rivals")}
+            for cause in diagnosis["causes"]
+        ],
+        "gain": {
+            key: gain.get(key)
+            for key in ("percent", "interval", "rmse_before", "rmse_after", "spans")
+        },
+    }
+
+
+def compared(truth: Truth, diagnosis: dict[str, Any]) -> dict[str, Any]:
+    """Gain and noise floor as the world knows them, on what the diagnosis held out."""
+    if truth.fresh:
+        return {
+            "true_gain": truth.fresh_gain_percent(),
+            "floor": truth.fresh.noise_floor,
+        }
+    spans = diagnosis["gain"]["spans"]
+    if not spans:
+        return {"true_gain": None, "floor": None}
+    held = [(float(begin), float(end)) for begin, end in spans]
+    return {"true_gain": truth.true_gain_percent(held), "floor": truth.floor_on(held)}
