@@ -10,10 +10,20 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from adhesion_can import __version__
-from adhesion_can.cli import calibrate, check, demo, experiment, identify, replay, run, simulate
+from adhesion_can.cli import (
+    calibrate,
+    check,
+    demo,
+    diagnose,
+    experiment,
+    identify,
+    replay,
+    run,
+    simulate,
+)
 from adhesion_can.errors import AdhesionCanError
 
-COMMANDS = (demo, run, simulate, replay, identify, calibrate, experiment, check)
+COMMANDS = (demo, run, simulate, replay, identify, calibrate, diagnose, experiment, check)
 
 
 class _Parser(argparse.ArgumentParser):

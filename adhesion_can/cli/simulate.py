@@ -14,6 +14,7 @@ from adhesion_can.bus.recordings import from_message, to_message, whole_file
 from adhesion_can.cli.common import (
     add_bus,
     add_configuration,
+    add_model,
     bus_is_configured,
     bus_opener,
     configuration,
@@ -23,7 +24,11 @@ from adhesion_can.cli.common import (
     write_json,
 )
 from adhesion_can.cli.effect_option import SYNTAX, effects_help, parse_effects
+from adhesion_can.config import Configuration
 from adhesion_can.errors import BusError, InputError
+from adhesion_can.identification.correction import require_axles, require_channels
+from adhesion_can.identification.samples import COVARIATES
+from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.simulation.run import RunSettings, Simulation
@@ -47,6 +52,11 @@ def add_to(commands: Any) -> None:
     parser.add_argument("--truth", type=Path, metavar="F.json", help="write what is true")
     parser.add_argument(
         "--effect", action="append", default=[], metavar=SYNTAX, help="may be repeated"
+    )
+    add_model(
+        parser,
+        "its effects act here, on the rails of the scenario and not on its own base curve; the "
+        "service of --closed-loop knows them",
     )
     parser.add_argument(
         "--closed-loop", action="store_true", help="the drive obeys AdhesionSetpoint"
@@ -99,17 +109,34 @@ def _settings(options: argparse.Namespace) -> RunSettings:
             f"no scenario {options.scenario!r}",
             f"known: {', '.join(s.name for s in SCENARIOS)}",
         ) from error
-    vehicle = configuration(options).vehicle
+    config = configuration(options)
     return RunSettings(
         scenario,
         options.duration,
         seed=options.seed,
-        vehicle=vehicle,
-        effects=parse_effects(options.effect, vehicle),
+        vehicle=config.vehicle,
+        effects=(*parse_effects(options.effect, config.vehicle), *_of_model(config, options)),
         obey=options.closed_loop,
         load_transfer=options.load_transfer,
         along_track=options.along_track,
     )
+
+
+def _of_model(config: Configuration, options: argparse.Namespace) -> tuple[ActiveEffect, ...]:
+    """Effects of --model, which must be possible here and not given by --effect as well."""
+    model = config.model
+    if model is None:
+        return ()
+    mend = "take the spline out of the model"
+    require_channels(model, COVARIATES.values(), "the simulated locomotive", mend)
+    require_axles(model, config.vehicle.axles)
+    given = {text.partition("=")[0].partition(":")[0] for text in options.effect}
+    for active in model.effects:
+        if active.effect.id in given:
+            raise InputError(
+                f"--effect {active.effect.id}", "is in the --model as well", "give it once"
+            )
+    return model.actives
 
 
 def _to_log(simulation: Simulation, path: Path, core: ServiceCore | None) -> None:

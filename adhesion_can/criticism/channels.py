@@ -1,7 +1,7 @@
 """What a residual may depend on without a mechanism being known: splines in every channel.
 
-A channel's spline multiplies the predicted adhesion, as a change of the rail would; those of slip,
-slip rate and effort are added to it, as a wrong shape of the curve or a wrong signal would be.
+A channel's spline multiplies the predicted adhesion, as a change of the rail would; those of slip
+rate and effort are added to it, as a wrong signal would be.
 """
 
 from collections.abc import Mapping
@@ -17,8 +17,6 @@ from adhesion_can.physics.burckhardt import Array
 FEW, MANY = 6, 14
 """Columns of a channel's spline; of time and position, along which more may happen."""
 CONSTANT = 1e-9
-WAVES = np.arange(3, 200)
-"""Numbers of waves within a recording at which periods are looked for."""
 
 
 class Kind(Enum):
@@ -42,6 +40,7 @@ class Channel:
         kind: how it would act.
         values: shape (n,).
         columns: of its spline.
+        period: of a wave in it; 0 for none.
 
     """
 
@@ -50,6 +49,7 @@ class Channel:
     kind: Kind
     values: Array
     columns: int = FEW
+    period: float = 0.0
 
     @property
     def constant(self) -> bool:
@@ -109,7 +109,7 @@ def channels_of(study: Study, at: Evaluation) -> list[Channel]:
     )
     curve = Kind.CURVE
     found = [
-        Channel("slip", "1", curve, np.abs(at.slip)),
+        Channel("slip", "1", Kind.FACTOR, np.abs(at.slip)),
         Channel("tractive_effort", "N", curve, np.abs(at.predicted) * load),
         Channel("slip_rate", "1/s", Kind.OFFSET, _rates(study, at.slip)),
         Channel("speed", "m/s", Kind.FACTOR, speed),

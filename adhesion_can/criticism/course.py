@@ -25,6 +25,7 @@ WHEEL_WINDOWS_S = (0.05, 0.09)
 EFFORT_WINDOWS_S = (0.15,)
 DELAY_MAX = {"speed": 1.0, "effort": 0.5}
 """s; rows need kinematics so far around them."""
+ROUGH_S = 0.4
 GAP_CYCLES = 3.0
 
 
@@ -74,7 +75,11 @@ class Course:
         inertia: configured, kg·m².
         position: way travelled, m.
         source: gives kinematics with delays.
+        first_us: stamp of time 0.
         lost: rows that were not formed, by reason.
+        table: whether it is a TABLE, with slip and adhesion as they stand there.
+        has_speed: whether the speed is known.
+        has_load: whether the load is known.
 
     """
 
@@ -90,6 +95,9 @@ class Course:
     source: "Source"
     first_us: int = 0
     lost: Mapping[str, int] = field(default_factory=dict)
+    table: bool = False
+    has_speed: bool = True
+    has_load: bool = True
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -132,10 +140,16 @@ class Course:
 
 
 class Source:
-    """Kinematics at the rows for any delays; the last few are kept."""
+    """Kinematics at the rows for any delays; the last few are kept.
+
+    Attributes:
+        rough: by axle, stamps and what smoothing takes off the wheel speed's fast part, rad/s.
+
+    """
 
     def __init__(self, axles: NDArray[np.int64], t_s: Array, signals: "Signals") -> None:
         self._axles, self._t_s, self._signals = axles, t_s, signals
+        self.rough = signals.rough
         self._cached = lru_cache(maxsize=6)(self._at)
 
     @property
@@ -182,6 +196,7 @@ class Signals:
         loads: measured ones by axle, stamps in s and N.
         effort: smoothed, by axle, for the transfer of load where it is not measured.
         vehicle: configured.
+        rough: see `Source`.
 
     """
 
@@ -190,6 +205,7 @@ class Signals:
     loads: Mapping[int, tuple[Array, Array]]
     effort: Mapping[int, Smooth]
     vehicle: Locomotive
+    rough: Mapping[int, tuple[Array, Array]] = field(default_factory=dict)
 
     @property
     def radius(self) -> Array:
@@ -260,6 +276,18 @@ def smoothed(
     breaks = np.stack([kept[after - 1], kept[after]], axis=1)
     whole = value[there] + part_known[there]
     return Smooth(kept, whole, rate[there] + rise, std, breaks, window_s)
+
+
+def rough(trace: Trace, origin_us: int) -> tuple[Array, Array]:
+    """Stamps, s, and the fast part of a signal: what is left of it beside its mean over 0.4 s."""
+    good = np.isfinite(trace.value)
+    t, value = (trace.t_us[good] - origin_us) / 1e6, trace.value[good]
+    if len(t) < 8:
+        return t, value
+    points = max(round(ROUGH_S / float(np.median(np.diff(t))) / 2) * 2 + 1, 5)
+    if len(t) < points:
+        return t, 0.0 * value
+    return t, value - savgol_filter(value, points, 2)
 
 
 def pulled(trace: Trace, origin_us: int, efforts: Sequence[Smooth]) -> Array | None:

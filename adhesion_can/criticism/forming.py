@@ -17,6 +17,7 @@ from adhesion_can.criticism.course import (
     Source,
     covers,
     pulled,
+    rough,
     smoothed,
 )
 from adhesion_can.identification.samples import COVARIATES
@@ -82,7 +83,8 @@ def course_of(
             loads[axle] = ((load.t_us[good] - origin) / 1e6, load.value[good])
     if not wheels:
         return _empty(name, vehicle, dict(lost))
-    signals = Signals(wheels, speed, loads, efforts, vehicle)
+    fast = {axle: rough(traces[Role.WHEEL_SPEED, axle], origin) for axle in wheels}
+    signals = Signals(wheels, speed, loads, efforts, vehicle, fast)
     parts = []
     for axle, (t, effort_values) in raw.items():
         keep = _usable(t, signals, axle, v_min, slip_max, lost)
@@ -90,6 +92,7 @@ def course_of(
     t_s = np.concatenate([part[0] for part in parts])
     axles = np.concatenate([part[1] for part in parts])
     covariates = _covariates(traces, t_s, origin, lost)
+    place = _places(traces.get((Role.DIRECTION, 0)), t_s, origin, axles, vehicle.axles)
     way = np.concatenate(
         [[0.0], np.cumsum(np.diff(speed.t_s) * (speed.value[1:] + speed.value[:-1]) / 2)]
     )
@@ -97,16 +100,25 @@ def course_of(
         name=name,
         t_s=t_s,
         axle=axles,
-        place=_places(traces.get((Role.DIRECTION, 0)), t_s, origin, axles, vehicle.axles),
+        place=place,
         effort=np.concatenate([part[2] for part in parts]),
         covariates=covariates,
         radius=signals.radius,
         inertia=vehicle.wheelset_inertia,
-        position=np.interp(t_s, speed.t_s, way),
+        position=np.interp(t_s, speed.t_s, way) - behind(vehicle, place),
         source=Source(axles, t_s, signals),
         first_us=origin,
         lost=dict(lost),
     )
+
+
+def behind(vehicle: Locomotive, place: Array) -> Array:
+    """Distance behind the leading axle, m; zeros where the geometry is not known."""
+    if vehicle.geometry is None or not len(place):
+        return np.zeros(len(place))
+    places = vehicle.geometry.axle_places
+    # In reverse the last axle leads, and its distances count.
+    return np.asarray(places[np.clip(place.astype(np.int64) - 1, 0, len(places) - 1)])
 
 
 def _travelled(speed: Smooth) -> Array:
@@ -228,6 +240,9 @@ def course_of_table(
         position=_way(t_s, rows.speed, number),
         source=Source(number, t_s, signals),
         lost=lost,
+        table=True,
+        has_speed=bool(np.any(rows.speed != 1.0)),
+        has_load=bool(np.any(rows.load != 1.0)),
     )
 
 

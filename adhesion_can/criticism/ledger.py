@@ -27,9 +27,7 @@ class Ledger:
     rows: Array
 
     @classmethod
-    def of(
-        cls, columns: Array, block: NDArray[np.int64], shared: Array | None = None
-    ) -> "Ledger":
+    def of(cls, columns: Array, block: NDArray[np.int64], shared: Array | None = None) -> "Ledger":
         """Sums over the rows of each block.
 
         Args:
@@ -80,7 +78,9 @@ class Ledger:
         v = np.zeros((total.shape[0], len(of)))
         v[list(of), np.arange(len(of))] = 1.0
         if len(nuisance):
-            v[list(nuisance)] -= solve(total[np.ix_(nuisance, nuisance)], total[np.ix_(nuisance, of)])
+            v[list(nuisance)] -= solve(
+                total[np.ix_(nuisance, nuisance)], total[np.ix_(nuisance, of)]
+            )
         return v
 
 
@@ -89,7 +89,9 @@ def solve(gram: Array, right: Array) -> Array:
     scale = np.sqrt(np.maximum(gram.diagonal(), 1e-300))
     correlation = gram / np.outer(scale, scale)
     values, vectors = np.linalg.eigh(correlation)
-    inverse = np.where(values > 1e-9 * max(values[-1], 1e-300), 1.0 / np.maximum(values, 1e-300), 0.0)
+    inverse = np.where(
+        values > 1e-9 * max(values[-1], 1e-300), 1.0 / np.maximum(values, 1e-300), 0.0
+    )
     shape = (-1,) + (1,) * (right.ndim - 1)
     scaled = right / scale.reshape(shape)
     return np.asarray((vectors * inverse) @ (vectors.T @ scaled) / scale.reshape(shape))

@@ -21,10 +21,13 @@ from adhesion_can.physics.effects import (
     Contact,
     Effect,
     Memory,
+    Parameter,
     change_of,
     instruments_of,
 )
 
+SLOPE_STEP, CHORD_STEP = 0.01, 0.3
+"""Steps of a parameter, in its typical size: for a slope, and for an effect without a size yet."""
 EXCLUDED = -1
 """Surface of a row that belongs to none: close to a change of the rail."""
 
@@ -71,9 +74,20 @@ class Candidate:
         return (0.0, *rest)
 
     @property
-    def steps(self) -> tuple[float, ...]:
-        """Small steps of the parameters, for slopes."""
-        return tuple(1e-2 * abs(p.typical) for p in self.effect.parameters if not p.axle)
+    def limits(self) -> tuple[Parameter, ...]:
+        """The parameters that are looked for."""
+        return tuple(p for p in self.effect.parameters if not p.axle)
+
+    @property
+    def starts(self) -> tuple[tuple[float, ...], ...]:
+        """Values without size from which a search begins: the other parameters at a few sizes."""
+        rest = self.limits[1:]
+        if not rest:
+            return (self.none,)
+        return tuple(
+            (0.0, *(float(np.clip(scale * p.typical, p.lower, p.upper)) for p in rest))
+            for scale in (0.3, 1.0, 3.0)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,12 +218,14 @@ class Model:
         theta: of every surface.
         candidates: the effects.
         values: of each one's parameters.
+        fixed: effects that are as they are: no parameter of theirs is looked for.
 
     """
 
     theta: Theta
     candidates: tuple[Candidate, ...] = ()
     values: tuple[tuple[float, ...], ...] = ()
+    fixed: tuple[ActiveEffect, ...] = ()
 
     @property
     def actives(self) -> tuple[ActiveEffect, ...]:
@@ -218,7 +234,7 @@ class Model:
             zip(self.candidates, self.values, strict=True),
             key=lambda pair: EFFECTS.index(pair[0].effect),
         )
-        return tuple(candidate.active(values) for candidate, values in pairs)
+        return (*(candidate.active(values) for candidate, values in pairs), *self.fixed)
 
     @property
     def vector(self) -> Array:
@@ -235,22 +251,19 @@ class Model:
         values, first = [], size
         for candidate in self.candidates:
             last = first + candidate.size
-            limits = [p for p in candidate.effect.parameters if not p.axle]
             values.append(
                 tuple(
                     float(np.clip(v, p.lower, p.upper))
-                    for v, p in zip(vector[first:last], limits, strict=True)
+                    for v, p in zip(vector[first:last], candidate.limits, strict=True)
                 )
             )
             first = last
-        return Model(Theta(theta), self.candidates, tuple(values))
+        return replace(self, theta=Theta(theta), values=tuple(values))
 
     def with_effect(self, candidate: Candidate, values: tuple[float, ...] | None = None) -> "Model":
         """With one more effect, at no size where no values are given."""
         given = candidate.none if values is None else values
-        return replace(
-            self, candidates=(*self.candidates, candidate), values=(*self.values, given)
-        )
+        return replace(self, candidates=(*self.candidates, candidate), values=(*self.values, given))
 
 
 def without(model: Model, place: int) -> tuple[Model, Candidate, tuple[float, ...]]:
@@ -268,29 +281,65 @@ def effect_slopes(
     study: Study,
     model: Model,
     candidate: Candidate,
-    values: tuple[float, ...] | None = None,
+    values: tuple[float, ...],
     shift: Array | None = None,
 ) -> Array:
-    """−∂e/∂φ of an effect, shape (n, size), by central differences.
+    """∂predicted/∂φ of an effect, shape (n, size), by central differences.
 
     Args:
         study: see there.
         model: the effects that are there besides.
-        candidate: the effect; where it is one of the model's, the model without it is given.
-        values: at which; None: where nothing changes. A step that leaves the range is one-sided.
+        candidate: the effect.
+        values: of its parameters. A step that leaves the range is one-sided.
         shift: see `evaluate`.
 
     """
-    at = candidate.none if values is None else values
-    limits = [p for p in candidate.effect.parameters if not p.axle]
     columns = []
-    for place, (step, limit) in enumerate(zip(candidate.steps, limits, strict=True)):
+    for place, limit in enumerate(candidate.limits):
+        step = SLOPE_STEP * abs(limit.typical)
         ends = []
         for side in (1.0, -1.0):
-            moved = list(at)
-            moved[place] = float(np.clip(at[place] + side * step, limit.lower, limit.upper))
-            actives = model.with_effect(candidate, tuple(moved)).actives
-            left = evaluate(study, model.theta, actives, shift).residual
-            ends.append((moved[place], left))
+            moved = list(values)
+            moved[place] = float(np.clip(values[place] + side * step, limit.lower, limit.upper))
+            ends.append((moved[place], _left(study, model, candidate, tuple(moved), shift)))
         columns.append((ends[1][1] - ends[0][1]) / (ends[0][0] - ends[1][0]))
     return np.stack(columns, axis=1)
+
+
+def signature(
+    study: Study,
+    model: Model,
+    candidate: Candidate,
+    start: tuple[float, ...],
+    shift: Array | None = None,
+) -> Array:
+    """Change of the prediction per size of an effect that the model does not have, shape (n,).
+
+    A chord, not a slope: some effects begin flat.
+
+    Args:
+        study: see there.
+        model: what is there besides.
+        candidate: the effect.
+        start: values without size; the others as they are to be.
+        shift: see `evaluate`.
+
+    """
+    size = candidate.limits[0]
+    step = CHORD_STEP * abs(size.typical)
+    ends = []
+    for side in (1.0, -1.0):
+        value = float(np.clip(side * step, size.lower, size.upper))
+        ends.append((value, _left(study, model, candidate, (value, *start[1:]), shift)))
+    return np.asarray((ends[1][1] - ends[0][1]) / (ends[0][0] - ends[1][0]))
+
+
+def _left(
+    study: Study,
+    model: Model,
+    candidate: Candidate,
+    values: tuple[float, ...],
+    shift: Array | None,
+) -> Array:
+    actives = model.with_effect(candidate, values).actives
+    return evaluate(study, model.theta, actives, shift).residual

@@ -16,9 +16,10 @@ from adhesion_can.criticism.model import (
     curve_slopes,
     effect_slopes,
     evaluate,
+    signature,
     without,
 )
-from adhesion_can.criticism.whitening import Stretches, Whitener, fitted
+from adhesion_can.criticism.whitening import Whitener, fitted
 from adhesion_can.physics.burckhardt import Array
 
 ITERATIONS = 10
@@ -84,9 +85,12 @@ class Stage:
         left = evaluate(self.study, model.theta, model.actives).residual
         return self.white(np.column_stack([*parts, left]))
 
-    def slopes(self, model: Model, candidate: Candidate) -> Array:
-        """Slopes of an effect that a model does not have, where it has no size, (n, size)."""
-        return effect_slopes(self.study, model, candidate, shift=self.shift)
+    def signature(
+        self, model: Model, candidate: Candidate, start: tuple[float, ...] | None = None
+    ) -> Array:
+        """See `model.signature`; shape (n, 1)."""
+        given = candidate.none if start is None else start
+        return signature(self.study, model, candidate, given, self.shift)[:, None]
 
     def rewhitened(self, residual: Array) -> "Stage":
         """With the filter and the weights that other residuals ask for, adhesion, shape (n,)."""
@@ -131,6 +135,11 @@ class Fit:
     covariance: Array
 
     @property
+    def square(self) -> float:
+        """Sum of squares, over all blocks, each by the parameters of the others."""
+        return float(self.squares.sum())
+
+    @cached_property
     def squares(self) -> Array:
         """Sum of squares in each block by the parameters of the others, shape (blocks,).
 
@@ -212,4 +221,3 @@ def _step_matrix(gram: Array) -> Array:
     scale = _sizes(gram)
     matrix = gram / np.outer(scale, scale) + 1e-10 * np.eye(len(gram))
     return np.asarray(np.linalg.inv(matrix) / np.outer(scale, scale))
-

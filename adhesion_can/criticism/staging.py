@@ -35,7 +35,7 @@ class Prepared:
         stage: see there.
         base: curves alone.
         candidates: effects that can be tested.
-        signatures: slopes of each, adhesion, shape (n, size).
+        signatures: of each, adhesion per size, shape (n, 1).
         channels: that move.
         splines: columns of each channel, adhesion, shape (n, columns).
         saturated: residual of everything at once, adhesion, shape (n,).
@@ -98,7 +98,7 @@ def prepare(
         stage,
         base,
         candidates,
-        tuple(stage.slopes(base.model, candidate) for candidate in candidates),
+        tuple(stage.signature(base.model, candidate) for candidate in candidates),
         channels,
         tuple(channel.basis(likely) for channel in channels),
         residual,
@@ -138,7 +138,10 @@ def _weighed(stage: Stage, model: Model, length_s: float) -> Stage:
         hats = np.maximum(1.0 - np.abs(place[:, None] - np.arange(knots)), 0.0)
         shared = hats * reach[:, None]
     return replace(
-        stage, scale=1.0 / (noise * np.sqrt(1.0 + doubt)), doubt=doubt / (1.0 + doubt), shared=shared
+        stage,
+        scale=1.0 / (noise * np.sqrt(1.0 + doubt)),
+        doubt=doubt / (1.0 + doubt),
+        shared=shared,
     )
 
 
@@ -155,7 +158,7 @@ def _saturated(
     study = stage.study
     likely = evaluate(study, model.theta, (), stage.shift)
     columns = [curve_slopes(study, model.theta, likely)]
-    columns += [stage.slopes(model, candidate) for candidate in candidates]
+    columns += [stage.signature(model, candidate) for candidate in candidates]
     columns += [channel.basis(likely) for channel in channels]
     raw = np.column_stack(columns)
     left = evaluate(study, model.theta).residual

@@ -29,7 +29,7 @@ class Stretches:
     rows: int
 
     @classmethod
-    def of(cls, t_s: Array, axle: NDArray[np.int64], breaks: NDArray[np.bool_]) -> "Stretches":
+    def of(cls, t_s: Array, axle: Array, breaks: NDArray[np.bool_]) -> "Stretches":
         """Stretches of rows sorted by axle and stamp.
 
         Args:

@@ -23,7 +23,7 @@ from adhesion_can.physics.effects import ActiveEffect, Contact, Memory, change_o
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import PERFECT, Instruments
 
-LEAST = 0.2
+USABLE = 0.2
 """A sample whose factor is smaller is left out: divided by it, it would be mostly noise."""
 
 # ------------------------------------------------------------------- what a model asks of the data
@@ -173,9 +173,9 @@ def without_effects(
         return Corrected(samples, kept, left_out)
     change = change_of(actives, contact_of(samples, origin_us, axles), memory)
     factor = np.broadcast_to(change.factor, change.slip.shape)
-    good = np.isfinite(change.slip) & (factor >= LEAST)
+    good = np.isfinite(change.slip) & (factor >= USABLE)
     if not good.all():
-        left_out[f"the effects leave less than {LEAST:g} of the adhesion"] += int((~good).sum())
+        left_out[f"the effects leave less than {USABLE:g} of the adhesion"] += int((~good).sum())
         samples = samples.select(good)
         kept[kept] = good
         change, factor = replace(change, slip=change.slip[good]), factor[good]

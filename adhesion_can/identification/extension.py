@@ -10,7 +10,7 @@ import numpy as np
 
 from adhesion_can.identification.segments import Theta
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.effects import ActiveEffect, ContactEffect, Parameter, instruments_of
+from adhesion_can.physics.effects import ActiveEffect, Parameter, acts_in_contact, instruments_of
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import Instruments
 
@@ -67,10 +67,14 @@ class ExtendedModel:
         return instruments_of(self.effects)
 
     @property
+    def actives(self) -> tuple[ActiveEffect, ...]:
+        """All effects, splines last."""
+        return (*self.effects, *(ActiveEffect(spline, ()) for spline in self.splines))
+
+    @property
     def in_contact(self) -> tuple[ActiveEffect, ...]:
         """Effects in the contact, splines last."""
-        named = (active for active in self.effects if isinstance(active.effect, ContactEffect))
-        return (*named, *(ActiveEffect(spline, ()) for spline in self.splines))
+        return tuple(active for active in self.actives if acts_in_contact(active.effect))
 
     @property
     def online(self) -> tuple[ActiveEffect, ...]:
@@ -87,8 +91,7 @@ class ExtendedModel:
     @property
     def names(self) -> tuple[str, ...]:
         """Ids of the effects, with their forms, and channels of the splines."""
-        actives = (*self.effects, *(ActiveEffect(spline, ()) for spline in self.splines))
-        return tuple(f"{a.effect.id} {a.effect.form}".strip() for a in actives)
+        return tuple(f"{a.effect.id} {a.effect.form}".strip() for a in self.actives)
 
     def covariance_of(self, active: ActiveEffect) -> Array:
         """Covariance of an effect's parameters, shape (k, k); zeros where it is not known."""

@@ -42,6 +42,15 @@ class Geometry:
         if not (all(isfinite(x) and x > 0 for x in lengths) and all(map(isfinite, heights))):
             raise ValueError("lengths of the geometry must be positive, heights finite")
 
+    @property
+    def axle_places(self) -> Array:
+        """Distance of each axle behind the first one, m, shape (axles,)."""
+        places: list[float] = []
+        for number, axles in enumerate(self.axles_per_bogie):
+            middle = number * self.pivot_distance
+            places += list(middle - self.axle_spacing * _centred(axles))
+        return np.array(places) - places[0]
+
     def load_transfer(self, effort: ArrayLike) -> Array:
         """Change of each axle's load under effort, N; sums to zero over the axles.
 

@@ -1,6 +1,7 @@
 """What figures are made of: panels one under the other, axes, colours, as Plotly's JSON."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,14 @@ from adhesion_can.physics.burckhardt import Array
 
 Trace = dict[str, Any]
 
+AT_MOST = 4000
+"""Points of a line that a figure carries: a few for each of its columns of pixels."""
+
 MARGINS = 78
 """Of a figure's height, above and below its panels, px."""
+
+LEAP = 5.0
+"""Steps of an abscissa from which on a line is not drawn across."""
 
 DARK = "#1b2430"
 """Of truth and bounds."""
@@ -91,3 +98,57 @@ def faded(colour: str) -> str:
     """A colour for an area, from the '#rrggbb' of its line."""
     red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
     return f"rgba({red},{green},{blue},0.13)"
+
+
+def thinned(x: Array, *ys: Array, at_most: int = AT_MOST) -> tuple[Array, ...]:
+    """Series with fewer points that look the same: extremes and gaps stay, in their order.
+
+    Kept are the first and the last row, and of each of as many bins as there is room for the rows
+    in which a series is smallest and largest, and one in which it has a gap.
+
+    Args:
+        x: abscissa, shape (n,).
+        ys: series over it, shape (n,) each, at least one; what is not finite is a gap.
+        at_most: rows that are kept.
+
+    Returns:
+        `x` and `ys` in the rows that are kept.
+
+    """
+    if len(x) <= at_most:
+        return (x, *ys)
+    gaps = [~np.isfinite(y) for y in ys]
+    a_bin = sum(2 + bool(gap.any()) for gap in gaps)
+    if not a_bin or at_most < 2 + a_bin:
+        raise ValueError(f"{len(ys)} series do not fit into {at_most} rows")
+    kept = {0, len(x) - 1}
+    edges = np.linspace(0, len(x), (at_most - 2) // a_bin + 1).astype(int).tolist()
+    for first, last in pairwise(edges):
+        for y, gap in zip(ys, gaps, strict=True):
+            known = np.flatnonzero(~gap[first:last])
+            if len(known):
+                part = y[first:last][known]
+                kept |= {first + int(known[part.argmin()]), first + int(known[part.argmax()])}
+            if len(known) < last - first:
+                kept.add(first + int(gap[first:last].argmax()))
+    rows_kept = np.array(sorted(kept))
+    return tuple(series[rows_kept] for series in (x, *ys))
+
+
+def broken(x: Array, *ys: Array) -> tuple[Array, ...]:
+    """Series with a gap put in wherever the abscissa leaps by many of its steps.
+
+    Args:
+        x: ascending, shape (n,).
+        ys: series over it, shape (n,) each.
+
+    Returns:
+        `x` and `ys`, a row longer for each gap.
+
+    """
+    step = np.diff(x)
+    if not len(step):
+        return (x, *ys)
+    after = np.flatnonzero(step > LEAP * np.median(step)) + 1
+    between = (x[after - 1] + x[after]) / 2
+    return (np.insert(x, after, between), *(np.insert(y, after, np.nan) for y in ys))

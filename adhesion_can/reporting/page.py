@@ -9,7 +9,7 @@ Jinja2 and Plotly come with the extra `report`.
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,13 @@ class Text:
 
 
 @dataclass(frozen=True, slots=True)
+class Items:
+    """A list, plain text each."""
+
+    texts: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True)
 class Table:
     """A table: its first column stands to the left, the others to the right.
 
@@ -34,6 +41,7 @@ class Table:
         columns: heads.
         rows: cells, one a column.
         note: below it, how its columns are meant.
+        words: columns, counted from 0, that hold sentences: to the left, in several lines.
 
     """
 
@@ -41,6 +49,7 @@ class Table:
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     note: str = ""
+    words: Collection[int] = ()
 
     def __post_init__(self) -> None:
         if any(len(row) != len(self.columns) for row in self.rows):
@@ -70,7 +79,7 @@ class Section:
     """A part of a page under a heading of its own."""
 
     title: str
-    parts: Sequence[Text | Table | Figure]
+    parts: Sequence[Text | Items | Table | Figure]
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +135,7 @@ def render(page: Page, where: str = "page") -> str:
         undefined=jinja2.StrictUndefined,
     )
     environment.tests["figure"] = lambda part: isinstance(part, Figure)
+    environment.tests["items"] = lambda part: isinstance(part, Items)
     environment.tests["table"] = lambda part: isinstance(part, Table)
     environment.filters["figure_json"] = _figure_json
     template = environment.get_template("page.html")

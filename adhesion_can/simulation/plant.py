@@ -107,6 +107,7 @@ class Plant:
         self._effects = tuple(a for a in effects if isinstance(a.effect, ContactEffect))
         self._channels = {name for a in self._effects for name in a.effect.needs}
         self._memory = Memory()
+        self._follows = False
         self._axle = np.arange(1.0, vehicle.axles + 1)
         self._surroundings = surroundings or Surroundings()
         # Transfer is linear in the efforts: (axles, axles), N of load per N of effort.
@@ -146,7 +147,12 @@ class Plant:
         v = max(self.speed, SLOWEST)
         if self._transfer is not None:
             self.load = np.asarray(self.vehicle.axle_load + effort @ self._transfer)
-        mu, slope = self._contact(self.slip, v, theta)
+        slip = self.slip
+        contact = self._contact(slip, v, dt) if self._effects else None
+        if contact is None:
+            mu, slope = _curve(slip, theta), adhesion_slope(slip, *theta)
+        else:
+            mu, slope = self._answer(contact, theta)
         stiffness = np.maximum(slope, 0.0) * self.load * r / v
         gain = dt * r / inertia
         change = gain * (effort - mu * self.load) / (1.0 + gain * stiffness)
@@ -162,26 +168,30 @@ class Plant:
         self.speed = max(before + dt * pull / mass, 0.0)
         self.position += dt * (before + self.speed) / 2
         self.time_s += dt
+        if contact is not None and self._follows:
+            change_of(self._effects, replace(contact, slip=self.slip), self._memory)
 
-    def _contact(self, slip: Array, v: float, theta: Curves) -> tuple[Array, Array]:
-        """Adhesion of each axle and its slope over slip, shape (axles,) each.
+    def _answer(self, contact: Contact, theta: Curves) -> tuple[Array, Array]:
+        """Adhesion at the end of a step in which the slip stays, and its slope over that slip.
 
-        The slope is what adhesion answers with within the step: of a contact that lags behind the
-        slip it is a small share of the curve's. It need not be exact, it keeps the step stable.
+        Both of shape (axles,). A contact that follows the slip moves only a part of the way within
+        the step, so its slope is that part of the curve's.
         """
-        if not self._effects:
-            return _curve(slip, theta), adhesion_slope(slip, *theta)
-        before = self._memory.copy()
-        contact = self._contact_state(slip, v)
-        change = change_of(self._effects, contact, self._memory)
+        slip, after = contact.slip, self._memory.copy()
+        change = change_of(self._effects, contact, after)
         mu = _curve(change.slip, theta) * change.factor
         if change.slip is slip:
+            self._memory = after
             return mu, adhesion_slope(slip, *theta) * change.factor
-        # The memory of a step ago, so that what lags behind moves as far as in this step.
-        nudged = change_of(self._effects, replace(contact, slip=slip + NUDGE), before)
+        # What follows the slip is led to its end once that is known.
+        self._follows = True
+        moved = replace(contact, slip=slip + NUDGE)
+        nudged = change_of(self._effects, moved, self._memory.copy())
         return mu, (_curve(nudged.slip, theta) * nudged.factor - mu) / NUDGE
 
-    def _contact_state(self, slip: Array, v: float) -> Contact:
+    def _contact(self, slip: Array, v: float, dt: float) -> Contact:
+        """State of the contacts, at the time of the step's end."""
+
         def every(value: float) -> Array:
             return np.full(len(slip), value)
 
@@ -192,7 +202,7 @@ class Plant:
             creep_speed=slip * v,
             speed=every(v),
             load=self.load,
-            time_s=every(self.time_s),
+            time_s=every(self.time_s + dt),
             axle=self._axle,
             place=self._axle,  # the simulated locomotive runs forward
             adhesion=self.force / self.load,

@@ -102,6 +102,7 @@ class Simulation:
         effort = self._drive.step(time_s, plant.speed, creep, dt)
         plant.step(effort, self._track.under(time_s, plant.position), dt)
         start_us, self.now_us = self.now_us, self.now_us + STEP_US
+        plant.time_s = self.now_us / 1e6  # steps added up would drift off the bus's clock
         return self._sensors.due(self._state(), before, start_us, self.now_us)
 
     def hear(self, frame: Frame) -> None:

@@ -1,11 +1,26 @@
-"""Effects against eq. 4 written out, and the registry against the contract."""
+"""Effects against formulas written out here, and the registry against the contract."""
 
 import math
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
-from adhesion_can.physics.effects import EFFECTS, Contact, effect_by_id
+from adhesion_can.physics.effects import (
+    EFFECTS,
+    LEAST,
+    ActiveEffect,
+    Contact,
+    ContactEffect,
+    InstrumentEffect,
+    Memory,
+    acts_in_contact,
+    change_of,
+    effect_by_id,
+    instruments_of,
+)
+from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.vehicle import Locomotive
 
 CONTRACT_IDS = {
     *("speed_dependence", "load_dependence", "falling_friction", "wheelset_inertia"),
@@ -13,95 +28,358 @@ CONTRACT_IDS = {
     *("creep_relaxation", "curve_creep", "rail_cleaning", "adhesion_recovery", "humidity"),
     *("rail_temperature", "sanding", "slow_drift", "traction_braking_asymmetry"),
 }
+IN_CONTACT = [effect for effect in EFFECTS if isinstance(effect, ContactEffect)]
+IN_INSTRUMENTS = [effect for effect in EFFECTS if isinstance(effect, InstrumentEffect)]
+RH, RAIL_T, SAND, CURVE = (
+    *("relative_humidity_percent", "rail_temperature_degC", "sanding_active", "curvature_per_m"),
+)
 
 
-def contact(shape=(7,), seed=3):
+def named(effect):
+    return f"{effect.id}:{effect.form}" if effect.form else effect.id
+
+
+EVERY = pytest.mark.parametrize("effect", EFFECTS, ids=named)
+EVERY_CONTACT = pytest.mark.parametrize("effect", IN_CONTACT, ids=named)
+EVERY_INSTRUMENT = pytest.mark.parametrize("effect", IN_INSTRUMENTS, ids=named)
+
+
+def contact(seed=3, n=180, dt=0.01, axles=6, **changes):
+    """A drive of `n` samples at `axles` axles in turn, all channels at random."""
     rng = np.random.default_rng(seed)
-    slip, speed = rng.uniform(-0.3, 0.3, shape), rng.uniform(1.0, 40.0, shape)
-    return Contact(slip, slip * speed, speed, rng.uniform(1.5e5, 2.6e5, shape))
+    slip, speed = 0.1 * np.cumsum(rng.uniform(-0.1, 0.1, n)), rng.uniform(3.0, 40.0, n)
+    axle = np.arange(n) % axles + 1.0
+    state = Contact(
+        slip=slip,
+        creep_speed=slip * speed,
+        speed=speed,
+        load=rng.uniform(1.5e5, 2.6e5, n),
+        time_s=4.0 + dt * (np.arange(n) // axles),
+        axle=axle,
+        place=axles + 1.0 - axle,  # running backwards
+        adhesion=rng.uniform(-0.4, 0.4, n),
+        covariates={
+            RH: rng.uniform(20.0, 100.0, n),
+            RAIL_T: rng.uniform(-10.0, 40.0, n),
+            SAND: rng.integers(0, 2, n).astype(float),
+            CURVE: rng.uniform(-1 / 300, 1 / 300, n),
+        },
+    )
+    return replace(state, **changes)
 
 
-def eq_5(slip):
-    return np.array([math.copysign(0.4 * (1 - math.exp(-60 * abs(x))) - 0.3 * abs(x), x)
-                     for x in np.ravel(slip)]).reshape(np.shape(slip))  # fmt: skip
+def typical(effect, size=None):
+    values = [p.typical for p in effect.parameters]
+    return tuple(values if size is None else [size, *values[1:]])
 
 
-def test_ids_are_unique_and_the_contracts():
-    ids = [effect.id for effect in EFFECTS]
-    assert len(ids) == len(set(ids))
-    assert set(ids) <= CONTRACT_IDS
-    for name in ids:
-        assert effect_by_id(name).id == name
+def changed(name, at, *values, form=""):
+    return effect_by_id(name, form).change(at, values, Memory())
 
 
-def test_unknown_id_names_the_known_ones():
+def factor_of(name, at, *values, form=""):
+    change = changed(name, at, *values, form=form)
+    assert np.array_equal(change.slip, at.slip)
+    return np.broadcast_to(change.factor, at.slip.shape)
+
+
+# --------------------------------------------------------------------------------- the registry
+
+
+def test_every_effect_of_the_contract_is_there_and_forms_are_told_apart():
+    assert {effect.id for effect in EFFECTS} == CONTRACT_IDS
+    assert len({(effect.id, effect.form) for effect in EFFECTS}) == len(EFFECTS)
+    for effect in EFFECTS:
+        assert effect_by_id(effect.id, effect.form) is effect
+        first = next(e for e in EFFECTS if e.id == effect.id)
+        assert effect_by_id(effect.id) is first
+    for twin in ("load_dependence", "falling_friction"):
+        forms = [effect.form for effect in EFFECTS if effect.id == twin]
+        assert len(forms) == 2
+        assert all(forms)
+
+
+@pytest.mark.parametrize(
+    ("name", "form"), [("phlogiston", ""), ("sanding", "fine"), ("falling_friction", "Polach")]
+)
+def test_unknown_id_or_form_names_the_known_ones(name, form):
     with pytest.raises(KeyError, match="falling_friction"):
-        effect_by_id("phlogiston")
+        effect_by_id(name, form)
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
+@EVERY
 def test_definition_is_complete(effect):
+    assert isinstance(effect, ContactEffect) != isinstance(effect, InstrumentEffect)
+    assert acts_in_contact(effect) == isinstance(effect, ContactEffect)
     assert effect.literature.strip()
+    assert effect.title.strip()
+    assert effect.title[0].islower()  # it follows a 'because'
     assert effect.parameters
+    assert len({p.name for p in effect.parameters}) == len(effect.parameters)
     for parameter in effect.parameters:
         assert parameter.name.strip()
         assert parameter.unit.strip()
         assert parameter.meaning.strip()
         assert parameter.lower <= parameter.typical <= parameter.upper
+        assert parameter.lower < parameter.upper
         assert parameter.typical != 0.0
         assert math.isfinite(parameter.lower)
         assert math.isfinite(parameter.upper)
+    assert effect.parameters[0].lower <= 0.0 <= effect.parameters[0].upper
 
 
-@pytest.mark.parametrize("shape", [(), (6,), (4, 6)])
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
-def test_zero_size_changes_nothing(effect, shape):
-    at = contact(shape)
-    mu = eq_5(at.slip)
-    values = (0.0, *(p.typical for p in effect.parameters[1:]))
-    out = effect.apply(mu, at, values)
-    assert np.shape(out) == shape
-    assert np.array_equal(out, mu)
+def test_only_the_wheel_radius_is_of_one_axle():
+    assert {e.id for e in EFFECTS for p in e.parameters if p.axle} == {"wheel_radius"}
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
+# ------------------------------------------------------------------- nothing, something, bounds
+
+
+@EVERY_CONTACT
+@pytest.mark.parametrize("n", [1, 6, 180])
+def test_size_zero_changes_nothing_in_the_contact(effect, n):
+    at = contact(n=n)
+    change = effect.change(at, typical(effect, 0.0), Memory())
+    assert change.slip == pytest.approx(at.slip, abs=1e-15)
+    assert np.broadcast_to(change.factor, (n,)) == pytest.approx(np.ones(n), abs=1e-15)
+
+
+@EVERY_INSTRUMENT
+def test_size_zero_changes_nothing_in_the_instruments(effect):
+    amended = effect.amend(PERFECT, typical(effect, 0.0))
+    assert amended.vehicle(Locomotive()) == Locomotive()
+    assert amended.radius_factor(6).tolist() == [1.0] * 6
+    for field in fields(Instruments):
+        if field.name != "radius_error":
+            assert getattr(amended, field.name) == 0.0
+
+
+@EVERY_CONTACT
 def test_typical_size_is_seen_and_leaves_its_inputs_alone(effect):
     at = contact()
-    mu = eq_5(at.slip)
-    kept = (mu.copy(), at.slip.copy(), at.load.copy())
-    out = effect.apply(mu, at, tuple(p.typical for p in effect.parameters))
-    assert np.abs(out - mu).max() > 1e-3
-    assert np.array_equal(mu, kept[0])
-    assert np.array_equal(at.slip, kept[1])
-    assert np.array_equal(at.load, kept[2])
+    kept = [getattr(at, field.name) for field in fields(Contact) if field.name != "covariates"]
+    kept += at.covariates.values()
+    copies = [array.copy() for array in kept]
+    change = effect.change(at, typical(effect), Memory())
+    moved = np.abs(change.slip - at.slip).max() + np.abs(np.asarray(change.factor) - 1.0).max()
+    assert moved > 1e-3
+    assert all(np.array_equal(a, b) for a, b in zip(kept, copies, strict=True))
 
 
-def test_falling_friction_is_the_c4_factor_of_eq_4():
+@EVERY_INSTRUMENT
+def test_typical_size_is_an_error_of_its_own_field(effect):
+    amended = effect.amend(PERFECT, typical(effect))
+    different = [
+        f.name for f in fields(Instruments) if getattr(amended, f.name) != getattr(PERFECT, f.name)
+    ]
+    assert len(different) == 1
+    assert effect.amend(PERFECT, typical(effect)) == amended
+
+
+@EVERY_CONTACT
+@pytest.mark.parametrize("bound", ["lower", "upper"])
+def test_no_size_within_its_bounds_turns_adhesion_round(effect, bound):
     at = contact()
-    out = effect_by_id("falling_friction").apply(eq_5(at.slip), at, (0.17,))
-    for k in range(7):
-        factor = math.exp(-0.17 * abs(at.slip[k] * at.speed[k]))
-        assert out[k] == pytest.approx(eq_5(at.slip[k : k + 1])[0] * factor, rel=1e-12)
+    values = tuple(getattr(p, bound) for p in effect.parameters)
+    change = change_of([ActiveEffect(effect, values)], at, Memory())
+    factor = np.broadcast_to(change.factor, at.slip.shape)
+    assert np.isfinite(change.slip).all()
+    assert np.isfinite(factor).all()
+    # A slip of curves has no share of the adhesion at all where the wheel only rolls.
+    assert (factor >= LEAST).all()
+
+
+# --------------------------------------------------------------------------- formulas, by hand
+
+
+def test_speed_dependence_is_curtius_and_kniffler_relative_to_standstill():
+    at = contact(speed=np.linspace(0.0, 40.0, 180))
+
+    def curtius(kmh):
+        return 7.5 / (kmh + 44) + 0.161
+
+    whole = [curtius(3.6 * v) / curtius(0) for v in at.speed]
+    assert factor_of("speed_dependence", at, 1.0) == pytest.approx(whole, rel=1e-12)
+    half = [1 + 0.5 * (f - 1) for f in whole]
+    assert factor_of("speed_dependence", at, 0.5) == pytest.approx(half, rel=1e-12)
+    # The published values: 0.331 at standstill, 0.213 at 100 km/h.
+    assert factor_of("speed_dependence", contact(speed=np.full(180, 100 / 3.6)), 1.0)[0] == (
+        pytest.approx(0.2131 / 0.3315, rel=1e-3)
+    )
 
 
 def test_load_dependence_is_the_c5_factor_of_eq_4():
     at = contact()
-    out = effect_by_id("load_dependence").apply(eq_5(at.slip), at, (3e-12,))
-    for k in range(7):
-        factor = 1 - 3e-12 * at.load[k] ** 2
-        assert out[k] == pytest.approx(eq_5(at.slip[k : k + 1])[0] * factor, rel=1e-12)
+    wanted = [1 - 3e-12 * n**2 for n in at.load]
+    assert factor_of("load_dependence", at, 3e-12) == pytest.approx(wanted, rel=1e-12)
+    assert factor_of("load_dependence", at, 3e-12, form="burckhardt") == pytest.approx(wanted)
 
 
-def test_load_dependence_typical_size_is_what_its_comment_says():
-    typical = effect_by_id("load_dependence").parameters[0].typical
-    assert 1 - typical * 245e3**2 == pytest.approx(0.88, abs=0.005)
+def test_load_power_takes_a_power_of_the_load_in_hundred_kilonewton():
+    at = contact()
+    wanted = [1 / math.pow(n / 1e5, 0.4) for n in at.load]
+    assert factor_of("load_dependence", at, 0.4, form="power") == pytest.approx(wanted, rel=1e-12)
+    assert factor_of("load_dependence", contact(load=np.full(180, 4e5)), 0.5, form="power")[
+        0
+    ] == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
-def test_no_size_within_its_bounds_turns_adhesion_round(effect):
-    # 'lower' and 'upper' are what makes sense: a rail that drives the wheel does not.
-    at = Contact(*(np.array([x]) for x in (0.1, 1.0, 10.0, 245e3)))
-    mu = eq_5(at.slip)
-    for bound in ("lower", "upper"):
-        values = tuple(getattr(p, bound) for p in effect.parameters)
-        assert effect.apply(mu, at, values)[0] >= 0.0
+def test_falling_friction_is_the_c4_factor_of_eq_4():
+    at = contact()
+    wanted = [math.exp(-0.17 * abs(s * v)) for s, v in zip(at.slip, at.speed, strict=True)]
+    assert factor_of("falling_friction", at, 0.17) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_polachs_form_falls_to_a_share():
+    at = contact()
+    wanted = [(1 - 0.3) * math.exp(-0.8 * abs(c)) + 0.3 for c in at.creep_speed]
+    assert factor_of("falling_friction", at, 0.8, 0.3, form="polach") == pytest.approx(wanted)
+    fast = factor_of(
+        "falling_friction", contact(creep_speed=np.full(180, 1e3)), 0.8, 0.3, form="polach"
+    )
+    assert fast == pytest.approx(np.full(180, 0.3))
+
+
+def test_rail_cleaning_counts_from_the_leading_axle():
+    at = contact()  # runs backwards: axle 6 leads
+    wanted = [{6: 1.0, 5: 1.03, 4: 1.06, 3: 1.09, 2: 1.12, 1: 1.15}[int(a)] for a in at.axle]
+    assert factor_of("rail_cleaning", at, 0.03) == pytest.approx(wanted, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "channel", "reference"),
+    [("humidity", -0.004, RH, 60.0), ("rail_temperature", 0.007, RAIL_T, 20.0),
+     ("sanding", 0.25, SAND, 0.0)],
+)  # fmt: skip
+def test_a_channel_changes_adhesion_in_a_straight_line(name, size, channel, reference):
+    at = contact()
+    wanted = [1 + size * (x - reference) for x in at.covariates[channel]]
+    assert factor_of(name, at, size) == pytest.approx(wanted, rel=1e-12)
+    assert channel in effect_by_id(name).needs
+
+
+def test_slow_drift_goes_by_the_time_since_the_recording_began():
+    at = contact(time_s=np.linspace(0.0, 600.0, 180))
+    wanted = [1 + 5e-4 * t for t in at.time_s]
+    assert factor_of("slow_drift", at, 5e-4) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_asymmetry_is_a_factor_in_braking_alone():
+    at = contact()
+    assert {True, False} == set((at.slip < 0).tolist())
+    wanted = [0.85 if s < 0 else 1.0 for s in at.slip]
+    assert factor_of("traction_braking_asymmetry", at, -0.15).tolist() == wanted
+
+
+def test_recovery_counts_slip_work_with_a_fading_memory():
+    # Explicit Euler in steps a hundred times as fine, for each axle by itself.
+    at = contact(n=600, dt=0.02)
+    gain, time = 3e-6, 1.7
+    factor = factor_of("adhesion_recovery", at, gain, time)
+    power = np.abs(at.adhesion * at.load * at.creep_speed)
+    for axle in range(1, 7):
+        rows = np.flatnonzero(at.axle == axle)
+        work = 0.0
+        assert factor[rows[0]] == 1.0
+        for before, now in zip(rows, rows[1:], strict=False):
+            for part in range(100):
+                p = power[before] + (power[now] - power[before]) * (part + 0.5) / 100
+                work += 0.02 / 100 * (p - work / time)
+            assert factor[now] == pytest.approx(1 + gain * work, rel=2e-4)
+
+
+def test_creep_relaxation_follows_the_slip_over_a_length():
+    # (σ/v) dλ'/dt + λ' = λ, in steps a hundred times as fine.
+    at = contact(n=600, dt=0.01, speed=np.repeat(np.linspace(3.0, 30.0, 100), 6))
+    change = changed("creep_relaxation", at, 0.8)
+    assert np.asarray(change.factor).tolist() == 1.0
+    for axle in range(1, 7):
+        rows = np.flatnonzero(at.axle == axle)
+        lagging = at.slip[rows[0]]
+        for before, now in zip(rows, rows[1:], strict=False):
+            for part in range(100):
+                slip = at.slip[before] + (at.slip[now] - at.slip[before]) * (part + 0.5) / 100
+                lagging += 0.01 / 100 * at.speed[now] / 0.8 * (slip - lagging)
+            assert change.slip[now] == pytest.approx(lagging, abs=1e-4)
+
+
+def test_curve_creep_shares_adhesion_between_the_ways_of_creep():
+    at = contact()
+    change = changed("curve_creep", at, 4.0)
+    for k in range(180):
+        lateral = 4.0 * abs(at.covariates[CURVE][k])
+        whole = math.sqrt(at.slip[k] ** 2 + lateral**2)
+        assert abs(change.slip[k]) == pytest.approx(whole, rel=1e-12)
+        assert math.copysign(1, change.slip[k]) == math.copysign(1, at.slip[k])
+        assert change.factor[k] == pytest.approx(abs(at.slip[k]) / whole, rel=1e-12)
+
+
+def test_curve_creep_of_a_table_goes_by_its_slip_angle():
+    at = contact(covariates={"slip_angle_deg": np.linspace(-10.0, 10.0, 180)})
+    change = changed("curve_creep", at, 1.0)
+    wanted = [
+        math.hypot(s, math.tan(math.radians(a)))
+        for s, a in zip(at.slip, at.covariates["slip_angle_deg"], strict=True)
+    ]
+    assert np.abs(change.slip) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_a_wheel_that_rolls_straight_has_no_share_to_lose():
+    at = contact(slip=np.zeros(180), covariates={CURVE: np.zeros(180)})
+    change = changed("curve_creep", at, 4.0)
+    assert change.slip.tolist() == [0.0] * 180
+    assert np.isfinite(change.factor).all()
+
+
+# ----------------------------------------------------------------------------- several together
+
+
+def test_effects_follow_each_other_and_multiply():
+    at = contact()
+    actives = [
+        ActiveEffect(effect_by_id("creep_relaxation"), (0.8,)),
+        ActiveEffect(effect_by_id("speed_scale"), (0.01,)),  # nothing in the contact
+        ActiveEffect(effect_by_id("curve_creep"), (4.0,)),
+        ActiveEffect(effect_by_id("sanding"), (0.3,)),
+        ActiveEffect(effect_by_id("traction_braking_asymmetry"), (-0.2,)),
+    ]
+    both = change_of(actives, at, Memory())
+    lagging = changed("creep_relaxation", at, 0.8).slip
+    for k in range(180):
+        whole = math.hypot(lagging[k], 4.0 * at.covariates[CURVE][k])
+        assert both.slip[k] == pytest.approx(math.copysign(whole, lagging[k]), rel=1e-12)
+        share = abs(lagging[k]) / whole
+        factor = share * (1 + 0.3 * at.covariates[SAND][k]) * (0.8 if lagging[k] < 0 else 1.0)
+        assert both.factor[k] == pytest.approx(max(factor, LEAST), rel=1e-9)
+
+
+def test_without_effects_in_the_contact_nothing_changes():
+    at = contact()
+    for actives in ([], [ActiveEffect(effect_by_id("effort_bias"), (3e3,))]):
+        change = change_of(actives, at, Memory())
+        assert change.slip is at.slip
+        assert change.factor == 1.0
+
+
+def test_errors_of_the_instruments_add_up():
+    given = [
+        ActiveEffect(effect_by_id("wheel_radius"), (0.02, 3.0)),
+        ActiveEffect(effect_by_id("wheel_radius"), (-0.01, 6.0)),
+        ActiveEffect(effect_by_id("wheel_radius"), (0.01, 3.0)),
+        ActiveEffect(effect_by_id("wheelset_inertia"), (150.0,)),
+        ActiveEffect(effect_by_id("speed_scale"), (0.03,)),
+        ActiveEffect(effect_by_id("speed_delay"), (0.1,)),
+        ActiveEffect(effect_by_id("effort_delay"), (0.02,)),
+        ActiveEffect(effect_by_id("effort_bias"), (-500.0,)),
+        ActiveEffect(effect_by_id("sanding"), (0.3,)),  # nothing in the instruments
+    ]
+    found = instruments_of(given)
+    assert dict(found.radius_error) == pytest.approx({3: 0.03, 6: -0.01})
+    assert found.radius_factor(6) == pytest.approx([1, 1, 1.03, 1, 1, 0.99])
+    assert (found.inertia_error, found.speed_error) == (150.0, 0.03)
+    assert (found.speed_delay, found.effort_delay, found.effort_bias) == (0.1, 0.02, -500.0)
+    assert instruments_of(given[4:5], found).speed_error == pytest.approx(0.06)
+    real = found.vehicle(Locomotive())
+    assert real.wheel_radius == pytest.approx((0.625, 0.625, 0.64375, 0.625, 0.625, 0.61875))
+    assert real.wheelset_inertia == 350.0
+    assert instruments_of([]) == PERFECT

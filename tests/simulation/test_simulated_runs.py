@@ -13,7 +13,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.identification.batch import identify
 from adhesion_can.physics.burckhardt import RAIL, peak
-from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
+from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.service.extract import samples_of
 from adhesion_can.simulation.drive import Pattern
@@ -29,7 +29,8 @@ BY_NAME = {surface.name: surface for surface in RAIL}
 
 
 def settings_of(name, duration, **changes):
-    return RunSettings(scenario_by_name(name), duration, **changes)
+    settings = RunSettings(scenario_by_name(name), duration)
+    return replace(settings, **changes)
 
 
 def mute(simulation):
@@ -168,17 +169,6 @@ def test_along_the_track_the_rear_axles_find_the_wet_rail_later():
         assert where - entered == pytest.approx(behind[axle], abs=0.05)
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
-def test_an_effect_changes_the_run_and_none_of_size_zero_does_not(effect):
-    plain = Simulation(settings_of("dry", 2.0), DATABASE)
-    base = [f for step in plain.run() for f in step]
-    for size, same in ((0.0, True), (effect.parameters[0].typical, False)):
-        values = (size, *(p.typical for p in effect.parameters[1:]))
-        settings = replace(plain.settings, effects=(ActiveEffect(effect, values),))
-        frames = [f for step in Simulation(settings, DATABASE).run() for f in step]
-        assert (frames == base) is same
-
-
 def setpoint_frame(t_us, status, creep):
     message = DATABASE.message("AdhesionSetpoint")
     payload = MessagePlan(message).encode(
@@ -245,7 +235,9 @@ def run_samples(name, duration, **changes):
 
 @pytest.mark.parametrize("name", ["dry", "wet", "greasy", "sweep"])
 def test_samples_without_noise_lie_on_the_true_curve(name):
-    samples, simulation = run_samples(name, 12.0, noise=SILENT)
+    # Loads come at 5 Hz: where they move, samples are off the curve by what they moved since.
+    still = replace(scenario_by_name(name), load_transfer=False)
+    samples, simulation = run_samples(name, 12.0, noise=SILENT, scenario=still)
     theta = simulation.stretches[0].surface.theta
     c1, c2, c3 = theta
     h, z = samples.folded()

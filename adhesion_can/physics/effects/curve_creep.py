@@ -40,6 +40,8 @@ class CurveCreep:
 
     def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
         """See `ContactEffect.change`."""
+        if values[0] == 0.0:
+            return Change(contact.slip)
         lateral = values[0] * lateral_channel(contact)
         whole = np.hypot(contact.slip, lateral)
         share = np.divide(np.abs(contact.slip), whole, out=np.ones_like(whole), where=whole > 0.0)

@@ -95,7 +95,7 @@ class Memory:
             step = time - since
             if not 0.0 <= step <= PAUSE_S:
                 state = wanted if start is None else start
-            elif (exponent := min(step * rate, _RANGE / 4)) > 0.0:
+            elif (exponent := step * rate) > 0.0:
                 gone = -expm1(-exponent)
                 share = 1.0 - gone - gone / exponent
                 state += gone * (wanted - state) + share * (wanted - before)

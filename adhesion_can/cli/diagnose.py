@@ -1,0 +1,361 @@
+"""`diagnose`: what the simulation gets wrong, why, the extended model and its gain."""
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+from adhesion_can import __version__
+from adhesion_can.bus.recordings import file_sha256
+from adhesion_can.bus.tables import is_table, read_table
+from adhesion_can.cli.common import (
+    add_configuration,
+    add_json,
+    configuration,
+    open_recordings,
+    read_problems,
+    require_folder,
+    talk,
+    write_json,
+)
+from adhesion_can.config import Configuration
+from adhesion_can.config.extension import write_model
+from adhesion_can.criticism.course import Course
+from adhesion_can.criticism.diagnosis import Diagnosis
+from adhesion_can.criticism.forming import course_of, course_of_table
+from adhesion_can.errors import InputError
+from adhesion_can.identification.extension import ExtendedModel
+from adhesion_can.reporting.diagnosis import Source, diagnosis_json, longest_surface, terminal
+from adhesion_can.reporting.diagnosis_page import page
+from adhesion_can.reporting.page import require_extra, write_page
+from adhesion_can.reporting.provenance import provenance
+from adhesion_can.reporting.text import console
+from adhesion_can.service.hear import Heard, hear
+from adhesion_can.service.replay import in_sequence
+
+Show = Callable[[str, float], None]
+"""Takes the name of a stage and the share of it that is done."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Read:
+    """A file as it goes into a diagnosis.
+
+    Attributes:
+        source: file.
+        course: its rows.
+        problems: sentences about what was passed over.
+
+    """
+
+    source: Source
+    course: Course
+    problems: list[str]
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "diagnose",
+        help="what the simulation gets wrong, and why",
+        description="Holds the adhesion curve and the configured vehicle against recordings or "
+        "tables of samples: what they get wrong, the cause where the data can tell it, a model "
+        "extended by it, and what that gains on data that were held out.",
+    )
+    parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
+    parser.add_argument(
+        "--holdout",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="LOG|TABLE",
+        help="measure the gain on these alone (default: on blocks of the inputs)",
+    )
+    parser.add_argument("--html", type=Path, metavar="F", help="write a page (extra 'report')")
+    parser.add_argument(
+        "--extended",
+        type=Path,
+        metavar="MODEL.toml",
+        help="write the extended model, for --model of run, replay, identify and simulate",
+    )
+    add_json(parser)
+    add_configuration(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    _check(options)
+    config = configuration(options)
+    sources = _sources(options)
+    with _stages() as show:
+        reads = _read_all(sources, config, show)
+        found = _diagnosed(reads, show)
+    command = command_of(options)
+    problems = [problem for read in reads for problem in read.problems]
+    problems += [
+        f"{read.source.name}: not one usable row: {_why_empty(read)}"
+        for read in reads
+        if not len(read.course)
+    ]
+    origin = provenance(config) | {"command": command}
+    del origin["inputs"]  # the diagnosis says more of them
+    model = _model_of(found)
+    written = []
+    if options.extended is not None:
+        problems += _model_notes(model, found, options)
+        if model is not None:
+            write_model(_with_provenance(model, found, sources, command), options.extended)
+            written.append(options.extended)
+    write_json(options.json, {**diagnosis_json(found, sources), "problems": problems, **origin})
+    if options.html is not None:
+        write_page(page(found, sources, _told(origin), problems), options.html)
+        written.append(options.html)
+    if talk(options):
+        written += [] if options.json is None else [options.json]
+        _print(found, [*problems, *(f"written: {path}" for path in written)])
+    return 0
+
+
+def command_of(options: argparse.Namespace) -> str:
+    """The command line that repeats a diagnosis, for a shell."""
+    words = ["adhesion-can", "diagnose", *map(_word, options.inputs)]
+    if options.holdout:
+        words += ["--holdout", *map(_word, options.holdout)]
+    for name in ("html", "extended", "json", "config", "dbc"):
+        value = getattr(options, name)
+        if value is not None:
+            words += [f"--{name}", _word(value)]
+    return shlex.join(words)
+
+
+def _word(value: Path | str) -> str:
+    """A file as an argument: its name must not look like an option, but for the '-' of --json."""
+    text = str(value)
+    return f"./{text}" if text.startswith("-") and isinstance(value, Path) else text
+
+
+# ------------------------------------------------------------------------- before the work
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Raise an InputError for what would only come to light after the work."""
+    read = {path.resolve(): path for path in (*options.inputs, *options.holdout)}
+    written: dict[Path, str] = {}
+    for name in ("html", "extended", "json"):
+        value = getattr(options, name)
+        if value is None or value == "-":
+            continue
+        path, option = Path(value), f"--{name}"
+        require_folder(path, option)
+        if path.is_dir():
+            raise InputError(f"{option} {path}", "is a folder", "name a file")
+        place = path.resolve()
+        if place in read:
+            raise InputError(f"{option} {path}", "is one of the inputs", "name another file")
+        if place in written:
+            raise InputError(
+                f"{option} {path}", f"is the file of {written[place]} too", "name another file"
+            )
+        written[place] = option
+    if options.html is not None:
+        require_extra(str(options.html))
+
+
+def _sources(options: argparse.Namespace) -> list[Source]:
+    """The inputs, each a file of its own; recordings or tables, not both."""
+    given = [(path, False) for path in options.inputs]
+    given += [(path, True) for path in options.holdout]
+    for path, _ in given:
+        if not path.is_file():
+            reason = "is a folder" if path.is_dir() else "No such file or directory"
+            raise InputError(str(path), reason, "check the path")
+    tables = [path for path, _ in given if is_table(path)]
+    if tables and len(tables) < len(given):
+        raise InputError("diagnose", "recordings and tables together", "give one kind at a time")
+    names = [path.name for path, _ in given]
+    sources: dict[str, Source] = {}
+    for path, held_out in given:
+        name = path.name if names.count(path.name) == 1 else str(path)
+        source = Source(path, name, file_sha256(path), held_out)
+        before = sources.get(source.sha256)
+        if before is not None:
+            raise _twice(source, before)
+        sources[source.sha256] = source
+    return list(sources.values())
+
+
+def _twice(source: Source, before: Source) -> InputError:
+    if source.held_out and not before.held_out:
+        return InputError(
+            f"--holdout {source.path}",
+            f"holds the same as the input {before.path}",
+            "hold out another drive, or leave --holdout away",
+        )
+    return InputError(str(source.path), f"holds the same as {before.path}", "give it once")
+
+
+# ------------------------------------------------------------------------------------ work
+
+
+@contextmanager
+def _stages() -> Iterator[Show]:
+    """A progress bar on stderr where it is a terminal, a stage after the other."""
+    err = console(sys.stderr)
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        console=err,
+        transient=True,
+        disable=not err.is_terminal,
+    )
+    with bar:
+        task = bar.add_task("reading", total=1.0)
+        yield lambda stage, done: bar.update(task, description=stage, completed=done)
+
+
+def _read_all(sources: Sequence[Source], config: Configuration, show: Show) -> list[_Read]:
+    tables = is_table(sources[0].path)
+    if not tables:
+        config.require_identification()
+    reads = []
+    for number, source in enumerate(sources):
+        show(f"reading {source.name}", number / len(sources))
+        one = _read_table(source, config) if tables else _read_log(source, config)
+        reads.append(one)
+    return reads
+
+
+def _read_log(source: Source, config: Configuration) -> _Read:
+    recordings = open_recordings([source.path])
+    heard = hear(in_sequence(recordings), config, str(source.path))
+    course = course_of(
+        source.name,
+        heard.traces(),
+        config.vehicle,
+        config.sampling.v_min,
+        config.identifiability.slip_max,
+    )
+    return _Read(source, course, [*read_problems(recordings), *_heard_problems(source, heard)])
+
+
+def _heard_problems(source: Source, heard: Heard) -> list[str]:
+    problems = []
+    if heard.rejected:
+        problems.append(f"{source.name}: {heard.rejected} frames failed their checks")
+    if heard.derived:
+        problems.append(
+            f"{source.name}: {heard.derived} vehicle speeds derived from the driven axles were "
+            "left out: they do not tell slip"
+        )
+    if heard.trailing:
+        problems.append(
+            f"{source.name}: the vehicle speed comes from a trailing axle, and the error of its "
+            "radius is in every slip"
+        )
+    return problems
+
+
+def _read_table(source: Source, config: Configuration) -> _Read:
+    rows = read_table(source.path)
+    slip_max = config.identifiability.slip_max
+    course = course_of_table(source.name, rows.samples, rows.segment, slip_max)
+    problems = []
+    if rows.left_out:
+        problems.append(
+            f"{source.name}: {rows.left_out} of {rows.rows} rows without a finite time, slip and "
+            "adhesion"
+        )
+    return _Read(source, course, problems)
+
+
+def _diagnosed(reads: Sequence[_Read], show: Show) -> Diagnosis:
+    """The diagnosis of what was read."""
+    from adhesion_can.criticism.diagnose import diagnose  # noqa: PLC0415  heavy, and here alone
+
+    parts = [[read for read in reads if read.source.held_out is held] for held in (False, True)]
+    for part in parts:
+        if part and not any(len(read.course) for read in part):
+            raise InputError(
+                ", ".join(str(read.source.path) for read in part),
+                f"not one usable row: {_why_empty(part[0])}",
+                "give a drive in which the vehicle moves and its axles pull or brake",
+            )
+    courses, holdout = ([read.course for read in part] for part in parts)
+    return diagnose(courses, holdout, show=show)
+
+
+def _why_empty(read: _Read) -> str:
+    """Why a file gave no rows."""
+    reasons = [f"{count} {reason}" for reason, count in read.course.lost.items() if count]
+    return "; ".join([*reasons, *read.problems]) or "no signal was heard"
+
+
+# --------------------------------------------------------------------------------- results
+
+
+def _model_of(found: Diagnosis) -> ExtendedModel | None:
+    """The extended model, or the plain curve as one without effects; None without any curve."""
+    if found.model is not None:
+        return found.model
+    longest = longest_surface(found)
+    if longest is None:
+        return None
+    covariance = longest.base.covariance
+    known = bool(np.isfinite(covariance).all())
+    rows = tuple(tuple(float(x) for x in row) for row in covariance) if known else None
+    return ExtendedModel(base=longest.base.theta, base_covariance=rows)
+
+
+def _with_provenance(
+    model: ExtendedModel, found: Diagnosis, sources: Sequence[Source], command: str
+) -> ExtendedModel:
+    inputs = {
+        f"input {number}": f"{source.path} sha256 {source.sha256}"
+        + (" (held out)" if source.held_out else "")
+        for number, source in enumerate(sources, start=1)
+    }
+    told = {"version": __version__, "command": command, "verdict": found.verdict.value}
+    return replace(model, provenance={**told, **inputs})
+
+
+def _model_notes(
+    model: ExtendedModel | None, found: Diagnosis, options: argparse.Namespace
+) -> list[str]:
+    """What is to be said of the file of --extended."""
+    if model is None:
+        return [f"--extended {options.extended}: not written, for no curve could be fitted"]
+    if found.model is None:
+        return [f"--extended {options.extended}: the plain curve, for there is no extension"]
+    return []
+
+
+def _told(origin: dict[str, Any]) -> dict[str, str]:
+    """Provenance for a page."""
+    told = {"command": str(origin["command"]), "version": str(origin["version"])}
+    for name in ("dbc", "configuration"):
+        one = origin[name]
+        hashed = f", sha256 {one['sha256']}" if one["sha256"] else ""
+        told[name] = f"{one['path']}{hashed}"
+    return told
+
+
+def _print(found: Diagnosis, notes: Sequence[str]) -> None:
+    out = console()
+    for part in terminal(found):
+        if isinstance(part, str):
+            # Names of files hold brackets, which are no markup.
+            out.print(part, markup=False)
+        else:
+            out.print(part)
+    for note in notes:
+        out.print(note, markup=False)

@@ -1,0 +1,220 @@
+"""The whole procedure: recordings in, a diagnosis out.
+
+1. A part of the data is kept back for the gain alone.
+2. Changes of the rail are a nuisance: a curve for each stretch (`surfaces`).
+3. Residuals are weighed and whitened by what the fullest model leaves (`staging`).
+4. Is anything there? Signs of block sums are flipped (`detect`).
+5. Which effects? Every one and every two of them, with a confidence set (`naming`).
+6. What is left? Splines in every channel, waves, bad signals (`unknown`).
+7. What does it gain on what was kept back? (`gain`)
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.criticism.channels import channels_of
+from adhesion_can.criticism.course import Course
+from adhesion_can.criticism.diagnosis import Diagnosis, Untested, Verdict
+from adhesion_can.criticism.findings import Findings, conclude, empty
+from adhesion_can.criticism.ledger import blocks_of
+from adhesion_can.criticism.model import EXCLUDED, Candidate, Study, curve_slopes, evaluate
+from adhesion_can.criticism.naming import Naming, detection_of, name
+from adhesion_can.criticism.staging import Prepared, block_seconds, prepare
+from adhesion_can.criticism.surfaces import changes, start_of, study_of
+from adhesion_can.criticism.testable import candidates_of, remarks, too_little
+from adhesion_can.criticism.unknown import Left, Line, left_over, line, pinned, wave_channel
+
+HELD_EVERY, HELD_BLOCKS = 3, 2
+"""Every third pair of blocks is kept back where no other data are."""
+MANY_ROWS = 40_000
+"""More rows than this are thinned to the rate of the settings: they cost time and tell little."""
+PINNED_BIAS = 0.03
+"""Share by which the model must say more effort than a reading that stands at its limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnoseSettings:
+    """Of a diagnosis.
+
+    Attributes:
+        alpha: probability of naming something where nothing is, half of it for known effects.
+        rate_hz: rows per second and axle that are used for deciding.
+        seed: of the signs.
+
+    """
+
+    alpha: float = 0.05
+    rate_hz: float = 25.0
+    seed: int = 1
+
+
+def _silent(_stage: str, _share: float) -> None:
+    pass
+
+
+def diagnose(
+    courses: Sequence[Course],
+    holdout: Sequence[Course] = (),
+    settings: DiagnoseSettings | None = None,
+    show: Callable[[str, float], None] = _silent,
+) -> Diagnosis:
+    """Diagnose recordings of one vehicle, or tables.
+
+    Args:
+        courses: to decide on.
+        holdout: for the gain alone; none: a part of `courses` is kept back.
+        settings: see there.
+        show: told the stage of the work and the share that is done.
+
+    """
+    settings = settings or DiagnoseSettings()
+    used = [course for course in (*courses, *holdout) if len(course)]
+    candidates, untested = candidates_of(used) if used else ((), [])
+    thin = tuple(_thinned(course, settings.rate_hz) for course in used)
+    kept = _kept_back(used, [c for c in holdout if len(c)])
+    length_s = block_seconds(Study(thin, np.empty(0, dtype=np.int64), 0)) if thin else 1.0
+    block = _blocks(thin, kept, length_s)
+    why = too_little(thin, len(np.unique(block)))
+    if why:
+        return empty(courses, [*untested, Untested("everything", why)])
+    show("rails", 0.05)
+    times = [[] if course.table else changes(course, candidates) for course in thin]
+    work = _Work(thin, candidates, block, length_s, settings, show)
+    found = work.run(times)
+    if any(times):
+        # The other reading of the same data: the rail never changed, effects did it all.
+        other = work.run([[] for _ in thin])
+        if other.naming.best.rmse <= 1.02 * found.naming.best.rmse and other.naming.best.ids:
+            found = other
+    show("gain", 0.85)
+    known = {course.name for course in holdout}
+    other_drives = bool(known) or any(k.all() for k in kept)
+    diagnosis = conclude(used, found, [*untested, *remarks(used)], other_drives=other_drives)
+    show("done", 1.0)
+    return diagnosis
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What stays the same whatever the rails did."""
+
+    courses: tuple[Course, ...]
+    candidates: tuple[Candidate, ...]
+    block: NDArray[np.int64]
+    length_s: float
+    settings: DiagnoseSettings
+    show: Callable[[str, float], None]
+
+    def run(self, times: list[list[float]]) -> Findings:
+        """Steps 3 to 6 with given changes of the rail."""
+        study = study_of(self.courses, times)
+        rng = np.random.default_rng(self.settings.seed)
+        self.show("curves", 0.15)
+        prepared = prepare(study, start_of(study), self.block, self.candidates, self.length_s)
+        stage, base = prepared.stage, prepared.base
+        self.show("effects", 0.35)
+        detection, absorbed, cosines = detection_of(stage, base, prepared.signatures, rng)
+        naming = name(stage, base, self.candidates, detection)
+        self.show("what is left", 0.7)
+        plain = self._left(prepared, naming, rng, best=False)
+        rest = self._left(prepared, naming, rng, best=True) if naming.best.ids else plain
+        lines = [found for course in self.courses if (found := line(course)) is not None]
+        return Findings(
+            prepared=prepared,
+            naming=naming,
+            absorbed=absorbed,
+            cosines=cosines,
+            left_plain=tuple(plain),
+            left=tuple(rest),
+            line=max(lines, key=_strength, default=None),
+            pinned=tuple(self._pinned(study, prepared)),
+            times=times,
+            length_s=self.length_s,
+            alpha=self.settings.alpha,
+        )
+
+    def _left(
+        self, prepared: Prepared, naming: Naming, rng: np.random.Generator, *, best: bool
+    ) -> list[Left]:
+        stage = prepared.stage
+        found = naming.best.fit if best else naming.base.fit
+        likely = evaluate(stage.study, found.model.theta, found.model.actives, stage.shift)
+        channels = channels_of(stage.study, likely)
+        columns = [channel.basis(likely) for channel in channels]
+        slopes = curve_slopes(stage.study, found.model.theta, likely)
+        out = left_over(stage, found, channels, columns, slopes, rng)
+        wave = wave_channel(stage, found.model, likely, rng)
+        if wave is not None and wave[2] <= self.settings.alpha / 2:
+            channel, own, p_value = wave
+            (one,) = left_over(stage, found, [channel], [own], slopes, rng)
+            out.append(replace(one, p_value=p_value))
+        return sorted(out, key=lambda one: -one.gain)
+
+    def _pinned(self, study: Study, prepared: Prepared) -> list[tuple[str, int, float, float]]:
+        """Recording, axle, effort and share of readings that stand at a limit and are too small."""
+        model = prepared.base.model
+        at = evaluate(study, model.theta, model.actives)
+        found, first = [], 0
+        for course in self.courses:
+            rows = slice(first, first + len(course))
+            first += len(course)
+            if course.table:
+                continue
+            for axle in np.unique(course.axle):
+                seen = pinned(course, int(axle))
+                if seen is None:
+                    continue
+                there = (np.abs(course.effort) >= seen[0] * (1 - 1e-6)) & (course.axle == axle)
+                said, read = at.predicted[rows][there], at.adhesion[rows][there]
+                if np.abs(said).mean() > (1.0 + PINNED_BIAS) * np.abs(read).mean():
+                    found.append((course.name, int(axle), *seen))
+        return found
+
+
+def _strength(found: Line) -> float:
+    return found.adhesion
+
+
+def _thinned(course: Course, rate_hz: float) -> Course:
+    """Rows of a course at a lower rate, axle by axle."""
+    if len(course) <= MANY_ROWS or course.table:
+        return course
+    kept = np.zeros(len(course), dtype=np.bool_)
+    for axle in np.unique(course.axle):
+        rows = np.flatnonzero(course.axle == axle)
+        cycle = float(np.median(np.diff(course.t_s[rows]))) if len(rows) > 1 else 1.0
+        kept[rows[:: max(round(1.0 / (rate_hz * cycle)), 1)]] = True
+    return course.rows(kept)
+
+
+def _kept_back(courses: Sequence[Course], holdout: Sequence[Course]) -> list[NDArray[np.bool_]]:
+    """Whether each whole course is kept back; none is where one drive is all there is."""
+    if holdout:
+        chosen = {id(course) for course in holdout}
+    elif len(courses) > 1:
+        chosen = {id(course) for course in courses[-max(len(courses) // HELD_EVERY, 1) :]}
+    else:
+        chosen = set()
+    return [np.array([id(course) in chosen]) for course in courses]
+
+
+def _blocks(
+    courses: tuple[Course, ...], kept: list[NDArray[np.bool_]], length_s: float
+) -> NDArray[np.int64]:
+    """Number of each row's block, −1 − number where it is kept back."""
+    out, base = [], 0
+    whole = any(k.all() for k in kept)
+    for course, own in zip(courses, kept, strict=True):
+        number = blocks_of(course.t_s, length_s) if len(course) else np.empty(0, dtype=np.int64)
+        back = (number // HELD_BLOCKS) % HELD_EVERY == 1
+        back = np.full(len(number), bool(own.all())) if whole else back
+        number = number + base
+        base = int(number.max(initial=base)) + 1
+        out.append(np.where(back, -1 - number, number))
+    return np.concatenate(out) if out else np.empty(0, dtype=np.int64)
+
+
+__all__ = ["EXCLUDED", "DiagnoseSettings", "Verdict", "diagnose"]

@@ -1,0 +1,272 @@
+"""Which effects are at work: every one and every two of them, and a confidence set.
+
+Every candidate is tried, not only the one that looks best first. Models are compared by what they
+leave in each block when their parameters come from the other blocks; a further effect is taken only
+where its gain is sure and worth having, and what cannot be told from the best stays in the set.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from adhesion_can.criticism.detect import Detection, detect
+from adhesion_can.criticism.ledger import solve
+from adhesion_can.criticism.model import Candidate, Model, evaluate
+from adhesion_can.criticism.stage import Fit, Stage, fit
+
+SURE = 0.05
+"""Level at which a difference between two models counts."""
+WORTH = 0.01
+"""Share by which the RMSE of the adhesion must fall for an effect to be worth naming."""
+WORTH_WHITE = 0.005
+"""Share by which the whitened sum of squares must fall besides."""
+REFINED, PARTNERED, PARTNERS = 6, 4, 4
+"""Effects fitted in full; those of them that get partners; partners of each that are fitted."""
+ALIKE = 0.002
+"""Models whose sums of squares differ by a smaller share are not told from each other."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A model with what it leaves.
+
+    Attributes:
+        fit: see there.
+        rmse: of the adhesion, rows that are not kept back.
+
+    """
+
+    fit: Fit
+    rmse: float
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Its effects."""
+        return self.fit.model.candidates
+
+    def candidates_without(self, larger: "Scored") -> tuple[Candidate, ...]:
+        """Effects that a larger model has and this one does not; all of this one's are in it."""
+        if not set(self.candidates) <= set(larger.candidates):
+            return ()
+        return tuple(c for c in larger.candidates if c not in self.candidates)
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """Ids of its effects."""
+        return frozenset(candidate.effect.id for candidate in self.candidates)
+
+
+@dataclass(frozen=True, eq=False)
+class Naming:
+    """What was named.
+
+    Attributes:
+        base: without effects.
+        best: the model that is taken; `base` where nothing is worth naming.
+        alike: models of the same size that cannot be told from it.
+        singles: every effect that was fitted alone, best first.
+        detection: of each candidate against the plain model.
+
+    """
+
+    base: Scored
+    best: Scored
+    alike: tuple[Scored, ...]
+    singles: tuple[Scored, ...]
+    detection: Detection
+
+    def rivals(self, candidate: Candidate) -> tuple[str, ...]:
+        """Ids that can stand in for one of the best model's effects."""
+        others = self.best.ids - {candidate.effect.id}
+        found = {
+            effect
+            for other in self.alike
+            if others <= other.ids
+            for effect in other.ids - others
+            if effect != candidate.effect.id
+        }
+        return tuple(sorted(found))
+
+    def p_value(self, candidate: Candidate, tested: Sequence[Candidate]) -> float:
+        """That chance alone makes a named effect look so strong, all effects counted.
+
+        Of two tests the smaller value counts, twice: the sign flips against the plain model, and
+        how sure the gain over the model without the effect is, block by block.
+        """
+        flips = float(self.detection.p_value[list(tested).index(candidate)])
+        less = [
+            one
+            for one in (self.base, *self.singles)
+            if one.candidates_without(self.best) == (candidate,)
+        ]
+        gains = [_chance(one.fit, self.best.fit) * len(tested) for one in less]
+        return min(1.0, 2.0 * min(flips, *gains)) if gains else flips
+
+
+def scored(stage: Stage, found: Fit) -> Scored:
+    """A fit with its RMSE."""
+    left = evaluate(stage.study, found.model.theta, found.model.actives).residual
+    used = (stage.block >= 0) & (stage.study.surface >= 0)
+    return Scored(found, float(np.sqrt(np.mean(left[used] ** 2))))
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """An effect that could be added, with its size to first order.
+
+    Attributes:
+        model: with it.
+        gain: share of the whitened sum of squares that it would explain.
+
+    """
+
+    model: Model
+    gain: float
+
+
+def proposals(stage: Stage, model: Model, candidates: Sequence[Candidate]) -> list[Proposal]:
+    """Every candidate added to a model, to first order, the most promising first."""
+    starts = [(c, start) for c in candidates for start in c.starts]
+    columns = [stage.signature(model, c, start) for c, start in starts]
+    slopes = stage.columns(model)
+    whole = stage.ledger(
+        np.column_stack([slopes[:, :-1], stage.white(np.column_stack(columns)), slopes[:, -1]])
+    ).total
+    p, square = slopes.shape[1] - 1, max(float(whole[-1, -1]), 1e-300)
+    found: dict[Candidate, Proposal] = {}
+    for number, (candidate, start) in enumerate(starts):
+        of = [*range(p), p + number]
+        right = whole[of, -1]
+        answer = solve(whole[np.ix_(of, of)], right)
+        size = float(np.clip(answer[-1], candidate.limits[0].lower, candidate.limits[0].upper))
+        # A step this far may leave the range in which the slope holds.
+        reach = 3.0 * abs(candidate.limits[0].typical)
+        less = solve(whole[:p, :p], right[:p])
+        explained = float(right @ answer - right[:p] @ less) if size * answer[-1] > 0 else 0.0
+        proposal = Proposal(
+            model.with_effect(candidate, (float(np.clip(size, -reach, reach)), *start[1:])),
+            explained / square,
+        )
+        if candidate not in found or proposal.gain > found[candidate].gain:
+            found[candidate] = proposal
+    return sorted(found.values(), key=lambda proposal: -proposal.gain)
+
+
+def name(stage: Stage, base: Fit, candidates: Sequence[Candidate], detection: Detection) -> Naming:
+    """Name what is at work among the candidates, two at most.
+
+    Args:
+        stage: see there.
+        base: the plain model's fit.
+        candidates: effects that can be tested.
+        detection: of each of them.
+
+    """
+    plain = scored(stage, base)
+    if not candidates:
+        return Naming(plain, plain, (), (), detection)
+    first = proposals(stage, base.model, candidates)
+    singles = sorted(
+        (scored(stage, fit(stage, p.model)) for p in first[:REFINED] if p.gain > 0.0),
+        key=lambda one: one.fit.square,
+    )
+    best = plain
+    alike: tuple[Scored, ...] = ()
+    if singles and _better(plain, singles[0]):
+        best = singles[0]
+        pairs = _pairs(stage, base, singles, candidates)
+        if pairs and _better(best, pairs[0]):
+            best = pairs[0]
+        pool = pairs if len(best.candidates) == 2 else singles
+        alike = tuple(one for one in pool if one is not best and not _worse(best, one))
+    return Naming(plain, best, alike, tuple(singles), detection)
+
+
+def _pairs(
+    stage: Stage, base: Fit, singles: Sequence[Scored], candidates: Sequence[Candidate]
+) -> list[Scored]:
+    """Pairs of effects, best first: the most promising partners of the best singles."""
+    total = base.square
+    wanted: list[tuple[float, Model]] = []
+    for one in singles[:PARTNERED]:
+        others = [c for c in candidates if c.effect.id not in one.ids]
+        own = 1.0 - one.fit.square / total
+        for proposal in proposals(stage, one.fit.model, others)[:PARTNERS]:
+            if proposal.gain > WORTH_WHITE:
+                wanted.append((own + proposal.gain * (1.0 - own), proposal.model))
+    wanted.sort(key=lambda pair: -pair[0])
+    chosen: dict[frozenset[str], Model] = {}
+    for _, model in wanted:
+        chosen.setdefault(frozenset(c.name for c in model.candidates), model)
+    fits = (scored(stage, fit(stage, model)) for model in list(chosen.values())[: 2 * PARTNERS])
+    return sorted(fits, key=lambda pair: pair.fit.square)
+
+
+def _better(small: Scored, large: Scored) -> bool:
+    """Whether a larger model's gain is sure, and worth having."""
+    sure = _difference(small.fit, large.fit)[0] > 0.0
+    worth = large.rmse < (1.0 - WORTH) * small.rmse
+    return sure and worth and large.fit.square < (1.0 - WORTH_WHITE) * small.fit.square
+
+
+def _worse(best: Scored, other: Scored) -> bool:
+    """Whether another model of the same size leaves more for sure."""
+    if other.fit.square <= (1.0 + ALIKE) * best.fit.square:
+        return False
+    return _difference(other.fit, best.fit)[0] > 0.0
+
+
+def _difference(one: Fit, other: Fit) -> tuple[float, float]:
+    """Lower bound, one-sided, and mean of what another model lowers the squares by, per block."""
+    each = one.squares - other.squares
+    blocks = len(each)
+    if blocks < 2:
+        return -np.inf, float(each.sum())
+    spread = float(each.std(ddof=1)) / np.sqrt(blocks)
+    return float(each.mean() - student.ppf(1.0 - SURE, blocks - 1) * spread), float(each.mean())
+
+
+def _chance(small: Fit, large: Fit) -> float:
+    """One-sided p-value that a larger model's gain over a smaller one is no gain."""
+    each = small.squares - large.squares
+    blocks = len(each)
+    spread = float(each.std(ddof=1)) / np.sqrt(blocks) if blocks > 1 else 0.0
+    return float(student.sf(each.mean() / spread, blocks - 1)) if spread > 0.0 else 1.0
+
+
+def detection_of(
+    stage: Stage,
+    base: Fit,
+    columns: Sequence[np.ndarray],
+    rng: np.random.Generator,
+) -> tuple[Detection, np.ndarray, np.ndarray]:
+    """Test groups of columns against a fitted model's residual.
+
+    Args:
+        stage: see there.
+        base: the model that is there; its slopes are the nuisance.
+        columns: groups, adhesion, shape (n, size) each.
+        rng: for the signs.
+
+    Returns:
+        Detection; share of each group's first column that the model imitates, shape (groups,);
+        cosines between what is left of the first columns, shape (groups, groups).
+
+    """
+    slopes = stage.columns(base.model)
+    p = slopes.shape[1] - 1
+    ends = np.cumsum([p, *(group.shape[1] for group in columns)])
+    groups = [list(range(a, b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    ledger = stage.ledger(
+        np.column_stack([slopes[:, :-1], stage.white(np.column_stack(columns)), slopes[:, -1]])
+    )
+    nuisance = list(range(p))
+    firsts = [group[0] for group in groups]
+    weights, total = ledger.weights(nuisance, firsts), ledger.total
+    own = weights.T @ total @ weights
+    left = np.maximum(own.diagonal(), 0.0)
+    whole = np.maximum(total[firsts, firsts], 1e-300)
+    size = np.sqrt(np.maximum(left, 1e-12 * whole))
+    return detect(ledger, nuisance, groups, rng), 1.0 - left / whole, own / np.outer(size, size)

@@ -1,0 +1,153 @@
+"""Where the rail changed: a nuisance here, and not to be confused with what effects do.
+
+Candidates come from the segmentation that `identify` uses. A change is kept only where nothing else
+explains it: the sum of squares without it must be larger even when every effect of the library may
+help, to first order. A change of the rail is sudden and large; what an effect does over a drive
+looks like many small ones.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.criticism.course import Course
+from adhesion_can.criticism.ledger import solve
+from adhesion_can.criticism.model import (
+    EXCLUDED,
+    Candidate,
+    Model,
+    Study,
+    Theta,
+    curve_slopes,
+    evaluate,
+    signature,
+)
+from adhesion_can.identification.batch import SegmentationSettings, change_points, fit
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.data import Samples
+
+SETTINGS = SegmentationSettings(chunk_s=0.2, shortest_s=6.0, penalty=4.0, noise_gain=0.05)
+EXPLAINED = 0.04
+"""Share by which the sum of squares must rise without a change for it to be kept."""
+MOST_ROWS = 6_000
+AROUND_S = 2.0
+"""Rows so close to a change are left out: each axle finds it at a time of its own."""
+PASSES = 3
+
+
+def samples_of(course: Course, rows: NDArray[np.int64] | slice = slice(None)) -> Samples:
+    """Rows of a course as samples, in the order of their stamps within each axle."""
+    seen = course.observe()
+    plain = Samples.curve(seen.slip[rows], seen.adhesion[rows])
+    t_us = np.round(course.t_s[rows] * 1e6).astype(np.int64)
+    return replace(plain, t_us=t_us, axle=course.axle[rows], speed=seen.speed[rows])
+
+
+def changes(course: Course, candidates: tuple[Candidate, ...]) -> list[float]:
+    """Times at which the rail changed, s on the course's clock, ascending."""
+    if len(course) < 500:
+        return []
+    thin = _thinned(course)
+    order = np.argsort(thin.t_s, kind="stable")
+    samples = samples_of(thin, order)
+    rows = change_points(samples, SETTINGS)
+    times = [float(samples.t_us[row]) / 1e6 for row in rows]
+    while times:
+        whole = _left(thin, times, candidates)
+        without = [_left(thin, times[:i] + times[i + 1 :], candidates) for i in range(len(times))]
+        least = int(np.argmin(without))
+        if without[least] > (1.0 + EXPLAINED) * whole:
+            break
+        del times[least]
+    return _moved(thin, _moved(thin, times))
+
+
+def _moved(course: Course, times: list[float]) -> list[float]:
+    """Each change where the curves of the stretches around it say that it was."""
+    study = study_of((course,), [times])
+    theta = start_of(study).values
+    adhesion, slip = course.observe().adhesion, course.observe().slip
+    order = np.argsort(course.t_s, kind="stable")
+    t_s = course.t_s[order]
+    bounds = [t_s[0], *times, t_s[-1]]
+    found = []
+    for number, time in enumerate(times):
+        low, high = (bounds[number] + time) / 2, (bounds[number + 2] + time) / 2
+        rows = order[(t_s >= low) & (t_s < high)]
+        squares = []
+        for c1, log_c2, c3 in theta[number : number + 2]:
+            size = np.abs(slip[rows])
+            curve = np.copysign(-c1 * np.expm1(-np.exp(log_c2) * size) - c3 * size, slip[rows])
+            squares.append((adhesion[rows] - curve) ** 2)
+        cost = np.cumsum(squares[0] - squares[1])
+        found.append(float(course.t_s[rows[int(np.argmin(cost))]]) if len(rows) else time)
+    return sorted(found)
+
+
+def _thinned(course: Course) -> Course:
+    step = max(len(course) // MOST_ROWS, 1)
+    return course.rows(slice(None, None, step))
+
+
+def study_of(courses: tuple[Course, ...], times: list[list[float]]) -> Study:
+    """Study with a surface for each stretch between changes.
+
+    Args:
+        courses: recordings.
+        times: of the changes in each.
+
+    """
+    numbers, base = [], 0
+    for course, own in zip(courses, times, strict=True):
+        number = np.searchsorted(own, course.t_s, side="right") + base
+        for time in own:
+            number[np.abs(course.t_s - time) < AROUND_S] = EXCLUDED
+        numbers.append(number)
+        base += len(own) + 1
+    surface = np.concatenate(numbers) if numbers else np.empty(0, dtype=np.int64)
+    return Study(courses, surface.astype(np.int64), base)
+
+
+def start_of(study: Study) -> Theta:
+    """Curves to begin with: `identify`'s fit of each surface."""
+    adhesion, slip = (
+        np.concatenate([getattr(course.observe(), name) for course in study.courses])
+        for name in ("adhesion", "slip")
+    )
+    rows = []
+    for number in range(study.surfaces):
+        own = np.flatnonzero(study.surface == number)
+        if len(own) < 10:
+            rows.append((0.3, np.log(40.0), 0.1))
+            continue
+        own = own[:: max(len(own) // 3000, 1)]
+        estimate = fit(Samples.curve(slip[own], adhesion[own]))
+        rows.append((estimate.c1, np.log(max(estimate.c2, 1.0)), estimate.c3))
+    return Theta(np.array(rows))
+
+
+def _left(course: Course, times: list[float], candidates: tuple[Candidate, ...]) -> float:
+    """Sum of squares with a curve for each stretch and every effect, to first order."""
+    study = study_of((course,), [times])
+    model = Model(start_of(study))
+    used = study.surface != EXCLUDED
+    square = np.inf
+    signatures = [signature(study, model, c, c.none)[:, None] for c in candidates]
+    for _ in range(PASSES):
+        at = evaluate(study, model.theta)
+        columns = np.column_stack([curve_slopes(study, model.theta, at), *signatures])[used]
+        left = at.residual[used]
+        answer = solve(columns.T @ columns, columns.T @ left)
+        reached = float(np.sum((left - columns @ answer) ** 2))
+        if reached >= square:
+            break
+        square = reached
+        # The effects stay linear; the curves go where the effects want them.
+        model = model.at(model.vector + answer[: 3 * study.surfaces])
+    return square / max(int(used.sum()), 1)
+
+
+def rows_of(study: Study) -> Array:
+    """Number of rows of each surface."""
+    return np.bincount(study.surface[study.surface >= 0], minlength=study.surfaces).astype(float)

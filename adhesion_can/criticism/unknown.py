@@ -1,0 +1,194 @@
+"""What is left when no known effect explains it: channels, waves along the rail, bad signals."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import welch
+
+from adhesion_can.criticism.channels import Channel, Kind
+from adhesion_can.criticism.course import Course
+from adhesion_can.criticism.ledger import solve
+from adhesion_can.criticism.model import Evaluation, Model, evaluate
+from adhesion_can.criticism.naming import detection_of
+from adhesion_can.criticism.stage import Fit, Stage
+from adhesion_can.physics.burckhardt import Array
+
+WAVES_M = np.geomspace(6.0, 300.0, 500)
+"""Lengths of waves along the rail that are looked for, m."""
+FLIPS = 999
+PINNED_SHARE, PINNED_LEAST = 0.002, 20
+"""Share of an axle's readings, and number, that stand at its largest value."""
+LINE_RATIO, LINE_SIZE = 2.0, 0.3
+"""Power of a line over its surroundings, and its size in the noise of the adhesion."""
+LINES_HZ = (2.5, 45.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """What a channel explains of a model's residual.
+
+    Attributes:
+        channel: see there.
+        p_value: with all channels counted.
+        gain: share by which the RMSE of the adhesion falls with it, rows that are not kept back.
+        columns: of its spline, adhesion, shape (n, columns).
+        weights: of the model's slopes and of the columns, that take the least squares.
+
+    """
+
+    channel: Channel
+    p_value: float
+    gain: float
+    columns: Array
+    weights: Array
+
+    def explained(self, slopes: Array) -> Array:
+        """What it adds to the prediction, the curves moved along; shape (n,).
+
+        Args:
+            slopes: of the model's prediction, adhesion, shape (n, p).
+
+        """
+        return np.asarray(np.column_stack([slopes, self.columns]) @ self.weights)
+
+
+def left_over(
+    stage: Stage,
+    found: Fit,
+    channels: Sequence[Channel],
+    columns: Sequence[Array],
+    slopes: Array,
+    rng: np.random.Generator,
+) -> list[Left]:
+    """Every channel against a model's residual, the one that gains most first.
+
+    Args:
+        stage: see there.
+        found: the model.
+        channels: that move.
+        columns: of each one's spline, adhesion, shape (n, columns).
+        slopes: of the model's prediction, adhesion, shape (n, p).
+        rng: for the signs.
+
+    """
+    if not channels:
+        return []
+    detection, _, _ = detection_of(stage, found, columns, rng)
+    residual = evaluate(stage.study, found.model.theta, found.model.actives).residual
+    used = (stage.block >= 0) & (stage.study.surface >= 0)
+    before = float(np.sqrt(np.mean(residual[used] ** 2)))
+    out = []
+    for place, (channel, own) in enumerate(zip(channels, columns, strict=True)):
+        raw = np.column_stack([slopes, own])
+        total = stage.ledger(stage.white(np.column_stack([raw, residual]))).total
+        weights = solve(total[:-1, :-1], total[:-1, -1])
+        after = float(np.sqrt(np.mean((residual - raw @ weights)[used] ** 2)))
+        gain = 1.0 - after / max(before, 1e-300)
+        out.append(Left(channel, float(detection.p_value[place]), gain, own, weights))
+    return sorted(out, key=lambda one: -one.gain)
+
+
+def wave_channel(
+    stage: Stage, model: Model, at: Evaluation, rng: np.random.Generator
+) -> tuple[Channel, Array, float] | None:
+    """The strongest wave of the adhesion along the rail: channel, columns, p-value.
+
+    Amplitudes over blocks with their signs flipped tell how strong chance alone makes the
+    strongest; the length is p-valued with all lengths counted.
+    """
+    position = stage.study.column("position")
+    used = np.flatnonzero((stage.block >= 0) & (stage.study.surface >= 0))
+    if len(used) < 1000 or float(np.ptp(position[used])) < 10 * WAVES_M[0]:
+        return None
+    residual = evaluate(stage.study, model.theta, model.actives).residual
+    weight = stage.scale**2 * at.predicted
+    order = used[np.argsort(stage.block[used], kind="stable")]
+    starts = np.unique(stage.block[order], return_index=True)[1]
+    lengths = WAVES_M[np.ptp(position[used]) / 6 > WAVES_M]
+    power = np.zeros((len(starts), len(lengths)), dtype=np.complex128)
+    size = 0.0
+    for number, rows in enumerate(np.split(order, starts[1:])):
+        # Rows within a quarter of a metre see the same phase of every wave that is looked for.
+        cell = np.floor(position[rows] * 4).astype(np.int64)
+        first = cell.min()
+        sums = np.bincount(cell - first, weight[rows] * residual[rows])
+        where = (np.arange(len(sums)) + first + 0.5) / 4
+        full = sums != 0.0
+        power[number] = sums[full] @ np.exp(2j * np.pi * where[full, None] / lengths)
+        size += float(np.sum(weight[rows] * at.predicted[rows]))
+    seen = np.abs(power.sum(axis=0))
+    signs = np.where(rng.random((FLIPS, len(starts))) < 0.5, -1.0, 1.0)
+    chance = np.abs(signs @ power)
+    scale = np.sqrt(np.sum(np.abs(power) ** 2, axis=0))
+    ratio = seen / np.maximum(scale, 1e-300)
+    best = int(np.argmax(ratio))
+    largest = (chance / np.maximum(scale, 1e-300)).max(axis=1)
+    p_value = (1.0 + np.count_nonzero(largest >= ratio[best])) / (FLIPS + 1.0)
+    phase = 2 * np.pi * position / lengths[best]
+    columns = np.stack([np.cos(phase), np.sin(phase)], axis=1) * at.predicted[:, None]
+    channel = Channel("position", "m", Kind.FACTOR, position % lengths[best], period=lengths[best])
+    return channel, columns, float(p_value)
+
+
+def pinned(course: Course, axle: int) -> tuple[float, float] | None:
+    """Largest effort of an axle and the share of rows at it, where readings stand at it."""
+    effort = np.abs(course.effort[course.axle == axle])
+    if not len(effort):
+        return None
+    most = float(effort.max())
+    count = int(np.count_nonzero(effort >= most * (1.0 - 1e-6)))
+    if most <= 0.0 or count < max(PINNED_LEAST, PINNED_SHARE * len(effort)):
+        return None
+    return most, count / len(effort)
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """An oscillation of the wheel speeds.
+
+    Attributes:
+        frequency: Hz.
+        amplitude: of the wheel speed, rad/s, where it swings most.
+        adhesion: what it means for the adhesion by the wheelset's inertia, rms.
+
+    """
+
+    frequency: float
+    amplitude: float
+    adhesion: float
+
+
+def line(course: Course) -> Line | None:
+    """The strongest line in the wheel speeds' spectra, averaged over the axles."""
+    spectra, rate = [], 0.0
+    for t_s, rough in course.source.rough.values():
+        if len(t_s) < 2048:
+            continue
+        rate = 1.0 / float(np.median(np.diff(t_s)))
+        frequency, power = welch(rough, rate, nperseg=512)
+        spectra.append(power)
+    if not spectra:
+        return None
+    mean = np.mean(spectra, axis=0)
+    inside = (frequency >= LINES_HZ[0]) & (frequency <= min(LINES_HZ[1], 0.45 * rate))
+    around = np.array([_around(frequency, mean, f) for f in frequency])
+    ratio = np.where(inside, mean / np.maximum(around, 1e-300), 0.0)
+    best = int(np.argmax(ratio))
+    if ratio[best] < LINE_RATIO:
+        return None
+    near = np.abs(frequency - frequency[best]) < 1.0
+    excess = np.maximum(mean - around, 0.0)
+    variance = float(np.sum(excess[near]) * (frequency[1] - frequency[0]))
+    load = float(np.mean(course.observe().load)) if len(course) else 1.0
+    size = 2 * np.pi * frequency[best] * np.sqrt(variance) * course.inertia
+    return Line(
+        float(frequency[best]),
+        float(np.sqrt(2 * variance)),
+        float(size / (np.mean(course.radius) * load)),
+    )
+
+
+def _around(frequency: Array, power: Array, centre: float) -> float:
+    away = np.abs(frequency - centre)
+    return float(np.median(power[(away > 1.0) & (away < 6.0) & (frequency > LINES_HZ[0] - 1.0)]))

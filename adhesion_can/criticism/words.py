@@ -1,0 +1,136 @@
+"""What was found, in plain sentences with sizes and units."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from adhesion_can.criticism.diagnosis import Cause, Profile, Value
+from adhesion_can.criticism.unknown import Left, Line
+
+SHOWN: Mapping[str, str] = {
+    "speed_dependence": "speed",
+    "load_dependence": "axle_load",
+    "falling_friction": "creep_speed",
+    "wheelset_inertia": "slip_rate",
+    "wheel_radius": "axle",
+    "speed_scale": "signed_slip",
+    "speed_delay": "slip_rate",
+    "effort_delay": "slip_rate",
+    "effort_bias": "signed_slip",
+    "creep_relaxation": "slip_rate",
+    "curve_creep": "curvature_per_m",
+    "rail_cleaning": "axle",
+    "adhesion_recovery": "slip",
+    "humidity": "relative_humidity_percent",
+    "rail_temperature": "rail_temperature_degC",
+    "sanding": "sanding_active",
+    "slow_drift": "time",
+    "traction_braking_asymmetry": "signed_slip",
+}
+"""Channel against which an effect is shown."""
+
+_SEPARATE: Mapping[frozenset[str], str] = {
+    frozenset({"effort_delay", "creep_relaxation"}): (
+        "the same creep sweep at a third and at three times the speed: a delay stays the same in "
+        "seconds, a relaxation length in metres"
+    ),
+    frozenset({"effort_bias", "traction_braking_asymmetry"}): (
+        "coasting, where a bias stays and an asymmetry has nothing to act on, and braking and "
+        "traction at small and at large creep"
+    ),
+    frozenset({"effort_bias", "speed_scale"}): (
+        "coasting at several speeds: a bias is a force, a scale error a share of the speed"
+    ),
+    frozenset({"speed_scale", "traction_braking_asymmetry"}): (
+        "coasting, and braking beyond the peak, where a small error of the slip does nothing"
+    ),
+    frozenset({"speed_dependence", "falling_friction"}): (
+        "creep swept beyond the peak at low and at high speed: one falls with the speed at the "
+        "same slip, the other with creep speed alone"
+    ),
+    frozenset({"adhesion_recovery", "falling_friction"}): (
+        "the same creep held for seconds and passed quickly: recovery needs time"
+    ),
+    frozenset({"humidity", "slow_drift"}): "a longer drive, in which humidity comes back to where it was",
+    frozenset({"rail_temperature", "slow_drift"}): (
+        "a longer drive, in which the rail's temperature comes back to where it was"
+    ),
+    frozenset({"rail_cleaning", "load_dependence"}): (
+        "a drive in reverse: the leading axle is another one then, its load is not"
+    ),
+    frozenset({"rail_cleaning", "wheel_radius"}): "a drive in reverse, and coasting of every axle",
+}
+
+
+def separating(effect: str, rivals: Sequence[str]) -> str:
+    """Which manoeuvre or signal would tell an effect from its rivals."""
+    known = [_SEPARATE[key] for r in rivals if (key := frozenset({effect, r})) in _SEPARATE]
+    if known:
+        return f"to tell {effect} from {', '.join(rivals)}: " + "; ".join(known)
+    mine, theirs = SHOWN.get(effect, effect), sorted({SHOWN.get(r, r) for r in rivals})
+    return (
+        f"to tell {effect} from {', '.join(rivals)}: a drive in which {mine} and "
+        f"{', '.join(theirs)} vary independently of each other"
+    )
+
+
+def cause_sentence(cause: Cause) -> str:
+    """An effect with its size."""
+    sizes = ", ".join(_size(value) for value in cause.parameters)
+    return f"{cause.title[0].upper()}{cause.title[1:]} ({sizes})."
+
+
+def _size(value: Value) -> str:
+    unit = "" if value.unit in {"", "1"} else f" {value.unit}"
+    if value.std is None:
+        return f"{value.name} {value.value:.4g}{unit}"
+    return f"{value.name} {value.value:.4g} ± {value.std:.2g}{unit}"
+
+
+def where_sentence(profile: Profile, before: float, after: float) -> str:
+    """Where the plain model is wrong most, and by how much."""
+    sure = np.abs(profile.before) > 2.0 * profile.before_std
+    size = np.where(sure, np.abs(profile.before), 0.0)
+    best = int(np.argmax(size))
+    lead = (
+        f"On data held out the simulation misses the adhesion by {before:.4f} (rms), with the "
+        f"extension by {after:.4f}"
+    )
+    if size[best] == 0.0:
+        return lead + "."
+    much = "too little" if profile.before[best] > 0 else "too much"
+    unit = "" if profile.unit in {"", "1"} else f" {profile.unit}"
+    return (
+        f"{lead}; it says {size[best]:.4f} {much} where {profile.channel} is about "
+        f"{profile.at[best]:.4g}{unit}."
+    )
+
+
+def channel_sentence(left: Left) -> str:
+    """What an unexplained residual depends on."""
+    channel = left.channel
+    if channel.period:
+        return (
+            f"The adhesion varies along the rail with a wave of {channel.period:.1f} m, which no "
+            f"known effect does: it is {100 * left.gain:.1f} % of the error (rms)."
+        )
+    return (
+        f"What is left depends on {channel.name} in a way that no known effect describes: it is "
+        f"{100 * left.gain:.1f} % of the error (rms)."
+    )
+
+
+def line_sentence(line: Line) -> str:
+    """An oscillation of the drive train."""
+    return (
+        f"The wheel speeds swing at {line.frequency:.1f} Hz by about {line.amplitude:.3f} rad/s: a "
+        f"torsional vibration, which in the force balance is {line.adhesion:.4f} of adhesion (rms)."
+    )
+
+
+def pinned_sentence(recording: str, axle: int, most: float, share: float) -> str:
+    """A sensor at its limit."""
+    return (
+        f"The tractive effort of axle {axle} in {recording} stands at {most / 1e3:.2f} kN in "
+        f"{100 * share:.1f} % of its readings: the signal is cut off there."
+    )

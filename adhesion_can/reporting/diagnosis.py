@@ -1,0 +1,392 @@
+"""A diagnosis for people and programs: sentences, what a terminal shows, and JSON."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from math import floor, isfinite, log10
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from adhesion_can.criticism.diagnosis import (
+    Cause,
+    ChannelEvidence,
+    Diagnosis,
+    Evidence,
+    Gain,
+    Surface,
+    Value,
+    Verdict,
+)
+from adhesion_can.physics.effects import EFFECTS
+from adhesion_can.reporting.provenance import estimate_json
+from adhesion_can.reporting.text import table
+
+SHOWN = 5
+"""Rows of evidence that a terminal shows."""
+LEAST_P = 1e-3
+"""A p-value below this is told as being below it."""
+
+EVIDENCE_COLUMNS = ("effect", "statistic", "p", "absorbed", "most alike", "cosine", "gain")
+CHANNEL_COLUMNS = ("channel", "unit", "p", "gain")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A file that a diagnosis rests on.
+
+    Attributes:
+        path: of it.
+        name: by which the diagnosis knows it.
+        sha256: of its bytes, hex.
+        held_out: whether it was kept for the gain.
+
+    """
+
+    path: Path
+    name: str
+    sha256: str
+    held_out: bool = False
+
+
+# ---------------------------------------------------------------------------------- sentences
+
+
+def verdict_sentences(found: Diagnosis) -> list[str]:
+    """What came out, with how sure it is; a sentence or two an entry, the verdict first."""
+    said = list(_verdict(found))
+    if found.gain is not None:
+        said.append(gain_sentence(found.gain, extended=found.model is not None))
+    return said
+
+
+def _verdict(found: Diagnosis) -> Iterator[str]:
+    if found.verdict is Verdict.NAMED:
+        yield from (f"Named: {_cause_sentence(cause)}" for cause in found.causes)
+    elif found.verdict is Verdict.UNEXPLAINED:
+        yield _unexplained(found)
+        yield from (f"Named beside it: {_cause_sentence(cause)}" for cause in found.causes)
+    elif found.gain is None:
+        yield (
+            "No verdict: the data cannot carry one. This says nothing for or against the "
+            "simulation."
+        )
+    else:
+        yield _nothing(found)
+
+
+def _cause_sentence(cause: Cause) -> str:
+    numbers = ", ".join(f"{v.name} {_measured(v)}" for v in cause.parameters)
+    name = effect_name(cause.effect, cause.form)
+    told = f"{cause.title} ({name}: {numbers}). {chance(cause.p_value)}"
+    return f"{told} {_rivals(cause)}".strip()
+
+
+def _rivals(cause: Cause) -> str:
+    if not cause.rivals:
+        return ""
+    rivals = " or ".join(f"{rival} ({title(rival)})" for rival in cause.rivals)
+    return f"These data cannot tell it from {rivals}."
+
+
+def _unexplained(found: Diagnosis) -> str:
+    if found.channel is None:
+        return (
+            "Unexplained: something is left that is not noise, and neither a known effect nor a "
+            "measured channel says what it is."
+        )
+    told = (
+        f"Unexplained: what is left depends on {channel_name(found.channel)}, and no known effect "
+        "says why."
+    )
+    own = [c.p_value for c in found.channels if c.channel == found.channel]
+    return f"{told} {chance(own[0])}" if own else told
+
+
+def _nothing(found: Diagnosis) -> str:
+    told = (
+        "Nothing found: what the plain curve leaves is noise, as far as these data tell. An effect "
+        "may still be there and be too small, or not excited."
+    )
+    if not found.evidence:
+        return told
+    first = min(found.evidence, key=lambda e: e.p_value if isfinite(e.p_value) else 1.0)
+    name = effect_name(first.effect, first.form, first.axle)
+    return (
+        f"{told} The strongest effect is {name}: p = {p_text(first.p_value)}, gain "
+        f"{_fixed(first.gain_percent, 1, ' %')}."
+    )
+
+
+def chance(p_value: float) -> str:
+    """How often nothing but chance looks as strong, a sentence."""
+    if not isfinite(p_value):
+        return "How often chance alone looks as strong is not known."
+    if p_value < LEAST_P:
+        return (
+            f"Chance alone looks as strong in fewer than {LEAST_P:.1%} of drives (p < {LEAST_P})."
+        )
+    return (
+        f"Chance alone looks as strong in {100 * p_value:.2g} % of drives "
+        f"(p = {p_text(p_value)}, all that was tested counted)."
+    )
+
+
+def gain_sentence(gain: Gain, *, extended: bool) -> str:
+    """What the extension gains, and on what."""
+    where = f"Held out: {gain.held_out}."
+    if not extended:
+        return (
+            f"There is no extension: RMSE of the adhesion {short(gain.rmse_before)}, noise alone "
+            f"{short(gain.noise_floor)}. {where}"
+        )
+    low, high = gain.interval
+    interval = (
+        f"95 % interval {low:.1f} to {high:.1f} %" if isfinite(low + high) else "interval not known"
+    )
+    told = (
+        f"Gain on data that were not used to decide: {gain.percent:.1f} % ({interval}). RMSE of "
+        f"the adhesion {short(gain.rmse_before)} before, {short(gain.rmse_after)} after; noise "
+        f"alone is {short(gain.noise_floor)}."
+    )
+    if low <= 0.0:
+        told += " The interval reaches down to 0: the gain is not certain."
+    return f"{told} {where}"
+
+
+def cause_rows(causes: Sequence[Cause]) -> list[tuple[str, ...]]:
+    """Effect, parameter, value with its standard deviation, meaning; a row a parameter."""
+    return [
+        (effect_name(c.effect, c.form), v.name, _measured(v), v.meaning)
+        for c in causes
+        for v in c.parameters
+    ]
+
+
+def evidence_rows(evidence: Sequence[Evidence]) -> list[tuple[str, ...]]:
+    """Cells under `EVIDENCE_COLUMNS`."""
+    return [
+        (
+            effect_name(e.effect, e.form, e.axle),
+            _fixed(e.statistic, 2),
+            p_text(e.p_value),
+            _fixed(100 * e.absorbed, 0, " %"),
+            e.most_alike[0] or "-",
+            _fixed(e.most_alike[1], 2) if e.most_alike[0] else "-",
+            _fixed(e.gain_percent, 1, " %"),
+        )
+        for e in evidence
+    ]
+
+
+def channel_rows(channels: Sequence[ChannelEvidence]) -> list[tuple[str, ...]]:
+    """Cells under `CHANNEL_COLUMNS`, the smallest p first."""
+    ranked = sorted(channels, key=lambda c: (c.p_value, -c.gain_percent))
+    return [
+        (
+            channel_name(c.channel),
+            unit_text(c.unit),
+            p_text(c.p_value),
+            _fixed(c.gain_percent, 1, " %"),
+        )
+        for c in ranked
+    ]
+
+
+# ----------------------------------------------------------------------------------- terminal
+
+
+def terminal(found: Diagnosis) -> Iterator[str | Table]:
+    """What a terminal shows: lines and tables, in order."""
+    yield from verdict_sentences(found)
+    named = {value for cause in found.causes for value in cause_rows([cause])}
+    if named:
+        columns = ("effect", "parameter", "value", "meaning")
+        yield table("Causes, ± standard deviation", columns, cause_rows(found.causes))
+    if found.wrong:
+        yield "What the simulation gets wrong:"
+        yield from (f"- {sentence}" for sentence in found.wrong)
+    if found.needed:
+        yield f"Needed: {found.needed}"
+    if found.evidence:
+        rows = evidence_rows(found.evidence)
+        title_ = (
+            f"Evidence: the first {SHOWN} of {len(rows)} effects" if rows[SHOWN:] else "Evidence"
+        )
+        yield table(title_, EVIDENCE_COLUMNS, rows[:SHOWN])
+    yield from (f"Not tested: {what}: {why}" for what, why in found.untested)
+
+
+# --------------------------------------------------------------------------------------- JSON
+
+
+def diagnosis_json(found: Diagnosis, sources: Sequence[Source] = ()) -> dict[str, Any]:
+    """A diagnosis as the contract has it, and more under names of its own.
+
+    Args:
+        found: see there.
+        sources: files that it rests on.
+
+    """
+    return {
+        "verdict": found.verdict.value,
+        "causes": [_cause_json(cause) for cause in found.causes],
+        "channel": found.channel,
+        "wrong": list(found.wrong),
+        "gain": None if found.gain is None else _gain_json(found.gain),
+        "evidence": [asdict(e) | {"most_alike": list(e.most_alike)} for e in found.evidence],
+        "needed": found.needed,
+        "untested": [untested._asdict() for untested in found.untested],
+        "channels": [asdict(channel) for channel in found.channels],
+        "surfaces": [
+            _place_json(s) | {"base": estimate_json(s.base), "extended": estimate_json(s.extended)}
+            for s in found.surfaces
+        ],
+        "base": _curves_json(found, "base"),
+        "extended": _curves_json(found, "extended"),
+        "inputs": [
+            {
+                "path": str(source.path),
+                "sha256": source.sha256,
+                "samples": found.samples.get(source.name, 0),
+                "held_out": source.held_out,
+            }
+            for source in sources
+        ],
+        "left_out": dict(found.lost),
+    }
+
+
+def _cause_json(cause: Cause) -> dict[str, Any]:
+    return {
+        "effect": cause.effect,
+        "form": cause.form,
+        "title": cause.title,
+        "parameters": {
+            v.name: {"value": v.value, "std": v.std, "unit": v.unit} for v in cause.parameters
+        },
+        "p_value": cause.p_value,
+        "rivals": list(cause.rivals),
+    }
+
+
+def _gain_json(gain: Gain) -> dict[str, Any]:
+    return {
+        "rmse_before": gain.rmse_before,
+        "rmse_after": gain.rmse_after,
+        "noise_floor": gain.noise_floor,
+        "percent": gain.percent,
+        "interval": list(gain.interval),
+        "held_out": gain.held_out,
+        "spans": [[begin, end] for _, begin, end in gain.spans],
+        "recordings": [recording for recording, _, _ in gain.spans],
+    }
+
+
+def _place_json(surface: Surface) -> dict[str, Any]:
+    return {
+        "recording": surface.recording,
+        "from_s": surface.from_s,
+        "to_s": surface.to_s,
+    }
+
+
+def _curves_json(found: Diagnosis, which: str) -> dict[str, Any] | None:
+    """Identify's fields: the longest surface, and every one in `segments`; null without any."""
+    longest = longest_surface(found)
+    if longest is None:
+        return None
+    return estimate_json(getattr(longest, which)) | {
+        "segments": [_place_json(s) | estimate_json(getattr(s, which)) for s in found.surfaces]
+    }
+
+
+def longest_surface(found: Diagnosis) -> Surface | None:
+    """The surface that lasts longest, the first of several; None without any."""
+    return max(found.surfaces, key=lambda s: s.to_s - s.from_s, default=None)
+
+
+# ------------------------------------------------------------------------------- ingredients
+
+
+def effect_name(effect: str, form: str = "", axle: int = 0) -> str:
+    """Id with form and axle where there are any."""
+    return " ".join(part for part in (effect, form, f"axle {axle}" if axle else "") if part)
+
+
+def title(effect: str) -> str:
+    """What an effect is, a clause; its id where the library does not have it."""
+    return next((known.title for known in EFFECTS if known.id == effect), effect)
+
+
+def channel_name(channel: str) -> str:
+    """A channel as a sentence has it; a column of a TABLE keeps its name."""
+    return _CHANNELS.get(channel, channel)
+
+
+_CHANNELS = {
+    "speed": "vehicle speed",
+    "slip": "slip ratio",
+    "signed_slip": "slip ratio with its sign",
+    "slip_rate": "rate of change of the slip",
+    "creep_speed": "creep speed",
+    "tractive_effort": "tractive effort",
+    "axle_load": "axle load",
+    "axle": "number of the axle",
+    "position": "position along the rail",
+    "ambient_temperature_degC": "ambient temperature",
+    "rail_temperature_degC": "rail temperature",
+    "relative_humidity_percent": "relative humidity",
+    "sanding_active": "sanding",
+    "curvature_per_m": "curvature",
+}
+
+
+def unit_text(unit: str) -> str:
+    """A unit as it stands behind a number; empty for a pure number."""
+    return (
+        "" if unit == "1" else unit.replace("degC", "°C").replace("^2", "²").replace("kg m", "kg·m")
+    )
+
+
+def measured(value: float, std: float | None, unit: str) -> str:
+    """A value with standard deviation and unit, as many digits as the standard deviation allows."""
+    return f"{_plus_minus(value, std)} {unit_text(unit)}".strip()
+
+
+def _measured(value: Value) -> str:
+    return measured(value.value, value.std, value.unit)
+
+
+def _plus_minus(value: float, std: float | None) -> str:
+    if std is None or not isfinite(std):
+        return f"{value:g}" if value == round(value) else f"{short(value)} ± ?"
+    size = max(abs(value), std)
+    if size == 0.0 or not isfinite(size):
+        return f"{value:g} ± {std:g}"
+    power = floor(log10(size))
+    scaled = power < -3 or power > 5
+    factor = 10.0**power if scaled else 1.0
+    # Two digits of the standard deviation.
+    digits = 3 if std == 0.0 else max(1 - floor(log10(std / factor)), 0)
+    told = f"{value / factor:.{digits}f} ± {std / factor:.{digits}f}"
+    return f"({told})e{power}" if scaled else told
+
+
+def short(value: float) -> str:
+    """Three digits, never as a power of ten."""
+    if not isfinite(value):
+        return "-"
+    return str(np.format_float_positional(value, 3, unique=False, fractional=False, trim="-"))
+
+
+def p_text(p_value: float) -> str:
+    """A p-value."""
+    if not isfinite(p_value):
+        return "-"
+    return f"< {LEAST_P:g}" if p_value < LEAST_P else f"{p_value:.3f}"
+
+
+def _fixed(value: float, digits: int, unit: str = "") -> str:
+    return f"{value:.{digits}f}{unit}" if isfinite(value) else "-"

@@ -1,0 +1,255 @@
+"""A diagnosis' figures: before and after, each against what was measured; as Plotly's JSON."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from adhesion_can.criticism.diagnosis import CurveData, Gain, Picture, Profile, Surface
+from adhesion_can.physics.burckhardt import Array, adhesion
+from adhesion_can.physics.data import Estimate
+from adhesion_can.reporting.charts import (
+    AT_MOST,
+    DARK,
+    Trace,
+    broken,
+    place,
+    rows,
+    thinned,
+)
+from adhesion_can.reporting.diagnosis import channel_name, short, unit_text
+from adhesion_can.reporting.page import Figure
+
+BEFORE, AFTER, MEASURED = "#d55e00", "#0b5fa5", "#8a95a3"
+PLAIN, EXTENDED = "plain curve (before)", "extended (after)"
+MOST_POINTS = 3000
+"""Of a cloud."""
+
+
+def gain_figure(gain: Gain) -> Figure:
+    """RMSE before and after beside the noise floor, with the gain's interval."""
+    names = ["before", "after", "noise alone"]
+    values = [gain.rmse_before, gain.rmse_after, gain.noise_floor]
+    # The gain is a share of `before`: its interval is one of `after`.
+    best, worst = (gain.rmse_before * (1.0 - end / 100.0) for end in reversed(gain.interval))
+    known = np.isfinite([best, worst]).all()
+    more, less = max(worst - gain.rmse_after, 0.0), max(gain.rmse_after - best, 0.0)
+    ends = (more, less) if known else (None, None)
+    data = [
+        {
+            "type": "bar",
+            "orientation": "h",
+            "y": names,
+            "x": values,
+            "marker": {"color": [BEFORE, AFTER, MEASURED]},
+            "text": [short(value) for value in values],
+            "textposition": "inside",
+            "insidetextanchor": "start",
+            "hoverinfo": "x+y",
+            "error_x": {
+                "type": "data",
+                "symmetric": False,
+                "array": [None, ends[0], None],
+                "arrayminus": [None, ends[1], None],
+                "color": DARK,
+                "thickness": 1.4,
+                "width": 5,
+            },
+        }
+    ]
+    layout = {
+        "xaxis": {"title": {"text": "RMSE of the adhesion coefficient"}, "rangemode": "tozero"},
+        "yaxis": {"type": "category", "autorange": "reversed"},
+        "bargap": 0.35,
+    }
+    caption = (
+        "Error of the predicted adhesion on data that were not used to decide: plain curve, "
+        "extended model, and the noise that no model goes below. The whisker is the 95 % interval "
+        "of the gain."
+    )
+    return Figure(caption, data, layout, 210)
+
+
+def picture_figure(picture: Picture) -> Figure:
+    """Wheel speed and adhesion of one axle: measured, before, after."""
+    t = picture.time_s
+    data: list[Trace] = []
+    measured, before, after = (
+        picture.wheel_speed,
+        picture.simulated_before,
+        picture.simulated_after,
+    )
+    panels = (
+        (measured, before, after),
+        (None, before - measured, after - measured),
+        (picture.adhesion, picture.predicted_before, picture.predicted_after),
+    )
+    for row, (seen, *told) in enumerate(panels):
+        lines = [*([] if seen is None else [seen]), *told]
+        styles = [*([] if seen is None else [_MEASURED]), _BEFORE, _AFTER]
+        x, *ys = thinned(*broken(t, *lines), at_most=AT_MOST)
+        data += [
+            _line(style, x, y, legend=row == 0) | place(row)
+            for style, y in zip(styles, ys, strict=True)
+        ]
+    axes = [
+        {"title": {"text": "wheel speed<br>rad/s"}},
+        {"title": {"text": "simulated less<br>measured, rad/s"}},
+        {"title": {"text": "adhesion<br>coefficient μ"}},
+    ]
+    height = 560
+    layout = rows(axes, "time, s", height)
+    caption = (
+        f"{picture.recording}, axle {picture.axle}, measured against simulated. Wheel speed is "
+        f"simulated from the measured effort and vehicle speed, begun anew every "
+        f"{picture.restart_s:g} s; adhesion is predicted from the measured slip."
+    )
+    return Figure(caption, data, layout, height)
+
+
+def profile_figure(profile: Profile) -> Figure:
+    """Mean residual over bins of a channel, before and after, with standard errors."""
+    data: list[Trace] = []
+    for style, mean, std in (
+        (_BEFORE, profile.before, profile.before_std),
+        (_AFTER, profile.after, profile.after_std),
+    ):
+        colour = style["line"]["color"]
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "name": style["name"],
+                "x": profile.at,
+                "y": mean,
+                "marker": {"color": colour, "size": 8},
+                "error_y": {
+                    "type": "data",
+                    "array": _known(std),
+                    "color": colour,
+                    "thickness": 1.3,
+                    "width": 3,
+                },
+            }
+        )
+    fitted = {"color": DARK, "width": 1.6, "dash": "dash"}
+    data.append(
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "name": "what the extension adds",
+            "x": profile.at,
+            "y": profile.fitted,
+            "line": fitted,
+        }
+    )
+    unit = unit_text(profile.unit)
+    name = channel_name(profile.channel)
+    layout = {
+        "xaxis": {"title": {"text": f"{name}, {unit}" if unit else name}},
+        "yaxis": {
+            "title": {"text": "mean residual of μ"},
+            "zeroline": True,
+            "zerolinecolor": MEASURED,
+        },
+    }
+    caption = (
+        f"Measured less predicted adhesion over {name}, positive where the rail gives more than "
+        "the model says; means over bins, with standard errors. The dashed line is by how much the "
+        "extension changes the prediction: where it meets the points before, those after lie at 0."
+    )
+    return Figure(caption, data, layout, 380)
+
+
+def curve_figure(surface: Surface, curves: CurveData) -> Figure:
+    """Curve and data of one surface: as measured, and with the effects taken out."""
+    clouds = (
+        (surface.base, _BEFORE, curves.slip, curves.adhesion),
+        (surface.extended, _AFTER, curves.corrected_slip, curves.corrected_adhesion),
+    )
+    data: list[Trace] = []
+    end = 1.02 * max(float(np.nanmax(slip, initial=0.0)) for slip in (clouds[0][2], clouds[1][2]))
+    grid = np.linspace(0.0, end or 0.2, 201)
+    for row, (estimate, style, slip, mu) in enumerate(clouds):
+        every = max(-(-len(slip) // MOST_POINTS), 1)
+        cloud = {
+            "type": "scatter",
+            "mode": "markers",
+            "name": "data",
+            "showlegend": row == 0,
+            "x": slip[::every],
+            "y": mu[::every],
+            "marker": {"color": MEASURED, "size": 3, "opacity": 0.4},
+            "hoverinfo": "skip",
+        }
+        line = _line(style, grid, adhesion(grid, *estimate.theta), legend=True)
+        line["line"] = {**style["line"], "width": 2.4}
+        data += [trace | place(row) for trace in (cloud, line, *_peak(estimate, style))]
+    span = _y_span([curves.adhesion, curves.corrected_adhesion])
+    axes = [
+        {"title": {"text": f"μ, {which}"}, "range": span}
+        for which in ("as measured", "effects taken out")
+    ]
+    height = 620
+    layout = rows(axes, "slip ratio λ", height)
+    layout["xaxis"]["range"] = layout["xaxis2"]["range"] = [0.0, float(grid[-1])]
+    caption = (
+        f"Adhesion curve of the longest surface ({surface.recording}, {surface.from_s:.0f} to "
+        f"{surface.to_s:.0f} s). Above: the plain curve and the data as measured. Below: the "
+        "extended model's base curve and the data with its effects taken out. Diamonds: peaks that "
+        "the data tell, with standard deviations."
+    )
+    return Figure(caption, data, layout, height)
+
+
+def _peak(estimate: Estimate, style: Trace) -> list[Trace]:
+    """The peak with its standard deviations, where the data tell it."""
+    if not estimate.identifiable.both:
+        return []
+    colour = style["line"]["color"]
+    bars = {"type": "data", "color": DARK, "thickness": 1.4, "width": 4}
+    return [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": f"peak, {style['name']}",
+            "showlegend": False,
+            "x": [estimate.lambda_m],
+            "y": [estimate.mu_max],
+            "error_x": {**bars, "array": _known(np.array([estimate.lambda_m_std]))},
+            "error_y": {**bars, "array": _known(np.array([estimate.mu_max_std]))},
+            "marker": {"color": colour, "size": 10, "symbol": "diamond"},
+        }
+    ]
+
+
+# ------------------------------------------------------------------------------- ingredients
+
+
+def _style(name: str, colour: str, width: float) -> Trace:
+    return {"name": name, "legendgroup": name, "line": {"color": colour, "width": width}}
+
+
+_MEASURED = _style("measured", MEASURED, 1.2)
+_BEFORE = _style(PLAIN, BEFORE, 1.3)
+_AFTER = _style(EXTENDED, AFTER, 1.3)
+
+
+def _line(style: Mapping[str, Any], x: Array, y: Array, *, legend: bool) -> Trace:
+    return {"type": "scatter", "mode": "lines", **style, "x": x, "y": y, "showlegend": legend}
+
+
+def _known(std: Array) -> Array:
+    """Standard errors, 0 where there is none to be drawn."""
+    return np.where(np.isfinite(std), std, 0.0)
+
+
+def _y_span(clouds: list[Array]) -> list[float]:
+    """Range that holds all but the outermost of the data, and 0."""
+    values = np.concatenate(clouds)
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return [0.0, 0.5]
+    low, high = np.quantile(values, (0.002, 0.998))
+    room = 0.08 * max(float(high - low), 1e-3)
+    return [min(float(low), 0.0) - room, float(high) + room]

@@ -1,0 +1,280 @@
+"""The page of a diagnosis: every section is always there, and says so where it has nothing."""
+
+from collections.abc import Mapping, Sequence
+
+from adhesion_can.criticism.diagnosis import Diagnosis, Surface
+from adhesion_can.identification.extension import ExtendedModel
+from adhesion_can.physics.data import Estimate
+from adhesion_can.physics.effects import ActiveEffect
+from adhesion_can.physics.effects.base import Parameter
+from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.reporting.diagnosis import (
+    CHANNEL_COLUMNS,
+    EVIDENCE_COLUMNS,
+    Source,
+    cause_rows,
+    channel_name,
+    channel_rows,
+    effect_name,
+    evidence_rows,
+    longest_surface,
+    measured,
+    short,
+    title,
+    verdict_sentences,
+)
+from adhesion_can.reporting.diagnosis_figures import (
+    curve_figure,
+    gain_figure,
+    picture_figure,
+    profile_figure,
+)
+from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
+from adhesion_can.reporting.text import plus_minus
+
+Parts = list[Text | Items | Table | Figure]
+
+
+def page(
+    found: Diagnosis,
+    sources: Sequence[Source],
+    provenance: Mapping[str, str],
+    problems: Sequence[str] = (),
+) -> Page:
+    """The page of a diagnosis.
+
+    Args:
+        found: see there.
+        sources: files that it rests on.
+        provenance: version, command and the like, by name.
+        problems: with the inputs, a sentence each.
+
+    """
+    sections = {
+        "What the simulation gets wrong": _wrong(found),
+        "Gain": _gain(found),
+        "Measured against simulated": _pictures(found),
+        "What is left": _profile(found),
+        "Curve and data": _curve(found),
+        "Evidence for every effect": _evidence(found),
+        "Channels": _channels(found),
+        "What would separate the rivals": _needed(found),
+        "What could not be tested": _untested(found),
+        "Extended model": _model(found),
+        "Inputs": _inputs(found, sources, problems),
+    }
+    return Page(
+        title="What the simulation gets wrong, and why",
+        lead=_lead(sources),
+        verdict=verdict_sentences(found),
+        sections=[Section(name, parts) for name, parts in sections.items()],
+        provenance=provenance,
+    )
+
+
+def _lead(sources: Sequence[Source]) -> str:
+    used = [source.name for source in sources if not source.held_out]
+    held = [source.name for source in sources if source.held_out]
+    told = f"Diagnosis of {', '.join(used)}"
+    if held:
+        told += f"; held out for the gain: {', '.join(held)}"
+    return (
+        f"{told}. The simulation is the adhesion curve μ(λ) = c1(1 − e^(−c2 λ)) − c3 λ with the "
+        "configured vehicle; what it cannot reproduce is tested against the known effects, one by "
+        "one and two by two, and against every measured channel."
+    )
+
+
+# ----------------------------------------------------------------------------------- sections
+
+
+def _wrong(found: Diagnosis) -> Parts:
+    parts: Parts = [
+        Items(found.wrong) if found.wrong else Text("Nothing that these data could show.")
+    ]
+    if found.causes:
+        columns = ("effect", "parameter", "value", "meaning")
+        parts.append(
+            Table("Named effects, ± standard deviation.", columns, cause_rows(found.causes),
+                  words=(3,))
+        )  # fmt: skip
+        about = [f"{c.effect}: {c.title}. Literature: {c.literature}." for c in found.causes]
+        parts.append(Items(about))
+    return parts
+
+
+def _gain(found: Diagnosis) -> Parts:
+    if found.gain is None:
+        return [Text("Not measured: the data cannot carry a verdict.")]
+    gain = found.gain
+    spans: dict[str, list[str]] = {}
+    for name, begin, end in gain.spans:
+        spans.setdefault(name, []).append(f"{begin:.1f} to {end:.1f} s")
+    parts: Parts = [gain_figure(gain), Text(f"Held out: {gain.held_out}.")]
+    if spans:
+        parts.append(Items([f"{name}: {', '.join(told)}" for name, told in spans.items()]))
+    return parts
+
+
+def _pictures(found: Diagnosis) -> Parts:
+    return [*map(picture_figure, found.pictures)] or [Text("There is no stretch to show.")]
+
+
+def _profile(found: Diagnosis) -> Parts:
+    if found.profile is None:
+        return [Text("No channel was named, so there is none to show the residual over.")]
+    return [profile_figure(found.profile)]
+
+
+def _curve(found: Diagnosis) -> Parts:
+    parts: Parts = []
+    longest = longest_surface(found)
+    if longest is not None and found.curves is not None:
+        parts.append(curve_figure(longest, found.curves))
+    if found.surfaces:
+        parts.append(_surface_table(found.surfaces))
+    return parts or [Text("No curve could be fitted.")]
+
+
+def _surface_table(surfaces: Sequence[Surface]) -> Table:
+    def cells(e: Estimate) -> tuple[str, ...]:
+        known = e.identifiable
+        return (
+            plus_minus(e.mu_max, e.mu_max_std if known.mu_max else None),
+            plus_minus(e.lambda_m, e.lambda_m_std if known.lambda_m else None),
+            f"{e.c1:.4f}",
+            f"{e.c2:.2f}",
+            f"{e.c3:.4f}",
+        )
+
+    rows = [
+        (f"{s.recording}, {s.from_s:.0f} to {s.to_s:.0f} s", which, *cells(estimate))
+        for s in surfaces
+        for which, estimate in (("plain", s.base), ("extended", s.extended))
+    ]
+    columns = ("surface", "model", "μ_max", "λ_m", "c1", "c2", "c3")
+    return Table(
+        "Every stretch of one rail: the plain curve, and the extended model's base curve, "
+        "± standard deviation.",
+        columns,
+        rows,
+        "± ?: the data do not tell it.",
+    )
+
+
+def _evidence(found: Diagnosis) -> Parts:
+    if not found.evidence:
+        return [Text("No effect could be tested.")]
+    note = (
+        "p: how often chance alone looks as strong, all that was tested counted. absorbed: share "
+        "of the effect's signature that c1, c2 and c3 imitate; over 90 % it can hardly be seen in "
+        "these data. most alike: the effect whose signature is nearest; with a cosine over 0.9 the "
+        "two cannot be told apart. gain: by how much it alone would lower the error of the data "
+        "that decided."
+    )
+    rows = evidence_rows(found.evidence)
+    caption = "What the data say of each known effect, the strongest first."
+    return [Table(caption, EVIDENCE_COLUMNS, rows, note)]
+
+
+def _channels(found: Diagnosis) -> Parts:
+    if not found.channels:
+        return [Text("No channel could be tested.")]
+    note = (
+        "A smooth curve in each channel is tried on what is left. p: how often chance alone looks "
+        "as strong, all channels counted. gain: by how much that curve would lower the error."
+    )
+    caption = "What is left, channel by channel, with the named effects in the model."
+    return [Table(caption, CHANNEL_COLUMNS, channel_rows(found.channels), note)]
+
+
+def _needed(found: Diagnosis) -> Parts:
+    rivals = dict.fromkeys(rival for cause in found.causes for rival in cause.rivals)
+    needed = found.needed and f"Needed: {found.needed}"
+    if not rivals:
+        return [Text(needed or "There are no rivals: nothing needs to be separated.")]
+    return [
+        Text("Effects that these data cannot tell from the named one:"),
+        Items([f"{rival}: {title(rival)}" for rival in rivals]),
+        Text(needed or "No manoeuvre or signal is known that would separate them."),
+    ]
+
+
+def _untested(found: Diagnosis) -> Parts:
+    if not found.untested:
+        return [Text("Everything was tested.")]
+    rows = [(untested.what, untested.why) for untested in found.untested]
+    return [Table("What these data cannot tell.", ("what", "why"), rows, words=(1,))]
+
+
+def _model(found: Diagnosis) -> Parts:
+    if found.model is None:
+        return [Text("There is no extension: the plain curve stands.")]
+    return model_parts(found.model)
+
+
+def model_parts(model: ExtendedModel) -> Parts:
+    """An extended model in words and numbers."""
+    c1, c2, c3 = model.base
+    parts: Parts = [
+        Text(
+            f"Base curve: c1 = {c1:.4f}, c2 = {c2:.2f}, c3 = {c3:.4f}. On top of it stand the "
+            "effects below, in this order: first the errors of sensors and vehicle data, then what "
+            "changes the slip, then what multiplies the adhesion."
+        )
+    ]
+    rows = []
+    for active in model.effects:
+        stds = model.covariance_of(active).diagonal() ** 0.5
+        for p, value, std in zip(active.effect.parameters, active.values, stds, strict=True):
+            cells = (_name(active), p.name, _cell(p, value, float(std)), p.meaning)
+            rows.append(cells)
+    if rows:
+        columns = ("effect", "parameter", "value", "meaning")
+        caption = "Effects of the extended model, ± standard deviation."
+        parts.append(Table(caption, columns, rows, words=(3,)))
+    if model.effects:
+        parts.append(Items([f"{_name(a)}: {a.effect.title}." for a in model.effects]))
+    parts += [Text(_spline(spline)) for spline in model.splines]
+    return parts
+
+
+def _name(active: ActiveEffect) -> str:
+    return effect_name(active.effect.id, active.effect.form)
+
+
+def _cell(parameter: Parameter, value: float, std: float) -> str:
+    known = None if parameter.axle or std == 0.0 else std
+    return measured(value, known, parameter.unit)
+
+
+def _spline(spline: Empirical) -> str:
+    low, high = spline.knots[0], spline.knots[-1]
+    return (
+        f"Empirical: adhesion is multiplied by a curve over {channel_name(spline.channel)}, a "
+        f"cubic spline with {len(spline.coefficients)} coefficients from {short(low)} to "
+        f"{short(high)}. "
+        "It says what was seen and not why; beyond this range it stays at its last value."
+    )
+
+
+def _inputs(found: Diagnosis, sources: Sequence[Source], problems: Sequence[str]) -> Parts:
+    rows = [
+        (
+            s.name,
+            "held out for the gain" if s.held_out else "diagnosed",
+            str(found.samples.get(s.name, 0)),
+            s.sha256,
+        )
+        for s in sources
+    ]
+    parts: Parts = [Table("Files, and the rows of them that were used.", _INPUT_COLUMNS, rows)]
+    lost = [f"{count}: {reason}" for reason, count in found.lost.items() if count]
+    if lost:
+        parts += [Text("Rows and signals that were left out:"), Items(lost)]
+    if problems:
+        parts += [Text("Notes on the files:"), Items(problems)]
+    return parts
+
+
+_INPUT_COLUMNS = ("file", "use", "rows", "sha256")
