@@ -32,7 +32,13 @@ from adhesion_can.criticism.diagnosis import Diagnosis
 from adhesion_can.criticism.forming import course_of, course_of_table
 from adhesion_can.errors import InputError
 from adhesion_can.identification.extension import ExtendedModel
-from adhesion_can.reporting.diagnosis import Source, diagnosis_json, longest_surface, terminal
+from adhesion_can.reporting.diagnosis import (
+    Source,
+    diagnosis_json,
+    extends,
+    longest_surface,
+    terminal,
+)
 from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.page import require_extra, write_page
 from adhesion_can.reporting.provenance import provenance
@@ -334,7 +340,7 @@ def _model_notes(
     """What is to be said of the file of --extended."""
     if model is None:
         return [f"--extended {options.extended}: not written, for no curve could be fitted"]
-    if found.model is None:
+    if not extends(found):
         return [f"--extended {options.extended}: the plain curve, for there is no extension"]
     return []
 

@@ -16,6 +16,8 @@ from adhesion_can.physics.burckhardt import Array
 
 FEW, MANY = 6, 14
 """Columns of a channel's spline; of time and position, along which more may happen."""
+FEWEST = 3
+"""A channel with no more values than these is taken value by value."""
 CONSTANT = 1e-9
 
 
@@ -64,10 +66,17 @@ class Channel:
         inner = np.unique(inner)
         return np.concatenate([np.repeat(inner[0], 3), inner, np.repeat(inner[-1], 3)])
 
+    @property
+    def levels(self) -> Array | None:
+        """The values of a channel that has but a few; None where it has many."""
+        if self.name != "axle" and len(np.unique(self.values[::7])) > FEWEST:
+            return None
+        return np.unique(self.values)
+
     def basis(self, at: Evaluation) -> Array:
         """Columns by which its spline changes the prediction, shape (n, columns)."""
-        if self.name == "axle" or len(np.unique(self.values[::7])) <= 3:
-            levels = np.unique(self.values)
+        levels = self.levels
+        if levels is not None:
             columns = (self.values[:, None] == levels).astype(np.float64)
         else:
             knots = self.knots

@@ -31,8 +31,6 @@ HELD_EVERY, HELD_BLOCKS = 3, 2
 """Every third pair of blocks is kept back where no other data are."""
 MANY_ROWS = 40_000
 """More rows than this are thinned to the rate of the settings: they cost time and tell little."""
-PINNED_BIAS = 0.03
-"""Share by which the model must say more effort than a reading that stands at its limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +128,7 @@ class _Work:
             left_plain=tuple(plain),
             left=tuple(rest),
             line=max(lines, key=_strength, default=None),
-            pinned=tuple(self._pinned(study, prepared)),
+            pinned=tuple(self._pinned()),
             times=times,
             length_s=self.length_s,
             alpha=self.settings.alpha,
@@ -153,25 +151,15 @@ class _Work:
             out.append(replace(one, p_value=p_value))
         return sorted(out, key=lambda one: -one.gain)
 
-    def _pinned(self, study: Study, prepared: Prepared) -> list[tuple[str, int, float, float]]:
-        """Recording, axle, effort and share of readings that stand at a limit and are too small."""
-        model = prepared.base.model
-        at = evaluate(study, model.theta, model.actives)
-        found, first = [], 0
-        for course in self.courses:
-            rows = slice(first, first + len(course))
-            first += len(course)
-            if course.table:
-                continue
-            for axle in np.unique(course.axle):
-                seen = pinned(course, int(axle))
-                if seen is None:
-                    continue
-                there = (np.abs(course.effort) >= seen[0] * (1 - 1e-6)) & (course.axle == axle)
-                said, read = at.predicted[rows][there], at.adhesion[rows][there]
-                if np.abs(said).mean() > (1.0 + PINNED_BIAS) * np.abs(read).mean():
-                    found.append((course.name, int(axle), *seen))
-        return found
+    def _pinned(self) -> list[tuple[str, int, float, float]]:
+        """Recording, axle, effort and share of its readings that are cut off."""
+        return [
+            (course.name, int(axle), *seen)
+            for course in self.courses
+            if not course.table
+            for axle in np.unique(course.axle)
+            if (seen := pinned(course, int(axle))) is not None
+        ]
 
 
 def _strength(found: Line) -> float:

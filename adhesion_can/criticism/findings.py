@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.criticism.channels import FEW, Channel, channels_of
+from adhesion_can.criticism.channels import Channel, channels_of
 from adhesion_can.criticism.course import Course
 from adhesion_can.criticism.diagnosis import (
     Cause,
@@ -14,6 +14,7 @@ from adhesion_can.criticism.diagnosis import (
     Diagnosis,
     Evidence,
     Gain,
+    Profile,
     Surface,
     Untested,
     Value,
@@ -24,6 +25,7 @@ from adhesion_can.criticism.ledger import solve
 from adhesion_can.criticism.model import (
     EXCLUDED,
     Candidate,
+    Evaluation,
     Model,
     Study,
     curve_slopes,
@@ -40,7 +42,7 @@ from adhesion_can.criticism.words import (
     cause_sentence,
     channel_sentence,
     line_sentence,
-    pinned_sentence,
+    pinned_sentences,
     separating,
     where_sentence,
 )
@@ -55,6 +57,8 @@ HALF = 0.5
 """Share of what is explained in all that named effects must explain to be the answer."""
 ONLINE = {"slip": "slip", "speed": "speed", "axle_load": "load", "time": "time_s"}
 """Channels of ours that a spline of an extended model can have, beside the covariates."""
+OFFLINE = frozenset({"position", "slip_rate", "tractive_effort", "axle"})
+"""Channels that a model online does not have."""
 MOST_ROWS = 20_000
 
 
@@ -183,14 +187,23 @@ def conclude(
     extended = found.naming.best.fit.model if named else plain
     held = held_out(stage, plain, extended, unknown, other_drives=other_drives)
     gain = gain_of(held, *_units(study, stage.block, held.rows, found, other_drives=other_drives))
+    if unknown is not None and gain.percent < 0.0:
+        # A dependence that does not hold where it was not looked for is no extension.
+        unknown_holds = False
+        held = held_out(stage, plain, plain, None, other_drives=other_drives)
+        gain = gain_of(
+            held, *_units(study, stage.block, held.rows, found, other_drives=other_drives)
+        )
+    else:
+        unknown_holds = True
     gain = replace(gain, noise_floor=found.noise_floor)
-    final = _refitted(prepared, extended, courses, other_drives=other_drives)
-    spline = None if unknown is None else _spline(unknown, final)
+    final = _refitted(prepared, extended, other_drives=other_drives)
+    spline = _spline(unknown) if unknown is not None and unknown_holds else None
     whole = final.model if spline is None else _with_spline(prepared, final.model, spline)
     change = evaluate(study, whole.theta, whole.actives)
     before = evaluate(study, plain.theta)
     after = change.residual
-    if unknown is not None and spline is None:
+    if unknown is not None and unknown_holds and spline is None:
         after = before.residual - unknown.explained(curve_slopes(study, plain.theta, before))
     channels = channels_of(study, before)
     channel = _shown(study, named, unknown, channels)
@@ -200,7 +213,7 @@ def conclude(
             study, channel, before.residual, after, before.residual - after, before.predicted
         )
     causes = tuple(_cause(found, c, final) for c in _by_strength(found, named))
-    surfaces, longest = _surfaces(courses, study, found.times, whole)
+    surfaces, longest = _surfaces(study, found.times, whole)
     pictures = [] if verdict is Verdict.NOTHING else pictures_of(
         courses[longest[0]], longest[1], plain, whole
     )  # fmt: skip
@@ -261,9 +274,7 @@ def _units(
     return number, 0.0, words, tuple(spans)
 
 
-def _refitted(
-    prepared: Prepared, extended: Model, courses: Sequence[Course], *, other_drives: bool
-) -> Fit:
+def _refitted(prepared: Prepared, extended: Model, *, other_drives: bool) -> Fit:
     """The extended model on all rows but those of other drives that were kept back."""
     stage = prepared.stage
     block = stage.block
@@ -310,7 +321,7 @@ def _evidence(found: Findings) -> list[Evidence]:
     for place, candidate in enumerate(candidates):
         cosines = np.abs(found.cosines[place])
         others = [i for i, c in enumerate(candidates) if c.effect.id != candidate.effect.id]
-        alike = max(others, key=lambda i, c=cosines: float(c[i]), default=place)
+        alike = int(others[int(np.argmax(cosines[others]))]) if others else place
         gain = alone.get(candidate, 50.0 * float(detection.gain[place]))
         out.append(
             Evidence(
@@ -351,17 +362,19 @@ def _channel_name(found: Findings, unknown: Left | None) -> str | None:
 
 
 def _wrong(
-    found: Findings, causes: Sequence[Cause], unknown: Left | None, gain: Gain, profile: object
+    found: Findings,
+    causes: Sequence[Cause],
+    unknown: Left | None,
+    gain: Gain,
+    profile: Profile | None,
 ) -> list[str]:
-    from adhesion_can.criticism.diagnosis import Profile
-
     out = [cause_sentence(cause) for cause in causes]
-    out += [pinned_sentence(*one) for one in found.pinned]
+    out += pinned_sentences(found.pinned)
     if found.swings and found.line is not None:
         out.append(line_sentence(found.line))
     if unknown is not None:
         out.append(channel_sentence(unknown))
-    if out and isinstance(profile, Profile):
+    if out and profile is not None:
         out.append(where_sentence(profile, gain.rmse_before, gain.rmse_after))
     return out
 
@@ -374,17 +387,15 @@ def _shown(
     return None if unknown is None else unknown.channel
 
 
-def _spline(left: Left, final: Fit) -> Empirical | None:
+def _spline(left: Left) -> Empirical | None:
     """An unexplained channel as a part of a model; None where a model cannot have it."""
     channel = left.channel
-    covariates = final.model.theta is not None and channel.name.endswith(tuple("abcdefghijklmnop"))
-    del covariates
     known = ONLINE.get(channel.name)
-    if known is None and (channel.period or channel.name in {"position", "slip_rate", "tractive_effort", "axle"}):
+    if known is None and (channel.period or channel.name in OFFLINE):
         return None
     knots = channel.knots
     coefficients = left.weights[-left.columns.shape[1] :]
-    if len(coefficients) != len(knots) - 4 or len(coefficients) < 4 or left.columns.shape[1] < FEW - 2:
+    if channel.levels is not None or len(coefficients) != len(knots) - 4:
         return None
     return Empirical(
         known or channel.name, "factor", tuple(map(float, knots)), tuple(map(float, coefficients))
@@ -394,12 +405,14 @@ def _spline(left: Left, final: Fit) -> Empirical | None:
 def _with_spline(prepared: Prepared, model: Model, spline: Empirical) -> Model:
     """Curves fitted anew with a spline in front of them."""
     stage = prepared.stage
-    everything = replace(stage, block=np.abs(np.where(stage.block < 0, -1 - stage.block, stage.block)))
+    everything = replace(
+        stage, block=np.abs(np.where(stage.block < 0, -1 - stage.block, stage.block))
+    )
     return fit(everything, Model(model.theta, fixed=(ActiveEffect(spline, ()),))).model
 
 
 def _surfaces(
-    courses: Sequence[Course], study: Study, times: list[list[float]], extended: Model
+    study: Study, times: list[list[float]], extended: Model
 ) -> tuple[tuple[Surface, ...], tuple[int, int]]:
     """Every stretch of one rail, and course and number of the longest."""
     at = evaluate(study, extended.theta, extended.actives)
@@ -416,14 +429,10 @@ def _surfaces(
                     longest, most = (place, number), len(mine)
                 found.append(_surface(course, mine, rows.start, at))
             number += 1
-    del courses
     return tuple(found), longest
 
 
-def _surface(course: Course, mine: NDArray[np.int64], start: int, at: object) -> Surface:
-    from adhesion_can.criticism.model import Evaluation
-
-    assert isinstance(at, Evaluation)
+def _surface(course: Course, mine: NDArray[np.int64], start: int, at: Evaluation) -> Surface:
     mine = mine[:: max(len(mine) // MOST_ROWS, 1)]
     seen = course.observe()
     own = mine - start

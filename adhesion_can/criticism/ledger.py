@@ -50,7 +50,7 @@ class Ledger:
             rows = order[first:last]
             part = columns[rows]
             gram = part.T @ part
-            if shared is not None:
+            if shared is not None and shared.shape[1]:
                 errors = shared[rows]
                 cross = errors.T @ part
                 own = errors.T @ errors + np.eye(errors.shape[1])

@@ -24,6 +24,7 @@ WORTH_WHITE = 0.005
 """Share by which the whitened sum of squares must fall besides."""
 REFINED, PARTNERED, PARTNERS = 6, 4, 4
 """Effects fitted in full; those of them that get partners; partners of each that are fitted."""
+DRIFT = "slow_drift"
 ALIKE = 0.002
 """Models whose sums of squares differ by a smaller share are not told from each other."""
 
@@ -35,11 +36,13 @@ class Scored:
     Attributes:
         fit: see there.
         rmse: of the adhesion, rows that are not kept back.
+        added: p-value of the last effect, by sign flips against the model without it.
 
     """
 
     fit: Fit
     rmse: float
+    added: float = 1.0
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -101,15 +104,17 @@ class Naming:
             for one in (self.base, *self.singles)
             if one.candidates_without(self.best) == (candidate,)
         ]
-        gains = [_chance(one.fit, self.best.fit) * len(tested) for one in less]
-        return min(1.0, 2.0 * min(flips, *gains)) if gains else flips
+        values = [flips, *(_chance(one.fit, self.best.fit) * len(tested) for one in less)]
+        if self.best.candidates[-1] == candidate:
+            values.append(self.best.added)
+        return min(1.0, 2.0 * min(values))
 
 
-def scored(stage: Stage, found: Fit) -> Scored:
+def scored(stage: Stage, found: Fit, added: float = 1.0) -> Scored:
     """A fit with its RMSE."""
     left = evaluate(stage.study, found.model.theta, found.model.actives).residual
     used = (stage.block >= 0) & (stage.study.surface >= 0)
-    return Scored(found, float(np.sqrt(np.mean(left[used] ** 2))))
+    return Scored(found, float(np.sqrt(np.mean(left[used] ** 2))), added)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,11 +124,13 @@ class Proposal:
     Attributes:
         model: with it.
         gain: share of the whitened sum of squares that it would explain.
+        p_value: by sign flips, with all candidates counted.
 
     """
 
     model: Model
     gain: float
+    p_value: float
 
 
 def proposals(stage: Stage, model: Model, candidates: Sequence[Candidate]) -> list[Proposal]:
@@ -131,9 +138,19 @@ def proposals(stage: Stage, model: Model, candidates: Sequence[Candidate]) -> li
     starts = [(c, start) for c in candidates for start in c.starts]
     columns = [stage.signature(model, c, start) for c, start in starts]
     slopes = stage.columns(model)
-    whole = stage.ledger(
+    ledger = stage.ledger(
         np.column_stack([slopes[:, :-1], stage.white(np.column_stack(columns)), slopes[:, -1]])
-    ).total
+    )
+    whole, first = ledger.total, slopes.shape[1] - 1
+    flips = detect(
+        ledger,
+        list(range(first)),
+        [[first + i] for i in range(len(starts))],
+        np.random.default_rng(len(starts)),
+    )
+    chance = {c: 1.0 for c in candidates}
+    for (candidate, _), p_value in zip(starts, flips.p_value, strict=True):
+        chance[candidate] = min(chance[candidate], float(p_value))
     p, square = slopes.shape[1] - 1, max(float(whole[-1, -1]), 1e-300)
     found: dict[Candidate, Proposal] = {}
     for number, (candidate, start) in enumerate(starts):
@@ -148,6 +165,7 @@ def proposals(stage: Stage, model: Model, candidates: Sequence[Candidate]) -> li
         proposal = Proposal(
             model.with_effect(candidate, (float(np.clip(size, -reach, reach)), *start[1:])),
             explained / square,
+            chance[candidate],
         )
         if candidate not in found or proposal.gain > found[candidate].gain:
             found[candidate] = proposal
@@ -169,17 +187,18 @@ def name(stage: Stage, base: Fit, candidates: Sequence[Candidate], detection: De
         return Naming(plain, plain, (), (), detection)
     first = proposals(stage, base.model, candidates)
     singles = sorted(
-        (scored(stage, fit(stage, p.model)) for p in first[:REFINED] if p.gain > 0.0),
+        (scored(stage, fit(stage, p.model), p.p_value) for p in first[:REFINED] if p.gain > 0.0),
         key=lambda one: one.fit.square,
     )
     best = plain
     alike: tuple[Scored, ...] = ()
-    if singles and _better(plain, singles[0]):
+    if singles and _better(plain, singles[0], len(candidates)):
         best = singles[0]
         pairs = _pairs(stage, base, singles, candidates)
-        if pairs and _better(best, pairs[0]):
+        if pairs and _better(best, pairs[0], len(candidates)):
             best = pairs[0]
         pool = pairs if len(best.candidates) == 2 else singles
+        best = _caused(best, [one for one in pool if not _worse(best, one)])
         alike = tuple(one for one in pool if one is not best and not _worse(best, one))
     return Naming(plain, best, alike, tuple(singles), detection)
 
@@ -189,26 +208,40 @@ def _pairs(
 ) -> list[Scored]:
     """Pairs of effects, best first: the most promising partners of the best singles."""
     total = base.square
-    wanted: list[tuple[float, Model]] = []
+    wanted: list[tuple[float, Proposal]] = []
     for one in singles[:PARTNERED]:
         others = [c for c in candidates if c.effect.id not in one.ids]
         own = 1.0 - one.fit.square / total
         for proposal in proposals(stage, one.fit.model, others)[:PARTNERS]:
             if proposal.gain > WORTH_WHITE:
-                wanted.append((own + proposal.gain * (1.0 - own), proposal.model))
+                wanted.append((own + proposal.gain * (1.0 - own), proposal))
     wanted.sort(key=lambda pair: -pair[0])
-    chosen: dict[frozenset[str], Model] = {}
-    for _, model in wanted:
-        chosen.setdefault(frozenset(c.name for c in model.candidates), model)
-    fits = (scored(stage, fit(stage, model)) for model in list(chosen.values())[: 2 * PARTNERS])
+    chosen: dict[frozenset[str], Proposal] = {}
+    for _, proposal in wanted:
+        chosen.setdefault(frozenset(c.name for c in proposal.model.candidates), proposal)
+    fits = (
+        scored(stage, fit(stage, proposal.model), proposal.p_value)
+        for proposal in list(chosen.values())[: 2 * PARTNERS]
+    )
     return sorted(fits, key=lambda pair: pair.fit.square)
 
 
-def _better(small: Scored, large: Scored) -> bool:
-    """Whether a larger model's gain is sure, and worth having."""
-    sure = _difference(small.fit, large.fit)[0] > 0.0
+def _better(small: Scored, large: Scored, tried: int) -> bool:
+    """Whether a larger model's gain is sure, with so many tried, and worth having."""
     worth = large.rmse < (1.0 - WORTH) * small.rmse
-    return sure and worth and large.fit.square < (1.0 - WORTH_WHITE) * small.fit.square
+    worth &= large.fit.square < (1.0 - WORTH_WHITE) * small.fit.square
+    chance = 2.0 * min(large.added, _chance(small.fit, large.fit) * tried)
+    return bool(worth and chance <= SURE)
+
+
+def _caused(best: Scored, alike: Sequence[Scored]) -> Scored:
+    """Of models that cannot be told apart one without a mere drift in time, where there is one.
+
+    What goes with a quantity that was measured is the better explanation of the two.
+    """
+    if DRIFT not in best.ids:
+        return best
+    return next((one for one in alike if DRIFT not in one.ids), best)
 
 
 def _worse(best: Scored, other: Scored) -> bool:

@@ -147,7 +147,9 @@ def simulated(course: Course, rows: np.ndarray, model: Model, surface: int) -> A
         inside = here + shift[i]
         size = abs(inside)
         curve = np.copysign(-c1 * np.expm1(-c2 * size) - c3 * size, inside)
-        stiff = max(c1 * c2 * np.exp(-c2 * size) - c3, 0.0) * factor[i] * load[i] * radius / speed[i]
+        stiff = (
+            max(c1 * c2 * np.exp(-c2 * size) - c3, 0.0) * factor[i] * load[i] * radius / speed[i]
+        )
         gain = dt * radius / inertia
         omega += gain * (effort[i] - factor[i] * curve * load[i]) / (1.0 + gain * stiff)
         slip[i] = max(omega * radius / speed[i] - 1.0, -1.0)

@@ -25,6 +25,7 @@ FLAT = 2.0
 WINDOWS_A_BLOCK = 2.0
 BLOCK_S = 4.0
 KNOTS = (4, 14)
+PARTS, TABLE_BLOCK_S = 60, (0.2, 4.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,14 @@ class Prepared:
 
 
 def block_seconds(study: Study) -> float:
-    """Length of a block: errors of the vehicle speed do not reach far beyond it."""
+    """Length of a block: errors of the vehicle speed do not reach far beyond it.
+
+    The rows of a TABLE have no such errors, and often there are few: it is cut into `PARTS`.
+    """
+    if all(course.table for course in study.courses):
+        steps = np.concatenate([np.diff(course.t_s) for course in study.courses])
+        steps = steps[(steps > 0) & (steps <= 1.0)]
+        return float(np.clip(steps.sum() / PARTS, *TABLE_BLOCK_S)) if len(steps) else BLOCK_S
     windows = [course.speed_doubt[1] for course in study.courses]
     return max(BLOCK_S, WINDOWS_A_BLOCK * max(windows, default=0.0))
 

@@ -17,8 +17,9 @@ from adhesion_can.physics.burckhardt import Array
 WAVES_M = np.geomspace(6.0, 300.0, 500)
 """Lengths of waves along the rail that are looked for, m."""
 FLIPS = 999
-PINNED_SHARE, PINNED_LEAST = 0.002, 20
-"""Share of an axle's readings, and number, that stand at its largest value."""
+PINNED_SHARE, PINNED_LEAST, NOISY = 0.002, 20, 0.9
+"""Share of an axle's readings, and number, that stand at its largest value; share of the other
+readings that differ from the one before."""
 LINE_RATIO, LINE_SIZE = 2.0, 0.3
 """Power of a line over its surroundings, and its size in the noise of the adhesion."""
 LINES_HZ = (2.5, 45.0)
@@ -132,13 +133,19 @@ def wave_channel(
 
 
 def pinned(course: Course, axle: int) -> tuple[float, float] | None:
-    """Largest effort of an axle and the share of rows at it, where readings stand at it."""
-    effort = np.abs(course.effort[course.axle == axle])
-    if not len(effort):
+    """Largest effort of an axle and the share of rows at it, where the signal is cut off there.
+
+    A noisy reading that stands at its largest value again and again is one that is cut off.
+    """
+    effort = course.effort[course.axle == axle]
+    if len(effort) < PINNED_LEAST:
         return None
-    most = float(effort.max())
-    count = int(np.count_nonzero(effort >= most * (1.0 - 1e-6)))
-    if most <= 0.0 or count < max(PINNED_LEAST, PINNED_SHARE * len(effort)):
+    most = float(np.abs(effort).max())
+    there = np.abs(effort) >= most * (1.0 - 1e-9)
+    count = int(np.count_nonzero(there))
+    away = ~there[1:] & ~there[:-1]
+    noisy = np.mean(np.diff(effort)[away] != 0.0) > NOISY if away.any() else False
+    if most <= 0.0 or not noisy or count < max(PINNED_LEAST, PINNED_SHARE * len(effort)):
         return None
     return most, count / len(effort)
 

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from adhesion_can.physics.burckhardt import Array
 
-NUGGET = 0.05
+NUGGET = 1.0
 """Share of white noise that is put on every residual's variance: a slow noise would be differenced
 until the equations' own small errors, of timing and of smoothing, were all that is left of it."""
 ORDERS = (0, 1, 2, 4, 8, 16, 32, 64)
@@ -64,7 +64,7 @@ class Whitener:
 
     def __call__(self, columns: Array) -> Array:
         """Columns whitened, shape as theirs (n, ..); zero in the rows that have no past."""
-        if self.order == 0:
+        if self.order == 0 or columns.size == 0:
             return columns
         out = np.asarray(lfilter(self.taps, [1.0], columns, axis=0))
         out[self.without_past] = 0.0

@@ -51,7 +51,9 @@ _SEPARATE: Mapping[frozenset[str], str] = {
     frozenset({"adhesion_recovery", "falling_friction"}): (
         "the same creep held for seconds and passed quickly: recovery needs time"
     ),
-    frozenset({"humidity", "slow_drift"}): "a longer drive, in which humidity comes back to where it was",
+    frozenset(
+        {"humidity", "slow_drift"}
+    ): "a longer drive, in which humidity comes back to where it was",
     frozenset({"rail_temperature", "slow_drift"}): (
         "a longer drive, in which the rail's temperature comes back to where it was"
     ),
@@ -128,9 +130,16 @@ def line_sentence(line: Line) -> str:
     )
 
 
-def pinned_sentence(recording: str, axle: int, most: float, share: float) -> str:
-    """A sensor at its limit."""
-    return (
-        f"The tractive effort of axle {axle} in {recording} stands at {most / 1e3:.2f} kN in "
-        f"{100 * share:.1f} % of its readings: the signal is cut off there."
-    )
+def pinned_sentences(found: Sequence[tuple[str, int, float, float]]) -> list[str]:
+    """Sensors at their limit: recording, axle, largest effort, share of the readings at it."""
+    out = []
+    for recording in dict.fromkeys(one[0] for one in found):
+        mine = [one for one in found if one[0] == recording]
+        axles = ", ".join(str(one[1]) for one in mine)
+        most = max(one[2] for one in mine)
+        shares = [100 * one[3] for one in mine]
+        out.append(
+            f"The tractive effort in {recording} is cut off at {most / 1e3:.2f} kN: so stand "
+            f"{min(shares):.1f} to {max(shares):.1f} % of the readings (axle {axles})."
+        )
+    return out

@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from math import floor, isfinite, log10
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.table import Table
 
 from adhesion_can.criticism.diagnosis import (
@@ -19,14 +18,22 @@ from adhesion_can.criticism.diagnosis import (
     Value,
     Verdict,
 )
-from adhesion_can.physics.effects import EFFECTS
 from adhesion_can.reporting.provenance import estimate_json
+from adhesion_can.reporting.quantities import (
+    LEAST_P,
+    channel_name,
+    effect_name,
+    fixed,
+    measured,
+    p_text,
+    short,
+    title,
+    unit_text,
+)
 from adhesion_can.reporting.text import table
 
 SHOWN = 5
 """Rows of evidence that a terminal shows."""
-LEAST_P = 1e-3
-"""A p-value below this is told as being below it."""
 
 EVIDENCE_COLUMNS = ("effect", "statistic", "p", "absorbed", "most alike", "cosine", "gain")
 CHANNEL_COLUMNS = ("channel", "unit", "p", "gain")
@@ -57,8 +64,13 @@ def verdict_sentences(found: Diagnosis) -> list[str]:
     """What came out, with how sure it is; a sentence or two an entry, the verdict first."""
     said = list(_verdict(found))
     if found.gain is not None:
-        said.append(gain_sentence(found.gain, extended=found.model is not None))
+        said.append(gain_sentence(found.gain, found))
     return said
+
+
+def extends(found: Diagnosis) -> bool:
+    """Whether there is a model with something on top of its curve."""
+    return found.model is not None and bool(found.model.effects or found.model.splines)
 
 
 def _verdict(found: Diagnosis) -> Iterator[str]:
@@ -93,15 +105,15 @@ def _rivals(cause: Cause) -> str:
 def _unexplained(found: Diagnosis) -> str:
     if found.channel is None:
         return (
-            "Unexplained: something is left that is not noise, and neither a known effect nor a "
-            "measured channel says what it is."
+            "Unexplained: something is left that is not noise, and it is neither a known effect "
+            "nor a matter of one measured channel."
         )
     told = (
         f"Unexplained: what is left depends on {channel_name(found.channel)}, and no known effect "
         "says why."
     )
     own = [c.p_value for c in found.channels if c.channel == found.channel]
-    return f"{told} {chance(own[0])}" if own else told
+    return f"{told} {chance(min(own))}" if own else told
 
 
 def _nothing(found: Diagnosis) -> str:
@@ -115,7 +127,7 @@ def _nothing(found: Diagnosis) -> str:
     name = effect_name(first.effect, first.form, first.axle)
     return (
         f"{told} The strongest effect is {name}: p = {p_text(first.p_value)}, gain "
-        f"{_fixed(first.gain_percent, 1, ' %')}."
+        f"{fixed(first.gain_percent, 1, ' %')}."
     )
 
 
@@ -125,7 +137,8 @@ def chance(p_value: float) -> str:
         return "How often chance alone looks as strong is not known."
     if p_value < LEAST_P:
         return (
-            f"Chance alone looks as strong in fewer than {LEAST_P:.1%} of drives (p < {LEAST_P})."
+            f"Chance alone looks as strong in fewer than {100 * LEAST_P:g} % of drives "
+            f"(p < {LEAST_P:g}, all that was tested counted)."
         )
     return (
         f"Chance alone looks as strong in {100 * p_value:.2g} % of drives "
@@ -133,10 +146,11 @@ def chance(p_value: float) -> str:
     )
 
 
-def gain_sentence(gain: Gain, *, extended: bool) -> str:
+def gain_sentence(gain: Gain, found: Diagnosis) -> str:
     """What the extension gains, and on what."""
     where = f"Held out: {gain.held_out}."
-    if not extended:
+    extended = extends(found)
+    if not extended and gain.rmse_after == gain.rmse_before:
         return (
             f"There is no extension: RMSE of the adhesion {short(gain.rmse_before)}, noise alone "
             f"{short(gain.noise_floor)}. {where}"
@@ -148,10 +162,17 @@ def gain_sentence(gain: Gain, *, extended: bool) -> str:
     told = (
         f"Gain on data that were not used to decide: {gain.percent:.1f} % ({interval}). RMSE of "
         f"the adhesion {short(gain.rmse_before)} before, {short(gain.rmse_after)} after; noise "
-        f"alone is {short(gain.noise_floor)}."
+        f"alone is about {short(gain.noise_floor)}."
     )
-    if low <= 0.0:
+    if gain.percent <= 0.0:
+        told += " On these data the extension is no better than the plain curve."
+    elif low <= 0.0:
         told += " The interval reaches down to 0: the gain is not certain."
+    if not extended:
+        told += (
+            " This is what a curve fitted to that dependence gains; no model file can hold it, so "
+            "the plain curve stands."
+        )
     return f"{told} {where}"
 
 
@@ -169,12 +190,12 @@ def evidence_rows(evidence: Sequence[Evidence]) -> list[tuple[str, ...]]:
     return [
         (
             effect_name(e.effect, e.form, e.axle),
-            _fixed(e.statistic, 2),
+            fixed(e.statistic, 2),
             p_text(e.p_value),
-            _fixed(100 * e.absorbed, 0, " %"),
+            fixed(100 * e.absorbed, 0, " %"),
             e.most_alike[0] or "-",
-            _fixed(e.most_alike[1], 2) if e.most_alike[0] else "-",
-            _fixed(e.gain_percent, 1, " %"),
+            fixed(e.most_alike[1], 2) if e.most_alike[0] else "-",
+            fixed(e.gain_percent, 1, " %"),
         )
         for e in evidence
     ]
@@ -188,7 +209,7 @@ def channel_rows(channels: Sequence[ChannelEvidence]) -> list[tuple[str, ...]]:
             channel_name(c.channel),
             unit_text(c.unit),
             p_text(c.p_value),
-            _fixed(c.gain_percent, 1, " %"),
+            fixed(c.gain_percent, 1, " %"),
         )
         for c in ranked
     ]
@@ -307,86 +328,5 @@ def longest_surface(found: Diagnosis) -> Surface | None:
     return max(found.surfaces, key=lambda s: s.to_s - s.from_s, default=None)
 
 
-# ------------------------------------------------------------------------------- ingredients
-
-
-def effect_name(effect: str, form: str = "", axle: int = 0) -> str:
-    """Id with form and axle where there are any."""
-    return " ".join(part for part in (effect, form, f"axle {axle}" if axle else "") if part)
-
-
-def title(effect: str) -> str:
-    """What an effect is, a clause; its id where the library does not have it."""
-    return next((known.title for known in EFFECTS if known.id == effect), effect)
-
-
-def channel_name(channel: str) -> str:
-    """A channel as a sentence has it; a column of a TABLE keeps its name."""
-    return _CHANNELS.get(channel, channel)
-
-
-_CHANNELS = {
-    "speed": "vehicle speed",
-    "slip": "slip ratio",
-    "signed_slip": "slip ratio with its sign",
-    "slip_rate": "rate of change of the slip",
-    "creep_speed": "creep speed",
-    "tractive_effort": "tractive effort",
-    "axle_load": "axle load",
-    "axle": "number of the axle",
-    "position": "position along the rail",
-    "ambient_temperature_degC": "ambient temperature",
-    "rail_temperature_degC": "rail temperature",
-    "relative_humidity_percent": "relative humidity",
-    "sanding_active": "sanding",
-    "curvature_per_m": "curvature",
-}
-
-
-def unit_text(unit: str) -> str:
-    """A unit as it stands behind a number; empty for a pure number."""
-    return (
-        "" if unit == "1" else unit.replace("degC", "°C").replace("^2", "²").replace("kg m", "kg·m")
-    )
-
-
-def measured(value: float, std: float | None, unit: str) -> str:
-    """A value with standard deviation and unit, as many digits as the standard deviation allows."""
-    return f"{_plus_minus(value, std)} {unit_text(unit)}".strip()
-
-
 def _measured(value: Value) -> str:
     return measured(value.value, value.std, value.unit)
-
-
-def _plus_minus(value: float, std: float | None) -> str:
-    if std is None or not isfinite(std):
-        return f"{value:g}" if value == round(value) else f"{short(value)} ± ?"
-    size = max(abs(value), std)
-    if size == 0.0 or not isfinite(size):
-        return f"{value:g} ± {std:g}"
-    power = floor(log10(size))
-    scaled = power < -3 or power > 5
-    factor = 10.0**power if scaled else 1.0
-    # Two digits of the standard deviation.
-    digits = 3 if std == 0.0 else max(1 - floor(log10(std / factor)), 0)
-    told = f"{value / factor:.{digits}f} ± {std / factor:.{digits}f}"
-    return f"({told})e{power}" if scaled else told
-
-
-def short(value: float) -> str:
-    """Three digits, never as a power of ten."""
-    if not isfinite(value):
-        return "-"
-    return str(np.format_float_positional(value, 3, unique=False, fractional=False, trim="-"))
-
-
-def p_text(p_value: float) -> str:
-    """A p-value."""
-    if not isfinite(p_value):
-        return "-"
-    return f"< {LEAST_P:g}" if p_value < LEAST_P else f"{p_value:.3f}"
-
-
-def _fixed(value: float, digits: int, unit: str = "") -> str:
-    return f"{value:.{digits}f}{unit}" if isfinite(value) else "-"

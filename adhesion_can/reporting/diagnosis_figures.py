@@ -15,10 +15,11 @@ from adhesion_can.reporting.charts import (
     broken,
     place,
     rows,
+    suffix,
     thinned,
 )
-from adhesion_can.reporting.diagnosis import channel_name, short, unit_text
 from adhesion_can.reporting.page import Figure
+from adhesion_can.reporting.quantities import channel_name, short, unit_text
 
 BEFORE, AFTER, MEASURED = "#d55e00", "#0b5fa5", "#8a95a3"
 PLAIN, EXTENDED = "plain curve (before)", "extended (after)"
@@ -70,8 +71,8 @@ def gain_figure(gain: Gain) -> Figure:
     return Figure(caption, data, layout, 210)
 
 
-def picture_figure(picture: Picture) -> Figure:
-    """Wheel speed and adhesion of one axle: measured, before, after."""
+def picture_figure(picture: Picture, *, extended: bool) -> Figure:
+    """Wheel speed and adhesion of one axle: measured, before and, where extended, after."""
     t = picture.time_s
     data: list[Trace] = []
     measured, before, after = (
@@ -84,9 +85,10 @@ def picture_figure(picture: Picture) -> Figure:
         (None, before - measured, after - measured),
         (picture.adhesion, picture.predicted_before, picture.predicted_after),
     )
-    for row, (seen, *told) in enumerate(panels):
-        lines = [*([] if seen is None else [seen]), *told]
-        styles = [*([] if seen is None else [_MEASURED]), _BEFORE, _AFTER]
+    for row, (seen, was, now) in enumerate(panels):
+        shown = [(_MEASURED, seen)] if seen is not None else []
+        shown += [(_BEFORE, was), (_AFTER, now)] if extended else [(_BEFORE, was)]
+        styles, lines = [style for style, _ in shown], [line for _, line in shown]
         x, *ys = thinned(*broken(t, *lines), at_most=AT_MOST)
         data += [
             _line(style, x, y, legend=row == 0) | place(row)
@@ -161,14 +163,14 @@ def profile_figure(profile: Profile) -> Figure:
     return Figure(caption, data, layout, 380)
 
 
-def curve_figure(surface: Surface, curves: CurveData) -> Figure:
-    """Curve and data of one surface: as measured, and with the effects taken out."""
-    clouds = (
-        (surface.base, _BEFORE, curves.slip, curves.adhesion),
-        (surface.extended, _AFTER, curves.corrected_slip, curves.corrected_adhesion),
-    )
+def curve_figure(surface: Surface, curves: CurveData, *, extended: bool) -> Figure:
+    """Curve and data of one surface: as measured and, where extended, with the effects out."""
+    clouds = [(surface.base, _BEFORE, curves.slip, curves.adhesion)]
+    if extended:
+        corrected = (curves.corrected_slip, curves.corrected_adhesion)
+        clouds.append((surface.extended, _AFTER, *corrected))
     data: list[Trace] = []
-    end = 1.02 * max(float(np.nanmax(slip, initial=0.0)) for slip in (clouds[0][2], clouds[1][2]))
+    end = 1.02 * max(float(np.nanmax(slip, initial=0.0)) for _, _, slip, _ in clouds)
     grid = np.linspace(0.0, end or 0.2, 201)
     for row, (estimate, style, slip, mu) in enumerate(clouds):
         every = max(-(-len(slip) // MOST_POINTS), 1)
@@ -185,20 +187,24 @@ def curve_figure(surface: Surface, curves: CurveData) -> Figure:
         line = _line(style, grid, adhesion(grid, *estimate.theta), legend=True)
         line["line"] = {**style["line"], "width": 2.4}
         data += [trace | place(row) for trace in (cloud, line, *_peak(estimate, style))]
-    span = _y_span([curves.adhesion, curves.corrected_adhesion])
+    span = _y_span([mu for _, _, _, mu in clouds])
     axes = [
         {"title": {"text": f"μ, {which}"}, "range": span}
-        for which in ("as measured", "effects taken out")
+        for which in ("as measured", "effects taken out")[: len(clouds)]
     ]
-    height = 620
+    height = 70 + 275 * len(clouds)
     layout = rows(axes, "slip ratio λ", height)
-    layout["xaxis"]["range"] = layout["xaxis2"]["range"] = [0.0, float(grid[-1])]
+    for row in range(len(clouds)):
+        layout[f"xaxis{suffix(row)}"]["range"] = [0.0, float(grid[-1])]
     caption = (
         f"Adhesion curve of the longest surface ({surface.recording}, {surface.from_s:.0f} to "
-        f"{surface.to_s:.0f} s). Above: the plain curve and the data as measured. Below: the "
-        "extended model's base curve and the data with its effects taken out. Diamonds: peaks that "
-        "the data tell, with standard deviations."
+        f"{surface.to_s:.0f} s) and the data as measured. "
     )
+    if extended:
+        caption += (
+            "Below: the extended model's base curve and the data with its effects taken out. "
+        )
+    caption += "Diamonds: peaks that the data tell, with standard deviations."
     return Figure(caption, data, layout, height)
 
 
@@ -231,8 +237,8 @@ def _style(name: str, colour: str, width: float) -> Trace:
 
 
 _MEASURED = _style("measured", MEASURED, 1.2)
-_BEFORE = _style(PLAIN, BEFORE, 1.3)
-_AFTER = _style(EXTENDED, AFTER, 1.3)
+_BEFORE = _style(PLAIN, BEFORE, 2.4)
+_AFTER = _style(EXTENDED, AFTER, 1.2)
 
 
 def _line(style: Mapping[str, Any], x: Array, y: Array, *, legend: bool) -> Trace:

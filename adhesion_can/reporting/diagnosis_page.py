@@ -13,14 +13,10 @@ from adhesion_can.reporting.diagnosis import (
     EVIDENCE_COLUMNS,
     Source,
     cause_rows,
-    channel_name,
     channel_rows,
-    effect_name,
     evidence_rows,
+    extends,
     longest_surface,
-    measured,
-    short,
-    title,
     verdict_sentences,
 )
 from adhesion_can.reporting.diagnosis_figures import (
@@ -30,6 +26,7 @@ from adhesion_can.reporting.diagnosis_figures import (
     profile_figure,
 )
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
+from adhesion_can.reporting.quantities import channel_name, effect_name, measured, short, title
 from adhesion_can.reporting.text import plus_minus
 
 Parts = list[Text | Items | Table | Figure]
@@ -117,7 +114,9 @@ def _gain(found: Diagnosis) -> Parts:
 
 
 def _pictures(found: Diagnosis) -> Parts:
-    return [*map(picture_figure, found.pictures)] or [Text("There is no stretch to show.")]
+    if not found.pictures:
+        return [Text("There is no stretch to show.")]
+    return [picture_figure(picture, extended=extends(found)) for picture in found.pictures]
 
 
 def _profile(found: Diagnosis) -> Parts:
@@ -130,13 +129,13 @@ def _curve(found: Diagnosis) -> Parts:
     parts: Parts = []
     longest = longest_surface(found)
     if longest is not None and found.curves is not None:
-        parts.append(curve_figure(longest, found.curves))
+        parts.append(curve_figure(longest, found.curves, extended=extends(found)))
     if found.surfaces:
-        parts.append(_surface_table(found.surfaces))
+        parts.append(_surface_table(found.surfaces, extended=extends(found)))
     return parts or [Text("No curve could be fitted.")]
 
 
-def _surface_table(surfaces: Sequence[Surface]) -> Table:
+def _surface_table(surfaces: Sequence[Surface], *, extended: bool) -> Table:
     def cells(e: Estimate) -> tuple[str, ...]:
         known = e.identifiable
         return (
@@ -150,12 +149,12 @@ def _surface_table(surfaces: Sequence[Surface]) -> Table:
     rows = [
         (f"{s.recording}, {s.from_s:.0f} to {s.to_s:.0f} s", which, *cells(estimate))
         for s in surfaces
-        for which, estimate in (("plain", s.base), ("extended", s.extended))
+        for which, estimate in (("plain", s.base), ("extended", s.extended))[: 1 + extended]
     ]
     columns = ("surface", "model", "μ_max", "λ_m", "c1", "c2", "c3")
+    also = ", and the extended model's base curve" if extended else ""
     return Table(
-        "Every stretch of one rail: the plain curve, and the extended model's base curve, "
-        "± standard deviation.",
+        f"Every stretch of one rail: the plain curve{also}, ± standard deviation.",
         columns,
         rows,
         "± ?: the data do not tell it.",
@@ -208,7 +207,7 @@ def _untested(found: Diagnosis) -> Parts:
 
 
 def _model(found: Diagnosis) -> Parts:
-    if found.model is None:
+    if found.model is None or not extends(found):
         return [Text("There is no extension: the plain curve stands.")]
     return model_parts(found.model)
 

@@ -43,7 +43,10 @@ def write_table(path, seed, rows=400):
     rng = np.random.default_rng(seed)
     slip = 0.08 + 0.07 * np.sin(np.arange(rows) / 30)
     mu = 0.3 * (1 - np.exp(-25 * slip)) - 0.4 * slip + 0.01 * rng.standard_normal(rows)
-    lines = [f"{k / 20},{a:.6f},{b:.6f},{k / rows}" for k, (a, b) in enumerate(zip(slip, mu))]
+    lines = [
+        f"{k / 20},{a:.6f},{b:.6f},{k / rows}"
+        for k, (a, b) in enumerate(zip(slip, mu, strict=True))
+    ]
     path.write_text("\n".join(["time_s,slip,adhesion,oil_film_um", *lines, "7,,0.1,0"]) + "\n")
     return path
 
@@ -58,7 +61,7 @@ def engine(monkeypatch):
     """Stands for the engine: says what it is told to, and keeps what it was asked."""
     asked = SimpleNamespace(answer=named(), courses=None, holdout=None, stages=[])
 
-    def diagnose(courses, holdout=(), settings=None, show=None):
+    def diagnose(courses, holdout, show):
         asked.courses, asked.holdout = list(courses), list(holdout)
         show("effects", 0.5)
         counts = {course.name: len(course) for course in (*courses, *holdout)}
@@ -109,9 +112,9 @@ def test_logs_go_in_as_courses_and_page_json_and_model_come_out(logs, engine, tm
         ("one.log", False),
         ("it's two.log", True),
     ]
-    for one, path, course in zip(document["inputs"], logs, (course, held), strict=True):
+    for one, path, rows in zip(document["inputs"], logs, (course, held), strict=True):
         assert one["sha256"] == file_sha256(path)
-        assert one["samples"] == len(course)
+        assert one["samples"] == len(rows)
     assert document["version"]
     assert document["dbc"]["sha256"]
     assert document["problems"] == []
@@ -130,7 +133,8 @@ def test_logs_go_in_as_courses_and_page_json_and_model_come_out(logs, engine, tm
     assert "held out" in written.provenance["input 2"]
 
 
-def test_the_command_that_is_told_repeats_it(logs, engine, tmp_path):
+@pytest.mark.usefixtures("engine")
+def test_the_command_that_is_told_repeats_it(logs, tmp_path):
     result = tmp_path / "r.json"
     assert diagnose(*logs, "--json", result) == 0
     command = json.loads(result.read_text())["command"]
@@ -207,7 +211,8 @@ def test_without_any_curve_no_model_is_written_and_it_is_said(tables, engine, tm
     assert not model.exists()
 
 
-def test_one_file_without_a_usable_row_is_left_out_and_told(tables, engine, tmp_path, capsys):
+@pytest.mark.usefixtures("engine")
+def test_one_file_without_a_usable_row_is_left_out_and_told(tables, tmp_path, capsys):
     still = tmp_path / "still.csv"
     still.write_text("time_s,slip,adhesion\n0,7,0.1\n1,8,0.1\n")
     assert diagnose(tables[0], still) == 0

@@ -33,15 +33,10 @@ from adhesion_can.physics.data import Estimate, Identifiable
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.reporting.charts import broken, thinned
-from adhesion_can.reporting.diagnosis import (
-    Source,
-    diagnosis_json,
-    measured,
-    terminal,
-    verdict_sentences,
-)
+from adhesion_can.reporting.diagnosis import Source, diagnosis_json, terminal, verdict_sentences
 from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.page import Figure, render
+from adhesion_can.reporting.quantities import measured
 from adhesion_can.reporting.text import console
 from tests.reporting.test_page import NASTY, Elements, nothing_is_loaded
 
@@ -205,7 +200,7 @@ def test_a_named_cause_is_told_with_its_size_its_certainty_and_its_rivals():
     assert "0.1 % of drives (p = 0.001" in first
     assert "cannot tell it from slow_drift (adhesion drifts with time)" in first
     assert "33.8 % (95 % interval 28.1 to 39.5 %)" in gain
-    assert "0.0213 before, 0.0141 after; noise alone is 0.0122" in gain
+    assert "0.0213 before, 0.0141 after; noise alone is about 0.0122" in gain
     assert "this drive only" in gain
 
 
@@ -224,14 +219,29 @@ def test_what_is_unexplained_names_its_channel_and_no_cause():
     assert first.startswith("Unexplained: what is left depends on position along the rail")
     assert "p < 0.001" in first
     first = verdict_sentences(replace(unexplained(), channel=None))[0]
-    assert "neither a known effect nor a measured channel" in first
+    assert "neither a known effect nor a matter of one measured channel" in first
     both = verdict_sentences(replace(unexplained(), causes=named().causes))
     assert both[1].startswith("Named beside it: adhesion at the same slip")
+
+
+def test_a_gain_that_no_model_holds_is_told_as_one():
+    bare = ExtendedModel(base=(0.36, 24.0, 0.5))
+    for model in (None, bare):
+        found = replace(unexplained(), model=model)
+        assert "no model file can hold it" in verdict_sentences(found)[1]
+        elements = rendered(found)
+        assert "There is no extension" in " ".join(elements.text.values())
+        for figure in elements.figures():
+            names = {trace.get("name") for trace in figure["data"]}
+            assert "extended (after)" not in names or "what the extension adds" in names
+    assert "no model file" not in " ".join(verdict_sentences(unexplained()))
 
 
 def test_a_gain_that_may_be_none_is_not_sold():
     gain = replace(named().gain, interval=(-3.0, 40.0))
     assert "not certain" in verdict_sentences(replace(named(), gain=gain))[1]
+    gain = replace(named().gain, percent=-6.7, interval=(-54.1, 26.1))
+    assert "no better than the plain curve" in verdict_sentences(replace(named(), gain=gain))[1]
     gain = replace(named().gain, interval=(-inf, inf))
     told = verdict_sentences(replace(named(), gain=gain))[1]
     assert "interval not known" in told

@@ -111,7 +111,9 @@ FACTORS = [
 ]
 
 
-@pytest.mark.parametrize(("effect", "factor"), FACTORS, ids=lambda x: getattr(x, "effect", x) and x)
+@pytest.mark.parametrize(
+    ("effect", "factor"), FACTORS, ids=[f"{a.effect.id}:{a.effect.form}" for a, _ in FACTORS]
+)
 def test_a_factor_of_adhesion_is_in_the_force(effect, factor):
     record = Record(simulation_of(effect))
     wanted = factor(record)

@@ -37,12 +37,15 @@ class Judge(Protocol):
 class DriveJudge:
     """Judge of a drive: the same readings as the plain model and as the truth see them.
 
+    `plain` and `true` have the noise of the effort alone: a diagnosis may smooth the kinematics, and
+    the gain that it can have is then the one over that noise. `noisy` is what it has to work with.
     c1..c3 are fitted anew for both, in the same way, to what is not held out; but where the sensor
     cuts off the truth keeps its own (n, 3), which what is left does not tell.
     """
 
     plain: View
     true: View
+    noisy: View
     surface: Ints
     curves: Floats
 
@@ -76,7 +79,7 @@ class DriveJudge:
 
     def floor(self, inside: NDArray[np.bool_]) -> float:
         """RMSE on the rows inside of the true model with its true curve: noise alone."""
-        return rmse(self.true.residual(self.curves)[inside & self.true.use])
+        return rmse(self.noisy.residual(self.curves)[inside & self.noisy.use])
 
 
 @dataclass(frozen=True)

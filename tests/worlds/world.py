@@ -141,6 +141,8 @@ class _World:
         surface = self.rail.surface_at(plain.t)
         before = rmse(fitted_residual(plain, surface)[plain.use])
         floor = rmse(true.residual(self.rail.curves[surface])[true.use])
+        still = replace(noise, speed=0 * noise.speed, wheel=0 * noise.wheel, load=0 * noise.load)
+        quiet = drive(course, self.vehicle, self.rail, effects, still)
         return Truth(
             kind=self.kind,
             seed=self.seed,
@@ -155,7 +157,13 @@ class _World:
             rmse_before=before,
             excess=shares,
             fresh=None,
-            judge=DriveJudge(plain, true, surface, self.rail.curves[surface]),
+            judge=DriveJudge(
+                view(quiet, (), self.rail, self.vehicle),
+                view(quiet, effects, self.rail, self.vehicle, course),
+                true,
+                surface,
+                self.rail.curves[surface],
+            ),
         )
 
 

@@ -1,0 +1,89 @@
+"""Numbers, units and names as sentences and tables have them."""
+
+from math import floor, isfinite, log10
+
+import numpy as np
+
+from adhesion_can.physics.effects import EFFECTS
+
+LEAST_P = 1e-3
+"""A p-value below this is told as being below it."""
+
+
+def effect_name(effect: str, form: str = "", axle: int = 0) -> str:
+    """Id with form and axle where there are any."""
+    return " ".join(part for part in (effect, form, f"axle {axle}" if axle else "") if part)
+
+
+def title(effect: str) -> str:
+    """What an effect is, a clause; its id where the library does not have it."""
+    return next((known.title for known in EFFECTS if known.id == effect), effect)
+
+
+def channel_name(channel: str) -> str:
+    """A channel as a sentence has it; a column of a TABLE keeps its name."""
+    return _CHANNELS.get(channel, channel)
+
+
+_CHANNELS = {
+    "speed": "vehicle speed",
+    "slip": "slip ratio",
+    "signed_slip": "slip ratio with its sign",
+    "slip_rate": "rate of change of the slip",
+    "creep_speed": "creep speed",
+    "tractive_effort": "tractive effort",
+    "axle_load": "axle load",
+    "axle": "number of the axle",
+    "position": "position along the rail",
+    "ambient_temperature_degC": "ambient temperature",
+    "rail_temperature_degC": "rail temperature",
+    "relative_humidity_percent": "relative humidity",
+    "sanding_active": "sanding",
+    "curvature_per_m": "curvature",
+}
+
+
+def unit_text(unit: str) -> str:
+    """A unit as it stands behind a number; empty for a pure number."""
+    return (
+        "" if unit == "1" else unit.replace("degC", "°C").replace("^2", "²").replace("kg m", "kg·m")
+    )
+
+
+def measured(value: float, std: float | None, unit: str) -> str:
+    """A value with standard deviation and unit, as many digits as the standard deviation allows."""
+    return f"{_plus_minus(value, std)} {unit_text(unit)}".strip()
+
+
+def _plus_minus(value: float, std: float | None) -> str:
+    if std is None or not isfinite(std):
+        return f"{value:g}" if value == round(value) else f"{short(value)} ± ?"
+    size = max(abs(value), std)
+    if size == 0.0 or not isfinite(size):
+        return f"{value:g} ± {std:g}"
+    power = floor(log10(size))
+    scaled = power < -3 or power > 5
+    factor = 10.0**power if scaled else 1.0
+    # Two digits of the standard deviation.
+    digits = 3 if std == 0.0 else max(1 - floor(log10(std / factor)), 0)
+    told = f"{value / factor:.{digits}f} ± {std / factor:.{digits}f}"
+    return f"({told})e{power}" if scaled else told
+
+
+def short(value: float) -> str:
+    """Three digits, never as a power of ten."""
+    if not isfinite(value):
+        return "-"
+    return str(np.format_float_positional(value, 3, unique=False, fractional=False, trim="-"))
+
+
+def p_text(p_value: float) -> str:
+    """A p-value."""
+    if not isfinite(p_value):
+        return "-"
+    return f"< {LEAST_P:g}" if p_value < LEAST_P else f"{p_value:.3f}"
+
+
+def fixed(value: float, digits: int, unit: str = "") -> str:
+    """A number with so many decimals and its unit, or a dash."""
+    return f"{value:.{digits}f}{unit}" if isfinite(value) else "-"
