@@ -47,7 +47,7 @@ class Source:
         path: of it.
         name: by which the diagnosis knows it.
         sha256: of its bytes, hex.
-        held_out: whether it was kept for the gain.
+        held_out: whether the user gave it for the gain alone.
 
     """
 
@@ -153,7 +153,7 @@ def gain_sentence(gain: Gain, found: Diagnosis) -> str:
     if not extended and gain.rmse_after == gain.rmse_before:
         return (
             f"There is no extension: RMSE of the adhesion {short(gain.rmse_before)}, noise alone "
-            f"{short(gain.noise_floor)}. {where}"
+            f"about {short(gain.noise_floor)}. {where}"
         )
     low, high = gain.interval
     interval = (
@@ -170,8 +170,8 @@ def gain_sentence(gain: Gain, found: Diagnosis) -> str:
         told += " The interval reaches down to 0: the gain is not certain."
     if not extended:
         told += (
-            " This is what a curve fitted to that dependence gains; no model file can hold it, so "
-            "the plain curve stands."
+            " This is what an empirical curve gains that no model file can hold, so the plain "
+            "curve stands."
         )
     return f"{told} {where}"
 
@@ -250,6 +250,7 @@ def diagnosis_json(found: Diagnosis, sources: Sequence[Source] = ()) -> dict[str
         sources: files that it rests on.
 
     """
+    held = held_back(found, sources)
     return {
         "verdict": found.verdict.value,
         "causes": [_cause_json(cause) for cause in found.causes],
@@ -271,7 +272,7 @@ def diagnosis_json(found: Diagnosis, sources: Sequence[Source] = ()) -> dict[str
                 "path": str(source.path),
                 "sha256": source.sha256,
                 "samples": found.samples.get(source.name, 0),
-                "held_out": source.held_out,
+                "held_out": source.name in held,
             }
             for source in sources
         ],
@@ -321,6 +322,14 @@ def _curves_json(found: Diagnosis, which: str) -> dict[str, Any] | None:
     return estimate_json(getattr(longest, which)) | {
         "segments": [_place_json(s) | estimate_json(getattr(s, which)) for s in found.surfaces]
     }
+
+
+def held_back(found: Diagnosis, sources: Sequence[Source]) -> set[str]:
+    """Names of the files that were held out as a whole, by the user or for want of others."""
+    named = {source.name for source in sources if source.held_out}
+    if named or found.gain is None or len(sources) < 2:
+        return named
+    return {recording for recording, _, _ in found.gain.spans}
 
 
 def longest_surface(found: Diagnosis) -> Surface | None:

@@ -16,6 +16,7 @@ from adhesion_can.reporting.diagnosis import (
     channel_rows,
     evidence_rows,
     extends,
+    held_back,
     longest_surface,
     verdict_sentences,
 )
@@ -62,19 +63,18 @@ def page(
     }
     return Page(
         title="What the simulation gets wrong, and why",
-        lead=_lead(sources),
+        lead=_lead(sources, held_back(found, sources)),
         verdict=verdict_sentences(found),
         sections=[Section(name, parts) for name, parts in sections.items()],
         provenance=provenance,
     )
 
 
-def _lead(sources: Sequence[Source]) -> str:
-    used = [source.name for source in sources if not source.held_out]
-    held = [source.name for source in sources if source.held_out]
+def _lead(sources: Sequence[Source], held: set[str]) -> str:
+    used = [source.name for source in sources if source.name not in held]
     told = f"Diagnosis of {', '.join(used)}"
     if held:
-        told += f"; held out for the gain: {', '.join(held)}"
+        told += f"; held out for the gain: {', '.join(sorted(held))}"
     return (
         f"{told}. The simulation is the adhesion curve μ(λ) = c1(1 − e^(−c2 λ)) − c3 λ with the "
         "configured vehicle; what it cannot reproduce is tested against the known effects, one by "
@@ -258,10 +258,11 @@ def _spline(spline: Empirical) -> str:
 
 
 def _inputs(found: Diagnosis, sources: Sequence[Source], problems: Sequence[str]) -> Parts:
+    held = held_back(found, sources)
     rows = [
         (
             s.name,
-            "held out for the gain" if s.held_out else "diagnosed",
+            "held out for the gain" if s.name in held else "diagnosed",
             str(found.samples.get(s.name, 0)),
             s.sha256,
         )

@@ -228,7 +228,7 @@ def test_a_gain_that_no_model_holds_is_told_as_one():
     bare = ExtendedModel(base=(0.36, 24.0, 0.5))
     for model in (None, bare):
         found = replace(unexplained(), model=model)
-        assert "no model file can hold it" in verdict_sentences(found)[1]
+        assert "no model file can hold" in verdict_sentences(found)[1]
         elements = rendered(found)
         assert "There is no extension" in " ".join(elements.text.values())
         for figure in elements.figures():
@@ -348,6 +348,18 @@ def test_json_has_the_values():
     assert document["untested"] == [
         {"what": "humidity", "why": "no signal gives the relative humidity"}
     ]
+
+
+def test_a_recording_that_was_kept_back_for_want_of_others_is_told_as_such():
+    two = [replace(source, held_out=False) for source in SOURCES]
+    gain = replace(named().gain, spans=(("other.log", 0.0, 100.0),))
+    found = replace(named(), gain=gain)
+    assert [one["held_out"] for one in diagnosis_json(found, two)["inputs"]] == [False, True]
+    cells = rendered(found, two).texts("td")
+    assert cells[cells.index("other.log") + 1] == "held out for the gain"
+    assert cells[cells.index("drive one.log") + 1] == "diagnosed"
+    # One drive alone is diagnosed, though spans of it are held out.
+    assert [one["held_out"] for one in diagnosis_json(named(), two[:1])["inputs"]] == [False]
 
 
 # --- page

@@ -200,7 +200,7 @@ def test_effects_together_multiply_in_the_force():
 # --------------------------------------------------------------------------------- stability
 
 
-@pytest.mark.parametrize("speed", [1.5, 5.0, 25.0])
+@pytest.mark.parametrize("speed", [1.5, 12.0])
 @pytest.mark.parametrize(
     "effect",
     [
@@ -221,10 +221,10 @@ def test_a_steady_effort_below_the_peak_comes_to_rest(effect, speed):
     plant.position = 5e3
     theta = tuple(np.full(6, c) for c in DRY)
     slips = []
-    for _ in range(2500):
+    for _ in range(2000):
         plant.step(np.full(6, 0.05 * 245e3), theta, DT)
         slips.append(plant.slip)
-    settled = np.array(slips[-200:])
+    settled = np.array(slips[-100:])
     assert np.isfinite(settled).all()
     assert np.ptp(settled, axis=0).max() < 1e-3 * max(1.0, np.abs(settled).max())
 
