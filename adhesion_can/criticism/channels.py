@@ -124,7 +124,7 @@ def channels_of(study: Study, at: Evaluation) -> list[Channel]:
         Channel("speed", "m/s", Kind.FACTOR, speed),
         Channel("axle_load", "N", Kind.FACTOR, load),
         Channel("axle", "1", Kind.FACTOR, study.column("axle").astype(np.float64)),
-        Channel("time", "s", Kind.FACTOR, study.column("t_s"), MANY),
+        Channel("time", "s", Kind.FACTOR, study.column("time_s"), MANY),
         Channel("position", "m", Kind.FACTOR, study.column("position"), MANY),
     ]
     names = set.intersection(*(set(course.covariates) for course in study.courses))

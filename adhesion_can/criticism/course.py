@@ -50,7 +50,7 @@ class Observed(NamedTuple):
 
 
 class Smooth(NamedTuple):
-    """A signal smoothed: stamps in s, value, rate of change, std of the value, gaps, window in s."""
+    """A signal smoothed: stamps, s, value, rate of change, std of the value, gaps, window, s."""
 
     t_s: Array
     value: Array
@@ -76,6 +76,7 @@ class Course:
         position: way travelled, m.
         source: gives kinematics with delays.
         first_us: stamp of time 0.
+        clock_s: time of each row where `t_s` is not it: a TABLE's stretches are set well apart.
         lost: rows that were not formed, by reason.
         table: whether it is a TABLE, with slip and adhesion as they stand there.
         has_speed: whether the speed is known.
@@ -94,6 +95,7 @@ class Course:
     position: Array
     source: "Source"
     first_us: int = 0
+    clock_s: Array | None = None
     lost: Mapping[str, int] = field(default_factory=dict)
     table: bool = False
     has_speed: bool = True
@@ -101,6 +103,11 @@ class Course:
 
     def __len__(self) -> int:
         return len(self.t_s)
+
+    @property
+    def time_s(self) -> Array:
+        """Time of each row since the first one, s; shape (n,)."""
+        return self.t_s if self.clock_s is None else self.clock_s
 
     def observe(self, instruments: Instruments = PERFECT) -> Observed:
         """Eq. 1-3 in every row."""
@@ -124,6 +131,7 @@ class Course:
             effort=self.effort[kept],
             covariates={name: column[kept] for name, column in self.covariates.items()},
             position=self.position[kept],
+            clock_s=None if self.clock_s is None else self.clock_s[kept],
             source=self.source.at_rows(axle, t_s),
         )
 

@@ -13,6 +13,8 @@ from adhesion_can.criticism.ledger import Ledger, solve
 from adhesion_can.physics.burckhardt import Array
 
 FLIPS = 1999
+NOTHING = 1e-9
+"""Share of a column's square that is round-off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +55,9 @@ def detect(
     square = float(left @ total @ left)
     for group in groups:
         v = ledger.weights(nuisance, group)
+        # What the nuisance imitates altogether leaves round-off, which says nothing.
+        imitated = np.einsum("ij,ij->j", v, total @ v) < NOTHING * total[group, group]
+        v[:, imitated] = 0.0
         sums = np.einsum("bij,j->bi", ledger.grams, left) @ v
         own = v.T @ total @ v
         root = _whitening_root(sums)
@@ -65,14 +70,16 @@ def detect(
     scale = np.array([np.quantile(c, 0.95) for c in chance])
     scale = np.where(scale > 0, scale, 1.0)
     largest = (np.array(chance) / scale[:, None]).max(axis=0)
-    p_value = (1.0 + (largest[None, :] >= (statistic / scale)[:, None]).sum(axis=1)) / (FLIPS + 1.0)
+    # The flip that flips nothing must count, whatever its rounding.
+    reached = largest[None, :] >= (1.0 - 1e-9) * (statistic / scale)[:, None]
+    p_value = (1.0 + reached.sum(axis=1)) / (FLIPS + 1.0)
     return Detection(statistic, p_value, np.array(gain))
 
 
 def _whitening_root(sums: Array) -> Array:
     """R with R Rᵀ the inverse of Σ_b s_b s_bᵀ, as far as the blocks can tell it."""
     values, vectors = np.linalg.eigh(sums.T @ sums)
-    good = values > 1e-10 * max(float(values[-1]), 1e-300)
+    good = values > max(1e-10 * float(values[-1]), 1e-300)
     # With few blocks the smallest directions are chance alone: no more than a third of the blocks.
     good &= np.arange(len(values))[::-1] < max(len(sums) // 3, 1)
     inverse = np.where(good, 1.0 / np.sqrt(np.maximum(values, 1e-300)), 0.0)

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.criticism.channels import channels_of
+from adhesion_can.criticism.conclude import conclude, empty
 from adhesion_can.criticism.course import Course
 from adhesion_can.criticism.diagnosis import Diagnosis, Untested, Verdict
-from adhesion_can.criticism.findings import Findings, conclude, empty
+from adhesion_can.criticism.findings import Findings
 from adhesion_can.criticism.ledger import blocks_of
 from adhesion_can.criticism.model import EXCLUDED, Candidate, Study, curve_slopes, evaluate
 from adhesion_can.criticism.naming import Naming, detection_of, name
@@ -196,11 +197,12 @@ def _blocks(
     out, base = [], 0
     whole = any(k.all() for k in kept)
     for course, own in zip(courses, kept, strict=True):
-        number = blocks_of(course.t_s, length_s) if len(course) else np.empty(0, dtype=np.int64)
+        # Numbered through: pauses are no blocks.
+        number = np.unique(blocks_of(course.t_s, length_s), return_inverse=True)[1]
         back = (number // HELD_BLOCKS) % HELD_EVERY == 1
         back = np.full(len(number), bool(own.all())) if whole else back
         number = number + base
-        base = int(number.max(initial=base)) + 1
+        base = int(number.max(initial=base - 1)) + 1
         out.append(np.where(back, -1 - number, number))
     return np.concatenate(out) if out else np.empty(0, dtype=np.int64)
 

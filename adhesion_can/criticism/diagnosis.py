@@ -188,7 +188,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class CurveData:
-    """Curve and data of one surface: |λ| and μ of a sample of the rows, as they are and corrected."""
+    """Data of one surface: |λ| and μ of some of its rows, as they are and corrected."""
 
     slip: Array
     adhesion: Array

@@ -206,7 +206,8 @@ def course_of_table(
     rows = samples.select(good)
     parts = np.zeros(len(rows), dtype=np.int64) if segment is None else segment[good]
     number = np.unique(rows.axle, return_inverse=True)[1] + 1 if len(rows) else rows.axle
-    t_s = _unrolled(rows.t_us / 1e6, parts, number)
+    first_us = int(rows.t_us.min()) if len(rows) else 0
+    t_s = _unrolled((rows.t_us - first_us) / 1e6, parts, number)
     order = np.lexsort((t_s, number))
     rows, t_s, number = rows.select(order), t_s[order], number[order]
     axles = int(number.max(initial=1))
@@ -241,6 +242,8 @@ def course_of_table(
         source=Source(number, t_s, signals),
         lost=lost,
         table=True,
+        first_us=first_us,
+        clock_s=(rows.t_us - first_us) / 1e6,
         has_speed=bool(np.any(rows.speed != 1.0)),
         has_load=bool(np.any(rows.load != 1.0)),
     )

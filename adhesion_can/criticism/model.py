@@ -184,7 +184,7 @@ def _contact(
         creep_speed=seen.creep_speed if shift is None else seen.creep_speed + shift * seen.speed,
         speed=seen.speed,
         load=seen.load,
-        time_s=course.t_s,
+        time_s=course.time_s,
         axle=course.axle.astype(np.float64),
         place=course.place,
         adhesion=seen.adhesion,
@@ -196,7 +196,7 @@ def _contact(
 
 def curve_slopes(study: Study, theta: Theta, at: Evaluation) -> Array:
     """∂predicted/∂(c1, ln c2, c3) of each surface, shape (n, 3·surfaces); 0 in other rows."""
-    c1, c2, c3 = theta.rows(study.surface)
+    c1, c2, _ = theta.rows(study.surface)
     size = np.abs(at.slip)
     signed = np.copysign(at.factor, at.slip)
     fallen = np.exp(-c2 * size)

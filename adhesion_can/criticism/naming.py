@@ -7,6 +7,7 @@ where its gain is sure and worth having, and what cannot be told from the best s
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.stats import t as student
@@ -148,7 +149,7 @@ def proposals(stage: Stage, model: Model, candidates: Sequence[Candidate]) -> li
         [[first + i] for i in range(len(starts))],
         np.random.default_rng(len(starts)),
     )
-    chance = {c: 1.0 for c in candidates}
+    chance = dict.fromkeys(candidates, 1.0)
     for (candidate, _), p_value in zip(starts, flips.p_value, strict=True):
         chance[candidate] = min(chance[candidate], float(p_value))
     p, square = slopes.shape[1] - 1, max(float(whole[-1, -1]), 1e-300)
@@ -197,6 +198,7 @@ def name(stage: Stage, base: Fit, candidates: Sequence[Candidate], detection: De
         pairs = _pairs(stage, base, singles, candidates)
         if pairs and _better(best, pairs[0], len(candidates)):
             best = pairs[0]
+            singles += _members(stage, base, best, singles)
         pool = pairs if len(best.candidates) == 2 else singles
         best = _caused(best, [one for one in pool if not _worse(best, one)])
         alike = tuple(one for one in pool if one is not best and not _worse(best, one))
@@ -212,9 +214,11 @@ def _pairs(
     for one in singles[:PARTNERED]:
         others = [c for c in candidates if c.effect.id not in one.ids]
         own = 1.0 - one.fit.square / total
-        for proposal in proposals(stage, one.fit.model, others)[:PARTNERS]:
-            if proposal.gain > WORTH_WHITE:
-                wanted.append((own + proposal.gain * (1.0 - own), proposal))
+        wanted += [
+            (own + proposal.gain * (1.0 - own), proposal)
+            for proposal in proposals(stage, one.fit.model, others)[:PARTNERS]
+            if proposal.gain > WORTH_WHITE
+        ]
     wanted.sort(key=lambda pair: -pair[0])
     chosen: dict[frozenset[str], Proposal] = {}
     for _, proposal in wanted:
@@ -226,12 +230,21 @@ def _pairs(
     return sorted(fits, key=lambda pair: pair.fit.square)
 
 
+def _members(stage: Stage, base: Fit, best: Scored, singles: Sequence[Scored]) -> list[Scored]:
+    """The effects of a pair alone, where they were not fitted alone yet."""
+    known = {one.candidates for one in singles}
+    alone = [c for c in best.candidates if (c,) not in known]
+    if not alone:
+        return []
+    return [scored(stage, fit(stage, p.model)) for p in proposals(stage, base.model, alone)]
+
+
 def _better(small: Scored, large: Scored, tried: int) -> bool:
     """Whether a larger model's gain is sure, with so many tried, and worth having."""
     worth = large.rmse < (1.0 - WORTH) * small.rmse
     worth &= large.fit.square < (1.0 - WORTH_WHITE) * small.fit.square
     chance = 2.0 * min(large.added, _chance(small.fit, large.fit) * tried)
-    return bool(worth and chance <= SURE)
+    return bool(worth and chance <= SURE / 2)
 
 
 def _caused(best: Scored, alike: Sequence[Scored]) -> Scored:
@@ -291,7 +304,7 @@ def detection_of(
     slopes = stage.columns(base.model)
     p = slopes.shape[1] - 1
     ends = np.cumsum([p, *(group.shape[1] for group in columns)])
-    groups = [list(range(a, b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    groups = [list(range(a, b)) for a, b in pairwise(ends)]
     ledger = stage.ledger(
         np.column_stack([slopes[:, :-1], stage.white(np.column_stack(columns)), slopes[:, -1]])
     )

@@ -10,6 +10,7 @@ from adhesion_can.criticism.diagnosis import CurveData, Picture, Profile
 from adhesion_can.criticism.model import EXCLUDED, Model, Study, Theta, evaluate
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import instruments_of
+from adhesion_can.physics.effects.curve_creep import ANGLE, CURVATURE
 
 BINS = 24
 WINDOW_S, RESTART_S = 20.0, 1.0
@@ -22,6 +23,8 @@ def shown_channel(study: Study, name: str, channels: Sequence[Channel]) -> Chann
         if channel.name == name:
             return channel
     seen = [course.observe() for course in study.courses]
+    if name == CURVATURE:
+        return next((channel for channel in channels if channel.name == ANGLE), None)
     if name == "creep_speed":
         creep = np.abs(np.concatenate([one.creep_speed for one in seen]))
         return Channel(name, "m/s", Kind.FACTOR, creep)
@@ -68,7 +71,8 @@ def profile_of(
     (was, was_std), (left, left_std) = mean(before), mean(after)
     at = (np.bincount(number, values) / count)[kept]
     fitted = mean(change)[0]
-    return Profile(channel.name, channel.unit, at, was, left, was_std, left_std, fitted)
+    name = "place within the wave" if channel.period else channel.name
+    return Profile(name, channel.unit, at, was, left, was_std, left_std, fitted)
 
 
 def pictures_of(course: Course, surface: int, plain: Model, extended: Model) -> list[Picture]:

@@ -80,8 +80,10 @@ class Stage:
         """
         likely = evaluate(self.study, model.theta, model.actives, self.shift)
         parts = [curve_slopes(self.study, model.theta, likely)]
-        for place in range(len(model.candidates)):
-            parts.append(effect_slopes(self.study, *without(model, place), self.shift))
+        parts += [
+            effect_slopes(self.study, *without(model, place), self.shift)
+            for place in range(len(model.candidates))
+        ]
         left = evaluate(self.study, model.theta, model.actives).residual
         return self.white(np.column_stack([*parts, left]))
 

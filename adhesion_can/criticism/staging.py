@@ -25,7 +25,7 @@ FLAT = 2.0
 WINDOWS_A_BLOCK = 2.0
 BLOCK_S = 4.0
 KNOTS = (4, 14)
-PARTS, TABLE_BLOCK_S = 60, (0.2, 4.0)
+PARTS, TABLE_BLOCK_S = 120, (0.2, 4.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,11 +92,11 @@ def remarks(courses: Sequence[Course]) -> list[Untested]:
                     "are told by the curve alone",
                 )
             )
-        for axle in range(1, len(course.radius) + 1):
-            if not (course.axle == axle).any():
-                found.append(
-                    Untested(f"axle {axle} in {course.name}", "no usable row of it is there")
-                )
+        found += [
+            Untested(f"axle {axle} in {course.name}", "no usable row of it is there")
+            for axle in range(1, len(course.radius) + 1)
+            if not (course.axle == axle).any()
+        ]
     return found
 
 

@@ -108,7 +108,7 @@ def autocovariance(residual: Array, stretches: Stretches, lags: int) -> Array:
     """Autocovariance at lags 0.. of rows within the same stretch, shape (lags + 1,)."""
     number = np.cumsum(np.bincount(stretches.starts, minlength=len(residual))[: len(residual)])
     out = np.zeros(lags + 1)
-    for lag in range(lags + 1):
+    for lag in range(min(lags + 1, len(residual))):
         head, tail = residual[lag:], residual[: len(residual) - lag]
         same = number[lag:] == number[: len(residual) - lag]
         out[lag] = float(np.sum(head * tail * same)) / max(len(residual), 1)

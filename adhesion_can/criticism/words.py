@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from adhesion_can.criticism.diagnosis import Cause, Profile, Value
+from adhesion_can.criticism.channels import Channel
+from adhesion_can.criticism.diagnosis import Cause, Gain, Profile
+from adhesion_can.criticism.quantities import channel_name, measured, short, unit_text
 from adhesion_can.criticism.unknown import Left, Line
 
 SHOWN: Mapping[str, str] = {
@@ -69,56 +71,61 @@ def separating(effect: str, rivals: Sequence[str]) -> str:
     known = [_SEPARATE[key] for r in rivals if (key := frozenset({effect, r})) in _SEPARATE]
     if known:
         return f"to tell {effect} from {', '.join(rivals)}: " + "; ".join(known)
-    mine, theirs = SHOWN.get(effect, effect), sorted({SHOWN.get(r, r) for r in rivals})
+    mine, theirs = _told(effect), sorted({_told(rival) for rival in rivals})
     return (
         f"to tell {effect} from {', '.join(rivals)}: a drive in which {mine} and "
         f"{', '.join(theirs)} vary independently of each other"
     )
 
 
+def _told(effect: str) -> str:
+    """By which quantity an effect is told."""
+    return "lateral creep" if effect == "curve_creep" else SHOWN.get(effect, effect)
+
+
 def cause_sentence(cause: Cause) -> str:
     """An effect with its size."""
-    sizes = ", ".join(_size(value) for value in cause.parameters)
+    sizes = ", ".join(f"{v.name} {measured(v.value, v.std, v.unit)}" for v in cause.parameters)
     return f"{cause.title[0].upper()}{cause.title[1:]} ({sizes})."
 
 
-def _size(value: Value) -> str:
-    unit = "" if value.unit in {"", "1"} else f" {value.unit}"
-    if value.std is None:
-        return f"{value.name} {value.value:.4g}{unit}"
-    return f"{value.name} {value.value:.4g} ± {value.std:.2g}{unit}"
-
-
-def where_sentence(profile: Profile, before: float, after: float) -> str:
+def where_sentence(profile: Profile, gain: Gain) -> str:
     """Where the plain model is wrong most, and by how much."""
+    lead = (
+        f"On data that were held out the simulation misses the adhesion by {gain.rmse_before:.4f} "
+        f"(rms)"
+    )
+    if gain.rmse_after < gain.rmse_before:
+        lead += f"; with this in the model {gain.rmse_after:.4f} are left"
     sure = np.abs(profile.before) > 2.0 * profile.before_std
     size = np.where(sure, np.abs(profile.before), 0.0)
-    best = int(np.argmax(size))
-    lead = (
-        f"On data held out the simulation misses the adhesion by {before:.4f} (rms), with the "
-        f"extension by {after:.4f}"
-    )
-    if size[best] == 0.0:
-        return lead + "."
+    best = int(np.argmax(size)) if len(size) else 0
+    if not len(size) or size[best] == 0.0:
+        return f"{lead}."
     much = "too little" if profile.before[best] > 0 else "too much"
-    unit = "" if profile.unit in {"", "1"} else f" {profile.unit}"
+    at = f"{short(float(profile.at[best]))} {unit_text(profile.unit)}".strip()
     return (
-        f"{lead}; it says {size[best]:.4f} {much} where {profile.channel} is about "
-        f"{profile.at[best]:.4g}{unit}."
+        f"{lead}. It is worst at a {channel_name(profile.channel)} of about {at}: "
+        f"{size[best]:.4f} {much} there."
     )
+
+
+def channel_label(channel: Channel) -> str:
+    """Name of a channel, with the length of a wave in it."""
+    return f"{channel.name}, wave of {channel.period:.1f} m" if channel.period else channel.name
 
 
 def channel_sentence(left: Left) -> str:
     """What an unexplained residual depends on."""
-    channel = left.channel
-    if channel.period:
+    share = f"{100 * left.gain:.1f} % of the error (rms) on the data that decided"
+    if left.channel.period:
         return (
-            f"The adhesion varies along the rail with a wave of {channel.period:.1f} m, which no "
-            f"known effect does: it is {100 * left.gain:.1f} % of the error (rms)."
+            f"The adhesion varies along the rail in a wave of {left.channel.period:.1f} m, as no "
+            f"known effect does it: {share}."
         )
     return (
-        f"What is left depends on {channel.name} in a way that no known effect describes: it is "
-        f"{100 * left.gain:.1f} % of the error (rms)."
+        f"The adhesion depends on {channel_name(left.channel.name)} in a way that no known effect "
+        f"describes: {share}."
     )
 
 

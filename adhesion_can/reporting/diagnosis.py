@@ -18,8 +18,7 @@ from adhesion_can.criticism.diagnosis import (
     Value,
     Verdict,
 )
-from adhesion_can.reporting.provenance import estimate_json
-from adhesion_can.reporting.quantities import (
+from adhesion_can.criticism.quantities import (
     LEAST_P,
     channel_name,
     effect_name,
@@ -30,6 +29,7 @@ from adhesion_can.reporting.quantities import (
     title,
     unit_text,
 )
+from adhesion_can.reporting.provenance import estimate_json
 from adhesion_can.reporting.text import table
 
 SHOWN = 5

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from adhesion_can.criticism.diagnosis import CurveData, Gain, Picture, Profile, Surface
+from adhesion_can.criticism.quantities import channel_name, short, unit_text
 from adhesion_can.physics.burckhardt import Array, adhesion
 from adhesion_can.physics.data import Estimate
 from adhesion_can.reporting.charts import (
@@ -19,7 +20,6 @@ from adhesion_can.reporting.charts import (
     thinned,
 )
 from adhesion_can.reporting.page import Figure
-from adhesion_can.reporting.quantities import channel_name, short, unit_text
 
 BEFORE, AFTER, MEASURED = "#d55e00", "#0b5fa5", "#8a95a3"
 PLAIN, EXTENDED = "plain curve (before)", "extended (after)"

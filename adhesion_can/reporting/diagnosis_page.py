@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from adhesion_can.criticism.diagnosis import Diagnosis, Surface
+from adhesion_can.criticism.quantities import channel_name, effect_name, measured, short, title
 from adhesion_can.identification.extension import ExtendedModel
 from adhesion_can.physics.data import Estimate
 from adhesion_can.physics.effects import ActiveEffect
@@ -27,7 +28,6 @@ from adhesion_can.reporting.diagnosis_figures import (
     profile_figure,
 )
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
-from adhesion_can.reporting.quantities import channel_name, effect_name, measured, short, title
 from adhesion_can.reporting.text import plus_minus
 
 Parts = list[Text | Items | Table | Figure]

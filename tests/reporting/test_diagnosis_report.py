@@ -36,7 +36,7 @@ from adhesion_can.reporting.charts import broken, thinned
 from adhesion_can.reporting.diagnosis import Source, diagnosis_json, terminal, verdict_sentences
 from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.page import Figure, render
-from adhesion_can.reporting.quantities import measured
+from adhesion_can.criticism.quantities import measured
 from adhesion_can.reporting.text import console
 from tests.reporting.test_page import NASTY, Elements, nothing_is_loaded
 

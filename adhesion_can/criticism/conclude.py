@@ -1,0 +1,403 @@
+"""From findings to a diagnosis: gain, extended model, sentences, pictures."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.criticism.channels import Channel, channels_of
+from adhesion_can.criticism.course import Course
+from adhesion_can.criticism.diagnosis import (
+    Cause,
+    ChannelEvidence,
+    Diagnosis,
+    Evidence,
+    Gain,
+    Profile,
+    Surface,
+    Untested,
+    Value,
+    Verdict,
+)
+from adhesion_can.criticism.findings import Findings
+from adhesion_can.criticism.gain import gain_of, held_out
+from adhesion_can.criticism.model import (
+    EXCLUDED,
+    Candidate,
+    Evaluation,
+    Model,
+    Study,
+    curve_slopes,
+    evaluate,
+)
+from adhesion_can.criticism.pictures import curve_data, pictures_of, profile_of, shown_channel
+from adhesion_can.criticism.stage import Fit, fit
+from adhesion_can.criticism.staging import Prepared
+from adhesion_can.criticism.testable import IMITATED
+from adhesion_can.criticism.unknown import Left
+from adhesion_can.criticism.words import (
+    SHOWN,
+    cause_sentence,
+    channel_label,
+    channel_sentence,
+    line_sentence,
+    pinned_sentences,
+    separating,
+    where_sentence,
+)
+from adhesion_can.identification.batch import fit as fit_curve
+from adhesion_can.identification.extension import ExtendedModel, Matrix
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.data import Estimate, Samples
+from adhesion_can.physics.effects import ActiveEffect
+from adhesion_can.physics.effects.empirical import Empirical
+
+ONLINE = {"slip": "slip", "speed": "speed", "axle_load": "load", "time": "time_s"}
+"""Channels of ours that a spline of an extended model can have, beside the covariates."""
+OFFLINE = frozenset({"position", "slip_rate", "tractive_effort", "axle"})
+"""Channels that a model online does not have."""
+MOST_ROWS = 20_000
+
+
+def empty(courses: Sequence[Course], untested: Sequence[Untested]) -> Diagnosis:
+    """Diagnosis of data that carry none."""
+    return Diagnosis(
+        Verdict.NOTHING, (), None, (), None, (), (), None, tuple(untested), (), None, None, (),
+        None, {course.name: len(course) for course in courses}, _lost(courses),
+    )  # fmt: skip
+
+
+def _lost(courses: Sequence[Course]) -> dict[str, int]:
+    return {
+        f"{course.name}: {reason}": count
+        for course in courses
+        for reason, count in course.lost.items()
+        if count
+    }
+
+
+def conclude(
+    courses: Sequence[Course],
+    found: Findings,
+    untested: Sequence[Untested],
+    *,
+    other_drives: bool,
+) -> Diagnosis:
+    """The diagnosis.
+
+    Args:
+        courses: every row of every recording, in the order of the study's.
+        found: see there.
+        untested: what could not be tested.
+        other_drives: whether whole recordings were kept back.
+
+    """
+    prepared = found.prepared
+    stage, study = prepared.stage, prepared.stage.study
+    named = found.named
+    unknown = None if named else found.unknown
+    explained = bool(named) or unknown is not None or found.swings or bool(found.pinned)
+    verdict = Verdict.NAMED if named else Verdict.UNEXPLAINED if explained else Verdict.NOTHING
+    plain = found.naming.base.fit.model
+    extended = found.naming.best.fit.model if named else plain
+    held = held_out(stage, plain, extended, unknown, other_drives=other_drives)
+    gain = gain_of(held, *_units(study, stage.block, held.rows, found, other_drives=other_drives))
+    if unknown is not None and gain.percent < 0.0:
+        # A dependence that does not hold where it was not looked for is no extension.
+        unknown_holds = False
+        held = held_out(stage, plain, plain, None, other_drives=other_drives)
+        gain = gain_of(
+            held, *_units(study, stage.block, held.rows, found, other_drives=other_drives)
+        )
+    else:
+        unknown_holds = True
+    gain = replace(gain, noise_floor=found.noise_floor)
+    final = _refitted(prepared, extended, other_drives=other_drives)
+    spline = _spline(unknown) if unknown is not None and unknown_holds else None
+    whole = final.model if spline is None else _with_spline(prepared, final.model, spline)
+    change = evaluate(study, whole.theta, whole.actives)
+    before = evaluate(study, plain.theta)
+    after = change.residual
+    if unknown is not None and unknown_holds and spline is None:
+        after = before.residual - unknown.explained(curve_slopes(study, plain.theta, before))
+    channels = channels_of(study, before)
+    channel = _shown(study, named, unknown, channels)
+    profile = None
+    if channel is not None:
+        profile = profile_of(
+            study, channel, before.residual, after, before.residual - after, before.predicted
+        )
+    causes = tuple(_cause(found, c, final) for c in _by_strength(found, named))
+    surfaces, longest = _surfaces(study, found.times, whole)
+    pictures = [] if verdict is Verdict.NOTHING else pictures_of(
+        courses[longest[0]], longest[1], plain, whole
+    )  # fmt: skip
+    return Diagnosis(
+        verdict=verdict,
+        causes=causes,
+        channel=_channel_name(found, unknown) if verdict is Verdict.UNEXPLAINED else None,
+        wrong=tuple(_wrong(found, causes, unknown, gain, profile)),
+        gain=gain,
+        evidence=tuple(_evidence(found)),
+        channels=tuple(
+            ChannelEvidence(
+                channel_label(one.channel), one.channel.unit, one.p_value, 100 * one.gain
+            )
+            for one in found.left
+        ),
+        needed=_needed(causes),
+        untested=(*untested, *_imitated(found)),
+        surfaces=surfaces,
+        model=_extension(whole, final, longest[1], spline),
+        profile=profile,
+        pictures=tuple(pictures),
+        curves=curve_data(study, longest[1], whole),
+        samples={course.name: len(course) for course in courses},
+        lost=_lost(courses),
+    )
+
+
+def _units(
+    study: Study,
+    block: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    found: Findings,
+    *,
+    other_drives: bool,
+) -> tuple[NDArray[np.int64], float, str, tuple[tuple[str, float, float], ...]]:
+    """Unit of each held-out row, a place for the noise floor, and what was held out."""
+    number = (-1 - block[rows]) // 2
+    names = np.concatenate([np.full(len(c), i) for i, c in enumerate(study.courses)])[rows]
+    t_s = study.column("t_s")[rows]
+    held = np.unique(names)
+    if other_drives and len(held) >= 3:
+        number = names
+    spans = []
+    for unit in np.unique(number):
+        own = number == unit
+        course = study.courses[int(names[own][0])]
+        start = course.first_us / 1e6
+        spans.append((course.name, start + float(t_s[own].min()), start + float(t_s[own].max())))
+    if other_drives:
+        words = f"{len(held)} of {len(study.courses)} recordings: " + ", ".join(
+            study.courses[int(i)].name for i in held
+        )
+    else:
+        share = len(rows) / max(int((study.surface != EXCLUDED).sum()), 1)
+        words = (
+            f"this drive only: {len(spans)} spans of {2 * found.length_s:.1f} s, "
+            f"{100 * share:.0f} % of the rows"
+        )
+    return number, 0.0, words, tuple(spans)
+
+
+def _refitted(prepared: Prepared, extended: Model, *, other_drives: bool) -> Fit:
+    """The extended model on all rows but those of other drives that were kept back."""
+    stage = prepared.stage
+    block = stage.block
+    if not other_drives:
+        block = np.where(block < 0, -1 - block, block)
+    everything = replace(stage, block=block)
+    return fit(everything, extended)
+
+
+def _by_strength(found: Findings, named: Sequence[Candidate]) -> list[Candidate]:
+    """Named effects, the one that alone gains most first."""
+    alone = {one.candidates[0]: one.fit.square for one in found.naming.singles}
+    return sorted(named, key=lambda c: alone.get(c, np.inf))
+
+
+def _cause(found: Findings, candidate: Candidate, final: Fit) -> Cause:
+    effect = candidate.effect
+    place = final.model.candidates.index(candidate)
+    first = final.model.theta.values.size + sum(c.size for c in final.model.candidates[:place])
+    std = iter(np.sqrt(final.covariance.diagonal())[first : first + candidate.size])
+    numbers = iter(final.model.values[place])
+    values = tuple(
+        Value(p.name, float(candidate.axle), None, p.unit, p.meaning)
+        if p.axle
+        else Value(p.name, next(numbers), float(next(std)), p.unit, p.meaning)
+        for p in effect.parameters
+    )
+    return Cause(
+        effect.id,
+        effect.form,
+        effect.title,
+        effect.literature,
+        values,
+        found.p_value(candidate),
+        found.naming.rivals(candidate),
+    )
+
+
+def _evidence(found: Findings) -> list[Evidence]:
+    candidates, detection = found.prepared.candidates, found.naming.detection
+    base = found.naming.base
+    alone = {one.candidates[0]: 100 * (1 - one.rmse / base.rmse) for one in found.naming.singles}
+    out = []
+    for place, candidate in enumerate(candidates):
+        cosines = np.abs(found.cosines[place])
+        others = [i for i, c in enumerate(candidates) if c.effect.id != candidate.effect.id]
+        alike = int(others[int(np.argmax(cosines[others]))]) if others else place
+        gain = alone.get(candidate, 50.0 * float(detection.gain[place]))
+        out.append(
+            Evidence(
+                candidate.effect.id,
+                candidate.effect.form,
+                candidate.axle,
+                float(detection.statistic[place]),
+                float(detection.p_value[place]),
+                float(np.clip(found.absorbed[place], 0.0, 1.0)),
+                (candidates[alike].effect.id, float(found.cosines[place, alike])),
+                float(gain),
+            )
+        )
+    return sorted(out, key=lambda e: (-e.gain_percent, e.p_value))
+
+
+def _imitated(found: Findings) -> list[Untested]:
+    out = {}
+    for candidate, absorbed in zip(found.prepared.candidates, found.absorbed, strict=True):
+        if absorbed >= IMITATED and candidate not in found.naming.best.candidates:
+            out[candidate.effect.id] = (
+                f"the curve's own parameters imitate {100 * absorbed:.1f} % of it in these data"
+            )
+    return [Untested(what, why) for what, why in out.items()]
+
+
+def _needed(causes: Sequence[Cause]) -> str | None:
+    words = [separating(cause.effect, cause.rivals) for cause in causes if cause.rivals]
+    return "; ".join(words) or None
+
+
+def _channel_name(found: Findings, unknown: Left | None) -> str | None:
+    if found.pinned:
+        return "tractive_effort"
+    if found.swings or unknown is None:
+        return None
+    return unknown.channel.name
+
+
+def _wrong(
+    found: Findings,
+    causes: Sequence[Cause],
+    unknown: Left | None,
+    gain: Gain,
+    profile: Profile | None,
+) -> list[str]:
+    out = [cause_sentence(cause) for cause in causes]
+    out += pinned_sentences(found.pinned)
+    if found.swings and found.line is not None:
+        out.append(line_sentence(found.line))
+    if unknown is not None:
+        out.append(channel_sentence(unknown))
+    if out and profile is not None:
+        out.append(where_sentence(profile, gain))
+    return out
+
+
+def _shown(
+    study: Study, named: Sequence[Candidate], unknown: Left | None, channels: Sequence[Channel]
+) -> Channel | None:
+    if named:
+        return shown_channel(study, SHOWN.get(named[0].effect.id, "slip"), channels)
+    return None if unknown is None else unknown.channel
+
+
+def _spline(left: Left) -> Empirical | None:
+    """An unexplained channel as a part of a model; None where a model cannot have it."""
+    channel = left.channel
+    known = ONLINE.get(channel.name)
+    if known is None and (channel.period or channel.name in OFFLINE):
+        return None
+    knots = channel.knots
+    coefficients = left.weights[-left.columns.shape[1] :]
+    if channel.levels is not None or len(coefficients) != len(knots) - 4:
+        return None
+    return Empirical(
+        known or channel.name, "factor", tuple(map(float, knots)), tuple(map(float, coefficients))
+    )
+
+
+def _with_spline(prepared: Prepared, model: Model, spline: Empirical) -> Model:
+    """Curves fitted anew with a spline in front of them."""
+    stage = prepared.stage
+    everything = replace(
+        stage, block=np.abs(np.where(stage.block < 0, -1 - stage.block, stage.block))
+    )
+    return fit(everything, Model(model.theta, fixed=(ActiveEffect(spline, ()),))).model
+
+
+def _surfaces(
+    study: Study, times: list[list[float]], extended: Model
+) -> tuple[tuple[Surface, ...], tuple[int, int]]:
+    """Every stretch of one rail, and course and number of the longest."""
+    at = evaluate(study, extended.theta, extended.actives)
+    found: list[Surface] = []
+    longest, most = (0, 0), -1
+    first = number = 0
+    for place, (course, own) in enumerate(zip(study.courses, times, strict=True)):
+        rows = slice(first, first + len(course))
+        first += len(course)
+        for _ in range(len(own) + 1):
+            mine = np.flatnonzero(study.surface[rows] == number) + rows.start
+            if len(mine) >= 10:
+                if len(mine) > most:
+                    longest, most = (place, number), len(mine)
+                found.append(_surface(course, mine, rows.start, at))
+            number += 1
+    return tuple(found), longest
+
+
+def _surface(course: Course, mine: NDArray[np.int64], start: int, at: Evaluation) -> Surface:
+    mine = mine[:: max(len(mine) // MOST_ROWS, 1)]
+    seen = course.observe()
+    own = mine - start
+    clear = np.abs(at.factor[mine]) > 0.05
+    return Surface(
+        course.name,
+        course.first_us / 1e6 + float(course.t_s[own].min()),
+        course.first_us / 1e6 + float(course.t_s[own].max()),
+        _estimate(seen.slip[own], seen.adhesion[own]),
+        _estimate(at.slip[mine][clear], (at.adhesion[mine] / at.factor[mine])[clear]),
+    )
+
+
+def _estimate(slip: Array, adhesion: Array) -> Estimate:
+    return fit_curve(Samples.curve(slip, adhesion))
+
+
+def _extension(
+    whole: Model, final: Fit, surface: int, spline: Empirical | None
+) -> ExtendedModel | None:
+    """The model as a file has it; None where the data give no curve with a peak."""
+    c1, log_c2, c3 = whole.theta.values[surface]
+    c2 = float(np.exp(log_c2))
+    if not (c1 > 0 and c1 * c2 > c3):
+        return None
+    turn = np.diag([1.0, c2, 1.0])
+    own = slice(3 * surface, 3 * surface + 3)
+    covariances: list[Matrix | None] = []
+    first = final.model.theta.values.size
+    for candidate in final.model.candidates:
+        part = final.covariance[first : first + candidate.size, first : first + candidate.size]
+        first += candidate.size
+        full = np.zeros((len(candidate.effect.parameters),) * 2)
+        free = [i for i, p in enumerate(candidate.effect.parameters) if not p.axle]
+        full[np.ix_(free, free)] = part
+        covariances.append(_matrix(full))
+    return ExtendedModel(
+        base=(float(c1), c2, float(c3)),
+        base_covariance=_matrix(turn @ final.covariance[own, own] @ turn),
+        effects=tuple(
+            c.active(v) for c, v in zip(final.model.candidates, final.model.values, strict=True)
+        ),
+        covariances=tuple(covariances),
+        splines=() if spline is None else (spline,),
+    )
+
+
+def _matrix(values: Array) -> Matrix:
+    even = (values + values.T) / 2
+    return tuple(tuple(float(x) for x in row) for row in even)

@@ -1,0 +1,183 @@
+"""`diagnose` on drives that hide an effect: seconds, memory, and what a longer drive costs."""
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+
+from _report import Report, aside
+
+ROOT = Path(__file__).resolve().parents[2]
+# The folder of this file is on the path; the worlds need the project's.
+sys.path.insert(1, str(ROOT))
+
+from tests.worlds import make_world  # noqa: E402  after the path
+
+DRIVE_S = 240.0
+TARGET_S, TARGET_MIB, TARGET_RATIO = 10.0, 2048.0, 1.25
+KINDS = (
+    "null:0",
+    "null:surfaces",
+    "load_dependence",
+    "creep_relaxation",
+    "pair:load_dependence+speed_delay",
+)
+"""Nothing, a rail that changes, two single effects of which one has a memory, two at once."""
+DRIVES = (1, 2, 4)
+LONGER = ("null:0", "load_dependence")
+"""Whose longer drives are made. The several recordings are null drives of several worlds: what
+they cost, not what they say, is looked at."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of one diagnosis.
+
+    Attributes:
+        seconds: of the whole process, with the start of the interpreter.
+        work: of them without the imports, which cost the same however long the drive is.
+        processor: seconds of the processor.
+        mib: peak of the memory.
+        verdict: what it said.
+
+    """
+
+    seconds: float
+    work: float
+    processor: float
+    mib: float
+    verdict: str
+
+
+def diagnosed(paths):
+    """Cost of `adhesion-can diagnose` on recordings, as a user calls it, without the page."""
+    answer = paths[0].with_suffix(".json")
+    words = [sys.executable, str(Path(__file__).with_name("_diagnosis.py"))]
+    words += [*map(str, paths), "--json", str(answer)]
+    began = time.perf_counter()
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    seconds = time.perf_counter() - began
+    if done.returncode:
+        raise RuntimeError(f"diagnose {' '.join(map(str, paths))} failed:\n{done.stderr}")
+    told = json.loads(done.stdout.splitlines()[-1])
+    found = json.loads(answer.read_text())
+    said = " + ".join(cause["effect"] for cause in found["causes"]) or found["verdict"]
+    return Cost(seconds, seconds - told["imports"], told["processor"], told["mib"], said)
+
+
+def drive(folder, kind, seed, count=1):
+    """A drive of `count` times the usual length."""
+    name = f"{kind}-{seed}-{count}".replace(":", "_").replace("+", "-")
+    path = folder / f"{name}.log"
+    if not path.exists():
+        make_world(kind, seed, path, duration_s=count * DRIVE_S)
+    return path
+
+
+def time_row(report, options, folder):
+    """Seconds and peak memory of a drive, in a process of its own, the imports in it."""
+    report.tell(
+        f"drives of {DRIVE_S:.0f} s, six axles at 100 Hz; {options.repeats} of each kind, medians"
+    )
+    for kind in KINDS:
+        runs = [diagnosed([drive(folder, kind, options.seed + k)]) for k in range(options.repeats)]
+        said = ", ".join(dict.fromkeys(run.verdict for run in runs))
+        report.tell(
+            f"{kind}: {min(run.seconds for run in runs):.1f} to "
+            f"{max(run.seconds for run in runs):.1f} s, of the processor "
+            f"{median(run.processor for run in runs):.1f}; said: {said}"
+        )
+        report.at_most(f"{kind}: s", median(run.seconds for run in runs), TARGET_S, ".1f")
+        report.at_most(f"{kind}: MiB", max(run.mib for run in runs), TARGET_MIB, ".0f")
+
+
+def compared(report, options, what, inputs):
+    """1, 2 and 4 drives side by side; the ratio is of the cost a drive to that of one drive."""
+    rounds = []
+    for number in range(options.repeats):
+        rounds.append([diagnosed(paths) for paths in inputs])
+        aside(f"{what}: {number + 1} of {options.repeats} rounds")
+    for place, count in enumerate(DRIVES):
+        runs = [one[place] for one in rounds]
+        work = median(run.work for run in runs)
+        report.tell(
+            f"{what}, {count}: {work:.1f} s without the imports, {work / count:.1f} s a drive, "
+            f"processor {median(run.processor for run in runs):.1f} s, "
+            f"{max(run.mib for run in runs):.0f} MiB; said: {runs[0].verdict}"
+        )
+    for place, count in enumerate(DRIVES[1:], start=1):
+        ratio = median(one[place].work / count / one[0].work for one in rounds)
+        report.at_most(f"{what}: cost a drive, {count} to 1", ratio, TARGET_RATIO, ".2f")
+    most = max(one[-1].mib for one in rounds)
+    report.at_most(f"{what}: MiB of {DRIVES[-1]}", most, TARGET_MIB, ".0f")
+
+
+def length_row(report, options, folder):
+    """One recording of 1, 2 and 4 drives' length: what a drive's length of it costs."""
+    for kind in LONGER:
+        inputs = [[drive(folder, kind, options.seed, count)] for count in DRIVES]
+        compared(report, options, f"{kind}, drives' lengths in one recording", inputs)
+
+
+def recordings_row(report, options, folder):
+    """1, 2 and 4 recordings together: what one of them costs."""
+    paths = [drive(folder, "null:0", options.seed + k) for k in range(DRIVES[-1])]
+    inputs = [paths[:count] for count in DRIVES]
+    compared(report, options, "null:0, recordings", inputs)
+
+
+ROWS = {"time": time_row, "length": length_row, "recordings": recordings_row}
+
+
+def names(text):
+    chosen = text.split(",")
+    for name in chosen:
+        if name not in ROWS:
+            raise argparse.ArgumentTypeError(f"no row {name!r}; there are: {', '.join(ROWS)}")
+    return chosen
+
+
+def count(text):
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return value
+
+
+def parsed():
+    rows = "; ".join(f"{name}: {row.__doc__}" for name, row in ROWS.items())
+    parser = argparse.ArgumentParser(prog="tools/bench criticism", epilog=f"rows: {rows}")
+    add = parser.add_argument
+    add("--only", type=names, default=list(ROWS), metavar="ROW,..", help="these rows (default all)")
+    add(
+        "--repeats",
+        type=count,
+        default=3,
+        metavar="N",
+        help="drives of each kind, and rounds of each comparison (default 3)",
+    )
+    add("--seed", type=count, default=1, metavar="N", help="of the drives (default 1)")
+    return parser.parse_args()
+
+
+def main():
+    options = parsed()
+    report = Report()
+    with TemporaryDirectory(prefix="bench-") as folder:
+        for name in options.only:
+            print(f"\n{name}: {ROWS[name].__doc__}", flush=True)
+            began = time.perf_counter()
+            ROWS[name](report, options, Path(folder))
+            report.tell(f"({time.perf_counter() - began:.0f} s)")
+    print(f"\n{report.met} of {report.met + len(report.missed)} targets met")
+    for what in report.missed:
+        print(f"  MISSED: {what}")
+
+
+if __name__ == "__main__":
+    main()
