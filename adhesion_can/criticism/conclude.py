@@ -97,29 +97,28 @@ def conclude(
     stage, study = prepared.stage, prepared.stage.study
     named = found.named
     unknown = None if named else found.unknown
-    explained = bool(named) or unknown is not None or found.swings or bool(found.pinned)
-    verdict = Verdict.NAMED if named else Verdict.UNEXPLAINED if explained else Verdict.NOTHING
     plain = found.naming.base.fit.model
     extended = found.naming.best.fit.model if named else plain
     held = held_out(stage, plain, extended, unknown, other_drives=other_drives)
     gain = gain_of(held, *_units(study, stage.block, held.rows, found, other_drives=other_drives))
-    if unknown is not None and gain.percent < 0.0:
-        # A dependence that does not hold where it was not looked for is no extension.
-        unknown_holds = False
+    if unknown is not None and gain.percent <= 0.0:
+        # A dependence that does not hold where it was not looked for is none.
+        untested = [*untested, _not_held(unknown)]
+        unknown = None
         held = held_out(stage, plain, plain, None, other_drives=other_drives)
         gain = gain_of(
             held, *_units(study, stage.block, held.rows, found, other_drives=other_drives)
         )
-    else:
-        unknown_holds = True
+    explained = bool(named) or unknown is not None or found.swings or bool(found.pinned)
+    verdict = Verdict.NAMED if named else Verdict.UNEXPLAINED if explained else Verdict.NOTHING
     gain = replace(gain, noise_floor=found.noise_floor)
     final = _refitted(prepared, extended, other_drives=other_drives)
-    spline = _spline(unknown) if unknown is not None and unknown_holds else None
+    spline = None if unknown is None else _spline(unknown)
     whole = final.model if spline is None else _with_spline(prepared, final.model, spline)
     change = evaluate(study, whole.theta, whole.actives)
     before = evaluate(study, plain.theta)
     after = change.residual
-    if unknown is not None and unknown_holds and spline is None:
+    if unknown is not None and spline is None:
         after = before.residual - unknown.explained(curve_slopes(study, plain.theta, before))
     channels = channels_of(study, before)
     channel = _shown(study, named, unknown, channels)
@@ -155,6 +154,13 @@ def conclude(
         curves=curve_data(study, longest[1], whole),
         samples={course.name: len(course) for course in courses},
         lost=_lost(courses),
+    )
+
+
+def _not_held(unknown: Left) -> Untested:
+    return Untested(
+        f"a dependence on {channel_label(unknown.channel)}",
+        "it showed in the data that decided, and does not hold on those that were held out",
     )
 
 

@@ -25,7 +25,7 @@ from adhesion_can.criticism.model import EXCLUDED, Candidate, Study, curve_slope
 from adhesion_can.criticism.naming import Naming, detection_of, name
 from adhesion_can.criticism.staging import Prepared, block_seconds, prepare
 from adhesion_can.criticism.surfaces import changes, start_of, study_of
-from adhesion_can.criticism.testable import candidates_of, remarks, too_little
+from adhesion_can.criticism.testable import LEAST_ROWS, candidates_of, remarks, too_little
 from adhesion_can.criticism.unknown import Left, Line, left_over, line, pinned, wave_channel
 
 HELD_EVERY, HELD_BLOCKS = 3, 2
@@ -76,7 +76,7 @@ def diagnose(
     kept = _kept_back(used, [c for c in holdout if len(c)])
     length_s = block_seconds(Study(thin, np.empty(0, dtype=np.int64), 0)) if thin else 1.0
     block = _blocks(thin, kept, length_s)
-    why = too_little(thin, len(np.unique(block)))
+    why = too_little(thin, block) if thin else "no usable row in any input"
     if why:
         return empty(courses, [*untested, Untested("everything", why)])
     show("rails", 0.05)
@@ -184,7 +184,10 @@ def _kept_back(courses: Sequence[Course], holdout: Sequence[Course]) -> list[NDA
     if holdout:
         chosen = {id(course) for course in holdout}
     elif len(courses) > 1:
-        chosen = {id(course) for course in courses[-max(len(courses) // HELD_EVERY, 1) :]}
+        # The shortest that are long enough: most of the data decide.
+        able = sorted((c for c in courses if len(c) >= LEAST_ROWS), key=len)
+        count = max(len(courses) // HELD_EVERY, 1)
+        chosen = {id(course) for course in able[:count]} if len(able) > count else set()
     else:
         chosen = set()
     return [np.array([id(course) in chosen]) for course in courses]

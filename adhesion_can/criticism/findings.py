@@ -17,6 +17,8 @@ from adhesion_can.criticism.staging import Prepared
 from adhesion_can.criticism.unknown import LINE_SIZE, Left, Line
 from adhesion_can.physics.burckhardt import Array
 
+NOISELESS = 1e-6
+"""RMSE of the adhesion below which there is nothing to explain: no sensor is as good."""
 HALF = 0.5
 """Share of what is explained in all that named effects must explain to be the answer."""
 
@@ -59,10 +61,10 @@ class Findings:
     @property
     def named(self) -> tuple[Candidate, ...]:
         """Effects that are sure, and explain most of what is explained."""
-        if self.swings or self.pinned:
+        if self.swings or self.pinned or self.naming.base.rmse < NOISELESS:
             return ()
         best, base = self.naming.best, self.naming.base
-        if not best.candidates or any(self.p_value(c) > self.alpha / 2 for c in best.candidates):
+        if not best.candidates or any(self.p_value(c) > self.alpha for c in best.candidates):
             return ()
         explained = 1.0 - (best.rmse / base.rmse) ** 2
         strongest = next((one for one in self.left if one.p_value <= self.alpha / 2), None)
@@ -80,6 +82,8 @@ class Findings:
     @property
     def unknown(self) -> Left | None:
         """The channel that an unexplained residual depends on; None: none."""
+        if self.naming.base.rmse < NOISELESS:
+            return None
         names = {"tractive_effort"} if self.pinned else None
         for one in self.left_plain:
             if names and one.channel.name not in names:

@@ -1,4 +1,4 @@
-"""Traces of a bus, or the rows of a TABLE, to a course; what could not be used is counted."""
+"""Traces of a bus to a course; what could not be used is counted."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -6,34 +6,31 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.criticism.course import (
-    DELAY_MAX,
+from adhesion_can.criticism.course import DELAY_MAX, Course
+from adhesion_can.criticism.smoothing import (
     EFFORT_WINDOWS_S,
     SPEED_WINDOWS_S,
     WHEEL_WINDOWS_S,
-    Course,
-    Signals,
     Smooth,
-    Source,
     covers,
     pulled,
     rough,
     smoothed,
 )
+from adhesion_can.criticism.sources import Signals, Source
+from adhesion_can.criticism.tabled import course_of_table
 from adhesion_can.identification.samples import COVARIATES
 from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Direction, Role, Samples
+from adhesion_can.physics.data import Direction, Role
 from adhesion_can.physics.vehicle import Locomotive
 
 HELD = frozenset({Role.SANDING, Role.RAIN})
 """Channels that step; the others are straight lines between their readings."""
+LEAST_LOAD = 0.1
+"""Share of the static load below which a load is no load."""
 MOST_MISSING = 0.05
 """A channel that is missing in a larger share of the rows is not used."""
-PAUSE_S = 1.0
-"""Rows of a TABLE further apart than this do not follow each other."""
-BETWEEN_S = 10.0
-"""Time put between stretches of a TABLE that do not follow each other."""
 
 
 def course_of(
@@ -84,7 +81,8 @@ def course_of(
     if not wheels:
         return _empty(name, vehicle, dict(lost))
     fast = {axle: rough(traces[Role.WHEEL_SPEED, axle], origin) for axle in wheels}
-    signals = Signals(wheels, speed, loads, efforts, vehicle, fast)
+    travel = _travel(traces.get((Role.DIRECTION, 0)), origin)
+    signals = Signals(wheels, speed, loads, efforts, vehicle, fast, travel)
     parts = []
     for axle, (t, effort_values) in raw.items():
         keep = _usable(t, signals, axle, v_min, slip_max, lost)
@@ -92,10 +90,8 @@ def course_of(
     t_s = np.concatenate([part[0] for part in parts])
     axles = np.concatenate([part[1] for part in parts])
     covariates = _covariates(traces, t_s, origin, lost)
-    place = _places(traces.get((Role.DIRECTION, 0)), t_s, origin, axles, vehicle.axles)
-    way = np.concatenate(
-        [[0.0], np.cumsum(np.diff(speed.t_s) * (speed.value[1:] + speed.value[:-1]) / 2)]
-    )
+    place = np.where(signals.direction(t_s) > 0, axles, vehicle.axles + 1.0 - axles)
+    way = _travelled(speed)
     return Course(
         name=name,
         t_s=t_s,
@@ -107,6 +103,7 @@ def course_of(
         inertia=vehicle.wheelset_inertia,
         position=np.interp(t_s, speed.t_s, way) - behind(vehicle, place),
         source=Source(axles, t_s, signals),
+        has_load=len(loads) == len(wheels),
         first_us=origin,
         lost=dict(lost),
     )
@@ -138,10 +135,12 @@ def _usable(
     fast = v >= v_min
     slip = signals.radius[axle - 1] * np.interp(t, wheel.t_s, wheel.value) / np.maximum(v, 1e-3) - 1
     inside = np.abs(slip) <= slip_max
+    loaded = signals.load(axle, t) >= LEAST_LOAD * signals.vehicle.axle_load[axle - 1]
+    lost["axle load implausibly low"] += int((there & fast & inside & ~loaded).sum())
     lost["at a gap or an end of the signals"] += int((~there).sum())
     lost["below v_min"] += int((there & ~fast).sum())
     lost["slip out of range"] += int((there & fast & ~inside).sum())
-    return np.asarray(there & fast & inside)
+    return np.asarray(there & fast & inside & loaded)
 
 
 def _covariates(
@@ -163,16 +162,13 @@ def _covariates(
     return found
 
 
-def _places(
-    direction: Trace | None, t_s: Array, origin: int, axle: NDArray[np.int64], axles: int
-) -> Array:
-    """Place of each row's axle, counted from the leading one in the direction of travel."""
-    forward = axle.astype(np.float64)
-    if direction is None or not len(direction.t_us):
-        return forward
-    at = np.searchsorted((direction.t_us - origin) / 1e6, t_s, side="right") - 1
-    reverse = direction.value[np.maximum(at, 0)] == Direction.REVERSE
-    return np.where(reverse, axles + 1 - forward, forward)
+def _travel(direction: Trace | None, origin: int) -> tuple[Array, Array] | None:
+    """Direction of travel: stamps, s, and 1 or −1; what is not known stays as it was."""
+    if direction is None:
+        return None
+    told = np.isin(direction.value, (Direction.FORWARD, Direction.REVERSE))
+    sign = np.where(direction.value[told] == Direction.REVERSE, -1.0, 1.0)
+    return (direction.t_us[told] - origin) / 1e6, sign
 
 
 def _empty(name: str, vehicle: Locomotive, lost: Mapping[str, int]) -> Course:
@@ -186,82 +182,4 @@ def _empty(name: str, vehicle: Locomotive, lost: Mapping[str, int]) -> Course:
     )  # fmt: skip
 
 
-def course_of_table(
-    name: str, samples: Samples, segment: NDArray[np.int64] | None, slip_max: float
-) -> Course:
-    """Course of a TABLE: slip and adhesion are taken as they stand there.
-
-    A wheel of radius 1 m without inertia that has the slips of the table stands for the real one.
-
-    Args:
-        name: of the table.
-        samples: its rows.
-        segment: number of each row's segment, where the table has one.
-        slip_max: no use of larger slips.
-
-    """
-    good = np.abs(samples.slip) <= slip_max
-    good &= (samples.speed > 0) & (samples.load > 0)
-    lost = {"slip, speed or load out of range": int((~good).sum())}
-    rows = samples.select(good)
-    parts = np.zeros(len(rows), dtype=np.int64) if segment is None else segment[good]
-    number = np.unique(rows.axle, return_inverse=True)[1] + 1 if len(rows) else rows.axle
-    first_us = int(rows.t_us.min()) if len(rows) else 0
-    t_s = _unrolled((rows.t_us - first_us) / 1e6, parts, number)
-    order = np.lexsort((t_s, number))
-    rows, t_s, number = rows.select(order), t_s[order], number[order]
-    axles = int(number.max(initial=1))
-    vehicle = Locomotive((1.0,) * axles, (1.0,) * axles, 0.0, 1.0, geometry=None)
-    nothing = np.empty((0, 2))
-    zero = np.zeros(len(rows))
-
-    def smooth(of: NDArray[np.bool_], values: Array) -> Smooth:
-        return Smooth(t_s[of], values[of], zero[of], 0.0, nothing)
-
-    every = {i: number == i for i in range(1, axles + 1)}
-    turning = (1.0 + rows.slip) * rows.speed
-    by_time = np.argsort(t_s, kind="stable")
-    speed = Smooth(t_s[by_time], rows.speed[by_time], zero, 0.0, nothing)
-    signals = Signals(
-        {i: smooth(of, turning) for i, of in every.items()},
-        speed,
-        {i: (t_s[of], rows.load[of]) for i, of in every.items()},
-        {},
-        vehicle,
-    )
-    return Course(
-        name=name,
-        t_s=t_s,
-        axle=number,
-        place=number.astype(np.float64),
-        effort=rows.adhesion * rows.load,
-        covariates={n: c for n, c in rows.covariates.items() if np.isfinite(c).all()},
-        radius=signals.radius,
-        inertia=0.0,
-        position=_way(t_s, rows.speed, number),
-        source=Source(number, t_s, signals),
-        lost=lost,
-        table=True,
-        first_us=first_us,
-        clock_s=(rows.t_us - first_us) / 1e6,
-        has_speed=bool(np.any(rows.speed != 1.0)),
-        has_load=bool(np.any(rows.load != 1.0)),
-    )
-
-
-def _unrolled(t_s: Array, segment: NDArray[np.int64], axle: NDArray[np.int64]) -> Array:
-    """Times that only run forwards: rows that do not follow each other are set well apart."""
-    unrolled = np.empty(len(t_s))
-    for number in np.unique(axle):
-        rows = np.flatnonzero(axle == number)
-        step = np.diff(t_s[rows], prepend=t_s[rows[:1]])
-        new = np.diff(segment[rows], prepend=segment[rows[:1]]) != 0
-        cut = new | (step < 0) | (step > PAUSE_S)
-        unrolled[rows] = np.cumsum(np.where(cut, BETWEEN_S, step))
-    return unrolled
-
-
-def _way(t_s: Array, speed: Array, axle: NDArray[np.int64]) -> Array:
-    step = np.diff(t_s, prepend=t_s[:1])
-    follows = (step >= 0) & (step <= PAUSE_S) & (np.diff(axle, prepend=axle[:1]) == 0)
-    return np.cumsum(np.where(follows, step * speed, 0.0))
+__all__ = ["course_of", "course_of_table"]

@@ -22,12 +22,14 @@ from adhesion_can.physics.effects import (
     Effect,
     Memory,
     Parameter,
+    acts_in_contact,
     change_of,
     instruments_of,
 )
 
-SLOPE_STEP, CHORD_STEP = 0.01, 0.3
-"""Steps of a parameter, in its typical size: for a slope, and for an effect without a size yet."""
+SLOPE_STEP, CHORD_STEP, FAR_STEP = 0.01, 0.3, 3.0
+"""Steps of a parameter, in its typical size: for a slope, and for an effect without a size yet,
+which may look otherwise where it is large."""
 EXCLUDED = -1
 """Surface of a row that belongs to none: close to a change of the rail."""
 
@@ -57,15 +59,22 @@ class Candidate:
         return " ".join(part for part in parts if part)
 
     def active(self, values: Sequence[float]) -> ActiveEffect:
-        """With values of the parameters that are looked for, clipped to what makes sense."""
+        """With values of the parameters that are looked for."""
         given = iter(values)
         return ActiveEffect(
             self.effect,
             tuple(
-                float(self.axle) if p.axle else float(np.clip(next(given), p.lower, p.upper))
-                for p in self.effect.parameters
+                float(self.axle) if p.axle else float(next(given)) for p in self.effect.parameters
             ),
         )
+
+    def least(self, limit: Parameter) -> float:
+        """Smallest value that a difference may use.
+
+        A delay may be tried on both sides of none: a one-sided difference of a noisy signal goes
+        with its noise, and finds a delay of milliseconds where there is none.
+        """
+        return limit.lower if acts_in_contact(self.effect) else -limit.upper
 
     @property
     def none(self) -> tuple[float, ...]:
@@ -77,6 +86,14 @@ class Candidate:
     def limits(self) -> tuple[Parameter, ...]:
         """The parameters that are looked for."""
         return tuple(p for p in self.effect.parameters if not p.axle)
+
+    @property
+    def chords(self) -> tuple[float, ...]:
+        """Sizes, in the typical one, at which an effect without a size is looked at.
+
+        What has one sign is a delay, a length, a share that is lost: seldom linear.
+        """
+        return (CHORD_STEP, FAR_STEP) if self.limits[0].lower == 0.0 else (CHORD_STEP,)
 
     @property
     def starts(self) -> tuple[tuple[float, ...], ...]:
@@ -300,7 +317,9 @@ def effect_slopes(
         ends = []
         for side in (1.0, -1.0):
             moved = list(values)
-            moved[place] = float(np.clip(values[place] + side * step, limit.lower, limit.upper))
+            moved[place] = float(
+                np.clip(values[place] + side * step, candidate.least(limit), limit.upper)
+            )
             ends.append((moved[place], _left(study, model, candidate, tuple(moved), shift)))
         columns.append((ends[1][1] - ends[0][1]) / (ends[0][0] - ends[1][0]))
     return np.stack(columns, axis=1)
@@ -312,6 +331,7 @@ def signature(
     candidate: Candidate,
     start: tuple[float, ...],
     shift: Array | None = None,
+    chord: float = CHORD_STEP,
 ) -> Array:
     """Change of the prediction per size of an effect that the model does not have, shape (n,).
 
@@ -323,13 +343,14 @@ def signature(
         candidate: the effect.
         start: values without size; the others as they are to be.
         shift: see `evaluate`.
+        chord: size that it is given for this, in its typical one.
 
     """
     size = candidate.limits[0]
-    step = CHORD_STEP * abs(size.typical)
+    step = chord * abs(size.typical)
     ends = []
     for side in (1.0, -1.0):
-        value = float(np.clip(side * step, size.lower, size.upper))
+        value = float(np.clip(side * step, candidate.least(size), size.upper))
         ends.append((value, _left(study, model, candidate, (value, *start[1:]), shift)))
     return np.asarray((ends[1][1] - ends[0][1]) / (ends[0][0] - ends[1][0]))
 

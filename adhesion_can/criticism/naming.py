@@ -19,13 +19,16 @@ from adhesion_can.criticism.stage import Fit, Stage, fit
 
 SURE = 0.05
 """Level at which a difference between two models counts."""
-WORTH = 0.01
-"""Share by which the RMSE of the adhesion must fall for an effect to be worth naming."""
+WORTH, SECOND_WORTH = 0.01, 0.03
+"""Share by which the RMSE of the adhesion must fall for an effect to be worth naming, and for one
+beside another: what is left of the first one's form must not get a name."""
 WORTH_WHITE = 0.005
 """Share by which the whitened sum of squares must fall besides."""
 REFINED, PARTNERED, PARTNERS = 6, 4, 4
 """Effects fitted in full; those of them that get partners; partners of each that are fitted."""
 DRIFT = "slow_drift"
+REACH = 10.0
+"""A first step goes no further than this many chords."""
 ALIKE = 0.002
 """Models whose sums of squares differ by a smaller share are not told from each other."""
 
@@ -96,8 +99,9 @@ class Naming:
     def p_value(self, candidate: Candidate, tested: Sequence[Candidate]) -> float:
         """That chance alone makes a named effect look so strong, all effects counted.
 
-        Of two tests the smaller value counts, twice: the sign flips against the plain model, and
-        how sure the gain over the model without the effect is, block by block.
+        Of several tests the smallest value counts, as often as there are tests: sign flips against
+        the plain model and against the one without the effect, and how sure the gain over that one
+        is, block by block.
         """
         flips = float(self.detection.p_value[list(tested).index(candidate)])
         less = [
@@ -108,7 +112,7 @@ class Naming:
         values = [flips, *(_chance(one.fit, self.best.fit) * len(tested) for one in less)]
         if self.best.candidates[-1] == candidate:
             values.append(self.best.added)
-        return min(1.0, 2.0 * min(values))
+        return min(1.0, len(values) * min(values))
 
 
 def scored(stage: Stage, found: Fit, added: float = 1.0) -> Scored:
@@ -136,8 +140,8 @@ class Proposal:
 
 def proposals(stage: Stage, model: Model, candidates: Sequence[Candidate]) -> list[Proposal]:
     """Every candidate added to a model, to first order, the most promising first."""
-    starts = [(c, start) for c in candidates for start in c.starts]
-    columns = [stage.signature(model, c, start) for c, start in starts]
+    starts = [(c, start, chord) for c in candidates for start in c.starts for chord in c.chords]
+    columns = [stage.signature(model, c, start, chord) for c, start, chord in starts]
     slopes = stage.columns(model)
     ledger = stage.ledger(
         np.column_stack([slopes[:, :-1], stage.white(np.column_stack(columns)), slopes[:, -1]])
@@ -150,17 +154,17 @@ def proposals(stage: Stage, model: Model, candidates: Sequence[Candidate]) -> li
         np.random.default_rng(len(starts)),
     )
     chance = dict.fromkeys(candidates, 1.0)
-    for (candidate, _), p_value in zip(starts, flips.p_value, strict=True):
+    for (candidate, _, _), p_value in zip(starts, flips.p_value, strict=True):
         chance[candidate] = min(chance[candidate], float(p_value))
     p, square = slopes.shape[1] - 1, max(float(whole[-1, -1]), 1e-300)
     found: dict[Candidate, Proposal] = {}
-    for number, (candidate, start) in enumerate(starts):
+    for number, (candidate, start, chord) in enumerate(starts):
         of = [*range(p), p + number]
         right = whole[of, -1]
         answer = solve(whole[np.ix_(of, of)], right)
         size = float(np.clip(answer[-1], candidate.limits[0].lower, candidate.limits[0].upper))
-        # A step this far may leave the range in which the slope holds.
-        reach = 3.0 * abs(candidate.limits[0].typical)
+        # A step far beyond the chord leaves the range in which it says anything.
+        reach = REACH * chord * abs(candidate.limits[0].typical)
         less = solve(whole[:p, :p], right[:p])
         explained = float(right @ answer - right[:p] @ less) if size * answer[-1] > 0 else 0.0
         proposal = Proposal(
@@ -201,6 +205,7 @@ def name(stage: Stage, base: Fit, candidates: Sequence[Candidate], detection: De
             singles += _members(stage, base, best, singles)
         pool = pairs if len(best.candidates) == 2 else singles
         best = _caused(best, [one for one in pool if not _worse(best, one)])
+        best = _simplest(best, [one for one in pool if not _worse(best, one)])
         alike = tuple(one for one in pool if one is not best and not _worse(best, one))
     return Naming(plain, best, alike, tuple(singles), detection)
 
@@ -241,10 +246,11 @@ def _members(stage: Stage, base: Fit, best: Scored, singles: Sequence[Scored]) -
 
 def _better(small: Scored, large: Scored, tried: int) -> bool:
     """Whether a larger model's gain is sure, with so many tried, and worth having."""
-    worth = large.rmse < (1.0 - WORTH) * small.rmse
+    least = SECOND_WORTH if small.candidates else WORTH
+    worth = large.rmse < (1.0 - least) * small.rmse
     worth &= large.fit.square < (1.0 - WORTH_WHITE) * small.fit.square
     chance = 2.0 * min(large.added, _chance(small.fit, large.fit) * tried)
-    return bool(worth and chance <= SURE / 2)
+    return bool(worth and chance <= SURE)
 
 
 def _caused(best: Scored, alike: Sequence[Scored]) -> Scored:
@@ -255,6 +261,12 @@ def _caused(best: Scored, alike: Sequence[Scored]) -> Scored:
     if DRIFT not in best.ids:
         return best
     return next((one for one in alike if DRIFT not in one.ids), best)
+
+
+def _simplest(best: Scored, alike: Sequence[Scored]) -> Scored:
+    """Of forms of the same effects that cannot be told apart the one with the fewest numbers."""
+    same = [best, *(one for one in alike if one.ids == best.ids)]
+    return min(same, key=lambda one: sum(c.size for c in one.candidates))
 
 
 def _worse(best: Scored, other: Scored) -> bool:

@@ -9,6 +9,7 @@ from scipy.optimize import nnls
 
 from adhesion_can.criticism.ledger import Ledger, solve
 from adhesion_can.criticism.model import (
+    CHORD_STEP,
     EXCLUDED,
     Candidate,
     Model,
@@ -88,11 +89,15 @@ class Stage:
         return self.white(np.column_stack([*parts, left]))
 
     def signature(
-        self, model: Model, candidate: Candidate, start: tuple[float, ...] | None = None
+        self,
+        model: Model,
+        candidate: Candidate,
+        start: tuple[float, ...] | None = None,
+        chord: float = CHORD_STEP,
     ) -> Array:
         """See `model.signature`; shape (n, 1)."""
         given = candidate.none if start is None else start
-        return signature(self.study, model, candidate, given, self.shift)[:, None]
+        return signature(self.study, model, candidate, given, self.shift, chord)[:, None]
 
     def rewhitened(self, residual: Array) -> "Stage":
         """With the filter and the weights that other residuals ask for, adhesion, shape (n,)."""

@@ -7,6 +7,7 @@ looks like many small ones.
 """
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ MOST_ROWS = 6_000
 AROUND_S = 2.0
 """Rows so close to a change are left out: each axle finds it at a time of its own."""
 PASSES = 3
+FEWEST = 10
 
 
 def samples_of(course: Course, rows: NDArray[np.int64] | slice = slice(None)) -> Samples:
@@ -53,9 +55,12 @@ def changes(course: Course, candidates: tuple[Candidate, ...]) -> list[float]:
     samples = samples_of(thin, order)
     rows = change_points(samples, SETTINGS)
     times = [float(samples.t_us[row]) / 1e6 for row in rows]
+    if not times:
+        return []
+    trial = _Trial(thin, times, candidates)
     while times:
-        whole = _left(thin, times, candidates)
-        without = [_left(thin, times[:i] + times[i + 1 :], candidates) for i in range(len(times))]
+        whole = trial.left(times)
+        without = [trial.left(times[:i] + times[i + 1 :]) for i in range(len(times))]
         least = int(np.argmin(without))
         if without[least] > (1.0 + EXPLAINED) * whole:
             break
@@ -111,43 +116,58 @@ def study_of(courses: tuple[Course, ...], times: list[list[float]]) -> Study:
 
 def start_of(study: Study) -> Theta:
     """Curves to begin with: `identify`'s fit of each surface."""
+    return Theta(np.array([_curve(study, number) for number in range(study.surfaces)]))
+
+
+def _curve(study: Study, number: int) -> Array:
+    """(c1, ln c2, c3) of one surface by `identify`'s fit to some of its rows."""
+    own = np.flatnonzero(study.surface == number)
+    if len(own) < FEWEST:
+        return np.array([0.3, np.log(40.0), 0.1])
+    own = own[:: max(len(own) // 3000, 1)]
     adhesion, slip = (
-        np.concatenate([getattr(course.observe(), name) for course in study.courses])
+        np.concatenate([getattr(course.observe(), name) for course in study.courses])[own]
         for name in ("adhesion", "slip")
     )
-    rows = []
-    for number in range(study.surfaces):
-        own = np.flatnonzero(study.surface == number)
-        if len(own) < 10:
-            rows.append((0.3, np.log(40.0), 0.1))
-            continue
-        own = own[:: max(len(own) // 3000, 1)]
-        estimate = fit(Samples.curve(slip[own], adhesion[own]))
-        rows.append((estimate.c1, np.log(max(estimate.c2, 1.0)), estimate.c3))
-    return Theta(np.array(rows))
+    estimate = fit(Samples.curve(slip, adhesion))
+    return np.array([estimate.c1, np.log(max(estimate.c2, 1.0)), estimate.c3])
 
 
-def _left(course: Course, times: list[float], candidates: tuple[Candidate, ...]) -> float:
-    """Sum of squares with a curve for each stretch and every effect, to first order."""
-    study = study_of((course,), [times])
-    model = Model(start_of(study))
-    used = study.surface != EXCLUDED
-    square = np.inf
-    signatures = [signature(study, model, c, c.none)[:, None] for c in candidates]
-    for _ in range(PASSES):
-        at = evaluate(study, model.theta)
-        columns = np.column_stack([curve_slopes(study, model.theta, at), *signatures])[used]
-        left = at.residual[used]
-        answer = solve(columns.T @ columns, columns.T @ left)
-        reached = float(np.sum((left - columns @ answer) ** 2))
-        if reached >= square:
-            break
-        square = reached
-        # The effects stay linear; the curves go where the effects want them.
-        model = model.at(model.vector + answer[: 3 * study.surfaces])
-    return square / max(int(used.sum()), 1)
+class _Trial:
+    """Sums of squares with a curve for each stretch, and every effect's help to first order."""
 
+    def __init__(
+        self, course: Course, times: list[float], candidates: tuple[Candidate, ...]
+    ) -> None:
+        self._course = course
+        self._curves: dict[tuple[float, float], Array] = {}
+        study, model = self._start(times)
+        signatures = [signature(study, model, c, c.none)[:, None] for c in candidates]
+        self._signatures = np.column_stack([np.empty((len(study), 0)), *signatures])
 
-def rows_of(study: Study) -> Array:
-    """Number of rows of each surface."""
-    return np.bincount(study.surface[study.surface >= 0], minlength=study.surfaces).astype(float)
+    def left(self, times: list[float]) -> float:
+        """Mean square with these changes."""
+        study, model = self._start(times)
+        used = study.surface != EXCLUDED
+        square = np.inf
+        for _ in range(PASSES):
+            at = evaluate(study, model.theta)
+            slopes = curve_slopes(study, model.theta, at)
+            columns = np.column_stack([slopes, self._signatures])[used]
+            left = at.residual[used]
+            answer = solve(columns.T @ columns, columns.T @ left)
+            reached = float(np.sum((left - columns @ answer) ** 2))
+            if reached >= square:
+                break
+            square = reached
+            # The effects stay linear; the curves go where the effects want them.
+            model = model.at(model.vector + answer[: 3 * study.surfaces])
+        return square / max(int(used.sum()), 1)
+
+    def _start(self, times: list[float]) -> tuple[Study, Model]:
+        study = study_of((self._course,), [times])
+        bounds = list(pairwise([-np.inf, *times, np.inf]))
+        for number, ends in enumerate(bounds):
+            if ends not in self._curves:
+                self._curves[ends] = _curve(study, number)
+        return study, Model(Theta(np.array([self._curves[ends] for ends in bounds])))

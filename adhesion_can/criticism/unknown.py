@@ -22,7 +22,7 @@ PINNED_SHARE, PINNED_LEAST, NOISY = 0.002, 20, 0.9
 readings that differ from the one before."""
 LINE_RATIO, LINE_SIZE = 2.0, 0.3
 """Power of a line over its surroundings, and its size in the noise of the adhesion."""
-LINES_HZ = (2.5, 45.0)
+LINES_HZ, SEGMENT = (2.5, 45.0), 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,16 +168,15 @@ class Line:
 
 def line(course: Course) -> Line | None:
     """The strongest line in the wheel speeds' spectra, averaged over the axles."""
-    spectra, rate = [], 0.0
-    for t_s, rough in course.source.rough.values():
-        if len(t_s) < 2048:
-            continue
-        rate = 1.0 / float(np.median(np.diff(t_s)))
-        frequency, power = welch(rough, rate, nperseg=512)
-        spectra.append(power)
-    if not spectra:
+    stretches = [one for axle in course.source.rough.values() for one in axle]
+    stretches = [(t_s, fast) for t_s, fast in stretches if len(t_s) >= 2 * SEGMENT]
+    if not stretches:
         return None
-    mean = np.mean(spectra, axis=0)
+    rate = 1.0 / float(np.median(np.diff(stretches[0][0])))
+    spectra = [welch(fast, rate, nperseg=SEGMENT) for _, fast in stretches]
+    frequency = spectra[0][0]
+    lengths = [len(t_s) for t_s, _ in stretches]
+    mean = np.average([power for _, power in spectra], axis=0, weights=lengths)
     inside = (frequency >= LINES_HZ[0]) & (frequency <= min(LINES_HZ[1], 0.45 * rate))
     around = np.array([_around(frequency, mean, f) for f in frequency])
     ratio = np.where(inside, mean / np.maximum(around, 1e-300), 0.0)

@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 import tomllib
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -28,17 +29,24 @@ WORN = (0.625, 0.6125, 0.625, 0.640625, 0.625, 0.625)
 """Axle 2 worn by 2 %, axle 4 new on a locomotive whose wheels are set at 0.625 m."""
 
 
-@pytest.fixture(scope="module")
-def worn(tmp_path_factory):
-    """120 s of `sweep` on worn wheels."""
-    path = tmp_path_factory.mktemp("worn") / "worn.log"
-    settings = RunSettings(
-        scenario_by_name("sweep"), 120.0, seed=2, vehicle=Locomotive(wheel_radius=WORN)
-    )
+SWEEP = scenario_by_name("sweep")
+STEADY = replace(SWEEP, speed=15.0, speed_swing=0.0)
+"""Near one speed, so that no offset of the vehicle speed is told."""
+
+
+def recorded(path, scenario):
+    """120 s on worn wheels."""
+    settings = RunSettings(scenario, 120.0, seed=2, vehicle=Locomotive(wheel_radius=WORN))
     with path.open("w") as file:
         for frames in Simulation(settings, load_database()).run():
             file.writelines(map(format_frame, frames))
     return path
+
+
+@pytest.fixture(scope="module")
+def worn(tmp_path_factory):
+    """`sweep` near one speed."""
+    return recorded(tmp_path_factory.mktemp("worn") / "worn.log", STEADY)
 
 
 def calibrated(tmp_path, *arguments):
@@ -98,7 +106,7 @@ def test_the_written_configuration_mends_the_slip_and_the_peak(worn, found, tmp_
     _, out = found
     written = load_configuration(out)
     assert written.vehicle.wheel_radius == pytest.approx(WORN, rel=1e-3)
-    true = scenario_by_name("sweep").stretches(1.0)[0].surface
+    true = SWEEP.stretches(1.0)[0].surface
     first = tmp_path / "first.log"
     with worn.open() as file, first.open("w") as head:
         head.writelines(islice(file, 30_000))
@@ -142,6 +150,20 @@ def test_comments_and_all_else_of_the_users_file_stay(worn, tmp_path):
     calibrated(tmp_path, worn, "--config", out, "--out", out)
     assert out.read_text().count("calibrated:") == 1
     assert "] # m; calibrated: " in out.read_text()
+
+
+def test_where_speeds_vary_the_offset_is_told_and_each_key_has_one_remark(tmp_path):
+    """However often: one behind the radii, one behind the vehicle speed."""
+    log, out = recorded(tmp_path / "swing.log", SWEEP), tmp_path / "out.toml"
+    result = calibrated(tmp_path, log, "--out", out)
+    assert abs(result["offset_mps"]["value"]) < 3 * result["offset_mps"]["std"] < 0.02
+    first = out.read_text()
+    for _ in range(2):
+        calibrated(tmp_path, log, "--config", out, "--out", out)
+    remarked = [line for line in out.read_text().splitlines() if "calibrated:" in line]
+    assert [line.count("calibrated:") for line in remarked] == [1, 1]
+    assert [line.split()[0] for line in remarked] == ["wheel_radius_m", "vehicle_speed"]
+    assert len(out.read_text()) < len(first) + 20, "digits may differ, nothing may grow"
 
 
 # --- a bench of small recordings: coasting with steps of speed, other units and roles

@@ -208,7 +208,7 @@ def test_an_effect_changes_the_drive_and_stands_in_the_truth(tmp_path):
         written = json.loads(truth.read_text())["effects"][0]
         assert written["effect"] == effect.split("=")[0]
         size = next(iter(written["parameters"].values()))
-        assert size == (float(effect.split("=")[1]) if "=" in effect else 2e-12)
+        assert size == (float(effect.split("=")[1]) if "=" in effect else 4e-12)
     contents = {p.read_bytes() for p in tmp_path.iterdir() if p.suffix != ".json"}
     assert len(contents) == 3
 

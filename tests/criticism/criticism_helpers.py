@@ -121,7 +121,11 @@ def sweeps(rng, rows=4000, step_s=0.05, top=0.11, std=0.01):
     t = np.arange(rows) * step_s
     side = np.where(np.floor(t / 7.0) % 3 == 2, -1.0, 1.0)
     slip = side * top * (1 - np.cos(2 * np.pi * t / 7.0))
-    return {"time_s": t, "slip": slip, "adhesion": burckhardt(slip) + std * rng.standard_normal(rows)}
+    return {
+        "time_s": t,
+        "slip": slip,
+        "adhesion": burckhardt(slip) + std * rng.standard_normal(rows),
+    }
 
 
 def write_table(path, columns):

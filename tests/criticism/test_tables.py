@@ -47,7 +47,6 @@ def same_rows(made, given):
     assert seen.creep_speed == pytest.approx((given["slip"] * given["speed"])[row], abs=1e-6)
 
 
-broken = pytest.mark.xfail(reason="course_of_table interpolates one speed for all axles")
 ALTERNATING = np.arange(N) % 2
 TIMES = {
     "one axle": (np.arange(N) * 0.01, None),
@@ -63,12 +62,9 @@ TIMES = {
     "every stamp twice": (np.repeat(np.arange(N // 2), 2) * 0.01, None),
     "one stamp for all": (np.zeros(N), None),
 }
-WRONG = set(TIMES) - {"one axle", "backwards", "in any order", "axle after axle"}
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(k, marks=broken) if k in WRONG else k for k in TIMES]
-)
+@pytest.mark.parametrize("kind", TIMES)
 def test_rows_stand_as_the_table_has_them(kind):
     given = columns()
     t_s, axle = TIMES[kind]
@@ -111,13 +107,16 @@ def test_segments_are_not_joined():
     assert (np.flatnonzero(np.diff(made.t_s) > 1.0) + 1).tolist() == [150, 300, 450]
 
 
-def test_axles_are_numbered_from_one_and_stand_together():
-    made = course(columns(), np.arange(N) * 0.01, axle=np.arange(N) % 3 * 7 - 4)
-    assert np.unique(made.axle).tolist() == [1, 2, 3]
+@pytest.mark.parametrize("numbers", [(2, 5, 6), (0, 1, 2), (-4, 3, 10), (1, 2, 900)])
+def test_axles_keep_their_numbers_where_these_can_be_axles_and_stand_together(numbers):
+    made = course(columns(), np.arange(N) * 0.01, axle=np.array(numbers)[np.arange(N) % 3])
+    plausible = min(numbers) > 0 and max(numbers) < 100
+    assert np.unique(made.axle).tolist() == (list(numbers) if plausible else [1, 2, 3])
+    assert len(made.radius) == made.axle.max()
     assert (np.diff(made.axle) >= 0).all()
     row = made.covariates["row"].astype(int)
-    assert (row % 3 + 1).tolist() == made.axle.tolist()
-    for number in (1, 2, 3):
+    assert np.unique(made.axle)[row % 3].tolist() == made.axle.tolist()
+    for number in np.unique(made.axle):
         assert (np.diff(made.t_s[made.axle == number]) > 0).all()
 
 
@@ -154,7 +153,7 @@ def test_a_late_effort_is_read_later_along_its_own_axle():
     """Slips of 50 ms ago stand beside the adhesion of now, as a delay of the effort means."""
     given = columns()
     t = np.arange(N) * 0.01
-    given["speed"][:] = 10.0
+    given["speed"][:], given["load"][:] = 10.0, 4000.0
     given["slip"] = 0.1 * np.sin(2 * np.pi * t / 3)
     made = course(given, t)
     seen = made.observe(Instruments(effort_delay=0.05))
