@@ -26,6 +26,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.identification.registry import ESTIMATORS
 from adhesion_can.reporting.provenance import estimate_json, provenance
@@ -33,7 +34,7 @@ from adhesion_can.reporting.text import console, plus_minus, table
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.extract import require_known
 from adhesion_can.service.outputs import AXLE_FRAMES, Outputs, Setpoint
-from adhesion_can.service.replay import ReplaySummary, in_sequence, replay
+from adhesion_can.service.replay import CurveFit, Misfit, ReplaySummary, in_sequence, replay
 from adhesion_can.service.states import Status
 
 COLUMNS = (
@@ -49,7 +50,10 @@ def add_to(commands: Any) -> None:
     parser = commands.add_parser(
         "replay",
         help="the service over recordings",
-        description="Runs the service over recordings, as it would have run live.",
+        description="Runs the service over recordings, as it would have run live. It ends with the "
+        "RMSE of the adhesion about the curve that fits best, with the effects of --model where "
+        "there is one: the share by which that is smaller than without --model is what the model "
+        "gains, and agrees with the gain that 'diagnose' tells.",
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
     parser.add_argument(
@@ -88,7 +92,8 @@ def run(options: argparse.Namespace) -> int:
             if frames is not None:
                 frames.write(format_frame(frame, channel.name))
 
-        core = ServiceCore(config, make, on_setpoint)
+        fit = CurveFit(config)
+        core = ServiceCore(config, make, on_setpoint, fit.take)
         size = sum(recording.size for recording in recordings)
         show = stack.enter_context(progress("replaying", size, "bytes"))
         summary = replay(
@@ -103,10 +108,13 @@ def run(options: argparse.Namespace) -> int:
             summary.kinds.update(recording.report.kinds)
         require_known(core.receiver, summary.frames, ", ".join(map(str, options.log)))
     problems = read_problems(recordings)
+    misfit = fit.result()
     document = _document(summary, core, statuses, problems)
+    document["fit"] = None if misfit is None else misfit._asdict()
     write_json(options.json, {**document, **provenance(config, options.log)})
     if talk(options):
         _print(summary, core, statuses, problems)
+        _print_fit(misfit, config)
     return 0
 
 
@@ -218,3 +226,15 @@ def _print(
         )
     for line in (*problems, *core.faults, *left_out_lines(core.left_out_samples)):
         out.print(line, markup=False)
+
+
+def _print_fit(misfit: Misfit | None, config: Configuration) -> None:
+    out = console()
+    if misfit is None:
+        out.print("Too few samples to tell how far they lie from a curve.")
+        return
+    rails = "one curve" if misfit.stretches == 1 else f"{misfit.stretches} curves, one a rail"
+    names = () if config.model is None else config.model.names
+    curves = f"{rails} with {', '.join(names)}" if names else rails
+    text = f"RMSE of the adhesion about {curves}: {misfit.rmse:.4f} ({misfit.samples} samples)"
+    out.print(text, markup=False)

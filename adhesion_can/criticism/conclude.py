@@ -175,7 +175,7 @@ def _units(
     """Unit of each held-out row, a place for the noise floor, and what was held out."""
     number = (-1 - block[rows]) // 2
     names = np.concatenate([np.full(len(c), i) for i, c in enumerate(study.courses)])[rows]
-    t_s = study.column("t_s")[rows]
+    t_s = study.column("time_s")[rows]
     held = np.unique(names)
     if other_drives and len(held) >= 3:
         number = names
@@ -363,8 +363,8 @@ def _surface(course: Course, mine: NDArray[np.int64], start: int, at: Evaluation
     clear = np.abs(at.factor[mine]) > 0.05
     return Surface(
         course.name,
-        course.first_us / 1e6 + float(course.t_s[own].min()),
-        course.first_us / 1e6 + float(course.t_s[own].max()),
+        course.first_us / 1e6 + float(course.time_s[own].min()),
+        course.first_us / 1e6 + float(course.time_s[own].max()),
         _estimate(seen.slip[own], seen.adhesion[own]),
         _estimate(at.slip[mine][clear], (at.adhesion[mine] / at.factor[mine])[clear]),
     )

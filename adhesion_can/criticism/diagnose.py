@@ -46,7 +46,7 @@ class DiagnoseSettings:
     """
 
     alpha: float = 0.05
-    rate_hz: float = 25.0
+    rate_hz: float = 16.0
     seed: int = 1
 
 

@@ -12,7 +12,7 @@ from adhesion_can.criticism.model import (
     curve_slopes,
     evaluate,
 )
-from adhesion_can.criticism.naming import WORTH, Naming
+from adhesion_can.criticism.naming import SECOND_WORTH, Naming
 from adhesion_can.criticism.staging import Prepared
 from adhesion_can.criticism.unknown import LINE_SIZE, Left, Line
 from adhesion_can.physics.burckhardt import Array
@@ -88,7 +88,7 @@ class Findings:
         for one in self.left_plain:
             if names and one.channel.name not in names:
                 continue
-            if one.p_value <= self.alpha / 2 and one.gain >= WORTH:
+            if one.p_value <= self.alpha / 2 and one.gain >= SECOND_WORTH:
                 return one
         return None
 

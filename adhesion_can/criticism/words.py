@@ -31,6 +31,26 @@ SHOWN: Mapping[str, str] = {
 }
 """Channel against which an effect is shown."""
 
+_GOES_WITH: Mapping[str, str] = {
+    "speed_dependence": "the speed",
+    "load_dependence": "the axle load",
+    "falling_friction": "creep speed beyond the peak",
+    "wheelset_inertia": "the acceleration of spinning wheels",
+    "wheel_radius": "coasting of the axle beside the others",
+    "speed_scale": "coasting at several speeds",
+    "speed_delay": "acceleration of the vehicle",
+    "effort_delay": "quick changes of effort at a steady creep",
+    "effort_bias": "coasting and braking",
+    "creep_relaxation": "quick changes of creep at low and at high speed",
+    "curve_creep": "lateral creep",
+    "rail_cleaning": "which axle leads",
+    "adhesion_recovery": "how long a creep is held",
+    "humidity": "the humidity",
+    "rail_temperature": "the rail's temperature",
+    "sanding": "sanding",
+    "slow_drift": "time",
+    "traction_braking_asymmetry": "traction and braking at the same creep",
+}
 _SEPARATE: Mapping[frozenset[str], str] = {
     frozenset({"effort_delay", "creep_relaxation"}): (
         "the same creep sweep at a third and at three times the speed: a delay stays the same in "
@@ -68,19 +88,14 @@ _SEPARATE: Mapping[frozenset[str], str] = {
 
 def separating(effect: str, rivals: Sequence[str]) -> str:
     """Which manoeuvre or signal would tell an effect from its rivals."""
-    known = [_SEPARATE[key] for r in rivals if (key := frozenset({effect, r})) in _SEPARATE]
-    if known:
-        return f"to tell {effect} from {', '.join(rivals)}: " + "; ".join(known)
-    mine, theirs = _told(effect), sorted({_told(rival) for rival in rivals})
-    return (
-        f"to tell {effect} from {', '.join(rivals)}: a drive in which {mine} and "
-        f"{', '.join(theirs)} vary independently of each other"
-    )
+    words = [_SEPARATE.get(frozenset({effect, rival})) or _apart(effect, rival) for rival in rivals]
+    return f"to tell {effect} from {', '.join(rivals)}: " + "; ".join(dict.fromkeys(words))
 
 
-def _told(effect: str) -> str:
-    """By which quantity an effect is told."""
-    return "lateral creep" if effect == "curve_creep" else SHOWN.get(effect, effect)
+def _apart(effect: str, rival: str) -> str:
+    """A manoeuvre in general: what each of two effects goes with, without the other."""
+    mine, theirs = _GOES_WITH.get(effect, effect), _GOES_WITH.get(rival, rival)
+    return f"a drive in which {mine} and {theirs} vary independently of each other"
 
 
 def cause_sentence(cause: Cause) -> str:

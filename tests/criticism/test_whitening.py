@@ -138,7 +138,7 @@ def test_stretches_begin_at_axles_gaps_breaks_and_steps_back():
     assert found.rows == 12
 
 
-@pytest.mark.parametrize("rows", [0, 1, 2, 5, 64, 65])
+@pytest.mark.parametrize("rows", [0, 1, 2, 5, 19])
 def test_few_rows_are_left_as_they_are(rows):
     t = np.arange(rows) * 0.1
     found = Stretches.of(t, np.ones(rows), np.zeros(rows, dtype=bool))
