@@ -32,9 +32,10 @@ from adhesion_can.identification.registry import ESTIMATORS
 from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import console, plus_minus, table
 from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.curve_fit import CurveFit, Misfit
 from adhesion_can.service.extract import require_known
 from adhesion_can.service.outputs import AXLE_FRAMES, Outputs, Setpoint
-from adhesion_can.service.replay import CurveFit, Misfit, ReplaySummary, in_sequence, replay
+from adhesion_can.service.replay import ReplaySummary, in_sequence, replay
 from adhesion_can.service.states import Status
 
 COLUMNS = (

@@ -13,7 +13,7 @@ from adhesion_can.physics.effects import instruments_of
 from adhesion_can.physics.effects.curve_creep import ANGLE, CURVATURE
 
 BINS = 24
-WINDOW_S, RESTART_S = 20.0, 1.0
+WINDOW_S, RESTART_S = 20.0, 0.2
 POINTS = 4000
 
 

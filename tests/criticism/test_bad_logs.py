@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bad_logs import CYCLE_S, MISSING, readings, write
 from criticism_helpers import diagnosed
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 PLAIN = readings()
@@ -247,44 +247,47 @@ def test_a_signal_that_stands_still_has_no_cause(kind, tmp_path):
 # --- anything
 
 
-@st.composite
-def spoilt(draw):
-    """Readings with signals wrong for some time, and frames missing."""
+FAULTS = st.tuples(
+    st.sampled_from(["wheel_speed", "effort", "speed", "load", "humidity"]),
+    st.sampled_from(["missing", "zero", "still", "noise", "largest"]),
+    st.integers(0, 55),
+    st.sampled_from([0.05, 0.5, 3.0, 30.0]),
+    st.integers(0, 5),
+)
+"""Signal, fault, from, for how long, s, and at which axle."""
+GONE = st.tuples(
+    st.sampled_from(
+        ["WheelSpeeds1", "VehicleSpeed", "TractiveEffort2", "Environment", "AxleLoads1"]
+    ),
+    st.integers(0, 60),
+    st.sampled_from([0.02, 0.3, 2.0, 20.0]),
+)
+"""Message, from, for how long, s."""
+
+
+def spoilt(found, field, fault, from_s, length_s, number):
+    """Readings with one more fault."""
+    columns, top = getattr(found, field).copy(), MISSING[field]
+    rows = slice(round(from_s / CYCLE_S[field]), round((from_s + length_s) / CYCLE_S[field]))
+    where = (rows,) if columns.ndim == 1 else (rows, number)
+    if not columns[where].size:
+        return found
+    rng = np.random.default_rng(from_s)
+    columns[where] = {
+        "missing": top,
+        "zero": 0.0,
+        "still": columns[where][0],
+        "noise": rng.uniform(0, 0.9 * top, columns[where].shape),
+        "largest": 0.99 * top,
+    }[fault]
+    return replace(found, **{field: columns})
+
+
+def fuzzed(folder, faults, gone):
     found = PLAIN
-    for _ in range(draw(st.integers(0, 3))):
-        field = draw(st.sampled_from(["wheel_speed", "effort", "speed", "load", "humidity"]))
-        from_s = draw(st.floats(0, 55))
-        to_s = from_s + draw(st.floats(0.05, 30))
-        rows = slice(round(from_s / CYCLE_S[field]), round(to_s / CYCLE_S[field]))
-        columns = getattr(found, field).copy()
-        where = (rows,) if columns.ndim == 1 else (rows, draw(st.integers(0, 5)))
-        size = len(columns[where])
-        kind = draw(st.sampled_from(["missing", "zero", "still", "noise", "largest"]))
-        top = MISSING[field]
-        columns[where] = {
-            "missing": top,
-            "zero": 0.0,
-            "still": columns[where][0] if size else 0.0,
-            "noise": np.random.default_rng(draw(st.integers(0, 99))).uniform(0, 0.9 * top, size),
-            "largest": 0.99 * top,
-        }[kind]
-        found = replace(found, **{field: columns})
-    gone = draw(
-        st.lists(
-            st.tuples(
-                st.sampled_from(
-                    ["WheelSpeeds1", "VehicleSpeed", "TractiveEffort2", "Environment", "AxleLoads1"]
-                ),
-                st.floats(0, 60),
-                st.floats(0.02, 20),
-            ),
-            max_size=3,
-        )
-    )
-    return found, gone
+    for fault in faults:
+        found = spoilt(found, *fault)
 
-
-def fuzzed(folder, found, gone):
     def kept(name, t):
         there = np.ones(len(t), dtype=bool)
         for message, from_s, length_s in gone:
@@ -300,21 +303,21 @@ def fuzzed(folder, found, gone):
     return answer
 
 
-@settings(max_examples=4, derandomize=True)
-@given(case=spoilt())
-def test_whatever_is_wrong_with_the_signals_it_answers(case, tmp_path_factory):
-    fuzzed(tmp_path_factory.mktemp("f"), *case)
+@settings(max_examples=4, derandomize=True, phases=[Phase.generate])
+@given(faults=st.lists(FAULTS, max_size=3), gone=st.lists(GONE, max_size=3))
+def test_whatever_is_wrong_with_the_signals_it_answers(faults, gone, tmp_path_factory):
+    fuzzed(tmp_path_factory.mktemp("f"), faults, gone)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-@settings(max_examples=60)
-@given(case=spoilt())
-def test_whatever_is_wrong_with_the_signals_it_answers_long(case, tmp_path_factory):
-    fuzzed(tmp_path_factory.mktemp("f"), *case)
+@settings(max_examples=60, phases=[Phase.reuse, Phase.generate])
+@given(faults=st.lists(FAULTS, max_size=3), gone=st.lists(GONE, max_size=3))
+def test_whatever_is_wrong_with_the_signals_it_answers_long(faults, gone, tmp_path_factory):
+    fuzzed(tmp_path_factory.mktemp("f"), faults, gone)
 
 
-@settings(max_examples=4, derandomize=True)
+@settings(max_examples=3, derandomize=True, phases=[Phase.generate])
 @given(seed=st.integers(0, 10_000))
 def test_frames_that_are_lost_at_random_name_nothing(seed, tmp_path_factory):
     """Two in a hundred, of every message: the counters tell, and nothing else happens."""

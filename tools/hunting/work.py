@@ -70,8 +70,10 @@ def work(task: Task, orders: Orders) -> dict[str, Any]:
 
 
 def diagnosed(arguments: list[str], orders: Orders, said: Path) -> dict[str, Any]:
-    """Run the command in a new process: exit status, seconds with its imports, peak memory."""
-    context = get_context("spawn")
+    """Run the command in a process of its own: exit status, seconds, peak memory."""
+    # The imports are made once, in a server from which each diagnosis is forked.
+    context = get_context("forkserver")
+    context.set_forkserver_preload(["adhesion_can.cli.main", "adhesion_can.criticism.diagnose"])
     ours, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_call, args=(orders.entry, arguments, str(said), theirs))
     process.start()
