@@ -39,7 +39,8 @@ class DiagnoseSettings:
     """Of a diagnosis.
 
     Attributes:
-        alpha: probability of naming something where nothing is, half of it for known effects.
+        alpha: level at which an effect counts as sure; a channel at half of it. What is not worth
+            naming is not named besides, which makes false findings rarer than this.
         rate_hz: rows per second and axle that are used for deciding.
         seed: of the signs.
 

@@ -120,7 +120,7 @@ def where_sentence(profile: Profile, gain: Gain) -> str:
     much = "too little" if profile.before[best] > 0 else "too much"
     at = f"{short(float(profile.at[best]))} {unit_text(profile.unit)}".strip()
     return (
-        f"{lead}. It is worst at a {channel_name(profile.channel)} of about {at}: "
+        f"{lead}. It is worst where {channel_name(profile.channel)} is about {at}: "
         f"{size[best]:.4f} {much} there."
     )
 

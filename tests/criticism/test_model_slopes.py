@@ -58,13 +58,13 @@ def test_without_effects_it_is_the_curve(study):
 
 
 FORMULAS = {
-    ("humidity", ""): ((-0.004,), lambda s, x, t: 1 - 0.004 * (x["relative_humidity_percent"] - 60)),
-    ("rail_temperature", ""): ((0.006,), lambda s, x, t: 1 + 0.006 * (x["rail_temperature_degC"] - 20)),
-    ("sanding", ""): ((0.3,), lambda s, x, t: 1 + 0.3 * x["sanding_active"]),
-    ("slow_drift", ""): ((-0.002,), lambda s, x, t: 1 - 0.002 * t),
-    ("traction_braking_asymmetry", ""): ((0.2,), lambda s, x, t: np.where(s.slip < 0, 1.2, 1.0)),
-    ("falling_friction", "burckhardt"): ((0.1,), lambda s, x, t: np.exp(-0.1 * abs(s.creep_speed))),
-    ("load_dependence", "burckhardt"): ((3e-12,), lambda s, x, t: 1 - 3e-12 * s.load**2),
+    ("humidity", ""): ((-0.004,), lambda _, x: 1 - 0.004 * (x["relative_humidity_percent"] - 60)),
+    ("rail_temperature", ""): ((0.006,), lambda _, x: 1 + 0.006 * (x["rail_temperature_degC"] - 20)),
+    ("sanding", ""): ((0.3,), lambda _, x: 1 + 0.3 * x["sanding_active"]),
+    ("slow_drift", ""): ((-0.002,), lambda _, x: 1 - 0.002 * x["time_s"]),
+    ("traction_braking_asymmetry", ""): ((0.2,), lambda s, _: np.where(s.slip < 0, 1.2, 1.0)),
+    ("falling_friction", "burckhardt"): ((0.1,), lambda s, _: np.exp(-0.1 * abs(s.creep_speed))),
+    ("load_dependence", "burckhardt"): ((3e-12,), lambda s, _: 1 - 3e-12 * s.load**2),
 }  # fmt: skip
 
 
@@ -74,7 +74,7 @@ def test_an_effect_in_the_contact_multiplies_the_curve(study, key):
     course = study.courses[0]
     seen = course.observe()
     at = evaluate(study, Theta(CURVE), (ActiveEffect(effect_by_id(*key), values),))
-    expected = factor(seen, course.covariates, course.t_s) * burckhardt(seen.slip)
+    expected = factor(seen, {**course.covariates, "time_s": course.t_s}) * burckhardt(seen.slip)
     assert at.predicted == pytest.approx(expected, abs=1e-10)
 
 
@@ -148,7 +148,7 @@ def test_a_signature_points_where_the_effect_does(study, candidate):
     assert np.linalg.norm(chord) == pytest.approx(np.linalg.norm(change), rel=0.3)
 
 
-def test_effects_act_in_the_order_of_the_list_whatever_the_order_of_naming(study):
+def test_effects_act_in_the_order_of_the_list_whatever_the_order_of_naming():
     a, b = Candidate(effect_by_id("curve_creep")), Candidate(effect_by_id("creep_relaxation"))
     one = Model(Theta(CURVE)).with_effect(a, (5.0,)).with_effect(b, (0.5,))
     other = Model(Theta(CURVE)).with_effect(b, (0.5,)).with_effect(a, (5.0,))
