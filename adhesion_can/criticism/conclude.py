@@ -15,17 +15,16 @@ from adhesion_can.criticism.diagnosis import (
     Evidence,
     Gain,
     Profile,
-    Surface,
     Untested,
     Value,
     Verdict,
 )
+from adhesion_can.criticism.extending import extension, spline_of, surfaces_of, with_spline
 from adhesion_can.criticism.findings import Findings
 from adhesion_can.criticism.gain import gain_of, held_out
 from adhesion_can.criticism.model import (
     EXCLUDED,
     Candidate,
-    Evaluation,
     Model,
     Study,
     curve_slopes,
@@ -46,18 +45,6 @@ from adhesion_can.criticism.words import (
     separating,
     where_sentence,
 )
-from adhesion_can.identification.batch import fit as fit_curve
-from adhesion_can.identification.extension import ExtendedModel, Matrix
-from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Estimate, Samples
-from adhesion_can.physics.effects import ActiveEffect
-from adhesion_can.physics.effects.empirical import Empirical
-
-ONLINE = {"slip": "slip", "speed": "speed", "axle_load": "load", "time": "time_s"}
-"""Channels of ours that a spline of an extended model can have, beside the covariates."""
-OFFLINE = frozenset({"position", "slip_rate", "tractive_effort", "axle"})
-"""Channels that a model online does not have."""
-MOST_ROWS = 20_000
 
 
 def empty(courses: Sequence[Course], untested: Sequence[Untested]) -> Diagnosis:
@@ -113,8 +100,8 @@ def conclude(
     verdict = Verdict.NAMED if named else Verdict.UNEXPLAINED if explained else Verdict.NOTHING
     gain = replace(gain, noise_floor=found.noise_floor)
     final = _refitted(prepared, extended, other_drives=other_drives)
-    spline = None if unknown is None else _spline(unknown)
-    whole = final.model if spline is None else _with_spline(prepared, final.model, spline)
+    spline = None if unknown is None else spline_of(unknown)
+    whole = final.model if spline is None else with_spline(prepared, final.model, spline)
     change = evaluate(study, whole.theta, whole.actives)
     before = evaluate(study, plain.theta)
     after = change.residual
@@ -128,7 +115,7 @@ def conclude(
             study, channel, before.residual, after, before.residual - after, before.predicted
         )
     causes = tuple(_cause(found, c, final) for c in _by_strength(found, named))
-    surfaces, longest = _surfaces(study, found.times, whole)
+    surfaces, longest = surfaces_of(study, found.times, whole)
     pictures = [] if verdict is Verdict.NOTHING else pictures_of(
         courses[longest[0]], longest[1], plain, whole
     )  # fmt: skip
@@ -148,7 +135,7 @@ def conclude(
         needed=_needed(causes),
         untested=(*untested, *_imitated(found)),
         surfaces=surfaces,
-        model=_extension(whole, final, longest[1], spline),
+        model=extension(whole, final, longest[1], spline),
         profile=profile,
         pictures=tuple(pictures),
         curves=curve_data(study, longest[1], whole),
@@ -309,101 +296,3 @@ def _shown(
     if named:
         return shown_channel(study, SHOWN.get(named[0].effect.id, "slip"), channels)
     return None if unknown is None else unknown.channel
-
-
-def _spline(left: Left) -> Empirical | None:
-    """An unexplained channel as a part of a model; None where a model cannot have it."""
-    channel = left.channel
-    known = ONLINE.get(channel.name)
-    if known is None and (channel.period or channel.name in OFFLINE):
-        return None
-    knots = channel.knots
-    coefficients = left.weights[-left.columns.shape[1] :]
-    if channel.levels is not None or len(coefficients) != len(knots) - 4:
-        return None
-    return Empirical(
-        known or channel.name, "factor", tuple(map(float, knots)), tuple(map(float, coefficients))
-    )
-
-
-def _with_spline(prepared: Prepared, model: Model, spline: Empirical) -> Model:
-    """Curves fitted anew with a spline in front of them."""
-    stage = prepared.stage
-    everything = replace(
-        stage, block=np.abs(np.where(stage.block < 0, -1 - stage.block, stage.block))
-    )
-    return fit(everything, Model(model.theta, fixed=(ActiveEffect(spline, ()),))).model
-
-
-def _surfaces(
-    study: Study, times: list[list[float]], extended: Model
-) -> tuple[tuple[Surface, ...], tuple[int, int]]:
-    """Every stretch of one rail, and course and number of the longest."""
-    at = evaluate(study, extended.theta, extended.actives)
-    found: list[Surface] = []
-    longest, most = (0, 0), -1
-    first = number = 0
-    for place, (course, own) in enumerate(zip(study.courses, times, strict=True)):
-        rows = slice(first, first + len(course))
-        first += len(course)
-        for _ in range(len(own) + 1):
-            mine = np.flatnonzero(study.surface[rows] == number) + rows.start
-            if len(mine) >= 10:
-                if len(mine) > most:
-                    longest, most = (place, number), len(mine)
-                found.append(_surface(course, mine, rows.start, at))
-            number += 1
-    return tuple(found), longest
-
-
-def _surface(course: Course, mine: NDArray[np.int64], start: int, at: Evaluation) -> Surface:
-    mine = mine[:: max(len(mine) // MOST_ROWS, 1)]
-    seen = course.observe()
-    own = mine - start
-    clear = np.abs(at.factor[mine]) > 0.05
-    return Surface(
-        course.name,
-        course.first_us / 1e6 + float(course.time_s[own].min()),
-        course.first_us / 1e6 + float(course.time_s[own].max()),
-        _estimate(seen.slip[own], seen.adhesion[own]),
-        _estimate(at.slip[mine][clear], (at.adhesion[mine] / at.factor[mine])[clear]),
-    )
-
-
-def _estimate(slip: Array, adhesion: Array) -> Estimate:
-    return fit_curve(Samples.curve(slip, adhesion))
-
-
-def _extension(
-    whole: Model, final: Fit, surface: int, spline: Empirical | None
-) -> ExtendedModel | None:
-    """The model as a file has it; None where the data give no curve with a peak."""
-    c1, log_c2, c3 = whole.theta.values[surface]
-    c2 = float(np.exp(log_c2))
-    if not (c1 > 0 and c1 * c2 > c3):
-        return None
-    turn = np.diag([1.0, c2, 1.0])
-    own = slice(3 * surface, 3 * surface + 3)
-    covariances: list[Matrix | None] = []
-    first = final.model.theta.values.size
-    for candidate in final.model.candidates:
-        part = final.covariance[first : first + candidate.size, first : first + candidate.size]
-        first += candidate.size
-        full = np.zeros((len(candidate.effect.parameters),) * 2)
-        free = [i for i, p in enumerate(candidate.effect.parameters) if not p.axle]
-        full[np.ix_(free, free)] = part
-        covariances.append(_matrix(full))
-    return ExtendedModel(
-        base=(float(c1), c2, float(c3)),
-        base_covariance=_matrix(turn @ final.covariance[own, own] @ turn),
-        effects=tuple(
-            c.active(v) for c, v in zip(final.model.candidates, final.model.values, strict=True)
-        ),
-        covariances=tuple(covariances),
-        splines=() if spline is None else (spline,),
-    )
-
-
-def _matrix(values: Array) -> Matrix:
-    even = (values + values.T) / 2
-    return tuple(tuple(float(x) for x in row) for row in even)

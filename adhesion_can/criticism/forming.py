@@ -132,7 +132,10 @@ def _usable(
     early = DELAY_MAX["effort"]
     there = covers(wheel, t - early, t) & covers(speed, t - early, t + DELAY_MAX["speed"])
     v = np.interp(t, speed.t_s, speed.value)
-    fast = v >= v_min
+    # A delay reads the speed at other moments, at none of which there may be no slip ratio.
+    around = np.arange(-early, DELAY_MAX["speed"] + 0.01, 0.25)
+    slowest = np.min([np.interp(t + step, speed.t_s, speed.value) for step in around], axis=0)
+    fast = slowest >= v_min
     slip = signals.radius[axle - 1] * np.interp(t, wheel.t_s, wheel.value) / np.maximum(v, 1e-3) - 1
     inside = np.abs(slip) <= slip_max
     loaded = signals.load(axle, t) >= LEAST_LOAD * signals.vehicle.axle_load[axle - 1]

@@ -4,8 +4,10 @@ The figure is the RMSE of the measured adhesion about factor · curve(slip'), wi
 slip' of the model's effects, or 1 and the slip where there is no model. The curve is the one that
 fits the stretch of constant rail best. It is not the curve that the estimator held: that follows a
 slow effect as it follows the rail, and takes a fast one for another rail, so that its own error
-tells little of the effect. What the model gains, 100 (1 − with/without), so agrees with what a
-diagnosis says of the same drive, by 4 percentage points or better in the effects that were tried.
+tells little of the effect (0.2 % for a humidity that a diagnosis finds to be worth 37 %).
+
+100 (1 − with/without) is what the model gains. Of 16 effects on a drive of 240 s it came within 5
+percentage points of the diagnosis, but for a late vehicle speed (66 % against 74 %).
 """
 
 from dataclasses import replace
@@ -34,9 +36,9 @@ SMOOTH_US = 50_000
 """To either side: the noise of the vehicle speed fades, a sweep of the slip stays as it is."""
 AROUND_US = 2_000_000
 """Samples so close to a change of the rail are left out: each axle finds it at its own time."""
-OTHER = 3.0
-"""Rails differ where one curve for both leaves so many times the square that two leave: an effect
-that comes and goes with speed, say, is no other rail."""
+OTHER = 0.25
+"""Rails differ where one curve for both misses the shorter one's adhesion by such a share of its
+root mean square in both. Effects do less: an effort that reads a tenth of the load wrong, say."""
 MOST_ROWS = 6_000
 """Of a stretch, to judge that by."""
 CHUNK = 4096
@@ -210,13 +212,21 @@ def _rails(rows: _Rows) -> list[int]:
         part = rows.at(slice(first, last, max((last - first) // MOST_ROWS, 1)))
         return float(np.mean(_left(part) ** 2)) * (last - first)
 
+    level = np.concatenate([[0.0], np.cumsum(rows.adhesion**2)])
+
+    def miss(place: int) -> float:
+        """Mean square that one curve misses of the shorter stretch, over that of the adhesion."""
+        first, middle, last = bounds[place : place + 3]
+        missed = (both[place] - own[place] - own[place + 1]) / min(middle - first, last - middle)
+        return float(missed / max((level[last] - level[first]) / (last - first), 1e-300))
+
     bounds = [0, *edges, len(rows.slip)]
     own = [square(a, b) for a, b in pairwise(bounds)]
     both = [square(a, c) for a, c in zip(bounds[:-2], bounds[2:], strict=True)]
     while both:
-        ratios = [two / max(a + b, 1e-300) for two, (a, b) in zip(both, pairwise(own), strict=True)]
-        least = int(np.argmin(ratios))
-        if ratios[least] >= OTHER:
+        misses = [miss(place) for place in range(len(both))]
+        least = int(np.argmin(misses))
+        if misses[least] >= OTHER**2:
             break
         del bounds[least + 1]
         own[least : least + 2] = [both.pop(least)]

@@ -46,7 +46,7 @@ def run(folder, given=PLAIN, **how):
     ("message", "effects"),
     [
         ("Environment", ("humidity", "rail_temperature", "sanding")),
-        ("TrackGeometry", ("curve_creep",)),
+        pytest.param("TrackGeometry", ("curve_creep",), marks=pytest.mark.slow),
     ],
 )
 def test_a_message_that_is_absent_leaves_its_effects_untested(message, effects, tmp_path):
@@ -59,6 +59,7 @@ def test_a_message_that_is_absent_leaves_its_effects_untested(message, effects, 
     assert "load_dependence" in evidence
 
 
+@pytest.mark.slow
 def test_loads_that_are_not_measured_are_said_to_be_missing(tmp_path):
     answer = run(tmp_path, without=("AxleLoads1", "AxleLoads2"))
     assert answer.verdict in {"nothing_found", "unexplained"}
@@ -116,6 +117,7 @@ def test_a_load_that_cannot_be_is_left_out(given, tmp_path):
     assert any(what.startswith("axle 1") for what in answer.untested)
 
 
+@pytest.mark.slow
 def test_a_channel_that_is_mostly_not_available_is_told_as_such(tmp_path):
     answer = run(tmp_path, span(PLAIN, "humidity", 10, 40, MISSING["humidity"]))
     assert "not available" in answer.untested["humidity"]
@@ -156,10 +158,10 @@ def test_without_one_usable_row_it_is_an_error_that_says_why(how, said, tmp_path
 
 
 GAPS = {
-    "three gaps of four seconds": {"kept": lambda name, t: t % 15 < 11},
-    "a long one": {"kept": lambda name, t: (t < 20) | (t > 45)},
+    "three gaps of four seconds": {"kept": lambda _, t: t % 15 < 11},
+    "a long one": {"kept": lambda _, t: (t < 20) | (t > 45)},
     "of the vehicle speed": {"kept": lambda name, t: (t % 8 < 6) | (name != "VehicleSpeed")},
-    "of one message in three": {"kept": lambda name, t: np.round(t * 100) % 3 > 0},
+    "of one message in three": {"kept": lambda _, t: np.round(t * 100) % 3 > 0},
 }
 
 
@@ -202,7 +204,10 @@ TIMES = {
 
 @pytest.mark.parametrize(
     "kind",
-    ["half a second from before", *(pytest.param(k, marks=pytest.mark.slow) for k in TIMES)],
+    [
+        k if k == "half a second from before" else pytest.param(k, marks=pytest.mark.slow)
+        for k in TIMES
+    ],
 )
 def test_time_that_runs_backwards_or_jumps_is_told(kind, tmp_path):
     answer = run(tmp_path, stamps=TIMES[kind])
@@ -212,7 +217,7 @@ def test_time_that_runs_backwards_or_jumps_is_told(kind, tmp_path):
 
 @pytest.mark.parametrize("seconds", [3, 12, 20])
 def test_too_short_a_drive_carries_no_verdict(seconds, tmp_path):
-    answer = run(tmp_path, kept=lambda name, t: (t >= 5) & (t < 5 + seconds))
+    answer = run(tmp_path, kept=lambda _, t: (t >= 5) & (t < 5 + seconds))
     assert answer.verdict == "nothing_found"
     assert answer.document["gain"] is None
     assert set(answer.untested) >= {"everything"}
@@ -232,7 +237,7 @@ STILL = {
     "effort of one axle": axle(PLAIN, "effort", 3, 50e3),
     "wheel of one axle": axle(PLAIN, "wheel_speed", 3, 15.0),
 }
-QUICK = ("wheels all along", "no effort at all", "effort of one axle")
+QUICK = ("wheels all along", "no effort at all")
 
 
 @pytest.mark.parametrize(
@@ -303,7 +308,7 @@ def fuzzed(folder, faults, gone):
     return answer
 
 
-@settings(max_examples=4, derandomize=True, phases=[Phase.generate])
+@settings(max_examples=3, derandomize=True, phases=[Phase.generate])
 @given(faults=st.lists(FAULTS, max_size=3), gone=st.lists(GONE, max_size=3))
 def test_whatever_is_wrong_with_the_signals_it_answers(faults, gone, tmp_path_factory):
     fuzzed(tmp_path_factory.mktemp("f"), faults, gone)
@@ -317,17 +322,17 @@ def test_whatever_is_wrong_with_the_signals_it_answers_long(faults, gone, tmp_pa
     fuzzed(tmp_path_factory.mktemp("f"), faults, gone)
 
 
-@settings(max_examples=3, derandomize=True, phases=[Phase.generate])
+@settings(max_examples=1, derandomize=True, phases=[Phase.generate])
 @given(seed=st.integers(0, 10_000))
 def test_frames_that_are_lost_at_random_name_nothing(seed, tmp_path_factory):
     """Two in a hundred, of every message: the counters tell, and nothing else happens."""
     rng = np.random.default_rng(seed)
     folder = tmp_path_factory.mktemp("f")
-    answer = run(folder, kept=lambda name, t: rng.random(len(t)) > 0.02)
+    answer = run(folder, kept=lambda _, t: rng.random(len(t)) > 0.02)
     assert answer.verdict == "nothing_found"
 
 
-@pytest.mark.parametrize("line", [100, 20_000])
+@pytest.mark.parametrize("line", [100, pytest.param(20_000, marks=pytest.mark.slow)])
 def test_bytes_that_flip_are_rejected_and_the_rest_is_read(line, tmp_path):
     path = write(tmp_path / "a.log", PLAIN)
     lines = path.read_text().splitlines()

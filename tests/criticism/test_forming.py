@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from criticism_helpers import R, SLIP_MAX, V_MIN, Drive, J, N0
+from criticism_helpers import N0, SLIP_MAX, V_MIN, Drive, J, R
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -143,7 +143,7 @@ def test_covers_is_what_it_says(there, seed):
     # Half steps too: between two readings.
     a = rng.integers(-2, 2 * len(there) + 2, 30) / 2
     b = a + rng.integers(0, 12, 30) / 2
-    assert covers(smooth, a, b).tolist() == [brute(smooth, *ab) for ab in zip(a, b)]
+    assert covers(smooth, a, b).tolist() == [brute(smooth, *ab) for ab in zip(a, b, strict=True)]
 
 
 # --- what the efforts explain of the speed
@@ -228,7 +228,7 @@ def test_rows_are_what_equations_1_to_3_say(drive, course):
     assert set(np.unique(course.axle)) == set(range(1, 7))
 
 
-def test_instruments_are_taken_out_as_they_are_defined(drive, course):
+def test_instruments_are_taken_out_as_they_are_defined(course):
     wrong = Instruments(
         radius_error={2: 0.01}, inertia_error=300.0, speed_error=0.02, effort_bias=4000.0
     )
@@ -271,7 +271,7 @@ def former_samples(traces, vehicle):
     readings = [
         Reading(int(t), role, axle, float(v))
         for (role, axle), trace in traces.items()
-        for t, v in zip(trace.t_us, trace.value)
+        for t, v in zip(trace.t_us, trace.value, strict=True)
     ]
     samples = []
     for reading in sorted(readings, key=lambda r: r.t_us):
@@ -287,7 +287,7 @@ def compared(traces, vehicle, course):
     stamps = np.round(course.t_s * 1e6).astype(int) + course.first_us
     pairs = [
         (seen.slip[i], s.slip, seen.adhesion[i], s.adhesion, seen.load[i], s.load)
-        for i, key in enumerate(zip(stamps.tolist(), course.axle.tolist()))
+        for i, key in enumerate(zip(stamps.tolist(), course.axle.tolist(), strict=True))
         if (s := others.get(key)) is not None
     ]
     assert len(pairs) > 0.95 * len(course)
@@ -394,7 +394,8 @@ def test_slow_and_wild_rows_are_counted():
     wild = (w.t_us >= 25_000_000) & (w.t_us < 28_000_000)
     traces[Role.WHEEL_SPEED, 1] = Trace(w.t_us, np.where(wild, 2 * w.value, w.value))
     made = drive.course(traces=traces)
-    assert made.lost["below v_min"] == pytest.approx(6 * 500, rel=0.15)
+    # Five seconds, and those from which a delay would read them.
+    assert made.lost["below v_min"] == pytest.approx(6 * 650, rel=0.15)
     assert made.lost["slip out of range"] >= 250
     t = made.t_s
     assert not ((t > 10.7) & (t < 14.3)).any()
@@ -413,6 +414,22 @@ def test_an_implausible_load_is_left_out(axles):
     made = drive.course(traces=traces)
     assert set(np.unique(made.axle)) == set(range(1, 7)) - set(axles)
     assert np.isfinite(made.observe().adhesion).all()
+
+
+def test_near_a_stop_no_delay_reads_a_speed_of_nothing():
+    """Whatever delay is tried, the slip is formed of speeds above v_min."""
+    drive = Drive(20.0)
+    traces = drive.traces()
+    v = traces[Role.VEHICLE_SPEED, 0]
+    stop = (v.t_us >= 14_000_000) & (v.t_us < 16_000_000)
+    traces[Role.VEHICLE_SPEED, 0] = Trace(v.t_us, np.where(stop, 0.0, v.value))
+    made = drive.course(traces=traces)
+    assert len(made) > 1000
+    for speed_delay, effort_delay in ((0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (0.0, 0.5), (0.3, 0.3)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            seen = made.observe(Instruments(speed_delay=speed_delay, effort_delay=effort_delay))
+        assert seen.speed.min() >= 0.9 * V_MIN
+        assert np.isfinite(seen.slip).all()
 
 
 def test_covariates_stand_at_the_rows():

@@ -1,7 +1,7 @@
 """Drives that hide an effect: a candump file goes in, the cause must come out.
 
-The worlds share no code with the effects' definitions. One seed of each kind, chosen before any was
-tried; rates are the hunt's business.
+The worlds share no code with the effects' definitions. One seed of each kind; how often it comes
+out right over many seeds is the hunt's business.
 """
 
 import numpy as np
@@ -11,6 +11,8 @@ from criticism_helpers import diagnosed
 from tests.worlds import NULLS, OUTSIDE, SINGLES, make_world
 
 SEED = 20261
+EFFORT_NOISE = 0.009
+"""Of adhesion: 1 % of the static load, over loads up to a tenth larger."""
 QUICK_SINGLES = ("wheel_radius", "humidity", "load_dependence", "creep_relaxation", "effort_bias")
 QUICK_NULLS = ("null:0", "null:5")
 PAIRS = (
@@ -48,9 +50,9 @@ def test_one_effect_is_named(kind, tmp_path):
         assert told["axle"]["value"] == hidden.parameters["axle"]
     gain = answer.document["gain"]
     assert gain["percent"] > 0
-    spans = gain["spans"]
-    floor = truth.floor_on(spans)
-    assert floor * 0.5 < gain["rmse_after"] <= 1.1 * floor
+    # The floor has the noise of all sensors in it; smoothed speeds are better than that, but the
+    # effort's own 1 % of the load no model can take away on data that it has not seen.
+    assert EFFORT_NOISE < gain["rmse_after"] <= 1.1 * truth.floor_on(gain["spans"])
 
 
 @pytest.mark.parametrize("kind", slow_but(PAIRS[:1], PAIRS))

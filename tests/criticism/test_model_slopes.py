@@ -59,7 +59,8 @@ def test_without_effects_it_is_the_curve(study):
 
 FORMULAS = {
     ("humidity", ""): ((-0.004,), lambda _, x: 1 - 0.004 * (x["relative_humidity_percent"] - 60)),
-    ("rail_temperature", ""): ((0.006,), lambda _, x: 1 + 0.006 * (x["rail_temperature_degC"] - 20)),
+    ("rail_temperature", ""): (
+        (0.006,), lambda _, x: 1 + 0.006 * (x["rail_temperature_degC"] - 20)),
     ("sanding", ""): ((0.3,), lambda _, x: 1 + 0.3 * x["sanding_active"]),
     ("slow_drift", ""): ((-0.002,), lambda _, x: 1 - 0.002 * x["time_s"]),
     ("traction_braking_asymmetry", ""): ((0.2,), lambda s, _: np.where(s.slip < 0, 1.2, 1.0)),

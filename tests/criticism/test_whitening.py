@@ -25,7 +25,8 @@ def ljung_box(x, stretches, lags):
     ends = np.append(stretches.starts[1:], stretches.rows)
     variance, q = np.mean(x**2), 0.0
     for lag in range(1, lags + 1):
-        pairs = [x[a : b - lag] * x[a + lag : b] for a, b in zip(stretches.starts, ends, strict=True)]
+        bounds = zip(stretches.starts, ends, strict=True)
+        pairs = [x[a : b - lag] * x[a + lag : b] for a, b in bounds]
         every = np.concatenate(pairs)
         q += len(every) * (every.mean() / variance) ** 2
     return float(chi2.sf(q, lags))

@@ -28,6 +28,7 @@ from adhesion_can.criticism.diagnosis import (
     Value,
     Verdict,
 )
+from adhesion_can.criticism.quantities import measured
 from adhesion_can.identification.extension import ExtendedModel
 from adhesion_can.physics.data import Estimate, Identifiable
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
@@ -36,7 +37,6 @@ from adhesion_can.reporting.charts import broken, thinned
 from adhesion_can.reporting.diagnosis import Source, diagnosis_json, terminal, verdict_sentences
 from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.page import Figure, render
-from adhesion_can.criticism.quantities import measured
 from adhesion_can.reporting.text import console
 from tests.reporting.test_page import NASTY, Elements, nothing_is_loaded
 

@@ -37,8 +37,8 @@ class Judge(Protocol):
 class DriveJudge:
     """Judge of a drive: the same readings as the plain model and as the truth see them.
 
-    `plain` and `true` have the noise of the effort alone: a diagnosis may smooth the kinematics, and
-    the gain that it can have is then the one over that noise. `noisy` is what it has to work with.
+    `plain` and `true` have the noise of the effort alone: a diagnosis may smooth the kinematics,
+    and the gain that it can have is then the one over that noise. `noisy` is what it works with.
     c1..c3 are fitted anew for both, in the same way, to what is not held out; but where the sensor
     cuts off the truth keeps its own (n, 3), which what is left does not tell.
     """
