@@ -81,24 +81,13 @@ def conclude(
 
     """
     prepared = found.prepared
-    stage, study = prepared.stage, prepared.stage.study
-    named = found.named
-    unknown = None if named else found.unknown
+    study = prepared.stage.study
+    named, unknown, gain, doubts = _decided(found, other_drives=other_drives)
+    untested = [*untested, *doubts]
     plain = found.naming.base.fit.model
     extended = found.naming.best.fit.model if named else plain
-    held = held_out(stage, plain, extended, unknown, other_drives=other_drives)
-    gain = gain_of(held, *_units(study, stage.block, held.rows, found, other_drives=other_drives))
-    if unknown is not None and gain.percent <= 0.0:
-        # A dependence that does not hold where it was not looked for is none.
-        untested = [*untested, _not_held(unknown)]
-        unknown = None
-        held = held_out(stage, plain, plain, None, other_drives=other_drives)
-        gain = gain_of(
-            held, *_units(study, stage.block, held.rows, found, other_drives=other_drives)
-        )
     explained = bool(named) or unknown is not None or found.swings or bool(found.pinned)
     verdict = Verdict.NAMED if named else Verdict.UNEXPLAINED if explained else Verdict.NOTHING
-    gain = replace(gain, noise_floor=found.noise_floor)
     final = _refitted(prepared, extended, other_drives=other_drives)
     spline = None if unknown is None else spline_of(unknown)
     whole = final.model if spline is None else with_spline(prepared, final.model, spline)
@@ -144,11 +133,43 @@ def conclude(
     )
 
 
-def _not_held(unknown: Left) -> Untested:
+def _decided(
+    found: Findings, *, other_drives: bool
+) -> tuple[tuple[Candidate, ...], Left | None, Gain, list[Untested]]:
+    """Named effects, channel, gain, and what showed but does not hold on what was held out.
+
+    Data that were held out choose nothing. But what makes them worse is no finding.
+    """
+    plain, best = found.naming.base.fit.model, found.naming.best.fit.model
+    doubts: list[Untested] = []
+    if found.named:
+        gain = _gain(found, best, None, other_drives=other_drives)
+        if gain.percent > 0.0:
+            return found.named, None, gain, doubts
+        doubts += [_not_held(candidate.effect.id) for candidate in found.named]
+    if found.unknown is not None:
+        gain = _gain(found, plain, found.unknown, other_drives=other_drives)
+        if gain.percent > 0.0:
+            return (), found.unknown, gain, doubts
+        label = channel_label(found.unknown.channel)
+        doubts.append(_not_held(f"a dependence on {label}"))
+    return (), None, _gain(found, plain, None, other_drives=other_drives), doubts
+
+
+def _not_held(what: str) -> Untested:
     return Untested(
-        f"a dependence on {channel_label(unknown.channel)}",
-        "it showed in the data that decided, and does not hold on those that were held out",
+        what, "it showed in the data that decided, and does not hold on those that were held out"
     )
+
+
+def _gain(found: Findings, extended: Model, left: Left | None, *, other_drives: bool) -> Gain:
+    stage = found.prepared.stage
+    plain = found.naming.base.fit.model
+    held = held_out(stage, plain, extended, left, other_drives=other_drives)
+    unit, words, spans = _units(
+        stage.study, stage.block, held.rows, found, other_drives=other_drives
+    )
+    return gain_of(held, unit, found.noise_floor, words, spans)
 
 
 def _units(
@@ -158,8 +179,8 @@ def _units(
     found: Findings,
     *,
     other_drives: bool,
-) -> tuple[NDArray[np.int64], float, str, tuple[tuple[str, float, float], ...]]:
-    """Unit of each held-out row, a place for the noise floor, and what was held out."""
+) -> tuple[NDArray[np.int64], str, tuple[tuple[str, float, float], ...]]:
+    """Unit of each held-out row, and what was held out, in words and as times."""
     number = (-1 - block[rows]) // 2
     names = np.concatenate([np.full(len(c), i) for i, c in enumerate(study.courses)])[rows]
     t_s = study.column("time_s")[rows]
@@ -182,7 +203,7 @@ def _units(
             f"this drive only: {len(spans)} spans of {2 * found.length_s:.1f} s, "
             f"{100 * share:.0f} % of the rows"
         )
-    return number, 0.0, words, tuple(spans)
+    return number, words, tuple(spans)
 
 
 def _refitted(prepared: Prepared, extended: Model, *, other_drives: bool) -> Fit:
