@@ -86,7 +86,9 @@ class Ledger:
 
 def solve(gram: Array, right: Array) -> Array:
     """Least squares from products, where columns may not be told from each other."""
-    scale = np.sqrt(np.maximum(gram.diagonal(), 1e-300))
+    diagonal = gram.diagonal()
+    # A column that is nothing keeps a size: its answer must be 0, not round-off over nothing.
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     correlation = gram / np.outer(scale, scale)
     values, vectors = np.linalg.eigh(correlation)
     inverse = np.where(
