@@ -1,0 +1,40 @@
+"""Whole drives kept back: another course of the same world tells the gain."""
+
+import json
+
+import pytest
+
+from adhesion_can.cli.main import main
+from tests.worlds import make_world
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("holdout")
+    truth = make_world("sanding", 7, folder / "a.log", duration_s=150.0, fresh=True)
+    return truth, folder
+
+
+def diagnosed(folder, *arguments):
+    assert main(["diagnose", *arguments, "--json", str(folder / "d.json")]) == 0
+    return json.loads((folder / "d.json").read_text())
+
+
+def test_a_drive_held_out_tells_the_gain_of_what_another_one_named(world):
+    truth, folder = world
+    first, second = str(folder / "a.log"), str(folder / "a_fresh.log")
+    found = diagnosed(folder, first, "--holdout", second)
+    assert found["verdict"] == "named"
+    assert [cause["effect"] for cause in found["causes"]] == ["sanding"]
+    assert "a_fresh.log" in found["gain"]["held_out"]
+    low, high = found["gain"]["interval"]
+    assert 5 < low < truth.fresh_gain_percent() + 3
+    assert low < found["gain"]["percent"] < high
+
+
+def test_of_two_drives_one_is_held_out_and_it_is_said_which(world):
+    _, folder = world
+    found = diagnosed(folder, str(folder / "a.log"), str(folder / "a_fresh.log"))
+    assert found["verdict"] == "named"
+    assert "1 of 2 recordings" in found["gain"]["held_out"]
+    assert sum(one.get("held_out", False) for one in found["inputs"]) == 1
