@@ -84,6 +84,12 @@ def p_text(p_value: float) -> str:
     return f"< {LEAST_P:g}" if p_value < LEAST_P else f"{p_value:.3f}"
 
 
+def p_equation(p_value: float) -> str:
+    """A p-value in a sentence."""
+    text = p_text(p_value)
+    return f"p {text}" if text.startswith("<") else f"p = {text}"
+
+
 def fixed(value: float, digits: int, unit: str = "") -> str:
     """A number with so many decimals and its unit, or a dash."""
     return f"{value:.{digits}f}{unit}" if isfinite(value) else "-"

@@ -24,6 +24,7 @@ from adhesion_can.criticism.quantities import (
     effect_name,
     fixed,
     measured,
+    p_equation,
     p_text,
     short,
     title,
@@ -112,7 +113,8 @@ def _unexplained(found: Diagnosis) -> str:
         f"Unexplained: what is left depends on {channel_name(found.channel)}, and no known effect "
         "says why."
     )
-    own = [c.p_value for c in found.channels if c.channel == found.channel]
+    # A wave's channel has its length behind the name.
+    own = [c.p_value for c in found.channels if c.channel.partition(",")[0] == found.channel]
     return f"{told} {chance(min(own))}" if own else told
 
 
@@ -126,7 +128,7 @@ def _nothing(found: Diagnosis) -> str:
     first = min(found.evidence, key=lambda e: e.p_value if isfinite(e.p_value) else 1.0)
     name = effect_name(first.effect, first.form, first.axle)
     return (
-        f"{told} The strongest effect is {name}: p = {p_text(first.p_value)}, gain "
+        f"{told} The strongest effect is {name}: {p_equation(first.p_value)}, gain "
         f"{fixed(first.gain_percent, 1, ' %')}."
     )
 
@@ -142,7 +144,7 @@ def chance(p_value: float) -> str:
         )
     return (
         f"Chance alone looks as strong in {100 * p_value:.2g} % of drives "
-        f"(p = {p_text(p_value)}, all that was tested counted)."
+        f"({p_equation(p_value)}, all that was tested counted)."
     )
 
 
