@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 README = Path(__file__).resolve().parent.parent / "README.md"
@@ -51,9 +52,13 @@ class Terminal:
         self._close()
         return code
 
-    def interrupt(self, timeout=30.0):
-        """Ctrl-C; returns the exit status."""
+    def interrupt(self, timeout=30.0, *, again=False):
+        """Ctrl-C; returns the exit status. `again`: once more for another's tool that missed it."""
         self.process.send_signal(signal.SIGINT)
+        if again:
+            with suppress(subprocess.TimeoutExpired):
+                return self.wait(timeout / 3)
+            self.process.send_signal(signal.SIGINT)
         return self.wait(timeout)
 
     def kill(self):

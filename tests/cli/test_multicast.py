@@ -52,7 +52,7 @@ def bench(folder):
         service.wait_for("listening on")
         assert open_one(simulate, "simulate").wait(60) == 0
         assert service.interrupt() == 0
-        writer.interrupt()
+        writer.interrupt(again=True)
     finally:
         for terminal in terminals:
             if terminal.process.poll() is None:
