@@ -177,11 +177,6 @@ class Simulation:
 
 def axles_behind(vehicle: Locomotive, *, along: bool) -> np.ndarray:
     """Distance of each axle behind the leading one, m; zeros where not asked for."""
-    geometry = vehicle.geometry
-    if not along or geometry is None:
+    if not along or vehicle.geometry is None:
         return np.zeros(vehicle.axles)
-    places: list[float] = []
-    for number, axles in enumerate(geometry.axles_per_bogie):
-        middle = number * geometry.pivot_distance
-        places += [middle + geometry.axle_spacing * (j - (axles - 1) / 2) for j in range(axles)]
-    return np.array(places) - places[0]
+    return vehicle.geometry.axle_places
