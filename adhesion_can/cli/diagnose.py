@@ -29,7 +29,8 @@ from adhesion_can.config import Configuration
 from adhesion_can.config.extension import write_model
 from adhesion_can.criticism.course import Course
 from adhesion_can.criticism.diagnosis import Diagnosis
-from adhesion_can.criticism.forming import course_of, course_of_table
+from adhesion_can.criticism.forming import course_of
+from adhesion_can.criticism.tabled import course_of_table
 from adhesion_can.errors import InputError
 from adhesion_can.identification.extension import ExtendedModel
 from adhesion_can.reporting.diagnosis import (

@@ -1,7 +1,6 @@
 """From findings to a diagnosis: gain, extended model, sentences, pictures."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -208,12 +207,7 @@ def _units(
 
 def _refitted(prepared: Prepared, extended: Model, *, other_drives: bool) -> Fit:
     """The extended model on all rows but those of other drives that were kept back."""
-    stage = prepared.stage
-    block = stage.block
-    if not other_drives:
-        block = np.where(block < 0, -1 - block, block)
-    everything = replace(stage, block=block)
-    return fit(everything, extended)
+    return fit(prepared.stage if other_drives else prepared.stage.whole, extended)
 
 
 def _by_strength(found: Findings, named: Sequence[Candidate]) -> list[Candidate]:

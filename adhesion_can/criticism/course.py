@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from adhesion_can.criticism.sources import Rows, Source, TableSource
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.kinematics import adhesion_coefficient, creep_speed
 
 DELAY_MAX = {"speed": 1.0, "effort": 0.5}
 """s; rows need kinematics so far around them."""
@@ -85,10 +86,12 @@ class Course:
         factor = instruments.radius_factor(len(self.radius))
         radius = (self.radius * factor)[self.axle - 1]
         speed = k.speed / (1.0 + instruments.speed_error)
-        creep = radius * k.wheel_speed - speed
+        creep = creep_speed(k.wheel_speed, speed, radius)
         inertia = self.inertia + instruments.inertia_error
-        force = self.effort - instruments.effort_bias - inertia * k.wheel_accel / radius
-        return Observed(creep / speed, creep, speed, k.load, force / k.load)
+        effort = self.effort - instruments.effort_bias
+        adhesion = adhesion_coefficient(effort, k.load, k.wheel_accel, inertia, radius)
+        # Rows stand where the vehicle moves (eq. 2 without its lower bound).
+        return Observed(creep / speed, creep, speed, k.load, adhesion)
 
     def rows(self, kept: Rows) -> "Course":
         """The same recording with some of its rows."""

@@ -18,15 +18,16 @@ from numpy.typing import NDArray
 from adhesion_can.criticism.channels import channels_of
 from adhesion_can.criticism.conclude import conclude, empty
 from adhesion_can.criticism.course import Course
-from adhesion_can.criticism.diagnosis import Diagnosis, Untested, Verdict
+from adhesion_can.criticism.diagnosis import Diagnosis, Untested
 from adhesion_can.criticism.findings import Findings
 from adhesion_can.criticism.ledger import blocks_of
-from adhesion_can.criticism.model import EXCLUDED, Candidate, Study, curve_slopes, evaluate
-from adhesion_can.criticism.naming import Naming, detection_of, name
-from adhesion_can.criticism.staging import Prepared, block_seconds, prepare
+from adhesion_can.criticism.model import Candidate, Study, curve_slopes, evaluate
+from adhesion_can.criticism.naming import detection_of, name
+from adhesion_can.criticism.stage import Fit, Stage
+from adhesion_can.criticism.staging import block_seconds, prepare
 from adhesion_can.criticism.surfaces import changes, start_of, study_of
 from adhesion_can.criticism.testable import LEAST_ROWS, candidates_of, remarks, too_little
-from adhesion_can.criticism.unknown import Left, Line, left_over, line, pinned, wave_channel
+from adhesion_can.criticism.unknown import Left, left_over, line, pinned, wave_channel
 
 HELD_EVERY, HELD_BLOCKS = 3, 2
 """Every third pair of blocks is kept back where no other data are."""
@@ -90,9 +91,7 @@ def diagnose(
         if other.naming.best.rmse <= 1.02 * found.naming.best.rmse and other.naming.best.ids:
             found = other
     show("gain", 0.85)
-    known = {course.name for course in holdout}
-    other_drives = bool(known) or any(k.all() for k in kept)
-    diagnosis = conclude(used, found, [*untested, *remarks(used)], other_drives=other_drives)
+    diagnosis = conclude(used, found, [*untested, *remarks(used)], other_drives=any(kept))
     show("done", 1.0)
     return diagnosis
 
@@ -119,8 +118,8 @@ class _Work:
         detection, absorbed, cosines = detection_of(stage, base, prepared.signatures, rng)
         naming = name(stage, base, self.candidates, detection)
         self.show("what is left", 0.7)
-        plain = self._left(prepared, naming, rng, best=False)
-        rest = self._left(prepared, naming, rng, best=True) if naming.best.ids else plain
+        plain = self._left(stage, naming.base.fit, rng)
+        rest = self._left(stage, naming.best.fit, rng) if naming.best.ids else plain
         lines = [found for course in self.courses if (found := line(course)) is not None]
         return Findings(
             prepared=prepared,
@@ -129,18 +128,15 @@ class _Work:
             cosines=cosines,
             left_plain=tuple(plain),
             left=tuple(rest),
-            line=max(lines, key=_strength, default=None),
+            line=max(lines, key=lambda one: one.adhesion, default=None),
             pinned=tuple(self._pinned()),
             times=times,
             length_s=self.length_s,
             alpha=self.settings.alpha,
         )
 
-    def _left(
-        self, prepared: Prepared, naming: Naming, rng: np.random.Generator, *, best: bool
-    ) -> list[Left]:
-        stage = prepared.stage
-        found = naming.best.fit if best else naming.base.fit
+    def _left(self, stage: Stage, found: Fit, rng: np.random.Generator) -> list[Left]:
+        """What channels and waves explain of a model's residual, the most first."""
         likely = evaluate(stage.study, found.model.theta, found.model.actives, stage.shift)
         channels = channels_of(stage.study, likely)
         columns = [channel.basis(likely) for channel in channels]
@@ -164,10 +160,6 @@ class _Work:
         ]
 
 
-def _strength(found: Line) -> float:
-    return found.adhesion
-
-
 def _thinned(course: Course, rate_hz: float) -> Course:
     """Rows of a course at a lower rate, axle by axle."""
     if len(course) <= MANY_ROWS or course.table:
@@ -180,35 +172,27 @@ def _thinned(course: Course, rate_hz: float) -> Course:
     return course.rows(kept)
 
 
-def _kept_back(courses: Sequence[Course], holdout: Sequence[Course]) -> list[NDArray[np.bool_]]:
-    """Whether each whole course is kept back; none is where one drive is all there is."""
-    if holdout:
-        chosen = {id(course) for course in holdout}
-    elif len(courses) > 1:
+def _kept_back(courses: Sequence[Course], holdout: Sequence[Course]) -> list[bool]:
+    """Whether each course is kept back whole; none is where one drive is all there is."""
+    chosen = list(holdout)
+    if not holdout and len(courses) > 1:
         # The shortest that are long enough: most of the data decide.
         able = sorted((c for c in courses if len(c) >= LEAST_ROWS), key=len)
         count = max(len(courses) // HELD_EVERY, 1)
-        chosen = {id(course) for course in able[:count]} if len(able) > count else set()
-    else:
-        chosen = set()
-    return [np.array([id(course) in chosen]) for course in courses]
+        chosen = able[:count] if len(able) > count else []
+    return [any(course is one for one in chosen) for course in courses]
 
 
-def _blocks(
-    courses: tuple[Course, ...], kept: list[NDArray[np.bool_]], length_s: float
-) -> NDArray[np.int64]:
+def _blocks(courses: Sequence[Course], kept: Sequence[bool], length_s: float) -> NDArray[np.int64]:
     """Number of each row's block, −1 − number where it is kept back."""
     out, base = [], 0
-    whole = any(k.all() for k in kept)
-    for course, own in zip(courses, kept, strict=True):
+    for course, whole in zip(courses, kept, strict=True):
         # Numbered through: pauses are no blocks.
         number = np.unique(blocks_of(course.t_s, length_s), return_inverse=True)[1]
-        back = (number // HELD_BLOCKS) % HELD_EVERY == 1
-        back = np.full(len(number), bool(own.all())) if whole else back
+        back = np.full(len(number), whole)
+        if not any(kept):
+            back = (number // HELD_BLOCKS) % HELD_EVERY == 1
         number = number + base
         base = int(number.max(initial=base - 1)) + 1
         out.append(np.where(back, -1 - number, number))
     return np.concatenate(out) if out else np.empty(0, dtype=np.int64)
-
-
-__all__ = ["EXCLUDED", "DiagnoseSettings", "Verdict", "diagnose"]

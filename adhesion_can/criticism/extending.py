@@ -6,15 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.criticism.course import Course
-from adhesion_can.criticism.diagnosis import (
-    Surface,
-)
-from adhesion_can.criticism.model import (
-    Evaluation,
-    Model,
-    Study,
-    evaluate,
-)
+from adhesion_can.criticism.diagnosis import Surface
+from adhesion_can.criticism.model import Evaluation, Model, Study, evaluate
 from adhesion_can.criticism.stage import Fit, fit
 from adhesion_can.criticism.staging import Prepared
 from adhesion_can.criticism.unknown import Left
@@ -56,11 +49,8 @@ def spline_of(left: Left) -> Empirical | None:
 
 def with_spline(prepared: Prepared, model: Model, spline: Empirical) -> Model:
     """Curves fitted anew with a spline in front of them."""
-    stage = prepared.stage
-    everything = replace(
-        stage, block=np.abs(np.where(stage.block < 0, -1 - stage.block, stage.block))
-    )
-    return fit(everything, Model(model.theta, fixed=(ActiveEffect(spline, ()),))).model
+    curves = Model(model.theta, fixed=(ActiveEffect(spline, ()),))
+    return fit(prepared.stage.whole, curves).model
 
 
 def surfaces_of(

@@ -1,17 +1,13 @@
 """What the steps found, and the verdict that follows from it."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from adhesion_can.criticism.channels import channels_of
 from adhesion_can.criticism.ledger import solve
-from adhesion_can.criticism.model import (
-    EXCLUDED,
-    Candidate,
-    curve_slopes,
-    evaluate,
-)
+from adhesion_can.criticism.model import Candidate, curve_slopes, evaluate
 from adhesion_can.criticism.naming import SECOND_WORTH, Naming
 from adhesion_can.criticism.staging import Prepared
 from adhesion_can.criticism.unknown import LINE_SIZE, Left, Line
@@ -58,7 +54,7 @@ class Findings:
         """Of a named effect."""
         return self.naming.p_value(candidate, self.prepared.candidates)
 
-    @property
+    @cached_property
     def named(self) -> tuple[Candidate, ...]:
         """Effects that are sure, and explain most of what is explained."""
         if self.swings or self.pinned or self.naming.base.rmse < NOISELESS:
@@ -74,34 +70,31 @@ class Findings:
             rest = (best.rmse**2 - left**2) / base.rmse**2
         return best.candidates if explained >= HALF * (explained + rest) else ()
 
-    @property
+    @cached_property
     def swings(self) -> bool:
         """Whether the drive train swings so much that the force balance feels it."""
         return self.line is not None and self.line.adhesion > LINE_SIZE * self.noise_floor
 
-    @property
+    @cached_property
     def unknown(self) -> Left | None:
         """The channel that an unexplained residual depends on; None: none."""
         if self.naming.base.rmse < NOISELESS:
             return None
-        names = {"tractive_effort"} if self.pinned else None
         for one in self.left_plain:
-            if names and one.channel.name not in names:
-                continue
-            if one.p_value <= self.alpha / 2 and one.gain >= SECOND_WORTH:
+            in_question = not self.pinned or one.channel.name == "tractive_effort"
+            if in_question and one.p_value <= self.alpha / 2 and one.gain >= SECOND_WORTH:
                 return one
         return None
 
-    @property
+    @cached_property
     def noise_floor(self) -> float:
         """RMSE of the fullest model on the rows that decided, its parameters paid for."""
         stage, best = self.prepared.stage, self.naming.best.fit.model
-        used = (stage.block >= 0) & (stage.study.surface != EXCLUDED)
         likely = evaluate(stage.study, best.theta, best.actives, stage.shift)
         columns = [channel.basis(likely) for channel in channels_of(stage.study, likely)]
         columns += [one.columns for one in self.left if one.channel.period]
-        raw = np.column_stack([curve_slopes(stage.study, best.theta, likely), *columns])[used]
-        left = evaluate(stage.study, best.theta, best.actives).residual[used]
+        raw = np.column_stack([curve_slopes(stage.study, best.theta, likely), *columns])[stage.used]
+        left = evaluate(stage.study, best.theta, best.actives).residual[stage.used]
         rest = left - raw @ solve(raw.T @ raw, raw.T @ left)
         free = max(len(rest) - raw.shape[1], 1)
         return float(np.sqrt(np.sum(rest**2) / free))

@@ -18,11 +18,11 @@ from adhesion_can.criticism.smoothing import (
     smoothed,
 )
 from adhesion_can.criticism.sources import Signals, Source
-from adhesion_can.criticism.tabled import course_of_table
 from adhesion_can.identification.samples import COVARIATES
 from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.data import Direction, Role
+from adhesion_can.physics.kinematics import slip_ratio
 from adhesion_can.physics.vehicle import Locomotive
 
 HELD = frozenset({Role.SANDING, Role.RAIN})
@@ -90,7 +90,8 @@ def course_of(
     t_s = np.concatenate([part[0] for part in parts])
     axles = np.concatenate([part[1] for part in parts])
     covariates = _covariates(traces, t_s, origin, lost)
-    place = np.where(signals.direction(t_s) > 0, axles, vehicle.axles + 1.0 - axles)
+    direction = signals.direction(t_s)
+    place = np.where(direction > 0, axles, vehicle.axles + 1.0 - axles)
     way = _travelled(speed)
     return Course(
         name=name,
@@ -101,7 +102,7 @@ def course_of(
         covariates=covariates,
         radius=signals.radius,
         inertia=vehicle.wheelset_inertia,
-        position=np.interp(t_s, speed.t_s, way) - behind(vehicle, place),
+        position=np.interp(t_s, speed.t_s, way) - behind(vehicle, axles, direction),
         source=Source(axles, t_s, signals),
         has_load=len(loads) == len(wheels),
         first_us=origin,
@@ -109,13 +110,20 @@ def course_of(
     )
 
 
-def behind(vehicle: Locomotive, place: Array) -> Array:
-    """Distance behind the leading axle, m; zeros where the geometry is not known."""
-    if vehicle.geometry is None or not len(place):
-        return np.zeros(len(place))
+def behind(vehicle: Locomotive, axle: NDArray[np.int64], direction: Array) -> Array:
+    """Distance behind the axle that leads, m, shape (n,); zeros where the geometry is not known.
+
+    Args:
+        vehicle: with its geometry.
+        axle: of each row, 1.., shape (n,).
+        direction: of travel, 1 or −1, shape (n,).
+
+    """
+    if vehicle.geometry is None:
+        return np.zeros(len(axle))
     places = vehicle.geometry.axle_places
-    # In reverse the last axle leads, and its distances count.
-    return np.asarray(places[np.clip(place.astype(np.int64) - 1, 0, len(places) - 1)])
+    own = places[axle - 1]
+    return np.where(direction > 0, own, places[-1] - own)
 
 
 def _travelled(speed: Smooth) -> Array:
@@ -136,7 +144,7 @@ def _usable(
     around = np.arange(-early, DELAY_MAX["speed"] + 0.01, 0.25)
     slowest = np.min([np.interp(t + step, speed.t_s, speed.value) for step in around], axis=0)
     fast = slowest >= v_min
-    slip = signals.radius[axle - 1] * np.interp(t, wheel.t_s, wheel.value) / np.maximum(v, 1e-3) - 1
+    slip = slip_ratio(np.interp(t, wheel.t_s, wheel.value), v, signals.radius[axle - 1], v_min)
     inside = np.abs(slip) <= slip_max
     loaded = signals.load(axle, t) >= LEAST_LOAD * signals.vehicle.axle_load[axle - 1]
     lost["axle load implausibly low"] += int((there & fast & inside & ~loaded).sum())
@@ -183,6 +191,3 @@ def _empty(name: str, vehicle: Locomotive, lost: Mapping[str, int]) -> Course:
         name, none, axles, none, none, {}, signals.radius, vehicle.wheelset_inertia, none,
         Source(axles, none, signals), lost=lost,
     )  # fmt: skip
-
-
-__all__ = ["course_of", "course_of_table"]

@@ -1,6 +1,6 @@
 """What an extension gains on data that had no part in deciding on it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from scipy.stats import t as student
 
 from adhesion_can.criticism.diagnosis import Gain
 from adhesion_can.criticism.ledger import solve
-from adhesion_can.criticism.model import EXCLUDED, Model, curve_slopes, evaluate
+from adhesion_can.criticism.model import Model, curve_slopes, evaluate
 from adhesion_can.criticism.stage import Stage, fit
 from adhesion_can.criticism.unknown import Left
 from adhesion_can.physics.burckhardt import Array
@@ -45,12 +45,10 @@ def held_out(
 
     """
     study = stage.study
-    held = (stage.block < 0) & (study.surface != EXCLUDED)
     if other_drives:
-        turned = replace(stage, block=np.where(held, -1 - stage.block, -1))
-        plain = fit(turned, Model(plain.theta)).model
-        extended = fit(turned, Model(extended.theta, fixed=extended.actives)).model
-    rows = np.flatnonzero(held)
+        plain = fit(stage.turned, Model(plain.theta)).model
+        extended = fit(stage.turned, Model(extended.theta, fixed=extended.actives)).model
+    rows = np.flatnonzero(stage.turned.used)
     before = evaluate(study, plain.theta, plain.actives).residual
     at = evaluate(study, extended.theta, extended.actives)
     after = at.residual

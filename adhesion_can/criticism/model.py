@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.criticism.course import Course
+from adhesion_can.criticism.quantities import effect_name
+from adhesion_can.physics import burckhardt
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import (
     EFFECTS,
@@ -50,13 +52,12 @@ class Candidate:
     @property
     def size(self) -> int:
         """Number of parameters that are looked for."""
-        return sum(not p.axle for p in self.effect.parameters)
+        return len(self.limits)
 
     @property
     def name(self) -> str:
         """Effect, form and axle in one word."""
-        parts = [self.effect.id, self.effect.form, f"axle {self.axle}" if self.axle else ""]
-        return " ".join(part for part in parts if part)
+        return effect_name(self.effect.id, self.effect.form, self.axle)
 
     def active(self, values: Sequence[float]) -> ActiveEffect:
         """With values of the parameters that are looked for."""
@@ -79,8 +80,7 @@ class Candidate:
     @property
     def none(self) -> tuple[float, ...]:
         """Values at which nothing changes."""
-        rest = [p.typical for p in self.effect.parameters[1:] if not p.axle]
-        return (0.0, *rest)
+        return (0.0, *(p.typical for p in self.limits[1:]))
 
     @property
     def limits(self) -> tuple[Parameter, ...]:
@@ -186,10 +186,8 @@ def evaluate(
         _contact(course, actives, own) for course, own in zip(study.courses, shifts, strict=True)
     ]
     adhesion, slip, factor = (np.concatenate(column) for column in zip(*parts, strict=True))
-    c1, c2, c3 = theta.rows(study.surface)
-    size = np.abs(slip)
-    curve = -c1 * np.expm1(-c2 * size) - c3 * size
-    return Evaluation(adhesion, slip, factor, factor * np.copysign(curve, slip))
+    curve = burckhardt.adhesion(slip, *theta.rows(study.surface))
+    return Evaluation(adhesion, slip, factor, factor * curve)
 
 
 def _contact(
@@ -314,14 +312,7 @@ def effect_slopes(
     columns = []
     for place, limit in enumerate(candidate.limits):
         step = SLOPE_STEP * abs(limit.typical)
-        ends = []
-        for side in (1.0, -1.0):
-            moved = list(values)
-            moved[place] = float(
-                np.clip(values[place] + side * step, candidate.least(limit), limit.upper)
-            )
-            ends.append((moved[place], _left(study, model, candidate, tuple(moved), shift)))
-        columns.append((ends[1][1] - ends[0][1]) / (ends[0][0] - ends[1][0]))
+        columns.append(_per_step(study, model, candidate, values, place, step, shift))
     return np.stack(columns, axis=1)
 
 
@@ -346,21 +337,26 @@ def signature(
         chord: size that it is given for this, in its typical one.
 
     """
-    size = candidate.limits[0]
-    step = chord * abs(size.typical)
-    ends = []
-    for side in (1.0, -1.0):
-        value = float(np.clip(side * step, candidate.least(size), size.upper))
-        ends.append((value, _left(study, model, candidate, (value, *start[1:]), shift)))
-    return np.asarray((ends[1][1] - ends[0][1]) / (ends[0][0] - ends[1][0]))
+    step = chord * abs(candidate.limits[0].typical)
+    return _per_step(study, model, candidate, start, 0, step, shift)
 
 
-def _left(
+def _per_step(
     study: Study,
     model: Model,
     candidate: Candidate,
     values: tuple[float, ...],
+    place: int,
+    step: float,
     shift: Array | None,
 ) -> Array:
-    actives = model.with_effect(candidate, values).actives
-    return evaluate(study, model.theta, actives, shift).residual
+    """Change of −e per unit of one parameter, from a step to either side of it, shape (n,)."""
+    limit = candidate.limits[place]
+    ends = []
+    for side in (1.0, -1.0):
+        at = float(np.clip(values[place] + side * step, candidate.least(limit), limit.upper))
+        moved = (*values[:place], at, *values[place + 1 :])
+        actives = model.with_effect(candidate, moved).actives
+        ends.append((at, evaluate(study, model.theta, actives, shift).residual))
+    (high, above), (low, below) = ends
+    return np.asarray((below - above) / (high - low))

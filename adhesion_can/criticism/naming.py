@@ -17,6 +17,7 @@ from adhesion_can.criticism.detect import Detection, detect
 from adhesion_can.criticism.ledger import solve
 from adhesion_can.criticism.model import Candidate, Model, evaluate
 from adhesion_can.criticism.stage import Fit, Stage, fit
+from adhesion_can.physics.burckhardt import Array
 
 SURE = 0.05
 """Level at which a difference between two models counts."""
@@ -119,8 +120,7 @@ class Naming:
 def scored(stage: Stage, found: Fit, added: float = 1.0) -> Scored:
     """A fit with its RMSE."""
     left = evaluate(stage.study, found.model.theta, found.model.actives).residual
-    used = (stage.block >= 0) & (stage.study.surface >= 0)
-    return Scored(found, float(np.sqrt(np.mean(left[used] ** 2))), added)
+    return Scored(found, float(np.sqrt(np.mean(left[stage.used] ** 2))), added)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,17 +147,13 @@ def proposals(stage: Stage, model: Model, candidates: Sequence[Candidate]) -> li
     ledger = stage.ledger(
         np.column_stack([slopes[:, :-1], stage.white(np.column_stack(columns)), slopes[:, -1]])
     )
-    whole, first = ledger.total, slopes.shape[1] - 1
-    flips = detect(
-        ledger,
-        list(range(first)),
-        [[first + i] for i in range(len(starts))],
-        np.random.default_rng(len(starts)),
-    )
+    whole, p = ledger.total, slopes.shape[1] - 1
+    groups = [[p + i] for i in range(len(starts))]
+    flips = detect(ledger, list(range(p)), groups, np.random.default_rng(len(starts)))
     chance = dict.fromkeys(candidates, 1.0)
     for (candidate, _, _), p_value in zip(starts, flips.p_value, strict=True):
         chance[candidate] = min(chance[candidate], float(p_value))
-    p, square = slopes.shape[1] - 1, max(float(whole[-1, -1]), 1e-300)
+    square = max(float(whole[-1, -1]), 1e-300)
     found: dict[Candidate, Proposal] = {}
     for number, (candidate, start, chord) in enumerate(starts):
         of = [*range(p), p + number]
@@ -200,7 +196,7 @@ def name(stage: Stage, base: Fit, candidates: Sequence[Candidate], detection: De
     alike: tuple[Scored, ...] = ()
     if singles and _better(plain, singles[0], len(candidates)):
         best = singles[0]
-        pairs = _pairs(stage, base, singles, candidates)
+        pairs = _pairs(stage, base.square, singles, candidates)
         if pairs and _better(best, pairs[0], len(candidates)):
             best = pairs[0]
             singles += _members(stage, base, best, singles)
@@ -212,10 +208,9 @@ def name(stage: Stage, base: Fit, candidates: Sequence[Candidate], detection: De
 
 
 def _pairs(
-    stage: Stage, base: Fit, singles: Sequence[Scored], candidates: Sequence[Candidate]
+    stage: Stage, total: float, singles: Sequence[Scored], candidates: Sequence[Candidate]
 ) -> list[Scored]:
     """Pairs of effects, best first: the most promising partners of the best singles."""
-    total = base.square
     wanted: list[tuple[float, Proposal]] = []
     for one in singles[:PARTNERED]:
         others = [c for c in candidates if c.effect.id not in one.ids]
@@ -274,17 +269,12 @@ def _worse(best: Scored, other: Scored) -> bool:
     """Whether another model of the same size leaves more for sure."""
     if other.fit.square <= (1.0 + ALIKE) * best.fit.square:
         return False
-    return _difference(other.fit, best.fit)[0] > 0.0
-
-
-def _difference(one: Fit, other: Fit) -> tuple[float, float]:
-    """Lower bound, one-sided, and mean of what another model lowers the squares by, per block."""
-    each = one.squares - other.squares
+    each = other.fit.squares - best.fit.squares
     blocks = len(each)
     if blocks < 2:
-        return -np.inf, float(each.sum())
+        return False
     spread = float(each.std(ddof=1)) / np.sqrt(blocks)
-    return float(each.mean() - student.ppf(1.0 - SURE, blocks - 1) * spread), float(each.mean())
+    return bool(each.mean() > student.ppf(1.0 - SURE, blocks - 1) * spread)
 
 
 def _chance(small: Fit, large: Fit) -> float:
@@ -306,9 +296,9 @@ def _chance(small: Fit, large: Fit) -> float:
 def detection_of(
     stage: Stage,
     base: Fit,
-    columns: Sequence[np.ndarray],
+    columns: Sequence[Array],
     rng: np.random.Generator,
-) -> tuple[Detection, np.ndarray, np.ndarray]:
+) -> tuple[Detection, Array, Array]:
     """Test groups of columns against a fitted model's residual.
 
     Args:

@@ -8,6 +8,7 @@ from adhesion_can.criticism.channels import Channel, Kind
 from adhesion_can.criticism.course import Course
 from adhesion_can.criticism.diagnosis import CurveData, Picture, Profile
 from adhesion_can.criticism.model import EXCLUDED, Model, Study, Theta, evaluate
+from adhesion_can.physics import burckhardt
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import instruments_of
 from adhesion_can.physics.effects.curve_creep import ANGLE, CURVATURE
@@ -130,8 +131,8 @@ def simulated(course: Course, rows: np.ndarray, model: Model, surface: int) -> A
     at = evaluate(study, theta, model.actives)
     c1, log_c2, c3 = theta.values[0]
     c2 = float(np.exp(log_c2))
-    radius = course.radius[course.axle[rows[0]] - 1]
-    radius = float(radius * instruments.radius_factor(len(course.radius))[course.axle[rows[0]] - 1])
+    radii = course.radius * instruments.radius_factor(len(course.radius))
+    radius = float(radii[course.axle[rows[0]] - 1])
     inertia = max(course.inertia + instruments.inertia_error, 1.0)
     effort = course.effort[rows] - instruments.effort_bias
     speed, load = seen.speed[rows], seen.load[rows]
@@ -149,13 +150,11 @@ def simulated(course: Course, rows: np.ndarray, model: Model, surface: int) -> A
         omega = (1.0 + slip[i - 1]) * speed[i - 1] / radius
         here = omega * radius / speed[i] - 1.0
         inside = here + shift[i]
-        size = abs(inside)
-        curve = np.copysign(-c1 * np.expm1(-c2 * size) - c3 * size, inside)
-        stiff = (
-            max(c1 * c2 * np.exp(-c2 * size) - c3, 0.0) * factor[i] * load[i] * radius / speed[i]
-        )
+        mu = factor[i] * float(burckhardt.adhesion(inside, c1, c2, c3))
+        slope = factor[i] * float(burckhardt.adhesion_slope(inside, c1, c2, c3))
+        stiff = max(slope, 0.0) * load[i] * radius / speed[i]
         gain = dt * radius / inertia
-        omega += gain * (effort[i] - factor[i] * curve * load[i]) / (1.0 + gain * stiff)
+        omega += gain * (effort[i] - mu * load[i]) / (1.0 + gain * stiff)
         slip[i] = max(omega * radius / speed[i] - 1.0, -1.0)
     return np.asarray((1.0 + slip) * speed / radius)
 

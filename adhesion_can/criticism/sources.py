@@ -84,7 +84,7 @@ class Source:
 
     """
 
-    def __init__(self, axles: NDArray[np.int64], t_s: Array, signals: "Signals") -> None:
+    def __init__(self, axles: NDArray[np.int64], t_s: Array, signals: Signals) -> None:
         self._axles, self._t_s, self._signals = axles, t_s, signals
         self.rough = signals.rough
         self._cached = lru_cache(maxsize=6)(self._at)

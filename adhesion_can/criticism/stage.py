@@ -56,13 +56,29 @@ class Stage:
 
     def white(self, columns: Array) -> Array:
         """Columns scaled and whitened, zero in rows that take no part; shape (n, p)."""
-        used = (self.study.surface != EXCLUDED) * self.scale
-        out = self.whitener(columns * used[:, None])
+        of_surface = (self.study.surface != EXCLUDED) * self.scale
+        out = self.whitener(columns * of_surface[:, None])
         return np.asarray(out * (self.weight * (self.block >= 0))[:, None])
 
-    def residual(self, model: Model) -> Array:
-        """Whitened residual of a model, shape (n,)."""
-        return self.white(evaluate(self.study, model.theta, model.actives).residual[:, None])[:, 0]
+    @cached_property
+    def used(self) -> NDArray[np.bool_]:
+        """Rows that decide: of a surface, and not kept back; shape (n,)."""
+        return np.asarray((self.study.surface != EXCLUDED) & (self.block >= 0))
+
+    @property
+    def number(self) -> NDArray[np.int64]:
+        """Number of each row's block, kept back or not; shape (n,)."""
+        return np.where(self.block >= 0, self.block, -1 - self.block)
+
+    @property
+    def whole(self) -> "Stage":
+        """With nothing kept back."""
+        return replace(self, block=self.number)
+
+    @property
+    def turned(self) -> "Stage":
+        """With what was kept back, and nothing else."""
+        return replace(self, block=-1 - self.block)
 
     @cached_property
     def shared_white(self) -> Array:
@@ -101,11 +117,10 @@ class Stage:
 
     def rewhitened(self, residual: Array) -> "Stage":
         """With the filter and the weights that other residuals ask for, adhesion, shape (n,)."""
-        used = (self.study.surface != EXCLUDED) & (self.block >= 0)
-        scaled = residual * self.scale * used
+        scaled = residual * self.scale * self.used
         whitener = fitted(scaled, self.whitener.stretches)
         square = whitener(scaled[:, None])[:, 0] ** 2
-        return replace(self, whitener=whitener, weight=_weights(square, self.doubt, used))
+        return replace(self, whitener=whitener, weight=_weights(square, self.doubt, self.used))
 
 
 def _weights(square: Array, doubt: Array, used: NDArray[np.bool_]) -> Array:
@@ -207,7 +222,7 @@ def _covariance(ledger: Ledger) -> Array:
     """Sandwich: what the blocks scatter, or what white residuals would, whichever is larger."""
     whole = ledger.total
     p = len(whole) - 1
-    inverse = _step_matrix(whole[:-1, :-1])
+    inverse = _inverse(whole[:-1, :-1])
     rows = max(float(ledger.rows.sum()) - p, 1.0)
     plain = inverse * (whole[-1, -1] / rows)
     scores = ledger.grams[:, :-1, -1]
@@ -224,7 +239,7 @@ def _sizes(gram: Array) -> Array:
     return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
 
 
-def _step_matrix(gram: Array) -> Array:
+def _inverse(gram: Array) -> Array:
     scale = _sizes(gram)
     matrix = gram / np.outer(scale, scale) + 1e-10 * np.eye(len(gram))
     return np.asarray(np.linalg.inv(matrix) / np.outer(scale, scale))

@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.criticism.channels import Channel, channels_of
+from adhesion_can.criticism.channels import channels_of
 from adhesion_can.criticism.ledger import solve
 from adhesion_can.criticism.model import (
-    EXCLUDED,
     Candidate,
     Model,
     Study,
@@ -18,7 +17,7 @@ from adhesion_can.criticism.model import (
 )
 from adhesion_can.criticism.stage import Fit, Stage, fit
 from adhesion_can.criticism.whitening import Stretches, Whitener
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.burckhardt import Array, adhesion_slope
 
 FLAT = 2.0
 """Slope dμ/dλ below which the slip's errors say little: the noise of the effort is read there."""
@@ -37,9 +36,6 @@ class Prepared:
         base: curves alone.
         candidates: effects that can be tested.
         signatures: of each, adhesion per size, shape (n, 1).
-        channels: that move.
-        splines: columns of each channel, adhesion, shape (n, columns).
-        saturated: residual of everything at once, adhesion, shape (n,).
 
     """
 
@@ -47,9 +43,6 @@ class Prepared:
     base: Fit
     candidates: tuple[Candidate, ...]
     signatures: tuple[Array, ...]
-    channels: tuple[Channel, ...]
-    splines: tuple[Array, ...]
-    saturated: Array
 
 
 def block_seconds(study: Study) -> float:
@@ -90,27 +83,12 @@ def prepare(
     )  # fmt: skip
     model = fit(stage, Model(start), 30).model
     stage = _weighed(stage, model, length_s)
+    model = fit(stage, model).model
+    stage = replace(stage, shift=_likely_shift(stage, model, _saturated(stage, model, candidates)))
+    stage = stage.rewhitened(_saturated(stage, model, candidates))
     base = fit(stage, model)
-    model = base.model
-    likely = evaluate(study, model.theta)
-    channels = tuple(channels_of(study, likely))
-    residual = _saturated(stage, model, candidates, channels)
-    stage = replace(stage, shift=_likely_shift(stage, model, residual))
-    likely = evaluate(study, model.theta, (), stage.shift)
-    channels = tuple(channels_of(study, likely))
-    residual = _saturated(stage, model, candidates, channels)
-    stage = stage.rewhitened(residual)
-    base = fit(stage, model)
-    likely = evaluate(study, base.model.theta, (), stage.shift)
-    return Prepared(
-        stage,
-        base,
-        candidates,
-        tuple(stage.signature(base.model, candidate) for candidate in candidates),
-        channels,
-        tuple(channel.basis(likely) for channel in channels),
-        residual,
-    )
+    signatures = tuple(stage.signature(base.model, candidate) for candidate in candidates)
+    return Prepared(stage, base, candidates, signatures)
 
 
 def _stretches(study: Study) -> Stretches:
@@ -126,10 +104,9 @@ def _weighed(stage: Stage, model: Model, length_s: float) -> Stage:
     study = stage.study
     at = evaluate(study, model.theta)
     slope = _slope(study, model, at.slip)
-    used = (study.surface != EXCLUDED) & (stage.block >= 0)
-    flat = used & (np.abs(slope) < FLAT)
-    if flat.sum() < 0.02 * used.sum():
-        flat = used
+    flat = stage.used & (np.abs(slope) < FLAT)
+    if flat.sum() < 0.02 * stage.used.sum():
+        flat = stage.used
     noise = max(float(np.sqrt(np.mean(at.residual[flat] ** 2))), 1e-9)
     doubt = (slope * study.column("wheel_slip_std") / noise) ** 2
     speeds = np.concatenate([course.observe().speed for course in study.courses])
@@ -155,19 +132,16 @@ def _weighed(stage: Stage, model: Model, length_s: float) -> Stage:
 
 def _slope(study: Study, model: Model, slip: Array) -> Array:
     """dμ/dλ of the plain curve in each row."""
-    c1, c2, c3 = model.theta.rows(study.surface)
-    return np.asarray(c1 * c2 * np.exp(-c2 * np.abs(slip)) - c3)
+    return adhesion_slope(slip, *model.theta.rows(study.surface))
 
 
-def _saturated(
-    stage: Stage, model: Model, candidates: tuple[Candidate, ...], channels: tuple[Channel, ...]
-) -> Array:
+def _saturated(stage: Stage, model: Model, candidates: tuple[Candidate, ...]) -> Array:
     """Residual, adhesion, of curves, all effects and all splines together, to first order."""
     study = stage.study
     likely = evaluate(study, model.theta, (), stage.shift)
     columns = [curve_slopes(study, model.theta, likely)]
     columns += [stage.signature(model, candidate) for candidate in candidates]
-    columns += [channel.basis(likely) for channel in channels]
+    columns += [channel.basis(likely) for channel in channels_of(study, likely)]
     raw = np.column_stack(columns)
     left = evaluate(study, model.theta).residual
     total = stage.ledger(stage.white(np.column_stack([raw, left]))).total
@@ -189,9 +163,8 @@ def _likely_shift(stage: Stage, model: Model, residual: Array) -> Array:
     if stage.shared.shape[1]:
         scaled = stage.shared * stage.scale[:, None]
         left = residual * stage.scale
-        number = np.abs(np.where(stage.block >= 0, stage.block, -1 - stage.block))
-        order = np.argsort(number, kind="stable")
-        starts = np.unique(number[order], return_index=True)[1]
+        order = np.argsort(stage.number, kind="stable")
+        starts = np.unique(stage.number[order], return_index=True)[1]
         for rows in np.split(order, starts[1:]):
             part = scaled[rows]
             gram = part.T @ part + np.eye(part.shape[1])

@@ -25,6 +25,7 @@ from adhesion_can.criticism.model import (
     signature,
 )
 from adhesion_can.identification.batch import SegmentationSettings, change_points, fit
+from adhesion_can.physics import burckhardt
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.data import Samples
 
@@ -82,8 +83,7 @@ def _moved(course: Course, times: list[float]) -> list[float]:
         rows = order[(t_s >= low) & (t_s < high)]
         squares = []
         for c1, log_c2, c3 in theta[number : number + 2]:
-            size = np.abs(slip[rows])
-            curve = np.copysign(-c1 * np.expm1(-np.exp(log_c2) * size) - c3 * size, slip[rows])
+            curve = burckhardt.adhesion(slip[rows], c1, np.exp(log_c2), c3)
             squares.append((adhesion[rows] - curve) ** 2)
         cost = np.cumsum(squares[0] - squares[1])
         found.append(float(course.t_s[rows[int(np.argmin(cost))]]) if len(rows) else time)

@@ -77,14 +77,16 @@ def left_over(
         return []
     detection, _, _ = detection_of(stage, found, columns, rng)
     residual = evaluate(stage.study, found.model.theta, found.model.actives).residual
-    used = (stage.block >= 0) & (stage.study.surface >= 0)
-    before = float(np.sqrt(np.mean(residual[used] ** 2)))
-    out = []
+    before = float(np.sqrt(np.mean(residual[stage.used] ** 2)))
+    white = stage.white(np.column_stack([slopes, *columns, residual]))
+    total = stage.ledger(white).total
+    out, first = [], slopes.shape[1]
     for place, (channel, own) in enumerate(zip(channels, columns, strict=True)):
-        raw = np.column_stack([slopes, own])
-        total = stage.ledger(stage.white(np.column_stack([raw, residual]))).total
-        weights = solve(total[:-1, :-1], total[:-1, -1])
-        after = float(np.sqrt(np.mean((residual - raw @ weights)[used] ** 2)))
+        of = [*range(slopes.shape[1]), *range(first, first + own.shape[1])]
+        first += own.shape[1]
+        weights = solve(total[np.ix_(of, of)], total[of, -1])
+        left = residual - np.column_stack([slopes, own]) @ weights
+        after = float(np.sqrt(np.mean(left[stage.used] ** 2)))
         gain = 1.0 - after / max(before, 1e-300)
         out.append(Left(channel, float(detection.p_value[place]), gain, own, weights))
     return sorted(out, key=lambda one: -one.gain)
@@ -99,7 +101,7 @@ def wave_channel(
     strongest; the length is p-valued with all lengths counted.
     """
     position = stage.study.column("position")
-    used = np.flatnonzero((stage.block >= 0) & (stage.study.surface >= 0))
+    used = np.flatnonzero(stage.used)
     if len(used) < 1000 or float(np.ptp(position[used])) < 10 * WAVES_M[0]:
         return None
     residual = evaluate(stage.study, model.theta, model.actives).residual
@@ -108,7 +110,6 @@ def wave_channel(
     starts = np.unique(stage.block[order], return_index=True)[1]
     lengths = WAVES_M[np.ptp(position[used]) / 6 > WAVES_M]
     power = np.zeros((len(starts), len(lengths)), dtype=np.complex128)
-    size = 0.0
     for number, rows in enumerate(np.split(order, starts[1:])):
         # Rows within a quarter of a metre see the same phase of every wave that is looked for.
         cell = np.floor(position[rows] * 4).astype(np.int64)
@@ -117,7 +118,6 @@ def wave_channel(
         where = (np.arange(len(sums)) + first + 0.5) / 4
         full = sums != 0.0
         power[number] = sums[full] @ np.exp(2j * np.pi * where[full, None] / lengths)
-        size += float(np.sum(weight[rows] * at.predicted[rows]))
     seen = np.abs(power.sum(axis=0))
     signs = np.where(rng.random((FLIPS, len(starts))) < 0.5, -1.0, 1.0)
     chance = np.abs(signs @ power)

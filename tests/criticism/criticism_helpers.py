@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from adhesion_can.cli.main import main
-from adhesion_can.criticism.forming import course_of, course_of_table
+from adhesion_can.criticism.forming import course_of
+from adhesion_can.criticism.tabled import course_of_table
 from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.data import Role, Samples
 from adhesion_can.physics.vehicle import Locomotive
