@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from adhesion_can import __version__
@@ -37,7 +36,6 @@ from adhesion_can.reporting.diagnosis import (
     Source,
     diagnosis_json,
     extends,
-    longest_surface,
     terminal,
 )
 from adhesion_can.reporting.diagnosis_page import page
@@ -114,12 +112,11 @@ def run(options: argparse.Namespace) -> int:
     ]
     origin = provenance(config) | {"command": command}
     del origin["inputs"]  # the diagnosis says more of them
-    model = _model_of(found)
     written = []
     if options.extended is not None:
-        problems += _model_notes(model, found, options)
-        if model is not None:
-            write_model(_with_provenance(model, found, sources, command), options.extended)
+        problems += _model_notes(found, options)
+        if found.model is not None:
+            write_model(_with_provenance(found.model, found, sources, command), options.extended)
             written.append(options.extended)
     write_json(options.json, {**diagnosis_json(found, sources), "problems": problems, **origin})
     if options.html is not None:
@@ -310,19 +307,6 @@ def _why_empty(read: _Read) -> str:
 # --------------------------------------------------------------------------------- results
 
 
-def _model_of(found: Diagnosis) -> ExtendedModel | None:
-    """The extended model, or the plain curve as one without effects; None without any curve."""
-    if found.model is not None:
-        return found.model
-    longest = longest_surface(found)
-    if longest is None:
-        return None
-    covariance = longest.base.covariance
-    known = bool(np.isfinite(covariance).all())
-    rows = tuple(tuple(float(x) for x in row) for row in covariance) if known else None
-    return ExtendedModel(base=longest.base.theta, base_covariance=rows)
-
-
 def _with_provenance(
     model: ExtendedModel, found: Diagnosis, sources: Sequence[Source], command: str
 ) -> ExtendedModel:
@@ -335,11 +319,9 @@ def _with_provenance(
     return replace(model, provenance={**told, **inputs})
 
 
-def _model_notes(
-    model: ExtendedModel | None, found: Diagnosis, options: argparse.Namespace
-) -> list[str]:
+def _model_notes(found: Diagnosis, options: argparse.Namespace) -> list[str]:
     """What is to be said of the file of --extended."""
-    if model is None:
+    if found.model is None:
         return [f"--extended {options.extended}: not written, for no curve could be fitted"]
     if not extends(found):
         return [f"--extended {options.extended}: the plain curve, for there is no extension"]

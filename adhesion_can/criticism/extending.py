@@ -100,7 +100,7 @@ def extension(
     """The model as a file has it; None where the data give no curve with a peak."""
     c1, log_c2, c3 = whole.theta.values[surface]
     c2 = float(np.exp(log_c2))
-    if not (c1 > 0 and c1 * c2 > c3):
+    if not (c1 > 0 and c3 >= 0 and c1 * c2 > c3):
         return None
     turn = np.diag([1.0, c2, 1.0])
     own = slice(3 * surface, 3 * surface + 3)
@@ -124,6 +124,9 @@ def extension(
     )
 
 
-def _matrix(values: Array) -> Matrix:
+def _matrix(values: Array) -> Matrix | None:
+    """A covariance as a model has it; None where the data give none."""
+    if not np.isfinite(values).all():
+        return None
     even = (values + values.T) / 2
     return tuple(tuple(float(x) for x in row) for row in even)

@@ -194,10 +194,9 @@ def test_without_an_extension_the_plain_curve_is_written_and_it_is_said(
     assert written.provenance["verdict"] == "nothing_found"
 
 
-def test_a_curve_without_a_finite_covariance_is_written_without_one(tables, engine, tmp_path):
-    unsure = replace(estimate(), covariance=np.diag([np.inf] * 3))
+def test_a_curve_without_a_covariance_is_written_without_one(tables, engine, tmp_path):
     found = nothing()
-    engine.answer = replace(found, surfaces=(replace(found.surfaces[0], base=unsure),))
+    engine.answer = replace(found, model=replace(found.model, base_covariance=None))
     assert diagnose(tables[0], "--extended", tmp_path / "m.toml") == 0
     assert read_model(tmp_path / "m.toml").base_covariance is None
 

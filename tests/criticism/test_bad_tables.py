@@ -134,8 +134,11 @@ def test_what_a_bare_table_cannot_tell_is_said(tmp_path):
 
 def test_an_effort_with_the_wrong_sign_is_no_known_effect(tmp_path):
     """Adhesion against the slip: unexplained, whatever the channel."""
-    answer = run(tmp_path, columns(adhesion=-columns()["adhesion"]))
+    model = tmp_path / "m.toml"
+    answer = run(tmp_path, columns(adhesion=-columns()["adhesion"]), "--extended", model)
     assert answer.verdict == "unexplained"
+    assert "not written, for no curve could be fitted" in answer.out
+    assert not model.exists()
 
 
 def test_a_hidden_effect_in_a_table_is_named(tmp_path):

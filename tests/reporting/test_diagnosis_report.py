@@ -145,9 +145,11 @@ def picture(rng, axle):
 def nothing():
     found = named()
     gain = Gain(0.0121, 0.0121, 0.012, 0.0, (-0.4, 0.5), "blocks of 20 s", ())
+    own = found.surfaces[1].base
+    plain = ExtendedModel(own.theta, tuple(map(tuple, own.covariance.tolist())))
     return replace(
         found, verdict=Verdict.NOTHING, causes=(), wrong=(), gain=gain, needed=None, untested=(),
-        model=None, profile=None, surfaces=found.surfaces[1:],
+        model=plain, profile=None, surfaces=found.surfaces[1:],
     )  # fmt: skip
 
 
