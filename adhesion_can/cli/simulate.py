@@ -27,7 +27,7 @@ from adhesion_can.cli.effect_option import SYNTAX, effects_help, parse_effects
 from adhesion_can.config import Configuration
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.identification.correction import require_axles, require_channels
-from adhesion_can.identification.samples import COVARIATES
+from adhesion_can.identification.sampling import COVARIATES
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.service.core import ServiceCore

@@ -29,7 +29,7 @@ from adhesion_can.identification.memories import MemorySettings
 from adhesion_can.identification.paper import ChangeSettings
 from adhesion_can.identification.prior import PriorSettings
 from adhesion_can.identification.registry import DEFAULT
-from adhesion_can.identification.samples import SamplingSettings, Sensors
+from adhesion_can.identification.sampling import SamplingSettings, Sensors
 from adhesion_can.identification.tracker import TrackerSettings
 from adhesion_can.physics.data import Role
 from adhesion_can.physics.vehicle import Geometry, Locomotive

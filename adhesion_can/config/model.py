@@ -18,7 +18,9 @@ from adhesion_can.identification.memories import MemorySettings
 from adhesion_can.identification.paper import ChangeSettings
 from adhesion_can.identification.prior import PriorSettings
 from adhesion_can.identification.registry import DEFAULT, ESTIMATORS, EstimatorSettings
-from adhesion_can.identification.samples import COVARIATES, SampleFormer, SamplingSettings, Sensors
+from adhesion_can.identification.column_former import ColumnFormer
+from adhesion_can.identification.samples import SampleFormer
+from adhesion_can.identification.sampling import COVARIATES, SamplingSettings, Sensors
 from adhesion_can.identification.segments import Theta
 from adhesion_can.identification.tracker import TrackerParts, TrackerSettings
 from adhesion_can.physics.data import Role
@@ -177,6 +179,10 @@ class Configuration:
             PERFECT if model is None else model.instruments,
             with_travel=model is not None,
         )
+
+    def make_column_former(self) -> ColumnFormer:
+        """The same for columns of readings."""
+        return ColumnFormer(self.make_former().by)
 
     @property
     def estimators(self) -> EstimatorSettings:

@@ -18,7 +18,7 @@ from adhesion_can.criticism.smoothing import (
     smoothed,
 )
 from adhesion_can.criticism.sources import Signals, Source
-from adhesion_can.identification.samples import COVARIATES
+from adhesion_can.identification.sampling import COVARIATES
 from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.data import Direction, Role

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.errors import ConfigError, InputError
 from adhesion_can.identification.extension import ExtendedModel
-from adhesion_can.identification.samples import TRAVEL
+from adhesion_can.identification.sampling import TRAVEL
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.data import Samples
 from adhesion_can.physics.effects import ActiveEffect, Contact, Memory, change_of

@@ -9,12 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.identification.samples import (
-    SampleFormer,
-    SamplingSettings,
-    Sensors,
-    common_load_std,
-)
+from adhesion_can.identification.samples import SampleFormer, common_load_std
+from adhesion_can.identification.sampling import SamplingSettings, Sensors
 from adhesion_can.physics.data import Direction, Reading, Role, Sample
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 

@@ -1,0 +1,298 @@
+"""Columns of readings -> samples: the columnar twin of `SampleFormer`, equal to the last bit.
+
+What a sample is made of depends on the readings alone; what the times of collecting decide is in
+which update it comes. A sample is ready when the readings that close its brackets have come, which
+is known for all samples of a block at once. So the frame-by-frame former's waiting is a comparison
+of stamps here: it comes with the first collection after its last closing reading, never before
+the sample in front of it, and is given up with the first one after its patience has ended.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import pairwise
+from math import hypot
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.identification.column_track import NEVER, ColumnTrack, Stamps
+from adhesion_can.identification.sampling import (
+    COVARIATES,
+    TRAVEL,
+    TRAVEL_OF,
+    Forming,
+    Measured,
+)
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.data import Role, Samples
+
+Signal = tuple[Role, int]
+"""A role and its axle, 0 where it has none."""
+Readings = Mapping[Signal, tuple[Stamps, Array]]
+"""Stamps and SI values (NaN: not available) of each signal of a block."""
+
+FORMED = ""
+
+
+class _Formed(NamedTuple):
+    """Columns of the samples of one axle, and in which collection each of them comes."""
+
+    collection: NDArray[np.int64]
+    t_us: Stamps
+    measured: Measured
+    load_std: Array
+    speed_us: Stamps
+
+
+class _Due(NamedTuple):
+    """Times of collecting, ascending."""
+
+    t_us: Stamps
+
+    def after(self, t_us: Stamps | Array) -> NDArray[np.int64]:
+        """Number of the first one after each stamp; the length where there is none."""
+        return np.searchsorted(self.t_us, t_us, side="right")
+
+
+class ColumnFormer:
+    """Forms samples from columns of readings; holds what the next block may still need.
+
+    Args:
+        by: how.
+
+    """
+
+    def __init__(self, by: Forming) -> None:
+        self._by = by
+        axles = range(1, by.vehicle.axles + 1)
+        self._wheel = {i: ColumnTrack(by.gap_us(Role.WHEEL_SPEED)) for i in axles}
+        effort_gap = by.gap_us(Role.TRACTIVE_EFFORT)
+        self._effort = {i: ColumnTrack(effort_gap, by.effort_lag_us) for i in axles}
+        self._load = {i: ColumnTrack(by.gap_us(Role.AXLE_LOAD)) for i in axles}
+        self._speed = ColumnTrack(by.gap_us(Role.VEHICLE_SPEED), by.speed_lag_us)
+        self._direction = ColumnTrack(0.0)
+        self._covariates = {name: ColumnTrack(0.0) for name in (TRAVEL, *COVARIATES.values())}
+        self.dropped: Counter[str] = Counter()
+        """Wheel-speed readings that gave no sample, by reason."""
+
+    def take(self, readings: Readings) -> None:
+        """Readings that come after those taken so far; stamps of a signal do not run backwards."""
+        wrong = self._by.instruments
+        for (role, axle), (stamps, values) in readings.items():
+            if role is Role.WHEEL_SPEED and axle in self._wheel:
+                self._wheel[axle].extend(stamps, values)
+            elif role is Role.TRACTIVE_EFFORT and axle in self._effort:
+                self._effort[axle].extend(stamps, values - wrong.effort_bias)
+            elif role is Role.VEHICLE_SPEED:
+                self._speed.extend(stamps, values / (1.0 + wrong.speed_error))
+            elif role is Role.AXLE_LOAD and axle in self._load:
+                self._load[axle].extend(stamps, values)
+            elif role is Role.DIRECTION:
+                self._turn(stamps, values)
+            elif role in COVARIATES:
+                self._covariates[COVARIATES[role]].extend(stamps, values)
+
+    def _turn(self, stamps: Stamps, values: Array) -> None:
+        told = np.isfinite(values)
+        stamps, values = stamps[told], values[told].astype(np.int64)
+        travel = np.full(len(values), np.nan)
+        for direction, sign in TRAVEL_OF.items():
+            travel[values == direction] = sign
+        # A direction that says neither leaves the travel as it was, forwards at first.
+        last = np.maximum.accumulate(np.where(np.isfinite(travel), np.arange(len(travel)), -1))
+        was = self._direction.value[-1] if len(self._direction.value) else 1.0
+        travel = np.where(last >= 0, travel[last], was)
+        self._direction.extend(stamps, travel)
+        if self._by.with_travel:
+            self._covariates[TRAVEL].extend(stamps, travel)
+
+    def collect(self, due_us: Stamps) -> Iterator[Samples]:
+        """Samples of each time of collecting, as `SampleFormer.collect` gives them.
+
+        Args:
+            due_us: ascending; no reading stamped before the last of them is still to come.
+
+        """
+        due = _Due(due_us)
+        parts = [self._form(axle, due) for axle in self._wheel]
+        collection = np.concatenate([part.collection for part in parts])
+        t_us = np.concatenate([part.t_us for part in parts])
+        axle = np.concatenate([part.measured.axle for part in parts])
+        order = np.lexsort((axle, t_us, collection))
+        columns = (np.concatenate(c)[order] for c in zip(*(p.measured for p in parts), strict=True))
+        measured = Measured(*columns)
+        derived = self._by.derive(measured)
+        # Without the covariates, which are looked up update by update.
+        formed = Samples(
+            t_us=t_us[order],
+            axle=measured.axle,
+            speed=measured.speed,
+            load=measured.load,
+            load_std=np.concatenate([part.load_std for part in parts])[order],
+            speed_us=np.concatenate([part.speed_us for part in parts])[order],
+            **derived._asdict(),
+        )
+        bounds = np.searchsorted(collection[order], np.arange(len(due_us) + 1))
+        told = {n: (track, track.before(due_us)) for n, track in self._covariates.items()}
+        updates = list(self._updates(formed, bounds, told))
+        if len(due_us):
+            self._forget(int(due_us[-1]))
+        return iter(updates)
+
+    def _updates(
+        self,
+        formed: Samples,
+        bounds: NDArray[np.int64],
+        told: Mapping[str, tuple[ColumnTrack, NDArray[np.int64]]],
+    ) -> Iterator[Samples]:
+        edges = bounds.tolist()
+        told = {name: entry for name, entry in sorted(told.items()) if len(entry[0].t_us)}
+        for number, (first, last) in enumerate(pairwise(edges)):
+            own = formed.select(slice(first, last))
+            covariates = self._covariates_of(own, number, told) if first < last else {}
+            yield replace(own, covariates=covariates) if covariates else own
+
+    def _covariates_of(
+        self,
+        own: Samples,
+        number: int,
+        told: Mapping[str, tuple[ColumnTrack, NDArray[np.int64]]],
+    ) -> dict[str, Array]:
+        """Covariates that all samples of an update have."""
+        out = {}
+        for name, (track, last) in told.items():
+            if self._by.lag_us:
+                place = np.searchsorted(track.t_us, own.t_us, side="right") - 1
+                values = np.where(place >= 0, track.value[place], np.nan)
+            else:
+                now = track.value[last[number]] if last[number] >= 0 else np.nan
+                values = np.full(len(own), now)
+            if np.isfinite(values).all():
+                out[name] = values
+        return out
+
+    def _forget(self, now_us: int) -> None:
+        by = self._by
+        waiting = [int(wheel.t_us[0]) for wheel in self._wheel.values() if len(wheel.t_us)]
+        oldest = max(min(waiting, default=now_us), round(now_us - 4 * by.patience_us - by.lag_us))
+        tracks = (self._speed, self._direction, *self._effort.values(), *self._load.values())
+        for track in (*tracks, *self._covariates.values()):
+            track.forget_before(oldest)
+
+    # ------------------------------------------------------------------------------- an axle
+
+    def _form(self, axle: int, due: _Due) -> _Formed:
+        """Samples of an axle that come in these collections; the wheel forgets what is settled."""
+        wheel, by = self._wheel[axle], self._by
+        t = wheel.t_us[1:-1]
+        omega, before, after = wheel.value[1:-1], wheel.value[:-2], wheel.value[2:]
+        since, until = t - wheel.t_us[:-2], wheel.t_us[2:] - t
+        v, effort = self._speed.at(t), self._effort[axle].at(t)
+        lost = ~np.isfinite(before + omega + after)
+        gap = np.maximum(since, until) > wheel.max_gap_us
+        ready = due.after(wheel.t_us[2:])
+        bracketed = np.maximum(np.maximum(v.known_us, effort.known_us), wheel.t_us[2:])
+        needed = np.where(lost | gap, ready, due.after(bracketed))
+        slow = v.value < by.settings.v_min
+        whole = ~(lost | gap) & np.isfinite(v.value) & np.isfinite(effort.value) & ~slow
+        load = self._load[axle].held_at(t)
+        load_std = np.zeros(len(t))
+        guessed = np.flatnonzero(whole & ~np.isfinite(load))
+        if len(guessed):
+            guess = self._guess_load(
+                axle, t[guessed], effort.value[guessed], bracketed[guessed], due
+            )
+            load[guessed], load_std[guessed], needed[guessed] = guess
+        patient = due.after((t + by.give_up_us).astype(np.float64))
+        settled = (
+            np.maximum.accumulate(np.where(lost | gap, needed, np.minimum(needed, patient)))
+            if len(t)
+            else needed
+        )
+        done = int(np.searchsorted(settled, len(due.t_us)))
+        light = load < by.settings.min_load_share * by.vehicle.axle_load[axle - 1]
+        reasons = (
+            (lost, "wheel speed not available"),
+            (gap, "gap in wheel speed"),
+            (needed > settled, "no bracket"),
+            (~np.isfinite(v.value), "vehicle speed not available"),
+            (~np.isfinite(effort.value), "tractive effort not available"),
+            (slow, "below v_min"),
+            (light, "axle load implausibly low"),
+        )
+        kept = np.ones(done, dtype=np.bool_)
+        for mask, reason in reasons:
+            hit = kept & mask[:done]
+            if hit.any():
+                self.dropped[reason] += int(hit.sum())
+                kept &= ~hit
+        k = np.flatnonzero(kept)
+        span = (until + since)[k] * 1e-6
+        later = (after - omega)[k] / (until[k] * 1e-6)
+        earlier = (omega - before)[k] / (since[k] * 1e-6)
+        formed = _Formed(
+            collection=settled[k],
+            t_us=t[k],
+            measured=Measured(
+                axle=np.full(len(k), axle),
+                wheel_speed=omega[k],
+                wheel_accel=(after - before)[k] / span,
+                span=span,
+                speed=v.value[k],
+                effort=effort.value[k],
+                load=load[k],
+                bend=later - earlier,
+                spread=effort.spread[k],
+            ),
+            load_std=load_std[k],
+            speed_us=v.closing_us[k],
+        )
+        wheel.t_us, wheel.value = wheel.t_us[done:].copy(), wheel.value[done:].copy()
+        return formed
+
+    def _guess_load(
+        self, axle: int, t: Stamps, effort: Array, bracketed: Stamps, due: _Due
+    ) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Loads that were not measured, their standard deviation, and the collection they need.
+
+        The transfer asks axle after axle for its effort and waits for its bracket; an axle that
+        was never heard by then, or that has no value there, ends the asking in doubt.
+        """
+        by = self._by
+        static = by.vehicle.axle_load[axle - 1]
+        spread = by.vehicle.load_std * static
+        size = len(t)
+        load, std = np.full(size, static), np.full(size, spread)
+        needed = due.after(bracketed)
+        if by.transfer is None:
+            return load, std, needed
+        row = by.transfer[axle - 1]
+        doubt = np.array([hypot(spread, one * sum(row)) for one in effort.tolist()])
+        asking = np.ones(size, dtype=np.bool_)
+        shift, latest = np.zeros(size), bracketed
+        for j, share in enumerate(row, start=1):
+            track = self._effort[j]
+            unheard = asking & (needed < len(due.t_us))
+            # Collected at or before the first message of that axle: nothing of it was known.
+            stamp = due.t_us[np.minimum(needed, len(due.t_us) - 1)] if len(due.t_us) else needed
+            unheard &= stamp <= track.first_us
+            std[unheard] = doubt[unheard]
+            asking &= ~unheard
+            other = track.at(t)
+            latest = np.where(asking, np.maximum(latest, other.known_us), latest)
+            needed = np.where(asking, due.after(latest), needed)
+            nothing = asking & (other.known_us < NEVER) & ~np.isfinite(other.value)
+            std[nothing] = doubt[nothing]
+            asking &= ~nothing
+            shift += np.where(asking, share * other.value, 0.0)
+        stamp = due.t_us[np.minimum(needed, len(due.t_us) - 1)] if len(due.t_us) else needed
+        place = self._direction.before(stamp)
+        travel = (
+            np.where(place >= 0, self._direction.value[place], 1.0)
+            if len(self._direction.t_us)
+            else np.ones(size)
+        )
+        load[asking] = static + travel[asking] * shift[asking]
+        return load, std, needed

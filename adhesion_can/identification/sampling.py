@@ -1,0 +1,221 @@
+"""How samples are formed: settings, and the equations from what is measured to a sample.
+
+Two formers use them: `SampleFormer` takes reading by reading, `ColumnFormer` whole columns. What
+they give is equal to the last bit.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.data import Direction, Role
+from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.kinematics import (
+    V_MIN,
+    adhesion_coefficient,
+    creep_speed,
+    slip_ratio,
+    wheelset_effort,
+)
+from adhesion_can.physics.vehicle import Locomotive
+
+TRAVEL = "travel"
+"""Covariate: 1 forwards and as long as nobody tells, -1 in reverse."""
+
+COVARIATES: Mapping[Role, str] = {
+    Role.AMBIENT_TEMPERATURE: "ambient_temperature_degC",
+    Role.RAIL_TEMPERATURE: "rail_temperature_degC",
+    Role.HUMIDITY: "relative_humidity_percent",
+    Role.SANDING: "sanding_active",
+    Role.RAIN: "rain",
+    Role.GRADIENT: "gradient",
+    Role.CURVATURE: "curvature_per_m",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """Standard deviations of the measurements, for the variances of the samples.
+
+    Noise alone; what the resolution of the signals adds is known from the database.
+
+    Attributes:
+        wheel_speed_std: rad/s.
+        vehicle_speed_std: m/s.
+        effort_std: N.
+
+    """
+
+    wheel_speed_std: float = 0.005
+    vehicle_speed_std: float = 0.01
+    effort_std: float = 2450.0
+
+    def __post_init__(self) -> None:
+        if not min(self.wheel_speed_std, self.vehicle_speed_std, self.effort_std) >= 0:
+            raise ValueError("standard deviations must not be negative")
+
+
+@dataclass(frozen=True, slots=True)
+class SamplingSettings:
+    """When a sample is formed.
+
+    Attributes:
+        v_min: no slip ratio below this vehicle speed, m/s.
+        max_gap_cycles: readings further apart than this many of their cycles bracket nothing.
+        min_load_share: no adhesion below this share of the static load.
+
+    """
+
+    v_min: float = V_MIN
+    max_gap_cycles: float = 3.0
+    min_load_share: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not (self.v_min > 0 and self.max_gap_cycles >= 1):
+            raise ValueError("v_min must be positive, max_gap_cycles at least 1")
+        if not 0 <= self.min_load_share < 1:
+            raise ValueError("min_load_share must be in 0..1")
+
+
+TRAVEL_OF: Mapping[int, float] = {Direction.FORWARD: 1.0, Direction.REVERSE: -1.0}
+"""Value of `TRAVEL` by direction; another direction leaves it as it is."""
+
+
+@dataclass(frozen=True)
+class Forming:
+    """What samples are formed by.
+
+    Attributes:
+        stated: radii, loads, inertia as configured.
+        cycles_us: cycle of each role's message, µs; what allows a gap to be told.
+        settings: see there.
+        sensors: see there.
+        instruments: errors of the sensors and of the vehicle's data, taken out of the readings.
+        with_travel: whether samples carry the direction of travel, the covariate `TRAVEL`.
+
+    """
+
+    stated: Locomotive
+    cycles_us: Mapping[Role, int]
+    settings: SamplingSettings
+    sensors: Sensors
+    instruments: Instruments = PERFECT
+    with_travel: bool = False
+
+    @cached_property
+    def vehicle(self) -> Locomotive:
+        """As it is, the errors of its data taken out."""
+        return self.instruments.vehicle(self.stated)
+
+    @cached_property
+    def speed_lag_us(self) -> int:
+        """By how much the vehicle speed is stamped late, µs."""
+        return round(self.instruments.speed_delay * 1e6)
+
+    @cached_property
+    def effort_lag_us(self) -> int:
+        """By how much the effort is stamped late, µs."""
+        return round(self.instruments.effort_delay * 1e6)
+
+    @cached_property
+    def lag_us(self) -> int:
+        """How long samples wait for late readings, µs."""
+        return max(self.speed_lag_us, self.effort_lag_us, 0)
+
+    def gap_us(self, role: Role) -> float:
+        """Readings of a role that are further apart bracket nothing, µs."""
+        return self.settings.max_gap_cycles * self.cycles_us.get(role, 0)
+
+    @cached_property
+    def patience_us(self) -> float:
+        """The longest gap allowed in what every sample needs, µs."""
+        required = (Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT)
+        return max(self.gap_us(role) for role in required)
+
+    @cached_property
+    def give_up_us(self) -> float:
+        """A wheel speed that has waited longer for its bracket is given up, µs."""
+        return 2 * self.patience_us + self.lag_us
+
+    @cached_property
+    def transfer(self) -> list[list[float]] | None:
+        """Change of each axle's load by each axle's effort; None without a geometry."""
+        geometry = self.vehicle.geometry
+        if geometry is None:
+            return None
+        rows: list[list[float]] = geometry.load_transfer(np.eye(self.vehicle.axles)).T.tolist()
+        return rows
+
+    @cached_property
+    def radius(self) -> Array:
+        """Of each axle's wheels, m."""
+        return np.array(self.vehicle.wheel_radius)
+
+    def derive(self, rows: "Measured") -> "Derived":
+        """Eq. 1-3 on measured rows, and the variances that the sensors put on them."""
+        noise, inertia = self.sensors, self.vehicle.wheelset_inertia
+        omega, v, load = rows.wheel_speed, rows.speed, rows.load
+        r = self.radius[rows.axle - 1]
+        by_wheel = r * noise.wheel_speed_std / v
+        by_vehicle = r * omega * noise.vehicle_speed_std / (v * v)
+        # Two readings make a central difference.
+        by_difference = wheelset_effort(noise.wheel_speed_std / rows.span, inertia, r)
+        # What noise alone explains of bend and spread (4 standard deviations) is no transient.
+        bend_noise = 4 * sqrt(6.0) * 2 * noise.wheel_speed_std / rows.span
+        bend = np.where(np.abs(rows.bend) > bend_noise, rows.bend, 0.0)
+        by_bend = wheelset_effort(bend / 2, inertia, r)
+        by_spread = np.where(rows.spread > 4 * noise.effort_std / sqrt(2.0), rows.spread, 0.0)
+        return Derived(
+            slip=slip_ratio(omega, v, r, self.settings.v_min),
+            adhesion=adhesion_coefficient(rows.effort, load, rows.wheel_accel, inertia, r),
+            creep_speed=creep_speed(omega, v, r),
+            slip_var=by_wheel**2,
+            slip_common_var=by_vehicle**2,
+            adhesion_var=(noise.effort_std**2 + 2 * by_difference**2) / (load * load),
+            transient_var=(by_bend**2 + by_spread**2) / (load * load),
+        )
+
+
+class Measured(NamedTuple):
+    """Columns of what is measured at wheel-speed stamps: rad/s, rad/s², s, m/s, N; shape (n,).
+
+    Attributes:
+        axle: 1...
+        wheel_speed: rad/s.
+        wheel_accel: dω/dt by the central difference, rad/s².
+        span: of that difference, s.
+        speed: of the vehicle, m/s.
+        effort: N.
+        load: N.
+        bend: by how much dω/dt differs after and before the stamp, rad/s².
+        spread: standard deviation of an effort that stepped somewhere between its readings, N.
+
+    """
+
+    axle: NDArray[np.int64]
+    wheel_speed: Array
+    wheel_accel: Array
+    span: Array
+    speed: Array
+    effort: Array
+    load: Array
+    bend: Array
+    spread: Array
+
+
+class Derived(NamedTuple):
+    """Columns of the fields of `Sample` by the same names, shape (n,)."""
+
+    slip: Array
+    adhesion: Array
+    creep_speed: Array
+    slip_var: Array
+    slip_common_var: Array
+    adhesion_var: Array
+    transient_var: Array
