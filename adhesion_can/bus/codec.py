@@ -1,18 +1,30 @@
 """Signals in and out of payloads by a plan that is made once per message.
 
 The plan comes from cantools' parsed database: for each signal a shift and a mask on the payload
-read as one integer. cantools is the oracle of its tests.
+read as one integer. What is named `..._column` does the same for many payloads at once, equal to
+the last bit. cantools is the oracle of its tests.
 """
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 from cantools.database.can import Message, Signal
+from numpy.typing import NDArray
+
+Raw = NDArray[np.int64] | NDArray[np.uint64]
+"""Raw values; uint64 for an unsigned signal of 64 bits alone."""
 
 AVAILABLE_FROM_BITS = 8
 """Signals of this length and more say 'not available' by all ones."""
+
+_FLOAT_TYPES = {
+    16: (np.uint16, np.float16),
+    32: (np.uint32, np.float32),
+    64: (np.uint64, np.float64),
+}
 
 
 @dataclass(frozen=True)
@@ -22,6 +34,7 @@ class SignalPlan:
     Attributes:
         name: of the signal.
         length: bits.
+        size: of the payload, bytes.
         shift: of its lowest bit, in the payload as an integer of `byte_order`.
         big_endian: Motorola order.
         signed: two's complement.
@@ -36,6 +49,7 @@ class SignalPlan:
 
     name: str
     length: int
+    size: int
     shift: int
     big_endian: bool
     signed: bool
@@ -60,6 +74,7 @@ class SignalPlan:
         return cls(
             name=signal.name,
             length=signal.length,
+            size=size,
             shift=shift,
             big_endian=big,
             signed=signal.is_signed,
@@ -99,6 +114,77 @@ class SignalPlan:
             return float(number) * self.scale + self.offset
         return raw * self.scale + self.offset
 
+    def raw_column(self, words: NDArray[np.uint64]) -> Raw:
+        """As `raw`, for payloads as `Block.words` has them.
+
+        Args:
+            words: shape (n, w), with w · 8 bytes at least the payload's size.
+
+        Returns:
+            shape (n,).
+
+        """
+        # The signal is brought to the top of a word and from there down, which spreads its sign.
+        top = self._at_top(words)
+        down = 64 - self.length
+        if self.signed:
+            return np.asarray(top.view(np.int64) >> down)
+        raw = top >> np.uint64(down)
+        return raw if self.length == 64 else raw.view(np.int64)
+
+    def _at_top(self, words: NDArray[np.uint64]) -> NDArray[np.uint64]:
+        """Words whose highest bits are the signal's, shape (n,)."""
+        if self.big_endian:
+            # Counted from the first bit on the wire, whole words of the payload keep their places.
+            place, before = divmod(8 * self.size - self.shift - self.length, 64)
+            first = words[:, place].byteswap()
+            if before + self.length <= 64:
+                return np.asarray(first << np.uint64(before))
+            low = words[:, place + 1].byteswap() >> np.uint64(64 - before)
+            return np.asarray((first << np.uint64(before)) | low)
+        place, before = divmod(self.shift, 64)
+        behind = 64 - before - self.length
+        if behind >= 0:
+            return np.asarray(words[:, place] << np.uint64(behind))
+        high = words[:, place + 1] << np.uint64(64 + behind)
+        return np.asarray((words[:, place] >> np.uint64(-behind)) | high)
+
+    def value_column(self, raw: Raw) -> NDArray[np.float64]:
+        """As `value`, for many raw values.
+
+        Args:
+            raw: shape (n,).
+
+        Returns:
+            Values in the signal's unit, shape (n,).
+
+        """
+        # Overflow to infinity and signalling NaN are numbers here as they are in `value`.
+        with np.errstate(over="ignore", invalid="ignore"):
+            number = self.float_column(raw) if self.is_float else raw.astype(np.float64)
+            number *= self.scale
+            number += self.offset
+        return number
+
+    def float_column(self, raw: Raw) -> NDArray[np.float64]:
+        """Numbers that raw values of an IEEE float spell, unscaled, shape (n,)."""
+        integer, real = _FLOAT_TYPES[self.length]
+        with np.errstate(invalid="ignore"):
+            return raw.astype(integer).view(real).astype(np.float64)
+
+    def in_range_column(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """As `in_range`, for values of shape (n,)."""
+        slack = 0.0 if self.is_float else abs(self.scale) / 2
+        inside = np.isfinite(values)
+        low, high = self.minimum, self.maximum
+        if low == high:
+            return inside
+        if low is not None:
+            inside &= values >= low - slack
+        if high is not None:
+            inside &= values <= high + slack
+        return inside
+
     def in_range(self, value: float) -> bool:
         """Whether a physical value lies within the database's range.
 
@@ -136,6 +222,15 @@ class SignalPlan:
         return (raw & self.mask) << self.shift
 
 
+def among(raw: Raw, ids: Iterable[int]) -> NDArray[np.bool_]:
+    """Which raw values are one of `ids`, shape as theirs."""
+    limits = np.iinfo(raw.dtype)
+    possible = [number for number in ids if limits.min <= number <= limits.max]
+    if len(possible) == 1:
+        return np.asarray(raw == raw.dtype.type(possible[0]))
+    return np.isin(raw, np.array(possible, dtype=raw.dtype))
+
+
 class MessagePlan:
     """All signals of a message, with its multiplexing.
 
@@ -165,6 +260,16 @@ class MessagePlan:
         plan = self.signals[chooser]
         chosen = plan.raw(big if plan.big_endian else little)
         return chosen in ids and self.present(chooser, little, big)
+
+    def present_column(self, name: str, words: NDArray[np.uint64]) -> NDArray[np.bool_] | None:
+        """As `present`, for payloads of shape (n, w): shape (n,), or None where all carry it."""
+        selector = self.multiplexed.get(name)
+        if selector is None:
+            return None
+        chooser, ids = selector
+        selected = among(self.signals[chooser].raw_column(words), ids)
+        above = self.present_column(chooser, words)
+        return selected if above is None else selected & above
 
     def encode(self, values: Mapping[str, float | None]) -> bytearray:
         """Payload of the message; bits of signals not named are 0.

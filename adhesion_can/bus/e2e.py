@@ -6,9 +6,12 @@ the payload from byte 1 on. Counter: byte 1, low nibble, 0..14; 15 is never sent
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cache
 
+import numpy as np
 from e2e.crc import calculate_crc8
 from e2e.p01 import e2e_p01_protect
+from numpy.typing import NDArray
 
 COUNTS = 15
 """The counter runs 0..14."""
@@ -47,6 +50,53 @@ def checksum_ok(payload: bytes, data_id: int) -> bool:
     return payload[0] == calculate_crc8(covered, 0xFF, False) ^ 0xFF
 
 
+def checksums_ok(words: NDArray[np.uint64], size: int, data_id: int) -> NDArray[np.bool_]:
+    """As `checksum_ok`, for many payloads of one size.
+
+    Args:
+        words: payloads as `Block.words` has them, shape (n, w).
+        size: of each payload, 2..8 w bytes.
+        data_id: of the message.
+
+    Returns:
+        shape (n,).
+
+    """
+    # A checksum without init and final xor is linear over GF(2): it is the xor of what each pair
+    # of bytes gives alone. Pairs by table take half the time of bytes by table.
+    pairs = np.ascontiguousarray(words).astype("<u8", copy=False).view("<u2")
+    tables = _pair_tables(size)
+    left = tables[0].take(pairs[:, 0])
+    for place, table in enumerate(tables[1:], start=1):
+        left ^= table.take(pairs[:, place])
+    ids = calculate_crc8(data_id.to_bytes(2, "little") + bytes(size - 1), 0xFF, False) ^ 0xFF
+    return np.asarray(left == ids)
+
+
+@cache
+def _pair_tables(size: int) -> list[NDArray[np.uint8]]:
+    """For each pair of bytes of a payload its part of byte 0 xor checksum, by the pair's value."""
+    behind = _after_zeros(max(size - 1, 0))
+    # Byte 0 is the checksum itself, byte `place` has size − 1 − place bytes behind it.
+    parts = [np.arange(256, dtype=np.uint8), *reversed(behind[: size - 1])]
+    parts += [np.zeros(256, dtype=np.uint8)] * (size % 2)
+    # The second byte of a pair is its high one.
+    return [
+        (high[:, None] ^ low[None, :]).ravel()
+        for low, high in zip(parts[::2], parts[1::2], strict=True)
+    ]
+
+
+def _after_zeros(count: int) -> list[NDArray[np.uint8]]:
+    """Checksum of each byte alone, with 0, 1, .. `count` − 1 zero bytes behind it."""
+    alone = [calculate_crc8(bytes([byte]), 0xFF, False) ^ 0xFF for byte in range(256)]
+    step = np.array(alone, dtype=np.uint8)
+    found = [step]
+    while len(found) < count:
+        found.append(step[found[-1]])
+    return found
+
+
 class Rejection(StrEnum):
     """Why a frame was not taken."""
 
@@ -55,6 +105,13 @@ class Rejection(StrEnum):
     RANGE = "range"
     REPEAT = "repeat"
     ORDER = "order"
+
+
+REJECTIONS = tuple(Rejection)
+"""In the order of their codes: a row rejected by `REJECTIONS[i]` has the outcome i + 1."""
+
+REJECTION_CODE = {rejection: code for code, rejection in enumerate(REJECTIONS, start=1)}
+"""Outcome of a rejected row."""
 
 
 @dataclass(slots=True)
@@ -109,6 +166,107 @@ class CounterSupervision:
             self._take(count)
             return None
         return Rejection.REPEAT if step == 0 else Rejection.ORDER
+
+    def accept_all(
+        self,
+        counts: NDArray[np.uint8],
+        t_us: NDArray[np.int64],
+        sound: NDArray[np.bool_],
+    ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        """As `accept` for one frame after another.
+
+        Args:
+            counts: 0..15, shape (n,).
+            t_us: stamps of the frames, shape (n,).
+            sound: false where a frame was rejected for another reason, shape (n,).
+
+        Returns:
+            Outcomes, 0 where accepted or not sound, else `REJECTION_CODE`; and the frames lost
+            before each one; both of shape (n,).
+
+        """
+        if sound.all():
+            return self._accept_sound(counts, t_us, None)
+        rows = np.flatnonzero(sound)
+        outcome = np.zeros(len(counts), dtype=np.uint8)
+        lost = np.zeros(len(counts), dtype=np.int64)
+        ends = np.append(-1, rows)
+        interrupted = np.diff(ends) > 1
+        outcome[rows], lost[rows] = self._accept_sound(counts[rows], t_us[rows], interrupted)
+        if len(sound) - 1 > ends[-1]:
+            self.interrupt()
+        return outcome, lost
+
+    def _accept_sound(
+        self,
+        counts: NDArray[np.uint8],
+        t_us: NDArray[np.int64],
+        interrupted: NDArray[np.bool_] | None,
+    ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        """All frames in order at once, as if each one's forerunner was accepted; else one by one.
+
+        Args:
+            counts: shape (n,).
+            t_us: shape (n,).
+            interrupted: whether a frame that was not sound came directly before; None: never.
+
+        """
+        outcome = np.zeros(len(counts), dtype=np.uint8)
+        lost = np.zeros(len(counts), dtype=np.int64)
+        steps = self._steps(counts, t_us)
+        other = np.flatnonzero(steps != 1)
+        step = steps[other]
+        accepted_step = (step > 0) & (step <= ACCEPTED_STEP)
+        lost[other[accepted_step]] = step[accepted_step] - 1
+        begin = 0
+        for deviation in other[~accepted_step].tolist():
+            if deviation < begin:
+                continue  # already judged
+            self._in_order(counts, t_us, lost, begin, deviation)
+            begin = deviation
+            accepted = False
+            while begin < len(counts) and not accepted:
+                if interrupted is not None and interrupted[begin]:
+                    self.interrupt()
+                before = self.lost
+                rejection = self.accept(counts.item(begin), t_us.item(begin))
+                accepted = rejection is None
+                outcome[begin] = 0 if rejection is None else REJECTION_CODE[rejection]
+                lost[begin] = self.lost - before
+                begin += 1
+        self._in_order(counts, t_us, lost, begin, len(counts))
+        return outcome, lost
+
+    def _steps(self, counts: NDArray[np.uint8], t_us: NDArray[np.int64]) -> NDArray[np.uint8]:
+        """Step from each count's forerunner, 1 for a new start, `COUNTS` for what is no count."""
+        former = np.empty_like(counts)
+        former[:1] = 0 if self._baseline is None else self._baseline
+        former[1:] = counts[:-1]
+        steps = counts + np.uint8(COUNTS) - former
+        steps -= np.uint8(COUNTS) * (steps >= COUNTS)
+        if self.cycle_us is not None:
+            silence = np.diff(t_us, prepend=self._heard_us)
+            steps[silence >= SILENCE_CYCLES * self.cycle_us] = 1
+        if self._baseline is None:
+            steps[:1] = 1
+        elif self._run:
+            steps[:1] = COUNTS  # the last block ended in frames out of order: judge one by one
+        steps[counts >= COUNTS] = COUNTS
+        return steps
+
+    def _in_order(
+        self,
+        counts: NDArray[np.uint8],
+        t_us: NDArray[np.int64],
+        lost: NDArray[np.int64],
+        begin: int,
+        end: int,
+    ) -> None:
+        """Take the frames from `begin` to before `end`, each a good step behind the last."""
+        if begin < end:
+            self.lost += int(lost[begin:end].sum())
+            self._heard_us = int(t_us[end - 1])
+            self._take(int(counts[end - 1]))
 
     def interrupt(self) -> None:
         """A frame was rejected for another reason: a run of frames that follow each other ends."""

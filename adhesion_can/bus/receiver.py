@@ -1,17 +1,29 @@
 """Frames in, readings out: each frame is judged by length, checksum, range and counter.
 
 A frame that fails one of them is counted and goes no further. One receiver serves the service and
-the check of a recording, so what the check reports is what the service would do.
+the check of a recording, so what the check reports is what the service would do. It takes frames
+one by one or a block of them; what comes out is equal to the last bit.
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from adhesion_can.bus.e2e import CounterSupervision, Rejection, checksum_ok
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.bus.block import EXTENDED, Block, Kind
+from adhesion_can.bus.e2e import (
+    REJECTION_CODE,
+    REJECTIONS,
+    CounterSupervision,
+    Rejection,
+    checksum_ok,
+    checksums_ok,
+)
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import BoundMessage
-from adhesion_can.physics.data import Reading
+from adhesion_can.physics.data import Reading, Role
 
 
 @dataclass(slots=True)
@@ -57,6 +69,45 @@ class MessageRecord:
             if self.message.cycle_us and gap > 3 * self.message.cycle_us:
                 self.late += 1
         self.last_us = t_us
+
+    def note_all(self, t_us: NDArray[np.int64]) -> None:
+        """As `note` for accepted frames that follow each other."""
+        if not len(t_us):
+            return
+        self.accepted += len(t_us)
+        start = int(t_us[0])
+        gaps = np.diff(t_us, prepend=start if self.last_us is None else self.last_us)
+        if self.first_us is None:
+            self.first_us = start
+        longest = int(np.argmax(gaps))
+        if int(gaps[longest]) > self.longest_gap_us:
+            self.longest_gap_us = int(gaps[longest])
+            self.gap_at_us = int(t_us[longest]) - self.longest_gap_us
+        if self.message.cycle_us:
+            self.late += int((gaps > 3 * self.message.cycle_us).sum())
+        self.last_us = int(t_us[-1])
+
+
+@dataclass(slots=True)
+class Received:
+    """What a block of frames told.
+
+    Attributes:
+        readings: stamps and SI values (NaN: not available) of each signal that has a role.
+        accepted: rows of accepted frames by message, each ascending.
+        rejected: rows of rejected frames by message, each ascending.
+        lost: rows that came after lost frames, and how many those were, by message.
+        foreign: frames of ids that nobody listens to.
+
+    """
+
+    readings: dict[tuple[Role, int], tuple[NDArray[np.int64], NDArray[np.float64]]] = field(
+        default_factory=dict
+    )
+    accepted: list[NDArray[np.int64]] = field(default_factory=list)
+    rejected: list[NDArray[np.int64]] = field(default_factory=list)
+    lost: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = field(default_factory=list)
+    foreign: int = 0
 
 
 class Receiver:
@@ -113,6 +164,66 @@ class Receiver:
             record.not_available += sum(reading.value is None for reading in outcome)
         return outcome
 
+    def accept_block(self, block: Block, t_us: NDArray[np.int64]) -> Received:
+        """Take the frames of a block, as `accept` takes one after another.
+
+        Args:
+            block: frames and marks.
+            t_us: stamps that count in place of the block's own; they do not run backwards.
+
+        """
+        received = Received()
+        known = 0
+        for record, rows in self._rows(block):
+            known += len(rows)
+            self._take(record, rows, block, t_us, received)
+        received.foreign = int((block.kind <= Kind.ERROR).sum()) - known
+        return received
+
+    def _rows(self, block: Block) -> Iterator[tuple[MessageRecord, NDArray[np.int64]]]:
+        """Rows of the block that each message has, by the rule of `_record`."""
+        data = block.is_data
+        for (frame_id, is_extended), records in self._by_id.items():
+            key = frame_id | EXTENDED if is_extended else frame_id
+            rows = np.flatnonzero(data & (block.key == key))
+            for record in records:
+                if not len(rows):
+                    break
+                channel = record.message.channel
+                places = [i for i, name in enumerate(block.channels) if name in (channel, "")]
+                own = (
+                    np.ones(len(rows), dtype=np.bool_)
+                    if channel is None
+                    else np.isin(block.channel[rows], places)
+                )
+                yield record, rows[own]
+                rows = rows[~own]
+
+    def _take(
+        self,
+        record: MessageRecord,
+        rows: NDArray[np.int64],
+        block: Block,
+        t_us: NDArray[np.int64],
+        received: Received,
+    ) -> None:
+        record.frames += len(rows)
+        outcome, lost, columns = _judged(record, block.words[rows], block.length[rows], t_us[rows])
+        good = outcome == 0
+        for code, count in enumerate(np.bincount(outcome).tolist()[1:], start=1):
+            if count:
+                record.rejected[REJECTIONS[code - 1]] += count
+        stamps = t_us[rows]
+        record.note_all(stamps[good])
+        for key, (present, values) in columns.items():
+            told = good if present is None else good & present
+            record.readings += int(told.sum())
+            record.not_available += int(np.isnan(values[told]).sum())
+            received.readings[key] = (stamps[told], values[told])
+        received.accepted.append(rows[good])
+        received.rejected.append(rows[~good])
+        received.lost.append((rows[lost > 0], lost[lost > 0]))
+
     def _record(self, frame: Frame) -> MessageRecord | None:
         if not frame.is_data:
             return None
@@ -164,3 +275,60 @@ def decode(message: BoundMessage, data: bytes, t_us: int) -> list[Reading] | Rej
         si = value * signal.scale - signal.offset
         readings.append(Reading(t_us, signal.role, signal.axle, si))
     return readings
+
+
+_Column = tuple[NDArray[np.bool_] | None, NDArray[np.float64]]
+"""Rows that carry a signal (None: all), and SI values, NaN where not available."""
+
+
+def _judged(
+    record: MessageRecord,
+    words: NDArray[np.uint64],
+    length: NDArray[np.uint8],
+    t_us: NDArray[np.int64],
+) -> tuple[NDArray[np.uint8], NDArray[np.int64], Mapping[tuple[Role, int], _Column]]:
+    """Outcome of each frame of a message, frames lost before it, and its signals."""
+    message = record.message
+    size = message.plan.size
+    outcome = np.zeros(len(words), dtype=np.uint8)
+    sound = length == size
+    outcome[~sound] = REJECTION_CODE[Rejection.LENGTH]
+    columns: dict[tuple[Role, int], _Column] = {}
+    if sound.any():
+        if message.data_id is not None:
+            wrong = sound & ~checksums_ok(words, size, message.data_id)
+            outcome[wrong] = REJECTION_CODE[Rejection.CHECKSUM]
+            sound &= ~wrong
+        columns, inside = _signals(message, words)
+        outcome[sound & ~inside] = REJECTION_CODE[Rejection.RANGE]
+        sound &= inside
+    lost = np.zeros(len(words), dtype=np.int64)
+    if message.data_id is not None:
+        count = words[:, 0].astype(np.uint16) >> 8 & 0x0F
+        judged, lost = record.supervision.accept_all(count.astype(np.uint8), t_us, sound)
+        outcome[sound] = judged[sound]
+    return outcome, lost, columns
+
+
+def _signals(
+    message: BoundMessage, words: NDArray[np.uint64]
+) -> tuple[dict[tuple[Role, int], _Column], NDArray[np.bool_]]:
+    """Signals of a message as `decode` gives them, and the rows with none out of its range."""
+    inside = np.ones(len(words), dtype=np.bool_)
+    columns: dict[tuple[Role, int], _Column] = {}
+    for signal in message.signals:
+        plan = signal.plan
+        present = message.plan.present_column(plan.name, words)
+        raw = plan.raw_column(words)
+        value = plan.value_column(raw)
+        ok = plan.in_range_column(value)
+        si = value * signal.scale - signal.offset
+        if signal.not_available is not None:
+            missing = raw == signal.not_available
+            si[missing] = np.nan
+            ok |= missing
+        if present is not None:
+            ok |= ~present
+        inside &= ok
+        columns[signal.role, signal.axle] = (present, si)
+    return columns, inside

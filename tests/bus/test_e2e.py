@@ -1,14 +1,23 @@
 """E2E profile 1: the checksum against a bitwise one, the counter against a model of the rule."""
 
-from itertools import product
+from dataclasses import asdict
+from itertools import pairwise, product
 
+import numpy as np
 import pytest
 from bus_helpers import crc8_bitwise, e2e_checksum, sealed
 from e2e.p01 import E2E_P01_DATAID_BOTH, e2e_p01_check, e2e_p01_protect
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.bus.e2e import CounterSupervision, Rejection, checksum_ok, protect
+from adhesion_can.bus.e2e import (
+    REJECTIONS,
+    CounterSupervision,
+    Rejection,
+    checksum_ok,
+    checksums_ok,
+    protect,
+)
 
 payloads = st.binary(min_size=2, max_size=64)
 data_ids = st.integers(0, 0xFFFF)
@@ -321,3 +330,122 @@ def test_a_message_without_cycle_knows_no_silence():
     supervision = CounterSupervision(None)
     supervision.accept(0, 0)
     assert supervision.accept(7, 10**12) is Rejection.ORDER
+
+
+# --- many frames at once -------------------------------------------------------------------------
+
+
+def as_words(rows, width):
+    """Payloads as a block has them: little-endian words, 0 behind each payload's end."""
+    octets = b"".join(row.ljust(8 * width, b"\0") for row in rows)
+    return np.frombuffer(octets, dtype="<u8").astype(np.uint64).reshape(len(rows), width)
+
+
+@given(data=st.data(), size=st.integers(2, 64), data_id=data_ids)
+@settings(max_examples=200, deadline=None)
+def test_checksums_at_once_equal_those_one_by_one(data, size, data_id):
+    rows = data.draw(st.lists(st.binary(min_size=size, max_size=size), max_size=20))
+    right = data.draw(st.lists(st.booleans(), min_size=len(rows), max_size=len(rows)))
+    rows = [sealed(data_id, 3, r) if good else r for r, good in zip(rows, right, strict=True)]
+    width = 1 if size <= 8 and data.draw(st.booleans()) else 8
+    found = checksums_ok(as_words(rows, width), size, data_id)
+    assert found.dtype == bool
+    assert found.tolist() == [checksum_ok(row, data_id) for row in rows]
+    assert all(found[good] for good in np.flatnonzero(right))
+
+
+def test_every_single_flipped_bit_is_seen_at_once():
+    body = int.from_bytes(sealed(0x1234, 7, bytes(range(8))), "little")
+    flipped = np.array([[body ^ (1 << bit)] for bit in range(64)], dtype=np.uint64)
+    assert not checksums_ok(flipped, 8, 0x1234).any()
+    assert checksums_ok(np.array([[body]], dtype=np.uint64), 8, 0x1234).all()
+
+
+def one_by_one(supervision, counts, t_us, sound):
+    outcome, lost = [], []
+    for count, t, good in zip(counts.tolist(), t_us.tolist(), sound.tolist(), strict=True):
+        before, rejection = supervision.lost, None
+        if good:
+            rejection = supervision.accept(count, t)
+        else:
+            supervision.interrupt()
+        outcome.append(0 if rejection is None else 1 + REJECTIONS.index(rejection))
+        lost.append(supervision.lost - before)
+    return outcome, lost
+
+
+def check_at_once(counts, t_us, sound, cycle, cuts):
+    """Any cut into blocks: same verdicts, same losses, same state."""
+    single, many = CounterSupervision(cycle), CounterSupervision(cycle)
+    bounds = sorted({0, len(counts), *(cut % (len(counts) + 1) for cut in cuts)})
+    for low, high in pairwise(bounds or [0, 0]):
+        part = slice(low, high)
+        wanted = one_by_one(single, counts[part], t_us[part], sound[part])
+        outcome, lost = many.accept_all(counts[part], t_us[part], sound[part])
+        assert outcome.dtype == np.uint8
+        assert lost.dtype == np.int64
+        assert (outcome.tolist(), lost.tolist()) == wanted
+        assert asdict(many) == asdict(single)
+        assert type(many.lost) is type(many._baseline or 0) is type(many._heard_us) is int
+
+
+def columns_of(sequence, first):
+    rows, count, t_us = [], first, 1_000_000
+    for kind, step, wait in sequence:
+        t_us += wait
+        if kind == "frame":
+            count = (count + step) % 15
+        rows.append((15 if kind == "fifteen" else count, t_us, kind != "bad"))
+    counts, stamps, sound = zip(*rows, strict=True) if rows else ((), (), ())
+    return (
+        np.array(counts, dtype=np.uint8),
+        np.array(stamps, dtype=np.int64),
+        np.array(sound, dtype=bool),
+    )
+
+
+IN_STEP = st.integers(1, 12).map(lambda n: [("frame", 1, CYCLE)] * n)
+TAKEN_OVER = st.integers(0, 14).map(lambda jump: [("frame", jump, CYCLE), *FRAMES * 3])
+STUCK = st.integers(1, 5).map(lambda n: [("frame", 0, CYCLE)] * n)
+runs = st.lists(st.one_of(IN_STEP, TAKEN_OVER, STUCK, events), max_size=8).map(
+    lambda parts: [event for part in parts for event in part]
+)
+cuts = st.lists(st.integers(0, 200), max_size=5)
+
+
+@given(sequence=runs, first=st.integers(0, 14), cycle=st.sampled_from([CYCLE, None]), cuts=cuts)
+@settings(max_examples=300, deadline=None)
+def test_supervision_at_once_equals_one_by_one(sequence, first, cycle, cuts):
+    check_at_once(*columns_of(sequence, first), cycle, cuts)
+
+
+@pytest.mark.slow
+@given(sequence=runs, first=st.integers(0, 14), cycle=st.sampled_from([CYCLE, None]), cuts=cuts)
+@settings(max_examples=10_000, deadline=None)
+def test_supervision_at_once_equals_one_by_one_at_length(sequence, first, cycle, cuts):
+    check_at_once(*columns_of(sequence, first), cycle, cuts)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("rate", [0.0, 0.001, 0.3])
+def test_supervision_at_once_over_a_long_run_with_faults(seed, rate):
+    rng = np.random.default_rng(seed)
+    n = 5000
+    counts = (np.cumsum(np.where(rng.random(n) < rate, rng.integers(0, 15, n), 1)) % 15).astype(
+        np.uint8
+    )
+    counts[rng.random(n) < rate / 3] = 15
+    waits = np.where(rng.random(n) < rate, rng.integers(-CYCLE, 12 * CYCLE, n), CYCLE)
+    check_at_once(counts, np.cumsum(waits), rng.random(n) >= rate, CYCLE, rng.integers(0, n, 9))
+
+
+def test_supervision_at_once_over_every_short_sequence():
+    """Steps of every kind, four deep, from one baseline."""
+    for counts in product((0, 1, 2, 4, 8, 9, 10, 14, 15), repeat=4):
+        row = np.array((0, *counts), dtype=np.uint8)
+        stamps = np.arange(5, dtype=np.int64) * CYCLE
+        single, many = CounterSupervision(CYCLE), CounterSupervision(CYCLE)
+        wanted = one_by_one(single, row, stamps, np.ones(5, dtype=bool))
+        outcome, lost = many.accept_all(row, stamps, np.ones(5, dtype=bool))
+        assert (outcome.tolist(), lost.tolist()) == wanted
+        assert asdict(many) == asdict(single)
