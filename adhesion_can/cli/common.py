@@ -14,6 +14,7 @@ import can
 import can.cli
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from adhesion_can.bus.block import Block
 from adhesion_can.bus.recordings import Recording, whole_file
 from adhesion_can.bus.tables import is_table
 from adhesion_can.config import Configuration, load_configuration
@@ -154,6 +155,15 @@ def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], N
     with bar:
         task = bar.add_task(what, total=total)
         yield lambda done: bar.update(task, completed=done)
+
+
+def shown(
+    blocks: Iterable[Block], recordings: Sequence[Recording], show: Callable[[float], None]
+) -> Iterator[Block]:
+    """Blocks of recordings, the progress shown in bytes of the files."""
+    for block in blocks:
+        show(sum(recording.position for recording in recordings))
+        yield block
 
 
 def read_problems(recordings: Iterable[Recording]) -> list[str]:

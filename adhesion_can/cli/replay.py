@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from adhesion_can.bus.block import Block, Kind
 from adhesion_can.bus.candump import format_frame
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.bus.recordings import whole_file
@@ -23,6 +24,7 @@ from adhesion_can.cli.common import (
     progress,
     read_problems,
     require_folder,
+    shown,
     talk,
     write_json,
 )
@@ -31,11 +33,19 @@ from adhesion_can.errors import InputError
 from adhesion_can.identification.registry import ESTIMATORS
 from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import console, plus_minus, table
+from adhesion_can.service.column_core import ColumnCore
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.curve_fit import CurveFit, Misfit
 from adhesion_can.service.extract import require_known
 from adhesion_can.service.outputs import AXLE_FRAMES, Outputs, Setpoint
-from adhesion_can.service.replay import ReplaySummary, in_sequence, replay
+from adhesion_can.service.replay import (
+    ReplaySummary,
+    blocks_in_sequence,
+    in_sequence,
+    replay,
+    replay_blocks,
+)
+from adhesion_can.service.speaker import Speaker
 from adhesion_can.service.states import Status
 
 COLUMNS = (
@@ -94,17 +104,18 @@ def run(options: argparse.Namespace) -> int:
                 frames.write(format_frame(frame, channel.name))
 
         fit = CurveFit(config)
-        core = ServiceCore(config, make, on_setpoint, fit.take)
         size = sum(recording.size for recording in recordings)
         show = stack.enter_context(progress("replaying", size, "bytes"))
-        summary = replay(
-            channel.of(in_sequence(recordings), show),
-            core,
-            send,
-            from_s=options.from_s,
-            to_s=options.to_s,
-            realtime=options.realtime,
-        )
+        span = {"from_s": options.from_s, "to_s": options.to_s}
+        core: ServiceCore | ColumnCore
+        if options.realtime:
+            core = ServiceCore(config, make, on_setpoint, fit.take)
+            items = channel.of(in_sequence(recordings))
+            summary = replay(items, core, send, **span, realtime=True)
+        else:
+            core = ColumnCore(config, make, on_setpoint, fit.take)
+            blocks = shown(blocks_in_sequence(recordings), recordings, show)
+            summary = replay_blocks(channel.of_blocks(blocks), core, send, **span)
         for recording in recordings:
             summary.kinds.update(recording.report.kinds)
         require_known(core.receiver, summary.frames, ", ".join(map(str, options.log)))
@@ -137,19 +148,22 @@ def _row_writer(stack: ExitStack, path: Path | None) -> Callable[[int, Outputs],
 
 
 class _Channel:
-    """Name of the recording's bus, for the answers; and the progress."""
+    """Name of the recording's bus, for the answers."""
 
     def __init__(self) -> None:
         self.name = "can0"
 
-    def of(self, items: Iterator[Frame | Mark], show: Any) -> Iterator[Frame | Mark]:
-        # About so many bytes has a line of candump text; the bar needs no better.
+    def of(self, items: Iterator[Frame | Mark]) -> Iterator[Frame | Mark]:
         for count, item in enumerate(items):
             if count == 0 and isinstance(item, Frame) and item.channel:
                 self.name = item.channel
-            if count % 5000 == 0:
-                show(45 * count)
             yield item
+
+    def of_blocks(self, blocks: Iterator[Block]) -> Iterator[Block]:
+        for count, block in enumerate(blocks):
+            if count == 0 and block.kind[0] <= Kind.ERROR:
+                self.name = block.channels[block.channel[0]] or self.name
+            yield block
 
 
 def table_row(t_us: int, outputs: Outputs) -> list[str]:
@@ -175,7 +189,7 @@ def _field(value: float | None) -> str:
 
 
 def _document(
-    summary: ReplaySummary, core: ServiceCore, statuses: Counter[str], problems: list[str]
+    summary: ReplaySummary, core: Speaker, statuses: Counter[str], problems: list[str]
 ) -> dict[str, Any]:
     receiver = core.receiver
     return {
@@ -201,7 +215,7 @@ def _document(
 
 
 def _print(
-    summary: ReplaySummary, core: ServiceCore, statuses: Counter[str], problems: list[str]
+    summary: ReplaySummary, core: Speaker, statuses: Counter[str], problems: list[str]
 ) -> None:
     out = console()
     receiver = core.receiver

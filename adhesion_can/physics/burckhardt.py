@@ -8,6 +8,7 @@ Every function broadcasts over its arguments; slips are ratios, adhesion is forc
 """
 
 from dataclasses import dataclass
+from math import exp, expm1
 from typing import NamedTuple
 
 import numpy as np
@@ -166,9 +167,6 @@ def slip_at(
 ) -> Array:
     """Inverse of the curve: the smallest λ ≥ 0 with μ(λ) ≥ `mu`; NaN above the peak.
 
-    Newton's method from λ = 0: the curve is concave there, so its tangents lie above it and the
-    iteration climbs to the root from below without ever passing it.
-
     Args:
         mu: adhesion wanted, any shape, of either sign; the result carries its sign.
         c1: as in `adhesion`.
@@ -182,15 +180,40 @@ def slip_at(
     )
     top = peak(c1, c2, c3, slip_max)
     target = np.minimum(np.abs(mu), top.mu_max)
-    lam = np.zeros(mu.shape)
-    for _ in range(60):
-        slope = adhesion_slope(lam, c1, c2, c3)
-        missing = target - np.asarray(adhesion(lam, c1, c2, c3))
-        step = np.divide(missing, slope, out=np.zeros(mu.shape), where=slope > 0.0)
-        lam = np.clip(lam + np.maximum(step, 0.0), 0.0, top.lambda_m)
+    columns = (target, c1, c2, c3, top.lambda_m)
+    numbers = zip(*(column.ravel().tolist() for column in columns), strict=True)
+    lam = np.array([_climb(*row) for row in numbers]).reshape(mu.shape)
     # A rounding error above the peak is the peak.
     reachable = np.abs(mu) <= top.mu_max * (1 + 1e-12)
     return np.asarray(np.where(reachable, np.copysign(lam, mu), np.nan))
+
+
+def slip_at_share(
+    share: float, c1: float, c2: float, c3: float, slip_max: float = SLIP_MAX
+) -> float:
+    """The smallest λ with μ(λ) ≥ `share` · μ_max; arguments as in `peak`, 0 < share ≤ 1."""
+    top = peak(c1, c2, c3, slip_max)
+    return _climb(share * float(top.mu_max), c1, c2, c3, float(top.lambda_m))
+
+
+def _climb(target: float, c1: float, c2: float, c3: float, lambda_m: float) -> float:
+    """Smallest slip in 0..λ_m at which the curve reaches a target that it does reach.
+
+    Newton's method from λ = 0: the curve is concave there, so its tangents lie above it and the
+    iteration climbs to the root from below without ever passing it. By number and not by array:
+    the service asks for one at every setpoint, and arrays of one number cost ten times as much.
+    """
+    lam = 0.0
+    for _ in range(60):
+        slope = c1 * c2 * exp(-c2 * lam) - c3
+        missing = target + c1 * expm1(-c2 * lam) + c3 * lam
+        if not (slope > 0.0 and missing > 0.0):
+            break
+        following = min(lam + missing / slope, lambda_m)
+        if following == lam:
+            break
+        lam = following
+    return lam
 
 
 @dataclass(frozen=True, slots=True)

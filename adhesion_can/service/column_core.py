@@ -15,11 +15,8 @@ from numpy.typing import NDArray
 
 from adhesion_can.bus.block import Block, Kind
 from adhesion_can.bus.frame import Frame
-from adhesion_can.bus.receiver import Received, Receiver
-from adhesion_can.config import Configuration
-from adhesion_can.identification.estimator import Estimator
-from adhesion_can.physics.data import Role, Samples
-from adhesion_can.service.outputs import Outputs
+from adhesion_can.bus.receiver import Received
+from adhesion_can.physics.data import Role
 from adhesion_can.service.speaker import REQUIRED, STALE_CYCLES, Moment, Speaker
 
 Stamps = NDArray[np.int64]
@@ -41,30 +38,12 @@ class _Event(NamedTuple):
 
 
 class ColumnCore(Speaker):
-    """The service that takes its inputs in blocks, as a recording gives them.
-
-    Args:
-        configuration: what is heard and how.
-        estimator: None makes the configured one.
-        on_setpoint: called with the stamp and the outputs of each setpoint.
-        on_samples: called with the samples of each update that had any.
-
-    """
-
-    def __init__(
-        self,
-        configuration: Configuration,
-        estimator: Callable[[], Estimator] | None = None,
-        on_setpoint: Callable[[int, Outputs], None] | None = None,
-        on_samples: Callable[[Samples], None] | None = None,
-    ) -> None:
-        self.receiver = Receiver(configuration.messages)
-        self._moments: dict[int, Moment] = {}
-        super().__init__(configuration, estimator, on_setpoint, on_samples)
+    """The service that takes its inputs in blocks, as a recording gives them."""
 
     def _begin(self) -> None:
         super()._begin()
         self._former = self.configuration.make_column_former()
+        self._moments: dict[int, Moment] = {}
         self._heard_us: list[int] = []
         self._speed: float | None = None
 

@@ -4,16 +4,11 @@
 same sequence of both gives the same bytes, live and in replay.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from adhesion_can.bus.e2e import Rejection
 from adhesion_can.bus.frame import Frame
-from adhesion_can.bus.receiver import Receiver
-from adhesion_can.config import Configuration
-from adhesion_can.identification.estimator import Estimator
 from adhesion_can.physics.data import Reading, Role, Samples
-from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.speaker import REQUIRED, STALE_CYCLES, Moment, Speaker
 
 
@@ -26,25 +21,7 @@ class _Input:
 
 
 class ServiceCore(Speaker):
-    """The service that takes its inputs frame by frame, as a bus gives them.
-
-    Args:
-        configuration: what is heard and how.
-        estimator: None makes the configured one.
-        on_setpoint: called with the stamp and the outputs of each setpoint.
-        on_samples: called with the samples of each update that had any.
-
-    """
-
-    def __init__(
-        self,
-        configuration: Configuration,
-        estimator: Callable[[], Estimator] | None = None,
-        on_setpoint: Callable[[int, Outputs], None] | None = None,
-        on_samples: Callable[[Samples], None] | None = None,
-    ) -> None:
-        self.receiver = Receiver(configuration.messages)
-        super().__init__(configuration, estimator, on_setpoint, on_samples)
+    """The service that takes its inputs frame by frame, as a bus gives them."""
 
     def _begin(self) -> None:
         super()._begin()

@@ -13,7 +13,7 @@ from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import BoundMessage
 from adhesion_can.errors import ConfigError, DatabaseError
-from adhesion_can.physics.burckhardt import peak, slip_at
+from adhesion_can.physics.burckhardt import slip_at_share
 from adhesion_can.physics.data import Estimate
 from adhesion_can.service.states import Status
 
@@ -65,8 +65,7 @@ class Health(NamedTuple):
 @lru_cache(maxsize=8)
 def target_slip(theta: tuple[float, float, float], share: float, slip_max: float) -> float:
     """λ_target: the smallest λ with μ(λ) ≥ share · μ_max."""
-    mu_max = float(peak(*theta, slip_max=slip_max).mu_max)
-    return float(slip_at(share * mu_max, *theta, slip_max=slip_max))
+    return slip_at_share(share, *theta, slip_max=slip_max)
 
 
 def outputs_of(

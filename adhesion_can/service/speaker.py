@@ -11,6 +11,7 @@ from math import inf, isfinite, isnan
 from typing import NamedTuple
 
 from adhesion_can.bus.frame import Frame
+from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.identification.estimator import Estimator
 from adhesion_can.identification.extended import ExtendedEstimator
@@ -91,6 +92,7 @@ class Speaker(ABC):
     ) -> None:
         configuration.require_identification()
         self.configuration = configuration
+        self.receiver = Receiver(configuration.messages)
         self.messages = OutputMessages(configuration.database, configuration.messages)
         self.counts = Counts()
         self.loop_time_p99_us: float | None = None
