@@ -38,7 +38,7 @@ from adhesion_can.reporting.calibration import (
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
 from adhesion_can.service.hear import Heard, hear
-from adhesion_can.service.replay import in_sequence
+from adhesion_can.service.replay import blocks_in_sequence
 
 
 def add_to(commands: Any) -> None:
@@ -108,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
     heard = []
     with progress("reading", len(recordings), "recordings") as show:
         for number, recording in enumerate(recordings, start=1):
-            heard.append(hear(in_sequence([recording]), config, str(recording.path)))
+            heard.append(hear(blocks_in_sequence([recording]), config, str(recording.path)))
             show(number)
     drives = [_drive(one, config, reference) for one in heard]
     where = ", ".join(map(str, options.log))

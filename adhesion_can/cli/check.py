@@ -18,7 +18,7 @@ from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 from adhesion_can.service.check import CheckResult, check, mean_cycle_ms
 from adhesion_can.service.extract import require_known
-from adhesion_can.service.replay import in_sequence
+from adhesion_can.service.replay import blocks_in_sequence
 
 
 def add_to(commands: Any) -> None:
@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     config = configuration(options)
     recordings = open_recordings(options.log)
     with progress("checking", 1, "recordings"):
-        result = check(in_sequence(recordings), config)
+        result = check(blocks_in_sequence(recordings), config)
     require_known_id(result, options)
     problems = read_problems(recordings)
     result.failures.extend(problems)

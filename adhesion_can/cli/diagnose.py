@@ -43,7 +43,7 @@ from adhesion_can.reporting.page import require_extra, write_page
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
 from adhesion_can.service.hear import Heard, hear
-from adhesion_can.service.replay import in_sequence
+from adhesion_can.service.replay import blocks_in_sequence
 
 Show = Callable[[str, float], None]
 """Takes the name of a stage and the share of it that is done."""
@@ -241,7 +241,7 @@ def _read_all(sources: Sequence[Source], config: Configuration, show: Show) -> l
 
 def _read_log(source: Source, config: Configuration) -> _Read:
     recordings = open_recordings([source.path])
-    heard = hear(in_sequence(recordings), config, str(source.path))
+    heard = hear(blocks_in_sequence(recordings), config, str(source.path))
     course = course_of(
         source.name,
         heard.traces(),

@@ -35,7 +35,7 @@ from adhesion_can.physics.data import Estimate, Samples
 from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import console, plus_minus, table
 from adhesion_can.service.extract import samples_of
-from adhesion_can.service.replay import in_sequence
+from adhesion_can.service.replay import blocks_in_sequence
 
 
 def add_to(commands: Any) -> None:
@@ -164,7 +164,7 @@ def _without_effects(
 def _from_logs(paths: list[Path], config: Configuration) -> tuple[Samples, list[str], Counter[str]]:
     recordings = open_recordings(paths)
     with progress("reading", 1, "recordings"):
-        samples, _ = samples_of(in_sequence(recordings), config, ", ".join(map(str, paths)))
+        samples, _ = samples_of(blocks_in_sequence(recordings), config, ", ".join(map(str, paths)))
     left_out: Counter[str] = Counter()
     if config.model is not None:
         result = corrected(samples, config.model, config.vehicle.axles)

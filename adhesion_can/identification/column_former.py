@@ -33,8 +33,6 @@ Signal = tuple[Role, int]
 Readings = Mapping[Signal, tuple[Stamps, Array]]
 """Stamps and SI values (NaN: not available) of each signal of a block."""
 
-FORMED = ""
-
 
 class _Formed(NamedTuple):
     """Columns of the samples of one axle, and in which collection each of them comes."""
@@ -115,62 +113,64 @@ class ColumnFormer:
             due_us: ascending; no reading stamped before the last of them is still to come.
 
         """
+        formed, bounds = self.collect_all(due_us)
+        always = {n: c for n, c in formed.covariates.items() if np.isfinite(c).all()}
+        at_times = {n: c for n, c in formed.covariates.items() if n not in always}
+        plain = replace(formed, covariates=always)
+        for first, last in pairwise(bounds.tolist()):
+            rows = slice(first, last)
+            own = plain.select(rows) if first < last else _NOTHING
+            # An update carries the covariates that all its samples have.
+            more = {n: c[rows] for n, c in at_times.items() if np.isfinite(c[rows]).all()}
+            yield replace(own, covariates={**own.covariates, **more}) if more and len(own) else own
+
+    def collect_all(self, due_us: Stamps) -> tuple[Samples, NDArray[np.int64]]:
+        """Samples of all times of collecting in one, and where those of each begin.
+
+        A covariate that was not available at a sample is NaN there.
+
+        Args:
+            due_us: as in `collect`; shape (n,).
+
+        Returns:
+            Samples, and bounds of shape (n + 1,).
+
+        """
         due = _Due(due_us)
         parts = [self._form(axle, due) for axle in self._wheel]
         collection = np.concatenate([part.collection for part in parts])
         t_us = np.concatenate([part.t_us for part in parts])
         axle = np.concatenate([part.measured.axle for part in parts])
         order = np.lexsort((axle, t_us, collection))
+        collection, t_us = collection[order], t_us[order]
         columns = (np.concatenate(c)[order] for c in zip(*(p.measured for p in parts), strict=True))
         measured = Measured(*columns)
-        derived = self._by.derive(measured)
-        # Without the covariates, which are looked up update by update.
-        formed = Samples(
-            t_us=t_us[order],
+        samples = Samples(
+            t_us=t_us,
             axle=measured.axle,
             speed=measured.speed,
             load=measured.load,
             load_std=np.concatenate([part.load_std for part in parts])[order],
             speed_us=np.concatenate([part.speed_us for part in parts])[order],
-            **derived._asdict(),
+            **self._by.derive(measured)._asdict(),
+            covariates=self._covariates_of(t_us, due_us[collection]),
         )
-        bounds = np.searchsorted(collection[order], np.arange(len(due_us) + 1))
-        told = {n: (track, track.before(due_us)) for n, track in self._covariates.items()}
-        updates = list(self._updates(formed, bounds, told))
         if len(due_us):
             self._forget(int(due_us[-1]))
-        return iter(updates)
+        return samples, np.searchsorted(collection, np.arange(len(due_us) + 1))
 
-    def _updates(
-        self,
-        formed: Samples,
-        bounds: NDArray[np.int64],
-        told: Mapping[str, tuple[ColumnTrack, NDArray[np.int64]]],
-    ) -> Iterator[Samples]:
-        edges = bounds.tolist()
-        told = {name: entry for name, entry in sorted(told.items()) if len(entry[0].t_us)}
-        for number, (first, last) in enumerate(pairwise(edges)):
-            own = formed.select(slice(first, last))
-            covariates = self._covariates_of(own, number, told) if first < last else {}
-            yield replace(own, covariates=covariates) if covariates else own
-
-    def _covariates_of(
-        self,
-        own: Samples,
-        number: int,
-        told: Mapping[str, tuple[ColumnTrack, NDArray[np.int64]]],
-    ) -> dict[str, Array]:
-        """Covariates that all samples of an update have."""
+    def _covariates_of(self, t_us: Stamps, due_us: Stamps) -> dict[str, Array]:
+        """Covariates of samples by their stamps and the times at which they were collected."""
         out = {}
-        for name, (track, last) in told.items():
-            if self._by.lag_us:
-                place = np.searchsorted(track.t_us, own.t_us, side="right") - 1
-                values = np.where(place >= 0, track.value[place], np.nan)
-            else:
-                now = track.value[last[number]] if last[number] >= 0 else np.nan
-                values = np.full(len(own), now)
-            if np.isfinite(values).all():
-                out[name] = values
+        for name, track in sorted(self._covariates.items()):
+            # The present ones, unless samples had to wait for late readings.
+            place = (
+                np.searchsorted(track.t_us, t_us, side="right") - 1
+                if self._by.lag_us
+                else track.before(due_us)
+            )
+            if len(track.t_us) and (place >= 0).any():
+                out[name] = np.where(place >= 0, track.value[place], np.nan)
         return out
 
     def _forget(self, now_us: int) -> None:
@@ -296,3 +296,6 @@ class ColumnFormer:
         )
         load[asking] = static + travel[asking] * shift[asking]
         return load, std, needed
+
+
+_NOTHING = Samples.of([])

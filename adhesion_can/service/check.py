@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from adhesion_can.bus.frame import Frame, Mark
+from adhesion_can.bus.block import Block
 from adhesion_can.bus.receiver import MessageRecord, Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.identification.batch import identify
-from adhesion_can.physics.data import Reading, Role, Samples, role_name
+from adhesion_can.identification.column_former import Readings
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.data import Role, Samples, role_name
 from adhesion_can.service.extract import Extraction
 
 RATE_TOLERANCE = 0.1
@@ -26,13 +28,13 @@ class SignalRange:
     readings: int = 0
     not_available: int = 0
 
-    def note(self, value: float | None) -> None:
-        """One reading."""
-        self.readings += 1
-        if value is None:
-            self.not_available += 1
-        else:
-            self.lowest, self.highest = min(self.lowest, value), max(self.highest, value)
+    def note(self, values: Array) -> None:
+        """Readings, NaN where not available."""
+        told = values[np.isfinite(values)]
+        self.readings += len(values)
+        self.not_available += len(values) - len(told)
+        self.lowest = float(told.min(initial=self.lowest))
+        self.highest = float(told.max(initial=self.highest))
 
 
 @dataclass(frozen=True)
@@ -116,21 +118,22 @@ def mean_cycle_ms(record: MessageRecord) -> float | None:
     return (record.last_us - record.first_us) / (record.accepted - 1) / 1e3
 
 
-def check(items: Iterable[Frame | Mark], configuration: Configuration) -> CheckResult:
+def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
     """Go through a recording as the service would, and judge it.
 
     Args:
-        items: frames; marks are passed over.
+        blocks: frames; marks are passed over.
         configuration: roles may be missing: what they would tell is named among the limits.
 
     """
     signals = {choice.name: SignalRange() for choice in configuration.choices}
 
-    def note(reading: Reading) -> None:
-        signals[role_name(reading.role, reading.axle)].note(reading.value)
+    def note(readings: Readings) -> None:
+        for (role, axle), (_, values) in readings.items():
+            signals[role_name(role, axle)].note(values)
 
     extraction = Extraction(configuration, note)
-    samples = extraction.run(items)
+    samples = extraction.run(blocks)
     counts = extraction.counts
     result = CheckResult(
         extraction.receiver,

@@ -2,14 +2,16 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
-from adhesion_can.bus.e2e import Rejection
-from adhesion_can.bus.frame import Frame, Mark
+import numpy as np
+
+from adhesion_can.bus.block import Block, Kind
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.errors import RecordingError
-from adhesion_can.identification.samples import columns_of
-from adhesion_can.physics.data import Reading, Sample, Samples
+from adhesion_can.identification.column_former import Readings
+from adhesion_can.physics.data import Samples
 
 UPDATE_US = 20_000
 
@@ -19,64 +21,71 @@ class Extraction:
 
     Args:
         configuration: what is heard.
-        on_reading: called with each reading of an accepted frame.
+        on_readings: called with the readings of each block's accepted frames.
 
     """
 
     def __init__(
-        self, configuration: Configuration, on_reading: Callable[[Reading], None] = lambda _: None
+        self, configuration: Configuration, on_readings: Callable[[Readings], None] = lambda _: None
     ) -> None:
         self.receiver = Receiver(configuration.messages)
         self.counts: Counter[str] = Counter()
         """'frames' in all, 'unknown' ids, 'clamped': stamped before the one in front of them."""
         self.first_us: int | None = None
         self.last_us = 0
-        self._on_reading = on_reading
-        self._former = configuration.make_former()
-        self._formed: list[Sample] = []
-        self._collected_us = 0
+        self._on_readings = on_readings
+        self._former = configuration.make_column_former()
+        self._formed: list[Samples] = []
 
-    def run(self, items: Iterable[Frame | Mark]) -> Samples:
+    def run(self, blocks: Iterable[Block]) -> Samples:
         """Samples of all frames, in the order of their stamps; marks are passed over.
 
         A covariate that was not available at a sample is NaN there.
         """
-        for item in items:
-            if isinstance(item, Frame):
-                self._take(item)
-        self._formed += self._former.collect(self.last_us)
-        return columns_of(self._formed)
+        for block in blocks:
+            frames = block.select(block.kind <= Kind.ERROR)
+            if len(frames):
+                self._take(frames)
+        self._formed.append(self._former.collect_all(np.array([self.last_us + 1]))[0])
+        names = sorted(set().union(*(part.covariates for part in self._formed)))
+        return Samples.concatenate([_with(part, names) for part in self._formed])
 
     @property
     def dropped(self) -> dict[str, int]:
         """Wheel-speed readings that gave no sample, by reason."""
         return dict(self._former.dropped)
 
-    def _take(self, frame: Frame) -> None:
-        self.counts["frames"] += 1
+    def _take(self, frames: Block) -> None:
+        stated = frames.t_us
         if self.first_us is None:
-            self.first_us = self.last_us = frame.t_us
-        self.counts["clamped"] += frame.t_us < self.last_us
-        self.last_us = max(self.last_us, frame.t_us)
-        outcome = self.receiver.accept(frame._replace(t_us=self.last_us))
-        if outcome is None:
-            self.counts["unknown"] += 1
-        elif not isinstance(outcome, Rejection):
-            for reading in outcome:
-                self._on_reading(reading)
-                self._former.add(reading)
-        if self.last_us - self._collected_us >= UPDATE_US:
-            self._formed += self._former.collect(self.last_us)
-            self._collected_us = self.last_us
+            self.first_us = self.last_us = int(stated[0])
+        t_us = np.maximum(np.maximum.accumulate(stated), self.last_us)
+        self.counts["frames"] += len(frames)
+        self.counts["clamped"] += int((stated < np.append(self.last_us, t_us[:-1])).sum())
+        received = self.receiver.accept_block(frames, t_us)
+        self.counts["unknown"] += received.foreign
+        self._on_readings(received.readings)
+        self._former.take(received.readings)
+        first, self.last_us = self.last_us, int(t_us[-1])
+        begin = first + UPDATE_US - (first - self.first_us) % UPDATE_US
+        due = np.arange(begin, self.last_us + 1, UPDATE_US)
+        self._formed.append(self._former.collect_all(due)[0])
+
+
+def _with(samples: Samples, names: Iterable[str]) -> Samples:
+    """Samples with covariates of these names, NaN where they have none."""
+    missing = np.full(len(samples), np.nan)
+    covariates = {name: samples.covariates.get(name, missing) for name in names}
+    return replace(samples, covariates=covariates)
 
 
 def samples_of(
-    items: Iterable[Frame | Mark], configuration: Configuration, where: str
+    blocks: Iterable[Block], configuration: Configuration, where: str
 ) -> tuple[Samples, Receiver]:
     """Samples of a recording, in the order of their stamps, and what was heard.
 
     Args:
-        items: frames; marks are passed over.
+        blocks: frames; marks are passed over.
         configuration: which must give all that adhesion needs.
         where: name of the recording, for errors.
 
@@ -87,7 +96,7 @@ def samples_of(
     """
     configuration.require_identification()
     extraction = Extraction(configuration)
-    samples = extraction.run(items)
+    samples = extraction.run(blocks)
     require_known(extraction.receiver, extraction.counts["frames"], where)
     return samples, extraction.receiver
 

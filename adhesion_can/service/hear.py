@@ -1,20 +1,23 @@
 """Recorded frames to one trace a signal, without forming samples: for work on whole recordings."""
 
-from array import array
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from adhesion_can.bus.frame import Frame, Mark
+from adhesion_can.bus.block import Block, Kind
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
+from adhesion_can.identification.column_former import Readings
 from adhesion_can.identification.traces import Trace
-from adhesion_can.physics.data import Reading, Role, SpeedSource
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.data import Role, SpeedSource
 from adhesion_can.service.extract import require_known
 
 Signal = tuple[Role, int]
 """A role and its axle, 0 where it has none."""
+_NOTHING = (np.empty(0, dtype=np.int64), np.empty(0))
 
 
 @dataclass(slots=True)
@@ -22,7 +25,7 @@ class Heard:
     """Readings of one recording by role and axle: stamps in µs, SI values or NaN.
 
     Attributes:
-        columns: stamps and values of each signal.
+        columns: stamps and values of each signal, block after block.
         derived: vehicle speeds that were derived from the driven axles; they are left out.
         trailing: vehicle speeds that came from a trailing axle.
         backwards: frames stamped before the one in front of them, taken at that one's time.
@@ -30,49 +33,46 @@ class Heard:
 
     """
 
-    columns: dict[Signal, tuple["array[int]", "array[float]"]] = field(default_factory=dict)
+    columns: dict[Signal, list[tuple[NDArray[np.int64], Array]]] = field(default_factory=dict)
     derived: int = 0
     trailing: int = 0
     backwards: int = 0
     rejected: int = 0
-    _source: float | None = None
+    _source: float = np.nan
 
-    def take(self, readings: Iterable[Reading]) -> None:
-        """Readings of one frame."""
-        rows = list(readings)
-        for reading in rows:
-            if reading.role is Role.SPEED_SOURCE:
-                self._source = reading.value
-        for reading in rows:
-            value = np.nan if reading.value is None else reading.value
-            if reading.role is Role.VEHICLE_SPEED:
-                self.trailing += self._source == SpeedSource.TRAILING_AXLE
-                if self._source == SpeedSource.DRIVEN_AXLES:
-                    self.derived += 1
-                    value = np.nan
-            key = reading.role, reading.axle
-            stamps, values = self.columns.setdefault(key, (array("q"), array("d")))
-            stamps.append(reading.t_us)
-            values.append(value)
+    def take(self, readings: Readings) -> None:
+        """Readings of a block."""
+        sources = readings.get((Role.SPEED_SOURCE, 0), _NOTHING)
+        for key, (stamps, values) in readings.items():
+            told = values
+            if key[0] is Role.VEHICLE_SPEED:
+                # The source that was told with a speed, or last before it.
+                known = np.append(self._source, sources[1])
+                source = known[np.searchsorted(sources[0], stamps, side="right")]
+                derived = source == SpeedSource.DRIVEN_AXLES
+                self.trailing += int((source == SpeedSource.TRAILING_AXLE).sum())
+                self.derived += int(derived.sum())
+                told = np.where(derived, np.nan, values)
+            self.columns.setdefault(key, []).append((stamps, told))
+        if len(sources[1]):
+            self._source = float(sources[1][-1])
 
     def trace(self, role: Role, axle: int = 0) -> Trace:
         """What was heard of a signal; empty where nothing was."""
-        return _trace(*self.columns.get((role, axle), ((), ())))
+        parts = self.columns.get((role, axle), [_NOTHING])
+        stamps, values = zip(*parts, strict=True)
+        return Trace.of(np.concatenate(stamps), np.concatenate(values))
 
     def traces(self) -> Mapping[Signal, Trace]:
         """Every signal that was heard."""
-        return {key: _trace(*columns) for key, columns in self.columns.items()}
+        return {key: self.trace(*key) for key in self.columns}
 
 
-def _trace(t_us: Sequence[int], values: Sequence[float]) -> Trace:
-    return Trace.of(np.array(t_us, dtype=np.int64), np.array(values, dtype=np.float64))
-
-
-def hear(items: Iterable[Frame | Mark], config: Configuration, where: str) -> Heard:
+def hear(blocks: Iterable[Block], config: Configuration, where: str) -> Heard:
     """Readings of all accepted frames.
 
     Args:
-        items: frames; marks are passed over.
+        blocks: frames; marks are passed over.
         config: what is heard.
         where: name of the recording, for errors.
 
@@ -80,16 +80,16 @@ def hear(items: Iterable[Frame | Mark], config: Configuration, where: str) -> He
         RecordingError: no known frame.
 
     """
-    receiver, heard, frames, now = Receiver(config.messages), Heard(), 0, 0
-    for item in items:
-        if not isinstance(item, Frame):
+    receiver, heard, frames, now_us = Receiver(config.messages), Heard(), 0, 0
+    for block in blocks:
+        own = block.select(block.kind <= Kind.ERROR)
+        if not len(own):
             continue
-        frames += 1
-        heard.backwards += item.t_us < now
-        now = max(now, item.t_us)
-        outcome = receiver.accept(item._replace(t_us=now))
-        if isinstance(outcome, list):
-            heard.take(outcome)
+        stated = own.t_us
+        t_us = np.maximum(np.maximum.accumulate(stated), now_us)
+        heard.backwards += int((stated < np.append(now_us, t_us[:-1])).sum())
+        frames, now_us = frames + len(own), int(t_us[-1])
+        heard.take(receiver.accept_block(own, t_us).readings)
     heard.rejected = receiver.rejected
     require_known(receiver, frames, where)
     return heard

@@ -29,7 +29,7 @@ def course_of_world(kind, seed, folder, duration_s, names=()):
     readings = drive(world.course, world.vehicle, world.rail, hidden, world.noise)
     path = write(folder / "a.log", readings)
     config = load_configuration(None)
-    heard = hear(Recording(path), config, "a.log")
+    heard = hear(Recording(path).blocks(), config, "a.log")
     made = course_of("a.log", heard.traces(), config.vehicle, V_MIN, SLIP_MAX)
     return made, list(world.rail.begins_s[1:])
 

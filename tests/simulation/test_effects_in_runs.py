@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from adhesion_can.bus.block import Block
 from adhesion_can.bus.codec import MessagePlan
 from adhesion_can.bus.database import INPUT_MESSAGES, load_database
 from adhesion_can.config import load_configuration
@@ -381,7 +382,7 @@ def test_samples_of_a_run_lie_on_the_formula_with_what_the_frames_say(effect, fa
     scenario = replace(SWEEP, surroundings=around, load_transfer=False)
     simulation = simulation_of(effect, scenario=scenario, duration=6.4, noise=SILENT)
     frames = [frame for step in simulation.run() for frame in step]
-    samples, _ = samples_of(frames, load_configuration(), "simulated")
+    samples, _ = samples_of([Block.of(frames)], load_configuration(), "simulated")
     away = np.abs(samples.slip) > 0.02  # where quantised speeds matter little
     wanted = (factor(samples) * mu0(samples.slip))[away]
     assert np.median(np.abs(samples.adhesion[away] - wanted)) < 1.5e-3

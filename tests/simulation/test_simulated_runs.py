@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adhesion_can.bus.block import Block
 from adhesion_can.bus.codec import MessagePlan
 from adhesion_can.bus.database import load_database
 from adhesion_can.bus.e2e import protect
@@ -227,7 +228,7 @@ def test_a_repeated_step_is_the_run():
 def run_samples(name, duration, **changes):
     simulation = Simulation(settings_of(name, duration, **changes), DATABASE)
     frames = [f for step in simulation.run() for f in step]
-    samples, receiver = samples_of(frames, configuration(), "simulated")
+    samples, receiver = samples_of([Block.of(frames)], configuration(), "simulated")
     assert receiver.rejected == 0
     assert receiver.lost == 0
     return samples, simulation

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import load_database
 from adhesion_can.config import load_configuration
 from adhesion_can.identification.sampling import COVARIATES
@@ -101,7 +102,7 @@ def test_frames_carry_the_surroundings_of_their_time_and_place():
     for step in simulation.run():
         frames += step
         places.append((simulation.now_us, simulation.plant.position))
-    samples, _ = samples_of(frames, load_configuration(), "simulated")
+    samples, _ = samples_of([Block.of(frames)], load_configuration(), "simulated")
     times, way = np.array(places).T
     seconds = np.floor(samples.t_us / 1e6 - 0.0018)  # of the last frame before a sample
     channels = samples.covariates
