@@ -15,13 +15,13 @@ from adhesion_can.cli.common import (
     add_json,
     configuration,
     open_recordings,
-    progress,
     read_problems,
     require_folder,
     require_positive,
     talk,
     write_json,
 )
+from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.config.calibrated import Correction, rim_axles, with_correction
 from adhesion_can.errors import ConfigError, InputError, RecordingError
@@ -106,10 +106,10 @@ def run(options: argparse.Namespace) -> int:
     _require_roles(config, reference)
     recordings = open_recordings(options.log)
     heard = []
-    with progress("reading", len(recordings), "recordings") as show:
-        for number, recording in enumerate(recordings, start=1):
-            heard.append(hear(blocks_in_sequence([recording]), config, str(recording.path)))
-            show(number)
+    with reading("reading", recordings) as watched:
+        for recording in recordings:
+            blocks = watched(blocks_in_sequence([recording]))
+            heard.append(hear(blocks, config, str(recording.path)))
     drives = [_drive(one, config, reference) for one in heard]
     where = ", ".join(map(str, options.log))
     _require_signals(drives, options, where)

@@ -9,11 +9,11 @@ from adhesion_can.cli.common import (
     add_json,
     configuration,
     open_recordings,
-    progress,
     read_problems,
     talk,
     write_json,
 )
+from adhesion_can.cli.reading import reading
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 from adhesion_can.service.check import CheckResult, check, mean_cycle_ms
@@ -39,8 +39,8 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
     recordings = open_recordings(options.log)
-    with progress("checking", 1, "recordings"):
-        result = check(blocks_in_sequence(recordings), config)
+    with reading("checking", recordings) as watched:
+        result = check(watched(blocks_in_sequence(recordings)), config)
     require_known_id(result, options)
     problems = read_problems(recordings)
     result.failures.extend(problems)

@@ -14,7 +14,6 @@ import can
 import can.cli
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from adhesion_can.bus.block import Block
 from adhesion_can.bus.recordings import Recording, whole_file
 from adhesion_can.bus.tables import is_table
 from adhesion_can.config import Configuration, load_configuration
@@ -157,17 +156,16 @@ def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], N
         yield lambda done: bar.update(task, completed=done)
 
 
-def shown(
-    blocks: Iterable[Block], recordings: Sequence[Recording], show: Callable[[float], None]
-) -> Iterator[Block]:
-    """Blocks of recordings, the progress shown in bytes of the files."""
-    for block in blocks:
-        show(sum(recording.position for recording in recordings))
-        yield block
+def read_problems(
+    recordings: Iterable[Recording], backwards: str = "were taken at that one's time"
+) -> list[str]:
+    """Sentences about lines that were passed over.
 
+    Args:
+        recordings: read to their end.
+        backwards: what was done with frames stamped before the one in front of them.
 
-def read_problems(recordings: Iterable[Recording]) -> list[str]:
-    """Sentences about lines that were passed over."""
+    """
     found = []
     for recording in recordings:
         report = recording.report
@@ -175,7 +173,7 @@ def read_problems(recordings: Iterable[Recording]) -> list[str]:
         if report.backwards:
             found.append(
                 f"{recording.path.name}: {report.backwards} frames are stamped before the one in "
-                "front of them, and were taken at that one's time"
+                f"front of them, and {backwards}"
             )
         if report.passed_over:
             kinds = ", ".join(

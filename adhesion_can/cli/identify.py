@@ -17,11 +17,11 @@ from adhesion_can.cli.common import (
     configuration,
     left_out_lines,
     open_recordings,
-    progress,
     read_problems,
     talk,
     write_json,
 )
+from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.identification.batch import BatchResult, identify
@@ -163,8 +163,9 @@ def _without_effects(
 
 def _from_logs(paths: list[Path], config: Configuration) -> tuple[Samples, list[str], Counter[str]]:
     recordings = open_recordings(paths)
-    with progress("reading", 1, "recordings"):
-        samples, _ = samples_of(blocks_in_sequence(recordings), config, ", ".join(map(str, paths)))
+    with reading("reading", recordings) as watched:
+        blocks = watched(blocks_in_sequence(recordings))
+        samples, _ = samples_of(blocks, config, ", ".join(map(str, paths)))
     left_out: Counter[str] = Counter()
     if config.model is not None:
         result = corrected(samples, config.model, config.vehicle.axles)

@@ -13,6 +13,7 @@ from adhesion_can import __version__
 from adhesion_can.cli import (
     calibrate,
     check,
+    convert,
     demo,
     diagnose,
     experiment,
@@ -23,7 +24,7 @@ from adhesion_can.cli import (
 )
 from adhesion_can.errors import AdhesionCanError
 
-COMMANDS = (demo, run, simulate, replay, identify, calibrate, diagnose, experiment, check)
+COMMANDS = (demo, run, simulate, replay, identify, calibrate, diagnose, experiment, check, convert)
 
 
 class _Parser(argparse.ArgumentParser):

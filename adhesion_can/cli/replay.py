@@ -1,9 +1,8 @@
 """`replay`: the service over recordings."""
 
 import argparse
-import csv
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -21,23 +20,23 @@ from adhesion_can.cli.common import (
     configuration,
     left_out_lines,
     open_recordings,
-    progress,
     read_problems,
     require_folder,
-    shown,
     talk,
     write_json,
 )
+from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
-from adhesion_can.errors import InputError
 from adhesion_can.identification.registry import ESTIMATORS
-from adhesion_can.reporting.provenance import estimate_json, provenance
+from adhesion_can.reporting.export import require_format
+from adhesion_can.reporting.provenance import estimate_json, provenance, texts
+from adhesion_can.reporting.setpoints import setpoint_table
 from adhesion_can.reporting.text import console, plus_minus, table
 from adhesion_can.service.column_core import ColumnCore
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.curve_fit import CurveFit, Misfit
 from adhesion_can.service.extract import require_known
-from adhesion_can.service.outputs import AXLE_FRAMES, Outputs, Setpoint
+from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.replay import (
     ReplaySummary,
     blocks_in_sequence,
@@ -47,13 +46,6 @@ from adhesion_can.service.replay import (
 )
 from adhesion_can.service.speaker import Speaker
 from adhesion_can.service.states import Status
-
-COLUMNS = (
-    "time_s", "status", "mu_max", "mu_max_std", "lambda_m", "lambda_m_std", "c1", "c2", "c3",
-    "surface_age_s",
-    *(f"mu_max_ax{axle}" for axle in range(1, AXLE_FRAMES + 1)),
-    *(f"lambda_m_ax{axle}" for axle in range(1, AXLE_FRAMES + 1)),
-)  # fmt: skip
 
 
 def add_to(commands: Any) -> None:
@@ -70,7 +62,9 @@ def add_to(commands: Any) -> None:
     parser.add_argument(
         "--frames", type=Path, metavar="OUT.log", help="write the answers (candump)"
     )
-    parser.add_argument("--table", type=Path, metavar="OUT.csv", help="write a row a setpoint")
+    parser.add_argument(
+        "--table", type=Path, metavar="OUT.csv|.parquet|.mf4", help="write a row a setpoint"
+    )
     parser.add_argument("--estimator", metavar="NAME", help=f"one of {', '.join(ESTIMATORS)}")
     span = parser.add_argument_group("part of the recording, in s after its first frame")
     span.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S")
@@ -90,8 +84,9 @@ def run(options: argparse.Namespace) -> int:
     make()  # an unknown name is an error before the work, not after it
     recordings = open_recordings(options.log)
     statuses: Counter[str] = Counter()
+    origin = provenance(config, options.log)
     with ExitStack() as stack:
-        write_row = _row_writer(stack, options.table)
+        write_row = _row_writer(stack, options.table, texts(origin))
         frames = stack.enter_context(whole_file(options.frames)) if options.frames else None
         channel = _Channel()
 
@@ -104,8 +99,7 @@ def run(options: argparse.Namespace) -> int:
                 frames.write(format_frame(frame, channel.name))
 
         fit = CurveFit(config)
-        size = sum(recording.size for recording in recordings)
-        show = stack.enter_context(progress("replaying", size, "bytes"))
+        watched = stack.enter_context(reading("replaying", recordings))
         span = {"from_s": options.from_s, "to_s": options.to_s}
         core: ServiceCore | ColumnCore
         if options.realtime:
@@ -114,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
             summary = replay(items, core, send, **span, realtime=True)
         else:
             core = ColumnCore(config, make, on_setpoint, fit.take)
-            blocks = shown(blocks_in_sequence(recordings), recordings, show)
+            blocks = watched(blocks_in_sequence(recordings))
             summary = replay_blocks(channel.of_blocks(blocks), core, send, **span)
         for recording in recordings:
             summary.kinds.update(recording.report.kinds)
@@ -123,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
     misfit = fit.result()
     document = _document(summary, core, statuses, problems)
     document["fit"] = None if misfit is None else misfit._asdict()
-    write_json(options.json, {**document, **provenance(config, options.log)})
+    write_json(options.json, {**document, **origin})
     if talk(options):
         _print(summary, core, statuses, problems)
         _print_fit(misfit, config)
@@ -134,17 +128,17 @@ def _require_outputs(options: argparse.Namespace) -> None:
     for path, name in ((options.frames, "--frames"), (options.table, "--table")):
         if path is not None:
             require_folder(path, name)
-    if options.table and not options.table.name.lower().endswith((".csv", ".csv.gz")):
-        raise InputError(f"--table {options.table}", "not a .csv", "give a name that ends in .csv")
+    if options.table:
+        require_format(options.table, "--table")
 
 
-def _row_writer(stack: ExitStack, path: Path | None) -> Callable[[int, Outputs], None]:
+def _row_writer(
+    stack: ExitStack, path: Path | None, origin: Mapping[str, str]
+) -> Callable[[int, Outputs], None]:
     """Writes the rows of --table; does nothing where it is not asked for."""
     if path is None:
         return lambda _, __: None
-    writer = csv.writer(stack.enter_context(whole_file(path)), lineterminator="\n")
-    writer.writerow(COLUMNS)
-    return lambda t_us, outputs: writer.writerow(table_row(t_us, outputs)) and None
+    return stack.enter_context(setpoint_table(path, origin))
 
 
 class _Channel:
@@ -164,28 +158,6 @@ class _Channel:
             if count == 0 and block.kind[0] <= Kind.ERROR:
                 self.name = block.channels[block.channel[0]] or self.name
             yield block
-
-
-def table_row(t_us: int, outputs: Outputs) -> list[str]:
-    """A row of `--table`; what is not available is an empty field."""
-    theta = outputs.theta or (None, None, None)
-    axles = [outputs.axles.get(axle, Setpoint()) for axle in range(1, AXLE_FRAMES + 1)]
-    numbers = (
-        outputs.setpoint.mu_max,
-        outputs.mu_max_std,
-        outputs.setpoint.lambda_m,
-        outputs.lambda_m_std,
-        *theta,
-        outputs.surface_age_s,
-        *(point.mu_max for point in axles),
-        *(point.lambda_m for point in axles),
-    )
-    seconds, micros = divmod(t_us, 1_000_000)
-    return [f"{seconds}.{micros:06d}", outputs.status.name, *map(_field, numbers)]
-
-
-def _field(value: float | None) -> str:
-    return "" if value is None or not abs(value) < float("inf") else f"{value:.9g}"
 
 
 def _document(

@@ -10,6 +10,7 @@ from adhesion_can.errors import ConfigError
 from adhesion_can.identification.assessment import IdentifiabilitySettings
 from adhesion_can.identification.axles import AxleSettings
 from adhesion_can.identification.changes import RunLengthSettings
+from adhesion_can.identification.column_former import ColumnFormer
 from adhesion_can.identification.correction import require_axles, require_channels
 from adhesion_can.identification.estimator import Estimator
 from adhesion_can.identification.evolution import EvolutionSettings
@@ -18,7 +19,6 @@ from adhesion_can.identification.memories import MemorySettings
 from adhesion_can.identification.paper import ChangeSettings
 from adhesion_can.identification.prior import PriorSettings
 from adhesion_can.identification.registry import DEFAULT, ESTIMATORS, EstimatorSettings
-from adhesion_can.identification.column_former import ColumnFormer
 from adhesion_can.identification.samples import SampleFormer
 from adhesion_can.identification.sampling import COVARIATES, SamplingSettings, Sensors
 from adhesion_can.identification.segments import Theta

@@ -1,6 +1,7 @@
 """Where a result comes from: version and hashes, in every output."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,15 @@ def provenance(configuration: Configuration, inputs: Sequence[Path] = ()) -> dic
         "dbc": {"path": configuration.database.path.name, "sha256": configuration.database.sha256},
         "configuration": {"path": configuration.where, "sha256": configuration.sha256 or None},
         **named,
+    }
+
+
+def texts(origin: Mapping[str, Any]) -> dict[str, str]:
+    """Provenance as the metadata of a file; what has no name in it is left away."""
+    return {
+        f"adhesion_can.{key}": value if isinstance(value, str) else json.dumps(value)
+        for key, value in origin.items()
+        if not isinstance(value, Mapping) or value["sha256"]
     }
 
 

@@ -464,7 +464,7 @@ def test_a_bus_that_does_not_exist(capsys, tmp_path):
         ),
         (["simulate", "--scenario", "dry", "--log", "/no/such/folder/x"], "folder does not exist"),
         (["replay", "x", "--estimator", "magic"], "no estimator 'magic'"),
-        (["replay", "x", "--table", "x.xls"], "not a .csv"),
+        (["replay", "x", "--table", "x.xls"], "of no known format"),
         (["replay"], "required"),
         (["demo", "--duration", "3"], "too short"),
         (["conquer"], "invalid choice"),

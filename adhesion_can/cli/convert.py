@@ -1,0 +1,320 @@
+"""`convert`: any recording with any database to columns."""
+
+import argparse
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cantools.database.can import Message
+from rich import filesize
+
+from adhesion_can.bus.block import Block
+from adhesion_can.bus.columns import Decoder
+from adhesion_can.bus.database import CanDatabase, load_database
+from adhesion_can.bus.recordings import Recording
+from adhesion_can.cli.common import (
+    add_json,
+    open_recordings,
+    read_problems,
+    require_folder,
+    talk,
+    write_json,
+)
+from adhesion_can.cli.reading import reading
+from adhesion_can.config import Configuration
+from adhesion_can.errors import InputError, RecordingError
+from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.reporting.export import SUFFIXES, Writer, open_recording, require_format
+from adhesion_can.reporting.export.messages import MessageRows, id_text
+from adhesion_can.reporting.provenance import provenance, texts
+from adhesion_can.reporting.text import console, table
+
+_SHOWN = 10
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "convert",
+        help="any recording with any database to columns",
+        description="Decodes recordings with a CAN database and writes the signals as columns for "
+        "the tools that people plot with. CSV and Parquet get a row a frame, in the order of the "
+        "recording; MF4 gets a channel group a message. Frames whose checksum, counter, length or "
+        "multiplexer is wrong are left out and counted. Values that a database names 'not "
+        "available' and the like stand in the columns as their numbers.",
+    )
+    parser.add_argument("log", nargs="+", type=Path, metavar="LOG", help="one after the other")
+    parser.add_argument(
+        "--dbc",
+        type=Path,
+        metavar="F",
+        help="CAN database: .dbc, .kcd, .arxml or .sym (default: our own)",
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="F", help=f"written: {', '.join(SUFFIXES)}"
+    )
+    parser.add_argument(
+        "--signals",
+        nargs="+",
+        default=[],
+        metavar="GLOB",
+        help="only what matches: 'Message.Signal', 'Signal' or 'Message'; * and ? stand for any "
+        "letters (put them in quotes)",
+    )
+    parser.add_argument(
+        "--channel", metavar="NAME", help="only the frames of this bus, as can0 (default: all)"
+    )
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    _require_outputs(options)
+    database = load_database(options.dbc)
+    chosen = _Chosen(database, options.signals)
+    recordings = open_recordings(options.log)
+    origin = provenance(Configuration(Locomotive(), database, ()), options.log)
+    conversion = _Conversion(database, chosen if options.signals else None, options.channel)
+    with (
+        reading("converting", recordings) as watched,
+        open_recording(options.out, texts(origin)) as writer,
+    ):
+        for recording in recordings:
+            for block in watched(recording.blocks()):
+                conversion.take(block, recording.path.name, writer)
+        conversion.require_decoded(", ".join(map(str, options.log)))
+    document = conversion.as_json(recordings)
+    document["output"] = {"path": str(options.out), "bytes": options.out.stat().st_size}
+    write_json(options.json, {**document, **origin})
+    if talk(options):
+        _print(document)
+    return 0
+
+
+def _require_outputs(options: argparse.Namespace) -> None:
+    """Errors before the work rather than after it."""
+    require_folder(options.out, "--out")
+    require_format(options.out, "--out")
+    written = [(options.out, "--out")]
+    if options.json not in (None, "-"):
+        require_folder(Path(options.json), "--json")
+        written.append((Path(options.json), "--json"))
+    read = [*options.log, *([options.dbc] if options.dbc else [])]
+    for place, (path, option) in enumerate(written):
+        others = [*read, *(other for other, _ in written[:place])]
+        if any(path.resolve() == other.resolve() for other in others):
+            raise InputError(
+                f"{option} {path}", "is another file of this command, too", "give another name"
+            )
+
+
+class _Chosen:
+    """Whether --signals names a signal.
+
+    Args:
+        database: of the signals.
+        globs: of --signals.
+
+    Raises:
+        InputError: one matches nothing.
+
+    """
+
+    def __init__(self, database: CanDatabase, globs: Sequence[str]) -> None:
+        self._globs = globs
+        names = [(m.name, s.name) for m in database.db.messages for s in m.signals]
+        for glob in globs:
+            if not any(_matches(glob, *name) for name in names):
+                raise InputError(
+                    f"--signals {glob}",
+                    f"matches no message or signal of {database.path.name}",
+                    _near(glob, names),
+                )
+
+    def __call__(self, message: str, signal: str) -> bool:
+        return any(_matches(glob, message, signal) for glob in self._globs)
+
+
+def _matches(glob: str, message: str, signal: str) -> bool:
+    return any(fnmatchcase(name, glob) for name in (f"{message}.{signal}", signal, message))
+
+
+def _near(glob: str, names: Iterable[tuple[str, str]]) -> str:
+    forms = {}
+    for message, signal in names:
+        for form in (message, signal, f"{message}.{signal}"):
+            forms[form.lower()] = form
+    found = get_close_matches(glob.lower(), forms, n=3, cutoff=0.5)
+    if not found:
+        return "'cantools dump' lists what there is"
+    return f"near are {', '.join(forms[name] for name in found)}"
+
+
+class _Conversion:
+    """Decodes blocks, hands them to a writer, and keeps account."""
+
+    def __init__(self, database: CanDatabase, chosen: _Chosen | None, channel: str | None) -> None:
+        self._database = database
+        self._decoder = Decoder(database, chosen)
+        self._rows = MessageRows(database)
+        self._channel = channel
+        self._elsewhere: Counter[str] = Counter()
+        self._heard_on: dict[str, set[str]] = {}
+        self._file = ""
+        self._first_ns: int | None = None
+        self._last_ns = 0
+        self._early: list[str] = []
+
+    def take(self, block: Block, file: str, writer: Writer) -> None:
+        """The next rows of the recordings."""
+        if not len(block):
+            return
+        if self._first_ns is None:
+            self._first_ns = int(block.t_ns[0])
+        elif file != self._file and block.t_ns[0] < self._last_ns:
+            self._early.append(file)
+        self._file, self._last_ns = file, int(block.t_ns[-1])
+        if self._channel is not None:
+            block = self._of_channel(block, self._channel)
+        decoded = self._decoder.decode(block)
+        for columns in decoded:
+            buses = np.bincount(block.channel[columns.rows])
+            heard = self._heard_on.setdefault(columns.message.name, set())
+            heard.update(block.channels[place] for place in np.flatnonzero(buses).tolist())
+        writer.write(self._rows.of(decoded))
+
+    def _of_channel(self, block: Block, name: str) -> Block:
+        for place, other in enumerate(block.channels):
+            if other != name:
+                self._elsewhere[other] += int(np.count_nonzero(block.channel == place))
+        place = block.channels.index(name) if name in block.channels else len(block.channels)
+        return block.select(block.channel == place)
+
+    def require_decoded(self, logs: str) -> None:
+        """Raise a RecordingError where no frame at all was decoded."""
+        report = self._decoder.report
+        if any(count.decoded for count in report.messages.values()):
+            return
+        known = ", ".join(sorted(_id(message) for message in self._database.db.messages)[:_SHOWN])
+        database = f"{self._database.path.name} knows {len(self._database.db.messages)}: {known}"
+        if report.messages:
+            reasons: Counter[str] = Counter()
+            for count in report.messages.values():
+                reasons.update(count.rejected)
+            what = f"every known frame is rejected ({_counts(reasons)}); {database}"
+            mend = "check that the database is of this bus, and of its version"
+        elif self._elsewhere and not report.frames:
+            what = f"no frame of channel {self._channel}; it has {_counts(self._elsewhere)}"
+            mend = "name one of these with --channel"
+        elif report.passed_over:
+            what = "no frame with a signal that is wanted and can be decoded; it has "
+            what += _counts(report.passed_over)
+            mend = "name signals of these messages with --signals"
+        elif not report.unknown:
+            what, mend = "no data frame in it", "check the recording"
+        else:
+            ids = {id_text(*key): count for key, count in report.unknown.items()}
+            what = f"no frame of a known id; it has {_counts(ids)}; {database}"
+            mend = "name the database of this bus with --dbc"
+        raise RecordingError(logs, what, mend)
+
+    def as_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
+        """What became of every frame and line."""
+        report = self._decoder.report
+        lines: Counter[str] = Counter()
+        for recording in recordings:
+            lines.update(recording.report.kinds)
+        messages = {message.name: message for message in self._database.db.messages}
+        unknown = sorted(report.unknown.items(), key=lambda item: (-item[1], item[0]))
+        return {
+            "frames": report.frames,
+            "decoded": sum(count.decoded for count in report.messages.values()),
+            "from_s": None if self._first_ns is None else self._first_ns / 1e9,
+            "to_s": None if self._first_ns is None else self._last_ns / 1e9,
+            "messages": [
+                {
+                    "name": name,
+                    "id": messages[name].frame_id,
+                    "extended": messages[name].is_extended_frame,
+                    "frames": count.frames,
+                    "decoded": count.decoded,
+                    "rejected": dict(count.rejected),
+                    "lost": count.lost,
+                }
+                for name, count in report.messages.items()
+            ],
+            "unknown": [
+                {"id": number, "extended": extended, "frames": count}
+                for (number, extended), count in unknown
+            ],
+            "not_wanted": dict(report.passed_over),
+            "other_channels": dict(self._elsewhere),
+            "remote": report.remote,
+            "error": report.error,
+            "marks": report.marks,
+            "lines": dict(lines),
+            "problems": [*read_problems(recordings, "keep their stamps"), *self._problems()],
+        }
+
+    def _problems(self) -> Iterator[str]:
+        for file in self._early:
+            yield f"{file}: begins before the end of the file in front of it; its stamps are kept"
+        several = {name: heard for name, heard in self._heard_on.items() if len(heard) > 1}
+        if several:
+            names = ", ".join(list(several)[:_SHOWN])
+            buses = ", ".join(sorted(set().union(*several.values())))
+            yield f"heard on several channels ({buses}), and mixed: {names}; --channel takes one"
+        for name, reason in self._decoder.report.left_out.items():
+            if name in self._heard_on or name.split(".")[0] in self._heard_on:
+                yield f"{name}: cannot be decoded: {reason}"
+
+
+def _id(message: Message) -> str:
+    return id_text(message.frame_id, message.is_extended_frame)
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    """'a 12, b 3, ..', the most frequent first."""
+    most = Counter(counts).most_common(_SHOWN)
+    more = ["..", f"{len(counts)} in all"] if len(counts) > _SHOWN else []
+    return ", ".join([*(f"{name}: {count}" for name, count in most), *more])
+
+
+def _print(document: Mapping[str, Any]) -> None:
+    out = console()
+    seconds = (document["to_s"] or 0.0) - (document["from_s"] or 0.0)
+    out.print(f"{document['frames']} frames in {seconds:.1f} s, {document['decoded']} decoded")
+    rows = [
+        (
+            f"{message['name']} {id_text(message['id'], message['extended'])}",
+            str(message["frames"]),
+            str(message["decoded"]),
+            _counts(message["rejected"]) or "0",
+            str(message["lost"]),
+        )
+        for message in sorted(document["messages"], key=lambda message: message["id"])
+    ]
+    columns = ("message", "frames", "decoded", "rejected", "lost")
+    out.print(table("Messages", columns, rows))
+    unknown = Counter(
+        {id_text(one["id"], one["extended"]): one["frames"] for one in document["unknown"]}
+    )
+    for head, counts in (
+        ("unknown ids", unknown),
+        ("without a wanted signal", document["not_wanted"]),
+        ("of other channels", document["other_channels"]),
+        ("besides", {name: document[name] for name in ("remote", "error", "marks")}),
+    ):
+        total = sum(counts.values())
+        if total:
+            held = {name: count for name, count in counts.items() if count}
+            out.print(f"{head}: {total} frames ({_counts(held)})", markup=False)
+    for line in document["problems"]:
+        out.print(line, markup=False)
+    written = document["output"]
+    out.print(f"{written['path']}: {filesize.decimal(written['bytes'])}", markup=False)

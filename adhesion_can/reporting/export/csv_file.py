@@ -1,0 +1,199 @@
+"""CSV (gzip too): a row a frame, or a row a sample."""
+
+import csv
+import gzip
+import io
+import re
+import struct
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
+from itertools import repeat
+from pathlib import Path
+from typing import IO, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count
+from adhesion_can.reporting.export.sheet import Sheet
+
+_CHUNK = 1 << 22
+_LEVEL = 6  # of gzip: its default of 9 takes three times as long for 2 % less
+
+
+class CsvForm:
+    """How CSV writes a table.
+
+    Args:
+        compressed: with gzip.
+        by_message: rows belong to messages: a column tells which, and the columns of signals are
+            named 'Message.Signal'.
+        decimals: of the stamps, s.
+
+    """
+
+    def __init__(self, compressed: bool, by_message: bool, decimals: int) -> None:
+        self.compressed = compressed
+        self.by_message = by_message
+        self.decimals = decimals
+
+    def open(self, path: Path, groups: Sequence[Group]) -> "CsvPart":
+        """Begin a file with the columns of some groups."""
+        return CsvPart(path, groups, self)
+
+    def join(self, parts: Sequence[tuple[Path, int]], path: Path, groups: Sequence[Group]) -> None:
+        """Write one file of several: their lines get the commas that they lack."""
+        opener: Any = gzip.open if self.compressed else Path.open
+        with ExitStack() as stack:
+            out = self.create(path, stack)
+            out.write(self.header(groups))
+            for part, held in parts:
+                missing = sum(len(group.fields) for group in groups[held:])
+                end = b"," * missing + b"\n"
+                with opener(part, "rb") as source:
+                    source.readline()
+                    while chunk := source.read(_CHUNK):
+                        out.write(chunk.replace(b"\n", end) if missing else chunk)
+
+    def create(self, path: Path, stack: ExitStack) -> IO[bytes]:
+        """A new file, compressed where that is wanted."""
+        raw = stack.enter_context(path.open("wb"))
+        if not self.compressed:
+            return raw
+        packed = gzip.GzipFile("", "wb", compresslevel=_LEVEL, fileobj=raw, mtime=0)
+        return cast(IO[bytes], stack.enter_context(packed))
+
+    def header(self, groups: Sequence[Group]) -> bytes:
+        """First line."""
+        names = ["time_s", *(["message"] if self.by_message else [])]
+        for group in groups:
+            prefix = f"{group.name}." if self.by_message else ""
+            names += [prefix + field.name for field in group.fields]
+        return _line(names).encode()
+
+
+class CsvPart:
+    """A CSV file of a fixed set of columns."""
+
+    def __init__(self, path: Path, groups: Sequence[Group], form: CsvForm) -> None:
+        self._form = form
+        self._before: dict[str, int] = {}
+        self._width = 0
+        for group in groups:
+            self._before[group.name] = self._width
+            self._width += len(group.fields)
+        self._texts = _FloatTexts()
+        self._stack = ExitStack()
+        self._file = form.create(path, self._stack)
+        self._file.write(form.header(groups))
+
+    def write(self, rows: Sequence[Rows]) -> None:
+        """Append rows."""
+        lines = np.empty(count(rows), dtype=object)
+        for part in rows:
+            lines[part.place] = list(self._lines(part))
+        self._file.write("".join((*lines.tolist(),)).encode())
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._stack.close()
+
+    def _lines(self, rows: Rows) -> Iterable[str]:
+        before = self._before[rows.group.name]
+        after = self._width - before - len(rows.group.fields)
+        name = _line([rows.group.name])[:-1] if self._form.by_message else ""
+        cells: list[Iterable[str]] = [time_texts(rows.t_ns, self._form.decimals)]
+        if self._form.by_message:
+            cells.append(repeat(name + "," * before))
+        for field, column in zip(rows.group.fields, rows.columns, strict=True):
+            cells.append(self._column(field, column))
+        end = "," * after + "\n"
+        return [",".join(row) + end for row in zip(*cells, strict=False)]
+
+    def _column(self, field: Field, column: Column) -> list[str]:
+        numbers = column.values
+        if field.text:
+            texts = [_line([field.names[number]])[:-1] for number in numbers.tolist()]
+        elif field.spec:
+            texts = [format(number, field.spec) for number in numbers.tolist()]
+        elif numbers.dtype.kind == "f":
+            bits = numbers.astype(np.float64, copy=False).view(np.int64)
+            texts = list(map(self._texts.__getitem__, bits.tolist()))
+        else:
+            texts = list(map(str, numbers.tolist()))
+        if column.missing is not None:
+            for row in np.flatnonzero(column.missing).tolist():
+                texts[row] = ""
+        return texts
+
+
+class _FloatTexts(dict[int, str]):
+    """Shortest text that reads back as the same float, by the float's bits.
+
+    Signals take few values, and looking one up is many times as fast as Python's `repr`.
+    """
+
+    _MOST = 1 << 19
+
+    def __missing__(self, bits: int) -> str:
+        if len(self) >= self._MOST:
+            self.clear()
+        (number,) = struct.unpack("<d", struct.pack("<q", bits))
+        text = self[bits] = repr(number)
+        return text
+
+
+def time_texts(t_ns: NDArray[np.int64], decimals: int = 9) -> list[str]:
+    """Stamps in s as text, exact where it has nine decimals, else cut off.
+
+    Args:
+        t_ns: ns, shape (n,).
+        decimals: 1..9.
+
+    """
+    if not len(t_ns):
+        return []
+    magnitude = np.abs(t_ns)
+    seconds, fraction = np.divmod(magnitude, SECOND)
+    width = len(str(int(seconds.max())))
+    digits = np.empty((len(t_ns), width + 2 + decimals), dtype=np.uint8)
+    digits[:, width] = ord(".")
+    digits[:, -1] = ord("\n")
+    _write_digits(digits[:, :width], seconds)
+    _write_digits(digits[:, width + 1 : -1], fraction // 10 ** (9 - decimals))
+    texts = digits.tobytes().decode("ascii").split("\n")[:-1]
+    if len(str(int(seconds.min()))) < width:
+        pattern = re.compile(r"^0+(?=\d)")
+        texts = [pattern.sub("", text) for text in texts]
+    for row in np.flatnonzero(t_ns < 0).tolist():
+        texts[row] = "-" + texts[row]
+    return texts
+
+
+def _write_digits(out: NDArray[np.uint8], numbers: NDArray[np.int64]) -> None:
+    """Decimal digits with leading zeros, from the last column to the first."""
+    rest = numbers
+    for place in range(out.shape[1] - 1, -1, -1):
+        tenth = rest // 10
+        out[:, place] = rest - 10 * tenth + ord("0")
+        rest = tenth
+
+
+def _line(cells: Sequence[str]) -> str:
+    text = io.StringIO()
+    # A line break in a name would be one in the table to whatever counts lines.
+    csv.writer(text, lineterminator="\n").writerow([" ".join(cell.split()) for cell in cells])
+    return text.getvalue()
+
+
+def open_sheet(path: Path, groups: Sequence[Group], decimals: int) -> Sheet:
+    """A table as CSV, compressed where its name ends in .gz.
+
+    Args:
+        path: of the finished file.
+        groups: those of a plain table; none: messages, which turn up on the way.
+        decimals: of the stamps, s.
+
+    """
+    compressed = path.suffix.lower() == ".gz"
+    return Sheet(path, CsvForm(compressed, not groups, decimals), groups)

@@ -1,0 +1,168 @@
+"""MF4: a channel group a message, on its own time base."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from asammdf import MDF, Signal, Source
+from asammdf.blocks import v4_constants as mdf4
+from numpy.typing import NDArray
+
+from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count, in_order
+
+_VERSION = "4.10"  # what every reader knows
+_DEFLATE: Final = 1
+
+
+class Mf4File:
+    """Writes a group a message; asammdf holds what was written in a temporary file.
+
+    A row that lacks an optional field has the invalidation bit of that channel set. A group a
+    multiplexer's choice would do without, but tear a message into parts of which each repeats the
+    signals that all choices share, and choices may be nested.
+
+    The file's start is the stamp of the first row, and times count from there.
+
+    Args:
+        path: of the finished file.
+        origin: version, inputs and the like, for the file's comment.
+        groups: those of a plain table; none: messages of a bus, which turn up on the way.
+
+    """
+
+    def __init__(self, path: Path, origin: Mapping[str, str], groups: Sequence[Group]) -> None:
+        self._path = path
+        self._part = path.with_name(path.name + ".part")
+        self._file = self._part.open("wb")
+        self._bus = not groups
+        self._start_ns: int | None = None
+        self._number: dict[str, int] = {}
+        # Beside the finished file: /tmp may be small, or memory.
+        self._mdf = MDF(version=_VERSION, temporary_folder=str(path.resolve().parent))
+        self._mdf.header.comment = "\n".join(f"{key}: {text}" for key, text in origin.items())
+        empty = np.empty(0, dtype=np.int64)
+        for group in groups:
+            columns = [Column(np.empty(0, field.dtype)) for field in group.fields]
+            self._append(Rows(group, empty, empty, columns), np.empty(0))
+
+    def write(self, rows: Sequence[Rows]) -> None:
+        """Append rows."""
+        if not count(rows):
+            return
+        if self._start_ns is None:
+            self._start_ns = max(int(in_order(rows)[0]), 0)
+        for part in rows:
+            if not len(part.t_ns):
+                continue
+            time_s = (part.t_ns - self._start_ns) / SECOND
+            if part.group.name not in self._number:
+                self._append(part, time_s)
+            else:
+                pairs: list[Any] = [(time_s, None)]
+                for field, column in zip(part.group.fields, part.columns, strict=True):
+                    values, missing = _stored(field, column)
+                    pairs.append((values, missing))
+                self._mdf.extend(self._number[part.group.name], pairs)
+
+    def close(self) -> None:
+        """Write the file, which then gets its name."""
+        header: Any = self._mdf.header
+        header.time_flags = 0  # UTC
+        header.abs_time = self._start_ns or 0
+        self._mdf.save(self._file, compression=_DEFLATE)
+        self._mdf.close()
+        self._file.close()
+        self._part.replace(self._path)
+
+    def abandon(self) -> None:
+        """Leave nothing behind."""
+        self._mdf.close()
+        # On a full disk what is still to be written cannot be, and need not.
+        with suppress(OSError):
+            self._file.close()
+        self._part.unlink(missing_ok=True)
+
+    def _append(self, rows: Rows, time_s: NDArray[np.float64]) -> None:
+        group = rows.group
+        source = None
+        if self._bus:
+            source = Source(group.name, "CAN", group.comment, mdf4.SOURCE_BUS, mdf4.BUS_TYPE_CAN)
+        signals = []
+        for field, column in zip(group.fields, rows.columns, strict=True):
+            values, missing = _stored(field, column)
+            signals.append(
+                Signal(
+                    values,
+                    time_s,
+                    name=field.name,
+                    unit=field.unit,
+                    comment=_comment(field),
+                    conversion=_conversion(field),
+                    invalidation_bits=missing,
+                )
+            )
+        self._number[group.name] = self._mdf.append(
+            signals,
+            acq_name=group.name,
+            acq_source=source,
+            comment=group.comment,
+            common_timebase=True,
+        )
+
+
+def _stored(field: Field, column: Column) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
+    """What stands in the file, and where it is invalid."""
+    missing = column.missing
+    if field.optional and missing is None:
+        missing = np.zeros(len(column.values), dtype=bool)
+    values = column.values
+    if field.raw is not None:
+        if missing is not None:
+            values = np.where(missing, field.raw.offset, values)
+        raw = np.rint((values - field.raw.offset) / field.raw.scale)
+        return raw.astype(field.raw.dtype), missing
+    values = values.astype(field.dtype, copy=False)
+    if missing is not None and missing.any():
+        # For readers that do not know of invalidation bits.
+        values = np.where(missing, values.dtype.type(_nothing(values.dtype)), values)
+    return values, missing
+
+
+def _nothing(dtype: np.dtype[Any]) -> float:
+    return float("nan") if dtype.kind == "f" else 0
+
+
+def _conversion(field: Field) -> dict[str, Any] | None:
+    if field.raw is not None:
+        return {"a": field.raw.scale, "b": field.raw.offset}
+    if not _is_enumeration(field):
+        return None
+    table: dict[str, Any] = {}
+    texts = dict(field.names)
+    if field.dtype.itemsize == 1 and not field.text:
+        # asammdf shows nothing for a value that has no text.
+        info = np.iinfo(field.dtype)
+        texts = {n: field.names.get(n, str(n)) for n in range(info.min, info.max + 1)}
+    for place, (number, text) in enumerate(sorted(texts.items())):
+        table |= {f"val_{place}": number, f"text_{place}": text}
+    return table
+
+
+def _is_enumeration(field: Field) -> bool:
+    """Whether the names are what the numbers mean, rather than exceptions among numbers.
+
+    Databases name 'error' and 'not available' at the upper end of plain numbers, too.
+    """
+    if field.text:
+        return True
+    small = field.dtype.kind in "iu" and field.dtype.itemsize == 1
+    return small and field.unit in ("", "-") and bool({0, 1} & field.names.keys())
+
+
+def _comment(field: Field) -> str:
+    if not field.names or _is_enumeration(field):
+        return field.comment
+    named = ", ".join(f"{number} = {text}" for number, text in sorted(field.names.items()))
+    return f"{field.comment} [{named}]".strip()

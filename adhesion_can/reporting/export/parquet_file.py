@@ -1,0 +1,194 @@
+"""Parquet: the table of the CSV with types, units and where it comes from."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+from pyarrow import parquet
+
+from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count, in_order
+from adhesion_can.reporting.export.sheet import Sheet
+
+_CELLS = 1 << 24
+"""Of a row group: what is held in memory."""
+
+_ROWS = 1 << 20
+
+
+class ParquetForm:
+    """How Parquet writes a table.
+
+    Args:
+        by_message: rows belong to messages: a column tells which, and the columns of signals are
+            named 'Message.Signal'.
+        origin: version, inputs and the like, for the file's metadata.
+
+    """
+
+    def __init__(self, by_message: bool, origin: Mapping[str, str]) -> None:
+        self.by_message = by_message
+        self.origin = dict(origin)
+
+    def open(self, path: Path, groups: Sequence[Group]) -> "ParquetPart":
+        """Begin a file with the columns of some groups."""
+        return ParquetPart(path, groups, self)
+
+    def join(self, parts: Sequence[tuple[Path, int]], path: Path, groups: Sequence[Group]) -> None:
+        """Write one file of several: the columns that a part lacks are null in it."""
+        schema = self.schema(groups)
+        with _writer(path, schema) as writer:
+            for part, _ in parts:
+                with parquet.ParquetFile(part) as source:
+                    for number in range(source.num_row_groups):
+                        table = source.read_row_group(number)
+                        writer.write_table(_widened(table, schema))
+
+    def schema(self, groups: Sequence[Group]) -> Any:
+        """Arrow's schema of a table."""
+        time = {b"unit": b"s", b"comment": b"on the recording's clock"}
+        fields = [pa.field("time_s", pa.float64(), nullable=False, metadata=time)]
+        if self.by_message:
+            exact = {b"unit": b"ns", b"comment": b"on the recording's clock, exact"}
+            fields.append(pa.field("time_ns", pa.int64(), nullable=False, metadata=exact))
+            fields.append(pa.field("message", _TEXT, nullable=False))
+        for group in groups:
+            prefix = f"{group.name}." if self.by_message else ""
+            fields += [_arrow_field(prefix + field.name, field) for field in group.fields]
+        return pa.schema(fields, metadata=self.origin)
+
+
+class ParquetPart:
+    """A Parquet file of a fixed set of columns."""
+
+    def __init__(self, path: Path, groups: Sequence[Group], form: ParquetForm) -> None:
+        self._groups = groups
+        self._form = form
+        self._schema = form.schema(groups)
+        self._number = {group.name: number for number, group in enumerate(groups)}
+        self._names = pa.array([group.name for group in groups], pa.string())
+        self._limit = max(1024, min(_ROWS, _CELLS // len(self._schema)))
+        self._held: list[Any] = []
+        self._held_rows = 0
+        self._writer = _writer(path, self._schema)
+
+    def write(self, rows: Sequence[Rows]) -> None:
+        """Append rows."""
+        total, first = count(rows), 0
+        while first < total:
+            end = min(total, first + self._limit - self._held_rows)
+            slab = rows if end - first == total else [part.between(first, end) for part in rows]
+            self._held.append(self._table(slab, end - first))
+            self._held_rows += end - first
+            first = end
+            if self._held_rows >= self._limit:
+                self._flush()
+
+    def close(self) -> None:
+        """Finish the file."""
+        try:
+            self._flush()
+        finally:
+            self._writer.close()
+
+    def _flush(self) -> None:
+        held, self._held, self._held_rows = self._held, [], 0
+        if held:
+            self._writer.write_table(pa.concat_tables(held), row_group_size=self._limit)
+
+    def _table(self, rows: Sequence[Rows], size: int) -> Any:
+        t_ns = in_order(rows)
+        columns = [pa.array(t_ns / SECOND)]
+        by_group = {part.group.name: part for part in rows if len(part.t_ns)}
+        if self._form.by_message:
+            message = np.empty(size, dtype=np.int32)
+            for name, part in by_group.items():
+                message[part.place] = self._number[name]
+            columns.append(pa.array(t_ns))
+            columns.append(pa.DictionaryArray.from_arrays(pa.array(message), self._names))
+        for group in self._groups:
+            columns += _arrays(group, by_group.get(group.name), size)
+        return pa.Table.from_arrays(columns, schema=self._schema)
+
+
+def _writer(path: Path, schema: Any) -> Any:
+    # Stamps do not repeat as the values of signals do.
+    values = [name for name in schema.names if name not in ("time_s", "time_ns")]
+    deltas = {"time_ns": "DELTA_BINARY_PACKED"} if "time_ns" in schema.names else None
+    return parquet.ParquetWriter(path, schema, use_dictionary=values, column_encoding=deltas)
+
+
+_TEXT = pa.dictionary(pa.int32(), pa.string())
+
+
+def _arrow_field(name: str, field: Field) -> Any:
+    metadata = {}
+    if field.unit:
+        metadata["unit"] = field.unit
+    if field.comment:
+        metadata["comment"] = field.comment
+    if field.names and not field.text:
+        metadata["values"] = json.dumps(field.names)
+    kind = _TEXT if field.text else pa.from_numpy_dtype(field.dtype)
+    return pa.field(name, kind, metadata=metadata or None)
+
+
+def _arrays(group: Group, rows: Rows | None, size: int) -> Iterator[Any]:
+    if rows is None:
+        for field in group.fields:
+            yield pa.nulls(size, _arrow_field(field.name, field).type)
+        return
+    absent = None
+    if len(rows.t_ns) < size:
+        absent = np.ones(size, dtype=bool)
+        absent[rows.place] = False
+    for field, column in zip(group.fields, rows.columns, strict=True):
+        values, missing = _spread(field, column, rows.place, absent)
+        if field.text:
+            # A table row that is of another group has 0 there: masked, and so any code will do.
+            numbers = sorted(field.names)
+            codes = np.searchsorted(numbers, values).astype(np.int32).clip(0, len(numbers) - 1)
+            names = pa.array([field.names[number] for number in numbers], pa.string())
+            yield pa.DictionaryArray.from_arrays(pa.array(codes, mask=missing), names)
+        else:
+            yield pa.array(values, mask=missing)
+
+
+def _spread(
+    field: Field,
+    column: Column,
+    place: NDArray[np.int64],
+    absent: NDArray[np.bool_] | None,
+) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
+    """A group's column over the rows of all groups, and where it is missing."""
+    values = column.values.astype(field.dtype, copy=False)
+    if absent is None:
+        return values, column.missing
+    spread = np.zeros(len(absent), dtype=field.dtype)
+    spread[place] = values
+    missing = absent
+    if column.missing is not None:
+        missing = absent.copy()
+        missing[place] = column.missing
+    return spread, missing
+
+
+def _widened(table: Any, schema: Any) -> Any:
+    for field in list(schema)[table.num_columns :]:
+        table = table.append_column(field, pa.nulls(len(table), field.type))
+    return table.cast(schema)
+
+
+def open_sheet(path: Path, origin: Mapping[str, str], groups: Sequence[Group]) -> Sheet:
+    """A table as Parquet.
+
+    Args:
+        path: of the finished file.
+        origin: for the file's metadata.
+        groups: those of a plain table; none: messages, which turn up on the way.
+
+    """
+    return Sheet(path, ParquetForm(not groups, origin), groups)

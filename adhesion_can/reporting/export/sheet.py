@@ -1,0 +1,98 @@
+"""One table for the rows of many groups, which gets wider when a group turns up."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Protocol
+
+from adhesion_can.reporting.export.layout import Group, Rows
+
+
+class Part(Protocol):
+    """A file of a fixed set of columns."""
+
+    def write(self, rows: Sequence[Rows]) -> None:
+        """Append rows of the part's own groups."""
+
+    def close(self) -> None:
+        """Finish the file."""
+
+
+class Form(Protocol):
+    """How a format writes a table."""
+
+    def open(self, path: Path, groups: Sequence[Group]) -> Part:
+        """Begin a file with the columns of some groups."""
+
+    def join(self, parts: Sequence[tuple[Path, int]], path: Path, groups: Sequence[Group]) -> None:
+        """Write one file of several, each with the columns of the first so many groups."""
+
+
+class Sheet:
+    """Writes a table whose columns are found out on the way.
+
+    Which messages a recording holds is known at its end alone, and a column for every signal of a
+    large database would be mostly empty. So a part is begun when a group turns up, and the parts
+    are joined at the end where there are several; nearly always all groups stand in the first rows.
+
+    Args:
+        path: of the finished table.
+        form: its format.
+        groups: known from the start.
+
+    """
+
+    def __init__(self, path: Path, form: Form, groups: Sequence[Group] = ()) -> None:
+        self._path = path
+        self._form = form
+        self._groups = {group.name: group for group in groups}
+        self._parts: list[tuple[Path, int]] = []
+        self._joined = path.with_name(path.name + ".part")
+        self._part: Part | None = None
+        if groups:
+            self._begin()
+
+    def write(self, rows: Sequence[Rows]) -> None:
+        """Append rows."""
+        held = [part for part in rows if len(part.t_ns)]
+        fresh = [part for part in held if part.group.name not in self._groups]
+        for part in sorted(fresh, key=lambda part: int(part.place[0])):
+            self._groups[part.group.name] = part.group
+        if fresh:
+            self._begin()
+        if held and self._part is not None:
+            self._part.write(held)
+
+    def close(self) -> None:
+        """Finish the table, which then gets its name."""
+        if not self._parts:
+            self._begin()
+        self._end()
+        last = self._parts[0][0]
+        if len(self._parts) > 1:
+            last = self._joined
+            self._form.join(self._parts, last, list(self._groups.values()))
+        last.replace(self._path)
+        self._clear()
+
+    def abandon(self) -> None:
+        """Leave nothing behind."""
+        # What is thrown away need not be whole: on a full disk its end cannot be written either.
+        with suppress(OSError):
+            self._end()
+        self._clear()
+
+    def _begin(self) -> None:
+        self._end()
+        path = self._path.with_name(f"{self._path.name}.part{len(self._parts) + 1}")
+        self._parts.append((path, len(self._groups)))
+        self._part = self._form.open(path, list(self._groups.values()))
+
+    def _end(self) -> None:
+        part, self._part = self._part, None
+        if part is not None:
+            part.close()
+
+    def _clear(self) -> None:
+        for path in (*(part for part, _ in self._parts), self._joined):
+            path.unlink(missing_ok=True)

@@ -1,0 +1,103 @@
+"""The setpoints of a replay as a table: `--table` in CSV, Parquet or MF4."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from math import isfinite, nan
+from pathlib import Path
+
+import numpy as np
+
+from adhesion_can.reporting.export import Column, Field, TableWriter, open_table
+from adhesion_can.service.outputs import AXLE_FRAMES, Outputs, Setpoint
+from adhesion_can.service.states import Status
+
+ROWS = 10_000
+"""Rows that are written at once."""
+
+
+def _number(name: str, comment: str, unit: str = "") -> Field:
+    return Field(name, unit=unit, comment=comment, optional=True, spec=".9g")
+
+
+_AXLES = range(1, AXLE_FRAMES + 1)
+FIELDS = (
+    Field(
+        "status",
+        np.dtype(np.uint8),
+        comment="of the service",
+        names={float(status): status.name for status in Status},
+        text=True,
+    ),
+    _number("mu_max", "maximum adhesion coefficient"),
+    _number("mu_max_std", "standard deviation of mu_max"),
+    _number("lambda_m", "slip ratio at the maximum"),
+    _number("lambda_m_std", "standard deviation of lambda_m"),
+    _number("c1", "level of the curve"),
+    _number("c2", "steepness of the curve"),
+    _number("c3", "fall of the curve"),
+    _number("surface_age_s", "since the rail last changed", "s"),
+    *(_number(f"mu_max_ax{axle}", f"mu_max of axle {axle}") for axle in _AXLES),
+    *(_number(f"lambda_m_ax{axle}", f"lambda_m of axle {axle}") for axle in _AXLES),
+)
+"""Columns beside `time_s`."""
+
+
+class _Rows:
+    """Gathers rows and writes many at once."""
+
+    def __init__(self, writer: TableWriter) -> None:
+        self._writer = writer
+        self._t_us: list[int] = []
+        self._values: list[list[float]] = []
+
+    def add(self, t_us: int, outputs: Outputs) -> None:
+        self._t_us.append(t_us)
+        self._values.append(_row(outputs))
+        if len(self._t_us) >= ROWS:
+            self.flush()
+
+    def flush(self) -> None:
+        if not self._t_us:
+            return
+        status, *numbers = np.array(self._values).T
+        columns = [Column(status.astype(np.uint8)), *(Column(n, np.isnan(n)) for n in numbers)]
+        self._writer.write(np.array(self._t_us, dtype=np.int64) * 1000, columns)
+        self._t_us, self._values = [], []
+
+
+def _row(outputs: Outputs) -> list[float]:
+    """Numbers of a row; what is not available is NaN."""
+    theta = outputs.theta or (None, None, None)
+    axles = [outputs.axles.get(axle, Setpoint()) for axle in _AXLES]
+    numbers = (
+        outputs.setpoint.mu_max,
+        outputs.mu_max_std,
+        outputs.setpoint.lambda_m,
+        outputs.lambda_m_std,
+        *theta,
+        outputs.surface_age_s,
+        *(point.mu_max for point in axles),
+        *(point.lambda_m for point in axles),
+    )
+    known = (nan if number is None or not isfinite(number) else number for number in numbers)
+    return [float(outputs.status), *known]
+
+
+@contextmanager
+def setpoint_table(
+    path: Path, origin: Mapping[str, str]
+) -> Iterator[Callable[[int, Outputs], None]]:
+    """A file with a row a setpoint; gives what takes the stamp (µs) and the outputs of each.
+
+    Args:
+        path: of the file; its suffix says the format.
+        origin: version, inputs and the like; CSV has no place for it.
+
+    Raises:
+        InputError: no known format, an extra that is missing, or a disk that is full.
+
+    """
+    with open_table(path, FIELDS, origin, name="AdhesionSetpoint") as writer:
+        rows = _Rows(writer)
+        yield rows.add
+        rows.flush()

@@ -1,0 +1,388 @@
+"""`convert` as a user types it: what it writes, what it says, how it fails."""
+
+import csv
+import gzip
+import json
+import os
+import pty
+import random
+import re
+import resource
+import subprocess
+import sys
+from collections import Counter
+from contextlib import contextmanager
+from hashlib import sha256
+from pathlib import Path
+
+import can
+import cantools
+import pytest
+from asammdf import MDF
+from pyarrow import parquet
+
+from adhesion_can import __version__
+from adhesion_can.cli.main import main
+from tests.wire import DBC, sealed
+
+CAR = Path(__file__).resolve().parents[1] / "data" / "car.dbc"
+
+
+def line(t_us, number, data, channel="can0"):
+    name = f"{number:08X}" if number > 0x7FF else f"{number:03X}"
+    return f"({t_us // 10**6}.{t_us % 10**6:06d}) {channel} {name}#{data.hex().upper()}\n"
+
+
+def speeds(count, data_id=0x101, raw=1000):
+    payload = bytes(2) + b"".join((raw + k).to_bytes(2, "little") for k in range(3))
+    return sealed(data_id, payload, count)
+
+
+@pytest.fixture
+def log(tmp_path):
+    """40 frames of the contract, of which one has a wrong checksum and two come twice."""
+    lines = []
+    for number in range(20):
+        t_us = 1_700_000_000_000_000 + 10_000 * number
+        frame = speeds(number % 15)
+        if number == 7:
+            frame = b"\0" + frame[1:] if frame[0] else b"\1" + frame[1:]
+        lines.append(line(t_us, 0x101, frame))
+        lines.append(line(t_us + 250, 0x102, speeds(number % 15, 0x102, 2000 + number)))
+        if number in (3, 4):
+            lines.append(line(t_us + 300, 0x101, frame))
+    lines.append(line(t_us + 400, 0x7A0, b"\1\2"))
+    lines.append(line(t_us + 401, 0x18FEF100, bytes(8)))
+    lines.insert(5, "no frame at all\n")
+    path = tmp_path / "a.log"
+    path.write_text("".join(lines))
+    return path
+
+
+def convert(*arguments):
+    return main(["convert", *map(str, arguments)])
+
+
+def fails(capsys, *arguments):
+    """Runs the command, which must fail with exit status 2 and one line; returns the line."""
+    try:
+        code = convert(*arguments)
+    except SystemExit as error:
+        code = error.code
+    assert code == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1, err
+    assert err.startswith("adhesion-can convert: ")
+    return err
+
+
+def rows_of(path):
+    content = path.read_bytes()
+    text = gzip.decompress(content) if path.suffix == ".gz" else content
+    return list(csv.DictReader(text.decode().splitlines()))
+
+
+def test_every_format_holds_the_same_rows(log, tmp_path):
+    for name in ("o.csv", "o.csv.gz", "o.parquet", "o.mf4"):
+        assert convert(log, "--out", tmp_path / name, "--signals", "Wheel*") == 0
+    rows = rows_of(tmp_path / "o.csv")
+    assert rows == rows_of(tmp_path / "o.csv.gz")
+    assert Counter(row["message"] for row in rows) == {"WheelSpeeds1": 19, "WheelSpeeds2": 20}
+    assert rows[0]["time_s"] == "1700000000.000000000"
+    assert rows[1]["time_s"] == "1700000000.000250000"
+    assert rows[0]["WheelSpeeds1.WheelSpeed_Ax1"] == "2.0"
+    assert rows[0]["WheelSpeeds2.WheelSpeed_Ax4"] == ""
+    table = parquet.read_table(tmp_path / "o.parquet")
+    assert table.column_names == ["time_s", "time_ns", *list(rows[0])[1:]]
+    for row, other in zip(rows, table.to_pylist(), strict=True):
+        assert f"{other['time_ns'] // 10**9}.{other['time_ns'] % 10**9:09d}" == row["time_s"]
+        for name in rows[0].keys() - {"time_s", "message"}:
+            assert other[name] == (float(row[name]) if row[name] else None)
+    assert table.schema.field("WheelSpeeds1.WheelSpeed_Ax1").metadata[b"unit"] == b"rad/s"
+    with MDF(tmp_path / "o.mf4") as mdf:
+        speed = mdf.get("WheelSpeed_Ax4")
+        held = [r for r in rows if r["message"] == "WheelSpeeds2"]
+        assert speed.samples.tolist() == [float(r["WheelSpeeds2.WheelSpeed_Ax4"]) for r in held]
+        assert speed.unit == "rad/s"
+        assert mdf.header.abs_time == 1_700_000_000 * 10**9
+
+
+def test_the_report_tells_what_became_of_every_frame_and_line(log, tmp_path, capsys):
+    assert convert(log, "--out", tmp_path / "o.csv", "--json", tmp_path / "o.json") == 0
+    out = capsys.readouterr().out
+    document = json.loads((tmp_path / "o.json").read_text())
+    assert document["frames"] == 44
+    assert document["decoded"] == 39
+    assert document["messages"] == [
+        {
+            "name": "WheelSpeeds1",
+            "id": 0x101,
+            "extended": False,
+            "frames": 22,
+            "decoded": 19,
+            "rejected": {"checksum": 1, "repeat": 2},
+            "lost": 1,
+        },
+        {
+            "name": "WheelSpeeds2",
+            "id": 0x102,
+            "extended": False,
+            "frames": 20,
+            "decoded": 20,
+            "rejected": {},
+            "lost": 0,
+        },
+    ]
+    assert document["unknown"] == [
+        {"id": 0x7A0, "extended": False, "frames": 1},
+        {"id": 0x18FEF100, "extended": True, "frames": 1},
+    ]
+    assert document["version"] == __version__
+    assert document["inputs"] == [
+        {"path": str(log), "sha256": sha256(log.read_bytes()).hexdigest()}
+    ]
+    assert document["dbc"]["sha256"] == sha256(DBC.read_bytes()).hexdigest()
+    assert document["lines"] == {"frame": 44, "malformed": 1}
+    size = (tmp_path / "o.csv").stat().st_size
+    assert document["output"] == {"path": str(tmp_path / "o.csv"), "bytes": size}
+    assert re.search(r"WheelSpeeds1 0x101 +22 +19 +repeat: 2, checksum: 1 +1\b", out)
+    assert "unknown ids: 2 frames (0x7A0: 1, 0x18FEF100: 1)" in out
+    assert "a.log: lines passed over: 1 malformed (line 6, ..)" in out
+
+
+def test_json_on_stdout_is_all_that_stands_there(log, tmp_path, capsys):
+    assert convert(log, "--out", tmp_path / "o.mf4", "--json", "-") == 0
+    assert json.loads(capsys.readouterr().out)["decoded"] == 39
+
+
+def test_several_logs_follow_each_other(log, tmp_path, capsys):
+    later = tmp_path / "b.log"
+    later.write_text("".join(line(5, 0x101, speeds(k)) for k in (5, 6)))
+    assert convert(log, later, "--out", tmp_path / "o.csv") == 0
+    rows = rows_of(tmp_path / "o.csv")
+    assert [row["time_s"] for row in rows[-2:]] == ["0.000005000"] * 2
+    assert "b.log: begins before the end of the file in front of it" in capsys.readouterr().out
+
+
+def test_time_that_goes_backwards_is_kept_and_told(tmp_path, capsys):
+    path = tmp_path / "a.log"
+    path.write_text(line(9, 180, bytes(8)) + line(5, 180, bytes(8)))
+    assert convert(path, "--dbc", CAR, "--out", tmp_path / "o.csv") == 0
+    assert [row["time_s"] for row in rows_of(tmp_path / "o.csv")] == ["0.000009000", "0.000005000"]
+    assert "1 frames are stamped before the one in front of them, and keep" in (
+        capsys.readouterr().out
+    )
+
+
+def test_globs_match_message_signal_or_both(log, tmp_path):
+    globs = ["WheelSpeeds1", "*.WheelSpeed_Ax4", "Aliv?"]
+    assert convert(log, "--out", tmp_path / "o.csv", "--signals", *globs) == 0
+    assert set(rows_of(tmp_path / "o.csv")[0]) == {
+        "time_s",
+        "message",
+        *(f"WheelSpeeds1.{s}" for s in ("Crc", "Alive", *(f"WheelSpeed_Ax{k}" for k in (1, 2, 3)))),
+        "WheelSpeeds2.Alive",
+        "WheelSpeeds2.WheelSpeed_Ax4",
+    }
+
+
+def test_frames_of_no_wanted_signal_are_no_rows(log, tmp_path, capsys):
+    assert convert(log, "--out", tmp_path / "o.csv", "--signals", "WheelSpeeds2") == 0
+    assert len(rows_of(tmp_path / "o.csv")) == 20
+    assert "without a wanted signal: 22 frames (WheelSpeeds1: 22)" in capsys.readouterr().out
+
+
+def test_several_channels_are_told_and_one_can_be_taken(tmp_path, capsys):
+    path = tmp_path / "a.log"
+    path.write_text("".join(line(k, 180, bytes(8), f"can{k % 3}") for k in range(9)))
+    arguments = (path, "--dbc", CAR, "--out", tmp_path / "o.csv")
+    assert convert(*arguments) == 0
+    assert "several channels (can0, can1, can2), and mixed: SPEED" in capsys.readouterr().out
+    assert convert(*arguments, "--channel", "can1") == 0
+    assert [row["time_s"] for row in rows_of(tmp_path / "o.csv")] == [
+        f"0.00000{k}000" for k in (1, 4, 7)
+    ]
+    assert "of other channels: 6 frames (can0: 3, can2: 3)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("kind", ["kcd", "sym"])
+def test_a_database_of_another_format(tmp_path, kind):
+    database = cantools.database.load_file(CAR)
+    other = tmp_path / f"car.{kind}"
+    other.write_text(getattr(database, f"as_{kind}_string")())
+    path = tmp_path / "a.log"
+    path.write_text(line(1, 170, bytes(range(8))))
+    assert convert(path, "--dbc", CAR, "--out", tmp_path / "a.csv") == 0
+    assert convert(path, "--dbc", other, "--out", tmp_path / "b.csv") == 0
+    first, second = rows_of(tmp_path / "a.csv"), rows_of(tmp_path / "b.csv")
+    values = [{v for k, v in row.items() if "SPEED" in k} for row in (*first, *second)]
+    assert values[0] == values[1]
+
+
+def test_a_recording_of_another_format(log, tmp_path):
+    log.write_text(log.read_text().replace("no frame at all\n", ""))  # it would stop python-can
+    with can.LogReader(log) as reader, can.Logger(tmp_path / "a.asc") as writer:
+        for message in reader:
+            writer(message)
+    assert convert(log, "--out", tmp_path / "a.csv") == 0
+    assert convert(tmp_path / "a.asc", "--out", tmp_path / "b.csv") == 0
+    first, second = rows_of(tmp_path / "a.csv"), rows_of(tmp_path / "b.csv")
+    for row in (*first, *second):
+        del row["time_s"]
+    assert first == second
+
+
+# --- what cannot be done
+
+
+def test_signals_that_match_nothing_name_what_is_near(log, tmp_path, capsys):
+    arguments = (log, "--out", tmp_path / "o.csv", "--signals", "Wheel*")
+    err = fails(capsys, *arguments, "wheelspeed1")
+    assert "--signals wheelspeed1: matches no message or signal of adhesion.dbc" in err
+    assert "near are WheelSpeeds1" in err
+    assert "cantools dump" in fails(capsys, *arguments, "qqqqqqqq")
+    assert not (tmp_path / "o.csv").exists()
+
+
+def test_a_recording_of_foreign_ids_tells_which(log, tmp_path, capsys):
+    for suffix in ("csv", "csv.gz", "parquet", "mf4"):
+        err = fails(capsys, log, "--dbc", CAR, "--out", tmp_path / f"o.{suffix}")
+        assert "0x101: 22, 0x102: 20" in err
+        assert "car.dbc knows 3: 0x0AA, 0x0B4, 0x0BE" in err
+        assert [path.name for path in tmp_path.iterdir()] == ["a.log"]
+
+
+def test_what_was_written_before_stays_where_nothing_is_decoded(log, tmp_path, capsys):
+    (tmp_path / "o.csv").write_text("old")
+    fails(capsys, log, "--dbc", CAR, "--out", tmp_path / "o.csv")
+    assert (tmp_path / "o.csv").read_text() == "old"
+
+
+@pytest.mark.parametrize(
+    ("lines", "options", "told"),
+    [
+        ("", (), "no data frame in it"),
+        ("garbage\n", (), "no data frame in it"),
+        (line(1, 0x101, bytes(8)), (), "every known frame is rejected (checksum: 1)"),
+        (line(1, 0x101, bytes(3)), (), "every known frame is rejected (length: 1)"),
+        (
+            line(1, 0x101, speeds(0)),
+            ("--signals", "VehicleSpeed"),
+            "no frame with a signal that is wanted and can be decoded; it has WheelSpeeds1: 1",
+        ),
+        (
+            line(1, 0x101, speeds(0)),
+            ("--channel", "can4"),
+            "no frame of channel can4; it has can0: 1",
+        ),
+    ],
+)
+def test_a_recording_without_a_row_tells_why(tmp_path, capsys, lines, options, told):
+    path = tmp_path / "a.log"
+    path.write_text(lines)
+    assert told in fails(capsys, path, "--out", tmp_path / "o.csv", *options)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.log"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("{log}", "--out", "{dir}/none/o.csv"), "its folder does not exist"),
+        (("{log}", "--out", "{dir}/o.xls"), "of no known format"),
+        (("{log}", "--out", "{dir}/o.csv", "--json", "{dir}/none/o.json"), "--json"),
+        (("{log}", "--out", "{dir}/o.csv", "--json", "{dir}/x/../o.csv"), "another file"),
+        (("{log}", "--out", "{dir}/o.csv", "--dbc", "{dir}/o.csv"), "another file"),
+        (("{dir}/r.csv", "--out", "{dir}/r.csv"), "another file"),
+        (("{dir}/none.log", "--out", "{dir}/o.csv"), "No such file"),
+        (("{log}", "--out", "{dir}/o.csv", "--dbc", "{dir}/none.dbc"), "No such file"),
+        (("{log}", "--out", "{dir}/o.csv", "--dbc", "{log}"), "CAN database"),
+        (("{log}",), "--out"),
+        (("{log}", "--out", "{dir}/d.csv"), "is a folder"),
+    ],
+)
+def test_bad_usage_is_told_before_the_work(log, tmp_path, capsys, monkeypatch, arguments, told):
+    (tmp_path / "x").mkdir()
+    (tmp_path / "d.csv").mkdir()
+    before = sorted(tmp_path.iterdir())
+
+    def read(*_):
+        raise AssertionError("the recording was read")
+
+    monkeypatch.setattr("adhesion_can.bus.recordings.Recording.blocks", read)
+    words = [word.format(log=log, dir=tmp_path) for word in arguments]
+    assert told in fails(capsys, *words)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_missing_extra_is_told_before_the_work(log, tmp_path, capsys, monkeypatch):
+    for name in list(sys.modules):
+        if name.startswith(("asammdf", "adhesion_can.reporting.export.mf4_file")):
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "asammdf", None)
+    err = fails(capsys, log, "--out", tmp_path / "o.mf4")
+    assert "needs asammdf; pip install 'adhesion-can[mf4]'" in err
+
+
+@contextmanager
+def full_disk():
+    """No file may grow beyond some bytes: writes fail as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("suffix", ["csv", "csv.gz", "parquet", "mf4"])
+def test_a_full_disk_is_told_and_leaves_nothing(tmp_path, capsys, suffix):
+    log = tmp_path / "a.log"
+    rng = random.Random(1)
+    log.write_text("".join(line(k**2, 170, rng.randbytes(8)) for k in range(10_000)))
+    with full_disk():
+        err = fails(capsys, log, "--dbc", CAR, "--out", tmp_path / f"o.{suffix}")
+    assert "File too large" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["a.log"]
+
+
+def test_a_terminal_sees_the_progress_and_a_pipe_does_not(log, tmp_path, capsys):
+    main_end, other_end = pty.openpty()
+    command = [sys.executable, "-W", "error", "-m", "adhesion_can.cli.main", "convert"]
+    done = subprocess.run(
+        [*command, log, "--out", tmp_path / "o.csv"],
+        check=True,
+        stdout=subprocess.PIPE,
+        stderr=other_end,
+        text=True,
+    )
+    os.close(other_end)
+    shown = os.read(main_end, 100_000).decode()
+    os.close(main_end)
+    assert "44 frames" in shown
+    assert "M/s" in shown
+    assert convert(log, "--out", tmp_path / "o.csv") == 0
+    assert capsys.readouterr() == (done.stdout, "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["csv", "csv.gz", "parquet", "mf4"])
+def test_memory_does_not_grow_with_the_recording(tmp_path, suffix):
+    peaks = []
+    for count in (300_000, 1_500_000):
+        log = tmp_path / "a.log"
+        with log.open("w") as file:
+            file.writelines(line(100 * k, 170, k.to_bytes(8)) for k in range(count))
+        code = (
+            "import resource, sys; from adhesion_can.cli.main import main; status = main();"
+            "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr);"
+            "sys.exit(status)"
+        )
+        arguments = ["convert", log, "--dbc", CAR, "--out", tmp_path / f"o.{suffix}"]
+        done = subprocess.run(
+            [sys.executable, "-c", code, *map(str, arguments)],
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+        peaks.append(int(done.stderr.split()[-1]) / 1024)
+    assert peaks[1] < 1.15 * peaks[0] + 10, peaks  # MiB
