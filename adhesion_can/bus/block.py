@@ -159,7 +159,10 @@ class Block:
 
 def to_micros(t_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     """Nanoseconds to microseconds, to the nearest, a half to the even one."""
-    whole, rest = np.divmod(t_ns, 1000)
+    whole = t_ns // 1000
+    rest = t_ns - whole * 1000
+    if not rest.any():
+        return whole
     return np.asarray(whole + ((rest > 500) | ((rest == 500) & (whole % 2 == 1))))
 
 

@@ -249,8 +249,6 @@ class CounterSupervision:
             steps[silence >= SILENCE_CYCLES * self.cycle_us] = 1
         if self._baseline is None:
             steps[:1] = 1
-        elif self._run:
-            steps[:1] = COUNTS  # the last block ended in frames out of order: judge one by one
         steps[counts >= COUNTS] = COUNTS
         return steps
 

@@ -449,3 +449,12 @@ def test_supervision_at_once_over_every_short_sequence():
         outcome, lost = many.accept_all(row, stamps, np.ones(5, dtype=bool))
         assert (outcome.tolist(), lost.tolist()) == wanted
         assert asdict(many) == asdict(single)
+
+
+@pytest.mark.parametrize("wait", [CYCLE, 10 * CYCLE - 1, 10 * CYCLE, 10 * CYCLE + 1, -CYCLE])
+@pytest.mark.parametrize("step", range(15))
+def test_supervision_at_once_at_the_edge_of_silence(step, wait):
+    counts = np.array([3, 4, 4 + step, 5 + step, 6 + step], dtype=np.uint8) % 15
+    stamps = np.cumsum([0, CYCLE, wait, CYCLE, CYCLE])
+    for cut in range(6):
+        check_at_once(counts, stamps, np.ones(5, dtype=bool), CYCLE, [cut])

@@ -1,0 +1,285 @@
+"""Blocks of frames into columns: arrays of each message's signals, as any database says them.
+
+Values equal those of cantools' `decode_message`, whose parsed database the plans come from. What
+cannot be decoded is counted by reason, never dropped in silence.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from cantools.database.can import Message
+from numpy.typing import NDArray
+
+from adhesion_can.bus.block import EXTENDED, Block, Kind, to_micros
+from adhesion_can.bus.database import CanDatabase, e2e_data_id
+from adhesion_can.bus.e2e import (
+    REJECTION_CODE,
+    REJECTIONS,
+    CounterSupervision,
+    Rejection,
+    checksums_ok,
+)
+from adhesion_can.bus.keys import UNSEEN, KeyCodes
+from adhesion_can.bus.signals import MessageSignals, SignalColumn
+
+REASONS = (*(str(rejection) for rejection in REJECTIONS), "multiplexer")
+"""Why a row was not decoded: its outcome is 1 + the place here. 'multiplexer': its selector has a
+value that the database does not know."""
+
+_LENGTH = REJECTION_CODE[Rejection.LENGTH]
+_CHECKSUM = REJECTION_CODE[Rejection.CHECKSUM]
+_MULTIPLEXER = len(REASONS)
+_Outcomes = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class MessageColumns:
+    """The frames of one message in a block.
+
+    Attributes:
+        message: as the database has it.
+        rows: places in the block, ascending, shape (n,).
+        t_ns: stamps, ns, shape (n,).
+        words: payloads as `Block.words` has them, as far as the message reaches, shape (n, w).
+        outcome: 0 where decoded, else 1 + place of the reason in `REASONS`, shape (n,).
+        signals: by name, those wanted; what they say in rows not decoded means nothing.
+
+    """
+
+    message: Message
+    rows: NDArray[np.int64]
+    t_ns: NDArray[np.int64]
+    words: NDArray[np.uint64]
+    outcome: NDArray[np.uint8]
+    signals: Mapping[str, SignalColumn]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+@dataclass(slots=True)
+class MessageCount:
+    """What became of the frames of one message.
+
+    Attributes:
+        frames: heard.
+        decoded: of them.
+        rejected: of them, by reason.
+        lost: frames that were not heard, by the counter.
+
+    """
+
+    frames: int = 0
+    decoded: int = 0
+    rejected: Counter[str] = field(default_factory=Counter)
+    lost: int = 0
+
+
+@dataclass(slots=True)
+class DecodeReport:
+    """What became of every row.
+
+    Attributes:
+        messages: heard and decoded, by name; those of one name together.
+        passed_over: frames of messages without a signal that is wanted or can be decoded, by name.
+        unknown: data frames of ids that the database lacks, by (id, extended).
+        remote: remote requests.
+        error: error frames.
+        marks: marks of a service.
+        left_out: what can never be decoded, 'Message' or 'Message.Signal', and why.
+
+    """
+
+    messages: dict[str, MessageCount] = field(default_factory=dict)
+    passed_over: Counter[str] = field(default_factory=Counter)
+    unknown: Counter[tuple[int, bool]] = field(default_factory=Counter)
+    remote: int = 0
+    error: int = 0
+    marks: int = 0
+    left_out: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def frames(self) -> int:
+        """Data frames, remote requests and error frames of every id."""
+        known = sum(count.frames for count in self.messages.values())
+        others = self.passed_over.total() + self.unknown.total()
+        return known + others + self.remote + self.error
+
+
+class Decoder:
+    """Decodes blocks that follow each other.
+
+    Messages with the attribute E2EDataId have their checksums and counters checked, the counters of
+    each channel for themselves.
+
+    Args:
+        database: of any format that cantools reads.
+        wanted: whether a signal is decoded, by the names of message and signal; None: all are.
+
+    Raises:
+        DatabaseError: an E2EDataId is none.
+
+    """
+
+    def __init__(
+        self, database: CanDatabase, wanted: Callable[[str, str], bool] | None = None
+    ) -> None:
+        self.report = DecodeReport()
+        # Of several messages with one id the last one counts, as in cantools.
+        by_key = {_key_of(message): message for message in database.db.messages}
+        self._messages = {
+            key: _MessageDecoder(message, wanted, self.report.left_out)
+            for key, message in by_key.items()
+        }
+        self._codes = KeyCodes(self._messages)
+
+    def decode(self, block: Block) -> list[MessageColumns]:
+        """Columns of each message that stands in a block, in the order of the database.
+
+        Args:
+            block: the next one of a recording.
+
+        """
+        decoded = []
+        for key, rows in self._groups(block):
+            decoder = self._messages[key]
+            if not decoder.signals:
+                self.report.passed_over[decoder.message.name] += len(rows)
+                continue
+            columns, lost = decoder.decode(block, rows)
+            self._count(columns, lost)
+            decoded.append(columns)
+        return decoded
+
+    def _groups(self, block: Block) -> Iterator[tuple[int, NDArray[np.int64]]]:
+        """(key, its rows in order) of the database's messages; other data frames are counted."""
+        is_data = block.is_data
+        data = None if is_data.all() else np.flatnonzero(is_data)
+        if data is not None:
+            self._count_kinds(block)
+        keys = block.key if data is None else block.key[data]
+        codes = self._codes.of(keys)
+        order = np.argsort(codes, kind="stable")  # of 16 bits: a radix sort
+        begin = 0
+        for code, count in enumerate(np.bincount(codes).tolist()):
+            rows = order[begin : begin + count]
+            begin += count
+            if code == UNSEEN:
+                self._count_unseen(keys[rows])
+            elif count and code > len(self._messages):
+                self.report.unknown[_id_of(self._codes.keys[code])] += count
+            elif count:
+                yield self._codes.keys[code], rows if data is None else data[rows]
+
+    def _count_kinds(self, block: Block) -> None:
+        kinds = np.bincount(block.kind, minlength=len(Kind)).tolist()
+        self.report.remote += kinds[Kind.REMOTE]
+        self.report.error += kinds[Kind.ERROR]
+        self.report.marks += kinds[Kind.ADVANCE] + kinds[Kind.SECOND_SENDER]
+
+    def _count_unseen(self, keys: NDArray[np.uint32]) -> None:
+        for key, count in zip(*np.unique(keys, return_counts=True), strict=True):
+            self.report.unknown[_id_of(int(key))] += int(count)
+
+    def _count(self, columns: MessageColumns, lost: int) -> None:
+        count = self.report.messages.setdefault(columns.message.name, MessageCount())
+        rejected = columns.outcome[columns.outcome > 0]
+        count.frames += len(columns)
+        count.decoded += len(columns) - len(rejected)
+        count.lost += lost
+        for code, number in enumerate(np.bincount(rejected).tolist()):
+            if number:
+                count.rejected[REASONS[code - 1]] += number
+
+
+class _MessageDecoder:
+    """One message: judges its frames and decodes them."""
+
+    def __init__(
+        self,
+        message: Message,
+        wanted: Callable[[str, str], bool] | None,
+        left_out: dict[str, str],
+    ) -> None:
+        self.message = message
+        self.signals = MessageSignals(message, wanted, left_out)
+        self._size = message.length
+        self._data_id = e2e_data_id(message)
+        if self._data_id is not None and self._size < 2:
+            left_out[f"{message.name}.E2EDataId"] = f"no room for it in {self._size} bytes"
+            self._data_id = None
+        self._cycle_us = (message.cycle_time or 0) * 1000 or None
+        self._supervisions: dict[str, CounterSupervision] = {}
+
+    def decode(self, block: Block, rows: NDArray[np.int64]) -> tuple[MessageColumns, int]:
+        """Columns of the rows of a block that are of this message, and how many were lost."""
+        t_ns = block.t_ns.take(rows)
+        words = self._words(block, rows)
+        length = block.length.take(rows)
+        lost = 0
+        if self._data_id is None:
+            outcome = (length < self._size) * np.uint8(_LENGTH)
+        else:
+            outcome = self._check(words, length, self._data_id)
+            lost = self._supervise(block, rows, t_ns, words, outcome)
+        signals, unknown = self.signals.decode(words)
+        if unknown is not None:
+            outcome[unknown & (outcome == 0)] = _MULTIPLEXER
+        return MessageColumns(self.message, rows, t_ns, words, outcome, signals), lost
+
+    def _words(self, block: Block, rows: NDArray[np.int64]) -> NDArray[np.uint64]:
+        needed = 1 if self._size <= 8 else 8
+        width = block.words.shape[1]
+        if width == needed:
+            return block.words.take(rows, axis=0)
+        words = block.words[:, :needed][rows]
+        # No payload of this block reaches the message's length: its rows will be rejected.
+        return np.pad(words, ((0, 0), (0, needed - width))) if width < needed else words
+
+    def _check(
+        self, words: NDArray[np.uint64], length: NDArray[np.uint8], data_id: int
+    ) -> _Outcomes:
+        # A checksum is over a payload of the message's length, and of no other.
+        outcome = ~checksums_ok(words, self._size, data_id) * np.uint8(_CHECKSUM)
+        outcome[length != self._size] = _LENGTH
+        return outcome
+
+    def _supervise(
+        self,
+        block: Block,
+        rows: NDArray[np.int64],
+        t_ns: NDArray[np.int64],
+        words: NDArray[np.uint64],
+        outcome: _Outcomes,
+    ) -> int:
+        """Judge the counters of the rows that passed so far, and write it into their outcome."""
+        counts = ((words[:, 0] >> np.uint64(8)) & np.uint64(0x0F)).astype(np.uint8)
+        t_us = to_micros(t_ns)
+        sound = outcome == 0
+        if len(block.channels) == 1:
+            codes, lost = self._supervision(block.channels[0]).accept_all(counts, t_us, sound)
+            np.maximum(outcome, codes, out=outcome)
+            return int(lost.sum())
+        channel, total = block.channel.take(rows), 0
+        for place in np.flatnonzero(np.bincount(channel)).tolist():
+            here = np.flatnonzero(channel == place)
+            supervision = self._supervision(block.channels[place])
+            codes, lost = supervision.accept_all(counts[here], t_us[here], sound[here])
+            outcome[here] = np.maximum(outcome[here], codes)
+            total += int(lost.sum())
+        return total
+
+    def _supervision(self, channel: str) -> CounterSupervision:
+        if channel not in self._supervisions:
+            self._supervisions[channel] = CounterSupervision(self._cycle_us)
+        return self._supervisions[channel]
+
+
+def _key_of(message: Message) -> int:
+    return message.frame_id | (EXTENDED if message.is_extended_frame else 0)
+
+
+def _id_of(key: int) -> tuple[int, bool]:
+    return key & ~EXTENDED, key >= EXTENDED
