@@ -46,9 +46,7 @@ class Heard:
         for key, (stamps, values) in readings.items():
             told = values
             if key[0] is Role.VEHICLE_SPEED:
-                # The source that was told with a speed, or last before it.
-                known = np.append(self._source, sources[1])
-                source = known[np.searchsorted(sources[0], stamps, side="right")]
+                source = self._sources_of(stamps, *sources)
                 derived = source == SpeedSource.DRIVEN_AXLES
                 self.trailing += int((source == SpeedSource.TRAILING_AXLE).sum())
                 self.derived += int(derived.sum())
@@ -56,6 +54,15 @@ class Heard:
             self.columns.setdefault(key, []).append((stamps, told))
         if len(sources[1]):
             self._source = float(sources[1][-1])
+
+    def _sources_of(
+        self, stamps: NDArray[np.int64], told_us: NDArray[np.int64], told: Array
+    ) -> Array:
+        """Source of each vehicle speed: told with it, or last before it."""
+        if np.array_equal(stamps, told_us):
+            return told  # of one message; frames of one stamp keep their own
+        known = np.append(self._source, told)
+        return np.asarray(known[np.searchsorted(told_us, stamps, side="right")])
 
     def trace(self, role: Role, axle: int = 0) -> Trace:
         """What was heard of a signal; empty where nothing was."""
