@@ -15,6 +15,12 @@ from itertools import accumulate, chain, islice, pairwise
 from adhesion_can.bus.frame import MARKS, Frame, Mark
 
 ERROR_FLAG = 0x20000000
+LAST_US = 9_223_372_036_000_000
+"""Latest stamp of a recording, in the year 2262: later ones do not fit 64 bits as ns."""
+HEAD_LINES = 256
+"""Lines that tell what their stamps are."""
+DIFFERENCES = "time stamps read as differences (candump -td) and summed"
+FD_LENGTHS = frozenset((*range(9), 12, 16, 20, 24, 32, 48, 64))
 _LINE_LIMIT = 16384  # a CAN XL line has 4200 characters; past this a file is not text
 
 _LOG = re.compile(
@@ -27,7 +33,7 @@ _COLUMNS = re.compile(
     rb"(?:\[(\d{1,2})\]|\{[0-9A-Fa-f]\})\s*(remote request|(?:[0-9A-Fa-f]{2}(?:\s+|$))*)(.*)$"
 )
 _UNTIMED = re.compile(rb"\s*\S{1,64}\s+(?:[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[\d{1,2}\]\s")
-_FD_LENGTHS = frozenset((*range(9), 12, 16, 20, 24, 32, 48, 64))
+_FINE_STAMP = re.compile(rb"\s*[(<]\s*(\d+)\.(\d{7,9})\d*\s*[)>]")
 
 
 @dataclass
@@ -59,6 +65,20 @@ class ReadReport:
         if len(self.bad_lines) < 10:
             self.bad_lines.append(number)
 
+    def left_out(self, kind: str, number: int, *, is_whole: bool) -> None:
+        """Note a line that gave no frame.
+
+        Args:
+            kind: as `parse_line` tells it.
+            number: from 1 on.
+            is_whole: it has its line end.
+
+        """
+        if kind in ("blank", "comment"):
+            self.kinds[kind] += 1
+        else:
+            self.passed("cut" if kind == "malformed" and not is_whole else kind, number)
+
 
 def looks_like_candump(line: bytes) -> bool:
     """Whether a line is one that candump, or our own log, writes."""
@@ -77,24 +97,21 @@ def read_candump(lines: Iterable[bytes], report: ReadReport) -> Iterator[Frame |
 
     """
     numbered = enumerate(lines, start=1)
-    head = list(islice(numbered, 256))
-    differences = _times_are_differences(line for _, line in head)
+    head = list(islice(numbered, HEAD_LINES))
+    differences = times_are_differences(line for _, line in head)
     if differences:
-        report.notes.append("time stamps read as differences (candump -td) and summed")
+        report.notes.insert(0, DIFFERENCES)
     clock = last = 0
     for number, line in chain(head, numbered):
-        item = parse_line(line)
+        item = read_line(line)
         if isinstance(item, str):
-            if item in ("blank", "comment"):
-                report.kinds[item] += 1
-            else:
-                report.passed("cut" if item == "malformed" and line[-1:] != b"\n" else item, number)
+            report.left_out(item, number, is_whole=line.endswith(b"\n"))
             continue
         if isinstance(item, Mark):
             report.kinds["mark"] += 1
         else:
             if differences:
-                clock += item.t_us
+                clock = later(clock, item.t_us)
                 item = item._replace(t_us=clock)
             report.kinds[kind_of(item)] += 1
             report.backwards += item.t_us < last
@@ -109,6 +126,31 @@ def kind_of(frame: Frame) -> str:
     if frame.is_remote:
         return "remote"
     return "fd" if frame.is_fd else "frame"
+
+
+def later(t_us: int, difference_us: int) -> int:
+    """A stamp and the difference to the next, kept within what a stamp can be."""
+    return max(-LAST_US, min(t_us + difference_us, LAST_US))
+
+
+def read_line(line: bytes) -> Frame | Mark | str:
+    """What `parse_line` gives; a line stamped past what ns can tell is malformed."""
+    item = parse_line(line)
+    return item if isinstance(item, str) or abs(item.t_us) <= LAST_US else "malformed"
+
+
+def stamp_ns(line: bytes, t_us: int) -> int:
+    """Stamp of a line that `parse_line` reads, to all its digits, ns.
+
+    Args:
+        line: with a frame or mark.
+        t_us: its stamp, µs.
+
+    """
+    match = _FINE_STAMP.match(line)
+    if not match:
+        return t_us * 1000
+    return int(match[1]) * 10**9 + int(match[2].ljust(9, b"0"))
 
 
 def parse_line(line: bytes) -> Frame | Mark | str:
@@ -156,7 +198,7 @@ def _log_frame(match: re.Match[bytes]) -> Frame | str:  # noqa: PLR0911  a reaso
         if not flags.isalnum():
             return "malformed"
     data = _bytes(payload.replace(b".", b""))
-    if data is None or not (len(data) in _FD_LENGTHS if fd else len(data) <= 8):
+    if data is None or not (len(data) in FD_LENGTHS if fd else len(data) <= 8):
         return "malformed"
     return Frame(t_us, number, data, name, extended, is_fd=bool(fd))
 
@@ -177,7 +219,7 @@ def _column_frame(match: re.Match[bytes]) -> Frame | str:
     # {E} in place of [8] is the raw length code of a frame with all its 8 bytes (-8).
     size = 8 if length is None else int(length)
     data = _bytes(b"".join(payload.split()[:size]))
-    if data is None or len(data) != size or size not in _FD_LENGTHS:
+    if data is None or len(data) != size or size not in FD_LENGTHS:
         return "malformed"
     return Frame(t_us, number, data, name, extended, is_fd=len(length or b"8") == 2)
 
@@ -204,7 +246,7 @@ def _bytes(digits: bytes) -> bytes | None:
         return None
 
 
-def _times_are_differences(lines: Iterable[bytes]) -> bool:
+def times_are_differences(lines: Iterable[bytes]) -> bool:
     """Whether columns carry -td stamps: they start at 0 and do not keep rising."""
     times = []
     for line in lines:

@@ -2,27 +2,39 @@
 
 import gzip
 import io
-import zlib
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from hashlib import sha256
+from itertools import islice
 from pathlib import Path
-from typing import IO, Any, BinaryIO, cast
+from typing import Any, BinaryIO
 
 import can
 
-from adhesion_can.bus.candump import ReadReport, kind_of, looks_like_candump, read_candump
+from adhesion_can.bus.block import Block
+from adhesion_can.bus.candump import (
+    DIFFERENCES,
+    HEAD_LINES,
+    ReadReport,
+    kind_of,
+    looks_like_candump,
+    read_candump,
+    times_are_differences,
+)
 from adhesion_can.bus.frame import Frame, Mark, to_us
+from adhesion_can.bus.scan import read_chunks
+from adhesion_can.bus.scan_source import Packing, Source
 from adhesion_can.errors import InputError, RecordingError
 
-_LINE_LIMIT = 1 << 16
+_CHUNK = 1 << 20  # columns of so much text stay in a core's cache
+_ROWS = 50_000  # of a block of a format that is read frame by frame
 
 
 class Recording:
     """A file of frames.
 
     Args:
-        path: candump text (gzip too), or any format that python-can reads by its suffix.
+        path: candump text (gzip and zstd too), or any format that python-can reads by its suffix.
 
     Raises:
         RecordingError: the file is missing, or of no known format.
@@ -33,9 +45,12 @@ class Recording:
         self.path = path
         self.report = ReadReport()
         """Filled while the frames are read."""
+        self.position = 0
+        """Bytes of the file, as stored, that the blocks given so far come from."""
+        self._reader: can.io.generic.MessageReader | None = None
         try:
             with path.open("rb") as file:
-                self._gzip = file.read(2) == b"\x1f\x8b"
+                self._packing = Packing.of(file.read(4))
         except OSError as error:
             raise RecordingError(
                 str(path), error.strerror or "cannot be read", "check the path"
@@ -43,6 +58,10 @@ class Recording:
         self._text = self._is_candump()
         if not self._text:
             _require_known_format(path)
+            if self._packing is Packing.ZSTD:
+                raise RecordingError(
+                    str(path), "python-can reads no zstd", "unpack it with 'zstd -d', or use gzip"
+                )
 
     def __iter__(self) -> Iterator[Frame | Mark]:
         """Frames in the order of the file."""
@@ -58,10 +77,28 @@ class Recording:
         """Of the file, bytes."""
         return self.path.stat().st_size
 
-    def _open(self) -> IO[bytes]:
-        if self._gzip:
-            return cast(IO[bytes], gzip.open(self.path, "rb"))
-        return self.path.open("rb")
+    def blocks(self, size: int = _CHUNK) -> Iterator[Block]:
+        """Frames and marks in columns: what iterating gives, many times as fast, in little memory.
+
+        The channels of each block begin with those of the one before. `report` and `position` are
+        those of the blocks given so far.
+
+        Args:
+            size: bytes of candump text that a block comes from, give or take a line.
+
+        Raises:
+            RecordingError: the file cannot be read to its end; all that could be is given before.
+
+        """
+        self.position = 0
+        if self._text:
+            yield from self._candump_blocks(size)
+        else:
+            yield from self._python_can_blocks()
+        self.position = self.size
+
+    def _source(self, report: ReadReport) -> Source:
+        return Source(self.path, self._packing, report)
 
     def _is_candump(self) -> bool:
         """Whether the file is text as candump writes it: by its suffix, else by its first lines."""
@@ -71,14 +108,44 @@ class Recording:
         if suffix in PYTHON_CAN:
             return False
         try:
-            with self._open() as file:
-                return any(looks_like_candump(file.readline(_LINE_LIMIT)) for _ in range(200))
-        except (EOFError, OSError, zlib.error):
+            with self._source(ReadReport()) as source:
+                return any(looks_like_candump(line) for line in islice(source.lines(), 200))
+        except OSError:
             return False
 
     def _candump(self) -> Iterator[Frame | Mark]:
-        with self._open() as file:
-            yield from read_candump(_lines(file, self.report), self.report)
+        with self._source(self.report) as source:
+            yield from read_candump(source.lines(), self.report)
+
+    def _candump_blocks(self, size: int) -> Iterator[Block]:
+        with self._source(ReadReport()) as source:
+            differences = times_are_differences(islice(source.lines(), HEAD_LINES))
+        if differences:
+            self.report.notes.insert(0, DIFFERENCES)
+        with self._source(self.report) as source:
+            chunks = source.chunks(size)
+            for block, position in read_chunks(chunks, self.report, differences=differences):
+                self.position = position
+                yield block
+
+    def _python_can_blocks(self) -> Iterator[Block]:
+        frames = self._python_can()
+        channels: tuple[str, ...] = ()
+        stopped: RecordingError | None = None
+        while not stopped:
+            rows: list[Frame] = []
+            try:
+                rows.extend(islice(frames, _ROWS))
+            except RecordingError as error:
+                stopped = error  # raised when what came before it is given
+            if not rows:
+                break
+            block = Block.of(rows, channels)
+            channels = block.channels
+            self.position = _position(self._reader)
+            yield block
+        if stopped:
+            raise stopped
 
     def _python_can(self) -> Iterator[Frame]:
         # python-can's readers stop at what they cannot read, with whatever their parser raises;
@@ -86,8 +153,8 @@ class Recording:
         last = 0
         trc = _inner_suffix(self.path) == ".trc"
         try:
-            with can.LogReader(self.path) as reader:
-                for message in reader:
+            with can.LogReader(self.path) as self._reader:
+                for message in self._reader:
                     if trc and isinstance(message.channel, int):
                         message.channel -= 1  # PEAK counts its buses from 1
                     frame = from_message(message)
@@ -109,19 +176,12 @@ class Recording:
             ) from error
 
 
-def _lines(file: IO[bytes], report: ReadReport) -> Iterator[bytes]:
-    while True:
-        try:
-            line = file.readline(_LINE_LIMIT)
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            report.kinds["cut"] += 1
-            report.notes.append(
-                f"the compressed file ends early ({error}); what came before is used"
-            )
-            return
-        if not line:
-            return
-        yield line
+def _position(reader: can.io.generic.MessageReader | None) -> int:
+    """Bytes of its file that a reader has taken; 0 where it does not tell, as a data base."""
+    file = getattr(reader, "file", None)
+    for inner in ("buffer", "fileobj"):  # of text, of gzip
+        file = getattr(file, inner, file)
+    return file.tell() if file and not file.closed else 0
 
 
 PYTHON_CAN = frozenset({".asc", ".blf", ".trc", ".csv", ".db", ".mf4"})
@@ -130,7 +190,8 @@ PYTHON_CAN = frozenset({".asc", ".blf", ".trc", ".csv", ".db", ".mf4"})
 
 def _inner_suffix(path: Path) -> str:
     """Suffix without the one of a compression."""
-    return Path(path.stem if path.suffix.lower() == ".gz" else path.name).suffix.lower()
+    packed = path.suffix.lower() in (".gz", ".zst")
+    return Path(path.stem if packed else path.name).suffix.lower()
 
 
 def _require_known_format(path: Path) -> None:
@@ -151,7 +212,7 @@ def from_message(message: can.Message) -> Frame:
         arbitration_id=message.arbitration_id,
         data=b"" if message.is_error_frame or message.is_remote_frame else bytes(message.data),
         channel=f"can{name}" if name.isdigit() else name,
-        is_extended=message.is_extended_id,
+        is_extended=message.is_extended_id and not message.is_error_frame,
         is_fd=message.is_fd,
         is_remote=message.is_remote_frame,
         is_error=message.is_error_frame,

@@ -4,10 +4,13 @@ import gc
 import gzip
 import random
 import sqlite3
+from itertools import pairwise
 
 import can
 import pytest
 
+from adhesion_can.bus import recordings
+from adhesion_can.bus.block import Block
 from adhesion_can.bus.candump import format_frame
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.bus.recordings import Recording, file_sha256, from_message, to_message, whole_file
@@ -163,6 +166,105 @@ def test_stamps_backwards_are_counted_in_every_format(tmp_path):
         recording = Recording(written(tmp_path / f"a{suffix}", frames))
         assert len(list(recording)) == 4
         assert recording.report.backwards == 1, suffix
+
+
+# --- blocks --------------------------------------------------------------------------------------
+
+
+def items_of(recording):
+    return [item for block in recording.blocks() for item in block.items()]
+
+
+@pytest.mark.parametrize("rows", [7, 50_000])
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("suffix", [".log", *SUFFIXES])
+def test_blocks_hold_what_the_frames_one_by_one_are(tmp_path, monkeypatch, suffix, packed, rows):
+    monkeypatch.setattr(recordings, "_ROWS", rows)
+    frames = plain_frames() + (OTHER_KINDS if suffix in (".log", *KNOWS_ALL_KINDS) else [])
+    path = written(tmp_path / f"a{suffix}", frames)
+    if packed:
+        if suffix == ".db":
+            pytest.skip("python-can reads no packed data base")
+        plain, path = path, tmp_path / f"a{suffix}.gz"
+        path.write_bytes(gzip.compress(plain.read_bytes()))
+    one_by_one, columns = Recording(path), Recording(path)
+    wanted, blocks = list(one_by_one), list(columns.blocks())
+    assert [item for block in blocks for item in block.items()] == wanted
+    assert columns.report == one_by_one.report
+    assert len(blocks) == (1 if suffix == ".log" else -(-len(wanted) // rows))
+    for one, following in pairwise(blocks):
+        assert following.channels[: len(one.channels)] == one.channels
+    assert list(Block.concatenate(blocks).items()) == wanted
+    assert columns.position == columns.size
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".blf", ".csv", ".trc", ".csv.gz"])
+def test_position_of_other_formats_grows(tmp_path, monkeypatch, suffix):
+    monkeypatch.setattr(recordings, "_ROWS", 500)
+    frames = [f._replace(t_us=T + 1000 * i) for i, f in enumerate(plain_frames(20_000))]
+    path = written(tmp_path / f"a{suffix.removesuffix('.gz')}", frames)
+    if suffix.endswith(".gz"):
+        plain, path = path, tmp_path / f"a{suffix}"
+        path.write_bytes(gzip.compress(plain.read_bytes()))
+    recording = Recording(path)
+    seen = [recording.position for _ in recording.blocks()]
+    assert len(seen) == 40
+    assert seen == sorted(seen)
+    assert len(set(seen)) > 2
+    assert 0 < seen[0] < seen[-1] <= recording.position == recording.size
+
+
+def test_mf4_gives_blocks(tmp_path):
+    pytest.importorskip("asammdf")
+    path = tmp_path / "a.mf4"
+    frames = [
+        Frame(T + 1000 * i, 0x100 + i, bytes([i] * 8), f"can{i % 2}", i % 3 == 0) for i in range(50)
+    ]
+    with can.Logger(path) as writer:
+        for frame in frames:
+            writer(message_of(frame))
+    recording = Recording(path)
+    found = items_of(recording)
+    assert found == list(Recording(path))
+    assert_same_frames(found, frames)
+    assert recording.position == recording.size
+
+
+@pytest.mark.parametrize("rows", [4, 10, 50_000])
+def test_blocks_of_what_came_before_the_damage_are_given(tmp_path, monkeypatch, rows):
+    monkeypatch.setattr(recordings, "_ROWS", rows)
+    whole = written(tmp_path / "a.csv", plain_frames(20))
+    lines = whole.read_text().splitlines()
+    lines[11] = "what,is,this"
+    whole.write_text("\n".join(lines))
+    recording = Recording(whole)
+    found = []
+
+    def read():
+        for block in recording.blocks():
+            found.extend(block.items())
+
+    with pytest.raises(RecordingError) as error:
+        read()
+    assert len(found) == 10
+    assert_one_line(error.value, "a.csv", "10 frames")
+    assert recording.report.kinds["frame"] == 10
+
+
+@pytest.mark.parametrize("content", [b"", b"\n", b"# nothing\n\r\n"])
+def test_an_empty_file_has_no_blocks(tmp_path, content):
+    path = tmp_path / "a.log"
+    path.write_bytes(content)
+    assert list(Recording(path).blocks()) == []
+
+
+def test_zstd_around_another_format_is_an_error_with_a_mend(tmp_path):
+    zstandard = pytest.importorskip("zstandard")
+    path = tmp_path / "a.asc.zst"
+    path.write_bytes(zstandard.compress(b"date Mon Jan 1 00:00:00.000 2024\n"))
+    with pytest.raises(RecordingError) as error:
+        Recording(path)
+    assert_one_line(error.value, "a.asc.zst", "zstd -d")
 
 
 # --- candump text under other names --------------------------------------------------------------

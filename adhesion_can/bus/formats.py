@@ -1,0 +1,71 @@
+"""Which format a recording has, by its name and by its first bytes."""
+
+from pathlib import Path
+
+from adhesion_can.bus.candump import looks_like_candump
+from adhesion_can.errors import RecordingError
+
+PYTHON_CAN = frozenset({".asc", ".blf", ".trc", ".csv", ".db", ".mf4"})
+"""Suffixes that python-can's readers know, besides candump's."""
+CANDUMP = frozenset({".log", ".txt", ""})
+"""Suffixes of candump text."""
+PACKED = (".gz", ".zst")
+HEAD = 4096
+"""Bytes that tell a format."""
+
+_FIRST_BYTES = {
+    b"LOGG": ".blf",
+    b"MDF ": ".mf4",
+    b"SQLite format 3\0": ".db",
+    b"date ": ".asc",
+    b";$FILEVERSION": ".trc",
+    b"timestamp,arbitration_id": ".csv",
+}
+
+
+def inner_suffix(path: Path) -> str:
+    """Suffix in lower case, without the one of a compression."""
+    packed = path.suffix.lower() in PACKED
+    return Path(path.stem if packed else path.name).suffix.lower()
+
+
+def format_of(path: Path, head: bytes) -> str:
+    """Suffix of the format of a recording: '.log' for candump text.
+
+    A name that says one format and first bytes that say another are an error: read as the one it
+    would be rubbish, and reading as the other would guess. Bytes that say nothing are no error,
+    for text may begin with anything.
+
+    Args:
+        path: of the file.
+        head: its first bytes, unpacked.
+
+    Raises:
+        RecordingError: the name is of no known format, or of another one than the content.
+
+    """
+    named, seen = inner_suffix(path), _by_content(head)
+    if named in CANDUMP:
+        named = ".log"
+    elif named not in PYTHON_CAN:
+        if seen == ".log":
+            return seen
+        raise RecordingError(
+            str(path),
+            "not candump text, nor of a suffix that python-can reads",
+            "record with 'candump -L', or give a .asc, .blf, .trc, .csv, .db or .mf4 file",
+        )
+    if seen not in (None, named):
+        what = "candump text" if seen == ".log" else f"a {seen} file"
+        raise RecordingError(
+            str(path), f"{what} by its content, and not what its name says", f"name it {seen}"
+        )
+    return named
+
+
+def _by_content(head: bytes) -> str | None:
+    """Suffix of the format that the first bytes tell; None where they tell none."""
+    for first, suffix in _FIRST_BYTES.items():
+        if head.startswith(first):
+            return suffix
+    return ".log" if any(map(looks_like_candump, head.splitlines()[:200])) else None

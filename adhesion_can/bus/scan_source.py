@@ -1,0 +1,221 @@
+"""Files of text, packed or not, as lines and as chunks of whole lines."""
+
+import gzip
+import io
+import zlib
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from enum import Enum
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.bus.candump import ReadReport
+from adhesion_can.errors import RecordingError
+
+Text = NDArray[np.uint8]
+
+LINE_LIMIT = 1 << 16
+"""A longer line is taken for several; bytes with the line end."""
+
+FRONT, BACK = 8, 128
+"""Bytes that stand before and behind the lines of a chunk, so that a look aside stays inside."""
+
+_PIECE = 1 << 16
+_ZSTD_PIECE = 1 << 14  # packed
+
+
+class Packing(Enum):
+    """How a file is compressed, by its first bytes."""
+
+    NONE = b""
+    GZIP = b"\x1f\x8b"
+    ZSTD = b"\x28\xb5\x2f\xfd"
+
+    @classmethod
+    def of(cls, head: bytes) -> "Packing":
+        """The one that a file's first bytes tell."""
+        return next(way for way in (cls.GZIP, cls.ZSTD, cls.NONE) if head.startswith(way.value))
+
+
+class Chunk(NamedTuple):
+    """Some lines of a file.
+
+    Attributes:
+        text: whole lines, the last one of a file perhaps cut, behind `FRONT` other bytes.
+        stop: end of the last line in `text`; at least `BACK` other bytes follow.
+        position: bytes of the file, as stored, that were read until here.
+
+    """
+
+    text: Text
+    stop: int
+    position: int
+
+
+class Source:
+    """A file of text that is open for reading, once; a context manager.
+
+    A compressed file that cannot be read to its end gives the whole lines in front of the fault.
+
+    Args:
+        path: of the file.
+        packing: of the file.
+        report: told of a compressed file that ends early.
+
+    Raises:
+        RecordingError: while reading: zstandard is needed and not installed.
+
+    """
+
+    def __init__(self, path: Path, packing: Packing, report: ReadReport) -> None:
+        self._report = report
+        self._stored = path.open("rb")
+        self._unpacked: _Unpacked | None = None
+        self._file: io.BufferedReader = self._stored
+        if packing is not Packing.NONE:
+            pieces = (
+                _gzip_pieces(self._stored)
+                if packing is Packing.GZIP
+                else _zstd_pieces(self._stored, path)
+            )
+            self._unpacked = _Unpacked(pieces)
+            self._file = io.BufferedReader(self._unpacked, _PIECE)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+        self._stored.close()
+
+    def lines(self) -> Iterator[bytes]:
+        """Lines with their ends, the last one perhaps without."""
+        while line := self._file.readline(LINE_LIMIT):
+            is_whole = line.endswith(b"\n") or len(line) == LINE_LIMIT
+            if is_whole or not self._fault:
+                yield line
+        self._tell_fault()
+
+    def chunks(self, size: int) -> Iterator[Chunk]:
+        """Chunks of whole lines.
+
+        Args:
+            size: bytes of text that a chunk has, at least 1, give or take a line.
+
+        """
+        if self._unpacked is None:
+            yield from self._chunks(size)
+            return
+        # Unpacking takes as long as all the rest: it runs one chunk ahead on a core of its own.
+        chunks = self._chunks(size)
+        with ThreadPoolExecutor(1, "unpack") as pool:
+            ahead = pool.submit(next, chunks, None)
+            while chunk := ahead.result():
+                ahead = pool.submit(next, chunks, None)
+                yield chunk
+
+    def _chunks(self, size: int) -> Iterator[Chunk]:
+        rest = np.empty(0, np.uint8)
+        is_end = False
+        while not is_end:
+            start = FRONT + len(rest)
+            text = np.empty(start + size + BACK, np.uint8)
+            text[:FRONT] = 0
+            text[FRONT:start] = rest
+            end = start + self._file.readinto(text[start : start + size].data)
+            is_end = end < start + size
+            lines_end = _end_of_lines(text[FRONT:end]) + FRONT
+            # What there is of the last line where a packed file ends early is no line.
+            stop = end if is_end and not self._fault else lines_end
+            rest = text[stop:end]
+            if stop > FRONT:
+                yield Chunk(text, stop, self._stored.tell())
+        self._tell_fault()
+
+    @property
+    def _fault(self) -> Exception | None:
+        return self._unpacked.fault if self._unpacked else None
+
+    def _tell_fault(self) -> None:
+        if self._fault:
+            self._report.kinds["cut"] += 1
+            self._report.notes.append(
+                f"the compressed file ends early ({self._fault}); what came before is used"
+            )
+
+
+def _end_of_lines(text: Text) -> int:
+    """End of the last whole line, also of those that the limit makes of a longer one."""
+    end = 0
+    for tail in (text[-512:], text):  # nearly always in the first
+        if found := tail.tobytes().rfind(b"\n") + 1:
+            end = len(text) - len(tail) + found
+            break
+    return end + (len(text) - end) // LINE_LIMIT * LINE_LIMIT
+
+
+class _Unpacked(io.RawIOBase):
+    """Pieces of bytes as a file, which ends where they cannot be had.
+
+    Attributes:
+        fault: why it ends early, None while it does not.
+
+    """
+
+    def __init__(self, pieces: Iterator[bytes]) -> None:
+        self.fault: Exception | None = None
+        self._pieces = pieces
+        self._piece = memoryview(b"")
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        if not self._piece and not self.fault:
+            try:
+                self._piece = memoryview(next(self._pieces, b""))
+            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+                self.fault = error
+        count = min(len(buffer), len(self._piece))
+        buffer[:count] = self._piece[:count]
+        self._piece = self._piece[count:]
+        return count
+
+
+def _gzip_pieces(stored: BinaryIO) -> Iterator[bytes]:
+    with gzip.GzipFile(fileobj=stored) as file:
+        # read1: what stands in front of a fault is given before the fault is raised.
+        while piece := file.read1(_PIECE):
+            yield piece
+
+
+def _zstd_pieces(stored: BinaryIO, path: Path) -> Iterator[bytes]:
+    try:
+        import zstandard  # noqa: PLC0415  an extra is imported where it is needed
+    except ImportError as error:
+        raise RecordingError(
+            str(path), "zstd needs the package zstandard", "pip install 'adhesion-can[zstd]'"
+        ) from error
+    frame = None
+    packed = b""
+    while packed := packed or stored.read(_ZSTD_PIECE):
+        frame = frame or zstandard.ZstdDecompressor().decompressobj()
+        try:
+            piece = frame.decompress(packed)
+        except zstandard.ZstdError as error:
+            raise EOFError(str(error)) from error
+        if piece:
+            yield piece
+        packed = frame.unused_data if frame.eof else b""
+        frame = None if frame.eof else frame
+    if frame is not None:
+        raise EOFError("its last frame is not whole")
