@@ -7,12 +7,13 @@ from adhesion_can.errors import RecordingError
 
 PYTHON_CAN = frozenset({".asc", ".blf", ".trc", ".csv", ".db", ".mf4"})
 """Suffixes that python-can's readers know, besides candump's."""
-CANDUMP = frozenset({".log", ".txt", ""})
-"""Suffixes of candump text."""
-PACKED = (".gz", ".zst")
-HEAD = 4096
+CANDUMP = ".log"
+"""Stands for candump text, whose files may have another suffix or none."""
+HEAD = 1 << 14
 """Bytes that tell a format."""
 
+_TEXT = frozenset({".log", ".txt", ""})
+_PACKED = (".gz", ".zst")
 _FIRST_BYTES = {
     b"LOGG": ".blf",
     b"MDF ": ".mf4",
@@ -23,14 +24,14 @@ _FIRST_BYTES = {
 }
 
 
-def inner_suffix(path: Path) -> str:
+def _inner_suffix(path: Path) -> str:
     """Suffix in lower case, without the one of a compression."""
-    packed = path.suffix.lower() in PACKED
+    packed = path.suffix.lower() in _PACKED
     return Path(path.stem if packed else path.name).suffix.lower()
 
 
 def format_of(path: Path, head: bytes) -> str:
-    """Suffix of the format of a recording: '.log' for candump text.
+    """Suffix of the format of a recording, `CANDUMP` for candump text.
 
     A name that says one format and first bytes that say another are an error: read as the one it
     would be rubbish, and reading as the other would guess. Bytes that say nothing are no error,
@@ -44,11 +45,11 @@ def format_of(path: Path, head: bytes) -> str:
         RecordingError: the name is of no known format, or of another one than the content.
 
     """
-    named, seen = inner_suffix(path), _by_content(head)
-    if named in CANDUMP:
-        named = ".log"
+    named, seen = _inner_suffix(path), _by_content(head)
+    if named in _TEXT:
+        named = CANDUMP
     elif named not in PYTHON_CAN:
-        if seen == ".log":
+        if seen == CANDUMP:
             return seen
         raise RecordingError(
             str(path),
@@ -56,7 +57,7 @@ def format_of(path: Path, head: bytes) -> str:
             "record with 'candump -L', or give a .asc, .blf, .trc, .csv, .db or .mf4 file",
         )
     if seen not in (None, named):
-        what = "candump text" if seen == ".log" else f"a {seen} file"
+        what = "candump text" if seen == CANDUMP else f"a {seen} file"
         raise RecordingError(
             str(path), f"{what} by its content, and not what its name says", f"name it {seen}"
         )
@@ -68,4 +69,4 @@ def _by_content(head: bytes) -> str | None:
     for first, suffix in _FIRST_BYTES.items():
         if head.startswith(first):
             return suffix
-    return ".log" if any(map(looks_like_candump, head.splitlines()[:200])) else None
+    return CANDUMP if any(map(looks_like_candump, head.splitlines()[:200])) else None

@@ -1,5 +1,6 @@
 """Recordings of any format as frames, and files that appear whole or not at all."""
 
+import errno
 import gzip
 import io
 from collections.abc import Iterator
@@ -17,16 +18,17 @@ from adhesion_can.bus.candump import (
     HEAD_LINES,
     ReadReport,
     kind_of,
-    looks_like_candump,
     read_candump,
     times_are_differences,
 )
+from adhesion_can.bus.formats import CANDUMP, HEAD, format_of
 from adhesion_can.bus.frame import Frame, Mark, to_us
 from adhesion_can.bus.scan import read_chunks
 from adhesion_can.bus.scan_source import Packing, Source
 from adhesion_can.errors import InputError, RecordingError
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _ROWS = 50_000  # of a block of a format that is read frame by frame
 
 
@@ -55,17 +57,15 @@ class Recording:
             raise RecordingError(
                 str(path), error.strerror or "cannot be read", "check the path"
             ) from error
-        self._text = self._is_candump()
-        if not self._text:
-            _require_known_format(path)
-            if self._packing is Packing.ZSTD:
-                raise RecordingError(
-                    str(path), "python-can reads no zstd", "unpack it with 'zstd -d', or use gzip"
-                )
+        self._format = format_of(path, self._head())
+        if self._format != CANDUMP and self._packing is Packing.ZSTD:
+            raise RecordingError(
+                str(path), "python-can reads no zstd", "unpack it with 'zstd -d', or use gzip"
+            )
 
     def __iter__(self) -> Iterator[Frame | Mark]:
         """Frames in the order of the file."""
-        return self._candump() if self._text else self._python_can()
+        return self._candump() if self._format == CANDUMP else self._python_can()
 
     @property
     def sha256(self) -> str:
@@ -91,7 +91,7 @@ class Recording:
 
         """
         self.position = 0
-        if self._text:
+        if self._format == CANDUMP:
             yield from self._candump_blocks(size)
         else:
             yield from self._python_can_blocks()
@@ -100,18 +100,13 @@ class Recording:
     def _source(self, report: ReadReport) -> Source:
         return Source(self.path, self._packing, report)
 
-    def _is_candump(self) -> bool:
-        """Whether the file is text as candump writes it: by its suffix, else by its first lines."""
-        suffix = _inner_suffix(self.path)
-        if suffix in (".log", ".txt", ""):
-            return True
-        if suffix in PYTHON_CAN:
-            return False
+    def _head(self) -> bytes:
+        """First bytes, unpacked; none where they cannot be: reading will tell why."""
         try:
             with self._source(ReadReport()) as source:
-                return any(looks_like_candump(line) for line in islice(source.lines(), 200))
+                return source.head(HEAD)
         except OSError:
-            return False
+            return b""
 
     def _candump(self) -> Iterator[Frame | Mark]:
         with self._source(self.report) as source:
@@ -151,7 +146,7 @@ class Recording:
         # python-can's readers stop at what they cannot read, with whatever their parser raises;
         # what was read until then is kept and the rest is reported.
         last = 0
-        trc = _inner_suffix(self.path) == ".trc"
+        trc = self._format == ".trc"
         try:
             with can.LogReader(self.path) as self._reader:
                 for message in self._reader:
@@ -182,25 +177,6 @@ def _position(reader: can.io.generic.MessageReader | None) -> int:
     for inner in ("buffer", "fileobj"):  # of text, of gzip
         file = getattr(file, inner, file)
     return file.tell() if file and not file.closed else 0
-
-
-PYTHON_CAN = frozenset({".asc", ".blf", ".trc", ".csv", ".db", ".mf4"})
-"""Suffixes that python-can's readers know, besides candump's."""
-
-
-def _inner_suffix(path: Path) -> str:
-    """Suffix without the one of a compression."""
-    packed = path.suffix.lower() in (".gz", ".zst")
-    return Path(path.stem if packed else path.name).suffix.lower()
-
-
-def _require_known_format(path: Path) -> None:
-    if _inner_suffix(path) not in PYTHON_CAN:
-        raise RecordingError(
-            str(path),
-            "not candump text, nor of a suffix that python-can reads",
-            "record with 'candump -L', or give a .asc, .blf, .trc, .csv, .db or .mf4 file",
-        )
 
 
 def from_message(message: can.Message) -> Frame:
@@ -252,7 +228,7 @@ def whole_file(path: Path, mode: str = "w", *, keep_part: bool = False) -> Itera
             cannot be made again.
 
     Raises:
-        InputError: the folder does not exist or cannot be written to.
+        InputError: the folder does not exist or cannot be written to, or the disk is full.
 
     """
     part = path.with_name(path.name + ".part")
@@ -274,8 +250,11 @@ def whole_file(path: Path, mode: str = "w", *, keep_part: bool = False) -> Itera
                 text = io.TextIOWrapper(file, encoding="utf-8", newline="")
                 file = stack.enter_context(text)
             yield file
-    except BaseException:
+        part.replace(path)
+    except BaseException as error:
         if not keep_part:
             part.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.errno in _FULL:
+            reason = error.strerror or "cannot be written"
+            raise InputError(str(path), reason, "make room, or name another disk") from error
         raise
-    part.replace(path)

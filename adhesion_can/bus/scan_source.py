@@ -105,6 +105,10 @@ class Source:
                 yield line
         self._tell_fault()
 
+    def head(self, size: int) -> bytes:
+        """The first bytes, as many as there are; in place of all else that is read."""
+        return bytes(self._file.read(size) or b"")
+
     def chunks(self, size: int) -> Iterator[Chunk]:
         """Chunks of whole lines.
 

@@ -216,7 +216,7 @@ class _Conversion:
             what += _counts(report.passed_over)
             mend = "name signals of these messages with --signals"
         elif not report.unknown:
-            what, mend = "no data frame in it", "check the recording"
+            what, mend = "no data frame in it", "is it one that 'candump -L' recorded?"
         else:
             ids = {id_text(*key): count for key, count in report.unknown.items()}
             what = f"no frame of a known id; it has {_counts(ids)}; {database}"

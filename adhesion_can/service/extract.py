@@ -116,6 +116,8 @@ def require_known(receiver: Receiver, frames: int, where: str) -> None:
             f"every frame of a known id was rejected ({words})",
             "check database and protection; 'adhesion-can check' tells more",
         )
+    if not frames:
+        raise RecordingError(where, "not one frame in it", "is it one that 'candump -L' recorded?")
     names = ", ".join(
         f"{r.message.plan.name} {r.message.plan.frame_id:#x}" for r in receiver.records[:3]
     )

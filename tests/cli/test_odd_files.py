@@ -1,0 +1,123 @@
+"""Recordings that are not as they should be: the answers that docs/recordings.md gives."""
+
+import csv
+import gzip
+import json
+
+import can
+import pytest
+import zstandard
+
+from adhesion_can.bus.candump import format_frame
+from adhesion_can.bus.recordings import to_message
+from adhesion_can.cli.main import main
+from tests.wire import Bench
+
+FRAMES = list(Bench().drive(10**12, 10**12 + 3_000_000))
+LINES = [format_frame(frame) for frame in FRAMES]
+WHOLE = "".join(LINES)
+
+
+def spoiled():
+    """The text with a bad line after every 1000."""
+    out = []
+    for number, line in enumerate(LINES, start=1):
+        out.append(line)
+        if number % 1000 == 0:
+            out.append(["not a line\n", "(1.0) can0 101#0011x\n"][number // 1000 % 2])
+    return "".join(out)
+
+
+CUT = WHOLE[: WHOLE.rindex("#") + 6]
+ODD = {
+    "as it should be": (WHOLE, len(FRAMES), {}),
+    "cut in the middle of a payload": (CUT, len(FRAMES) - 1, {"cut": 1}),
+    "cut in the middle of a stamp": (WHOLE + "(1000004.0", len(FRAMES), {"cut": 1}),
+    "a bad line every 1000": (spoiled(), len(FRAMES), {"malformed": len(FRAMES) // 1000}),
+    "CR LF": (WHOLE.replace("\n", "\r\n"), len(FRAMES), {}),
+    "without the last line's end": (WHOLE.rstrip("\n"), len(FRAMES), {}),
+    "blank lines and comments": ("# can0\n\n" + WHOLE, len(FRAMES), {"blank": 1, "comment": 1}),
+}
+SUFFIXES = (".asc", ".blf", ".trc", ".csv", ".db", ".mf4")
+
+
+@pytest.mark.parametrize("packed", ["", ".gz", ".zst"])
+@pytest.mark.parametrize("kind", ODD)
+def test_no_line_ends_the_reading(kind, packed, tmp_path):
+    text, frames, lines = ODD[kind]
+    pack = {"": bytes, ".gz": gzip.compress, ".zst": zstandard.compress}[packed]
+    log = tmp_path / f"d.log{packed}"
+    log.write_bytes(pack(text.encode()))
+    told = tmp_path / "told.json"
+    assert main(["replay", str(log), "--json", str(told)]) == 0
+    document = json.loads(told.read_text())
+    assert document["frames"] == frames
+    assert document["frames_rejected"] == 0
+    assert document["lines"] == {"frame": frames, **lines}
+    passed_over = [p for p in document["problems"] if "lines passed over" in p]
+    assert len(passed_over) == bool({"cut", "malformed"} & lines.keys())
+
+    assert main(["convert", str(log), "--out", str(tmp_path / "o.csv"), "--json", str(told)]) == 0
+    document = json.loads(told.read_text())
+    assert document["decoded"] == frames
+    assert document["lines"] == {"frame": frames, **lines}
+    with (tmp_path / "o.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == frames
+
+
+def fails(capsys, *arguments):
+    assert main(list(map(str, arguments))) == 2
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1
+    assert said.out == ""
+    return said.err
+
+
+CONVERT = ("convert", "--out", "o.csv")
+COMMANDS = [("replay",), ("check",), ("identify",), ("diagnose",), ("calibrate",), CONVERT]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda c: c[0])
+def test_an_empty_file_is_an_error_and_nothing_is_written(command, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, content in (("e.log", b""), ("e.log.gz", gzip.compress(b"")), ("n.log", b"\n# x\n")):
+        (tmp_path / name).write_bytes(content)
+        assert "frame in it" in fails(capsys, *command, name)
+    assert not (tmp_path / "o.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "suffix"),
+    [*((CONVERT, suffix) for suffix in SUFFIXES), *((command, ".blf") for command in COMMANDS)],
+)
+def test_another_format_than_the_name_says_is_named(command, suffix, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with can.Logger(tmp_path / f"a{suffix}") as log:
+        for frame in FRAMES[:20]:
+            log.on_message_received(to_message(frame))
+    (tmp_path / f"a{suffix}").rename(tmp_path / "a.log")
+    assert f"name it {suffix}" in fails(capsys, *command, "a.log")
+    if suffix != ".csv":  # may be a table, which is judged by its columns
+        (tmp_path / f"t{suffix}").write_text(WHOLE)
+        assert "name it .log" in fails(capsys, *command, f"t{suffix}")
+    else:
+        (tmp_path / "t.csv").write_text(WHOLE)
+        assert "arbitration_id" in fails(capsys, *command, "t.csv")
+
+
+@pytest.mark.parametrize("suffix", [s for s in SUFFIXES if s != ".db"])
+def test_every_format_gives_the_same_columns(suffix, tmp_path):
+    with can.Logger(tmp_path / f"a{suffix}") as log:
+        for frame in FRAMES[:300]:
+            log.on_message_received(to_message(frame))
+    (tmp_path / "a.log").write_text("".join(LINES[:300]))
+    rows = {}
+    for name in (f"a{suffix}", "a.log"):
+        out = tmp_path / "o.csv"
+        assert main(["convert", str(tmp_path / name), "--out", str(out)]) == 0
+        with out.open() as file:
+            rows[name] = [
+                {k: v for k, v in r.items() if k != "time_s"} for r in csv.DictReader(file)
+            ]
+    assert rows[f"a{suffix}"] == rows["a.log"]
+    assert len(rows["a.log"]) == 300
