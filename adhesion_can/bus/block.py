@@ -166,6 +166,22 @@ def to_micros(t_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(whole + ((rest > 500) | ((rest == 500) & (whole % 2 == 1))))
 
 
+def clamped(t_us: NDArray[np.int64], now_us: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Stamps that do not run backwards, and which of them were moved for it.
+
+    Args:
+        t_us: stamps as they came, shape (n,).
+        now_us: time that was reached before them.
+
+    Returns:
+        Each stamp, or the latest time before it where that is later; and a mask; shape (n,).
+
+    """
+    risen = np.maximum(np.maximum.accumulate(t_us), now_us)
+    before = np.concatenate([[now_us], risen[:-1]])
+    return risen, t_us < before
+
+
 def _widened(words: NDArray[np.uint64], width: int) -> NDArray[np.uint64]:
     return np.pad(words, ((0, 0), (0, width - words.shape[1])))
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.bus.block import Block, Kind
+from adhesion_can.bus.block import Block, Kind, clamped
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Received
 from adhesion_can.physics.data import Role
@@ -60,14 +60,12 @@ class ColumnCore(Speaker):
         """
         if not len(block):
             return []
-        stated = block.t_us
         # A second sender's mark says when it was heard; it does not move the time.
-        moves = np.where(block.kind == Kind.SECOND_SENDER, self._now_us, stated)
-        t_us = np.maximum(np.maximum.accumulate(moves), self._now_us)
-        before = np.concatenate([[self._now_us], t_us[:-1]])
-        self.counts.clamped += int(((stated < before) & (block.kind <= Kind.ERROR)).sum())
+        moves = np.where(block.kind == Kind.SECOND_SENDER, self._now_us, block.t_us)
+        t_us, moved = clamped(moves, self._now_us)
+        self.counts.clamped += int((moved & (block.kind <= Kind.ERROR)).sum())
         frames: list[Frame] = []
-        holes = np.flatnonzero(t_us - before > self._restart_us).tolist()
+        holes = np.flatnonzero(np.diff(t_us, prepend=self._now_us) > self._restart_us).tolist()
         for first, last in pairwise([0, *(place for place in holes if place), len(block)]):
             if first in holes and self._due:
                 self.counts.restarts += 1

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from adhesion_can.bus.block import Block, Kind
+from adhesion_can.bus.block import Block, Kind, clamped
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.errors import RecordingError
@@ -59,9 +59,9 @@ class Extraction:
         stated = frames.t_us
         if self.first_us is None:
             self.first_us = self.last_us = int(stated[0])
-        t_us = np.maximum(np.maximum.accumulate(stated), self.last_us)
+        t_us, moved = clamped(stated, self.last_us)
         self.counts["frames"] += len(frames)
-        self.counts["clamped"] += int((stated < np.append(self.last_us, t_us[:-1])).sum())
+        self.counts["clamped"] += int(moved.sum())
         received = self.receiver.accept_block(frames, t_us)
         self.counts["unknown"] += received.foreign
         self._on_readings(received.readings)

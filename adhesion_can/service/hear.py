@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.bus.block import Block, Kind
+from adhesion_can.bus.block import Block, Kind, clamped
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.identification.column_former import Readings
@@ -92,9 +92,8 @@ def hear(blocks: Iterable[Block], config: Configuration, where: str) -> Heard:
         own = block.select(block.kind <= Kind.ERROR)
         if not len(own):
             continue
-        stated = own.t_us
-        t_us = np.maximum(np.maximum.accumulate(stated), now_us)
-        heard.backwards += int((stated < np.append(now_us, t_us[:-1])).sum())
+        t_us, moved = clamped(own.t_us, now_us)
+        heard.backwards += int(moved.sum())
         frames, now_us = frames + len(own), int(t_us[-1])
         heard.take(receiver.accept_block(own, t_us).readings)
     heard.rejected = receiver.rejected
