@@ -1,0 +1,109 @@
+"""The ways of the ladder: ours, the peers' in an environment of their own, and one in C."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import _ladder_data as data
+from _ladder import Way, said_by
+from _passes import SPEND_S
+from _report import aside
+
+HERE = Path(__file__).resolve().parent
+BUILD = HERE.parents[1] / "build"
+DBC = HERE.parents[1] / "dbc" / "adhesion.dbc"
+PEERS = ("python-can", "cantools", "asammdf")
+
+CANTOOLS = "python-can + cantools"
+EXTRACT = "asammdf `extract_bus_logging`"
+OURS = "ours: text to columns, E2E checked"
+
+
+def ours(way, path):
+    return (sys.executable, str(HERE / "_ours.py"), way, str(path))
+
+
+def _peers(report):
+    """Words that start a peer's way; None where they cannot be had, which is told."""
+    folder = BUILD / "peers"
+    python, stamp = folder / "bin" / "python", folder / "installed"
+    if not stamp.exists():
+        aside(f"installing {', '.join(PEERS)} into {folder} (once)")
+        pip = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check", *PEERS]
+        for words in ([sys.executable, "-m", "venv", "--clear", str(folder)], pip):
+            done = subprocess.run(words, capture_output=True, text=True, check=False)
+            if done.returncode:
+                reason = (done.stderr or done.stdout).strip().splitlines()[-1:]
+                report.tell(f"no peers: {' '.join(words)} failed: {' '.join(reason)}")
+                return None
+        stamp.touch()
+    # -E -s: what is installed for us is not theirs.
+    words = (str(python), "-E", "-s", str(HERE / "_peers.py"))
+    versions = said_by((*words, "versions"))["versions"]
+    report.tell(f"peers: {', '.join(f'{name} {number}' for name, number in versions.items())}")
+    return words
+
+
+def _compiled(report):
+    """The ladder's rung in C; None where there is no compiler, which is told."""
+    program, source = BUILD / "ladder", HERE / "ladder.c"
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        report.tell("no C compiler: without the hand-written reader")
+        return None
+    if data.older(program, source):
+        words = [compiler, "-O2", "-o", str(program), str(source)]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        if done.returncode:
+            report.tell(f"the hand-written reader does not compile: {done.stderr.strip()}")
+            return None
+    return program
+
+
+def _bus_logging(words, log, name, payload_bytes, compression):
+    """The recording as MF4, written where it is not there yet."""
+    out = log.with_name(name)
+    if data.older(out, log):
+        aside(f"writing {out}")
+        said_by((*words, "write-mf4", str(log), str(out), str(payload_bytes), str(compression)))
+    return out
+
+
+def ladder(report, log, frames):
+    """The ways that can be gone; those that cannot are told."""
+    words, program = _peers(report), _compiled(report)
+    ways = list(_peer_ways(words, log)) if words else []
+    ways += _own_ways(log)
+    if program:
+        title = "hand-written C, `gcc -O2`, E2E checked"
+        ways.append(("c", title, (str(program), str(log), str(SPEND_S))))
+    ways.append(("read", "reading the file", ours("read", log)))
+    return [Way(key, title, words, frames, free="all cores" in title) for key, title, words in ways]
+
+
+def _peer_ways(words, log):
+    """The peers' ways; MF4 as python-can's logger writes it, and as suits asammdf best."""
+    as_logged = _bus_logging(words, log, "ladder.mf4", 64, 2)
+    lean = _bus_logging(words, log, "ladder-lean.mf4", 8, 0)
+    text, database = str(log), str(DBC)
+    lists = f"{CANTOOLS}, into a list a signal"
+    yield "cantools", CANTOOLS, (*words, "cantools", text, database)
+    yield "cantools-columns", lists, (*words, "cantools-columns", text, database)
+    for path, tail, where in ((as_logged, "", "MF4"), (lean, "-lean", "lean MF4")):
+        for key, more in (("", ""), ("-load", " with load"), ("-values", " with load, in units")):
+            process = (*words, f"asammdf{key}", str(path), database)
+            yield f"asammdf{key}{tail}", f"{EXTRACT} from {where}{more}", process
+
+
+def _own_ways(log):
+    packed = data.packed(log)
+    return [
+        ("columns", OURS, ours("columns", log)),
+        ("columns-all", f"{OURS}, all cores", ours("columns", log)),
+        ("columns-gzip", f"{OURS}, gzip", ours("columns", packed)),
+        ("streamed", f"{OURS}, none kept", ours("streamed", log)),
+        ("parse", "ours: text to frames alone", ours("parse", log)),
+        ("convert", "`adhesion-can convert` to Parquet", ours("convert", log)),
+        ("convert-all", "`adhesion-can convert` to Parquet, all cores", ours("convert", log)),
+    ]

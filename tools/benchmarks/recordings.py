@@ -1,0 +1,204 @@
+"""Recordings at speed: the ladder of ways to read one, our place in it, and what replay takes."""
+
+import argparse
+import subprocess
+import sys
+import time
+from math import isclose
+from statistics import median
+
+import _ladder_data as data
+from _ladder import Way, climb, said_by, speed, table, times_as_fast
+from _report import Report, aside
+from _ways import BUILD, ladder, ours
+
+FOLDER = BUILD / "bench"
+FRAMES = 1_000_000
+TARGETS = (
+    # (its name, our way, so many times as fast at least, than)
+    ("python-can + cantools", "columns", 40.0, "cantools"),
+    ("asammdf's extract", "columns", 2.0, "asammdf"),
+    ("asammdf's extract from lean MF4", "columns", 2.0, "asammdf-lean"),
+    ("C, stretch", "columns", 1 / 2.5, "c"),
+)
+LENGTHS, SPEED_WITHIN, MEMORY_GROWTH = (100_000, 1_000_000, 10_000_000), 0.2, 1.2
+REPLAY, REPLAY_STRETCH, REPLAY_MIB = 30.0, 60.0, 1024.0
+SCENARIO = "dry-wet-greasy-dry"
+
+
+def at_least(report, what, value, least, form):
+    report.check(what, format(value, form), f"at least {least:{form}}", met=value >= least)
+
+
+def ladder_row(report, options):
+    """Ways to read one recording, side by side in turn."""
+    log = data.recording(FOLDER, FRAMES)
+    megabytes = log.stat().st_size / 1e6
+    report.tell(f"{log.name}: {FRAMES / 1e6:.0f} M frames, {megabytes:.0f} MB:")
+    report.tell(data.WHAT)
+    ways = ladder(report, log, FRAMES)
+    by_key = {way.key: way for way in ways}
+    figures, failed = climb(ways, options.rounds)
+    for key, reason in failed.items():
+        report.tell(f"{by_key[key].title}: not measured: {reason}")
+    measured = [way for way in ways if way.key in figures]
+    table(report, figures, measured, by_key["cantools"] if "cantools" in figures else None)
+    tell_first(report, figures)
+    for than, key, least, other in TARGETS:
+        what = f"times as fast as {than}"
+        if key in figures and other in figures:
+            ratio = times_as_fast(figures, by_key[key], by_key[other])
+            at_least(report, what, ratio, least, ".2f")
+        else:
+            report.check(what, "not measured", f"at least {least:.2f}", met=False)
+    same_values(report, figures)
+
+
+def tell_first(report, figures):
+    """What the first pass of a process costs beside the others: short runs pay it."""
+    shares = (
+        f"{key} {median(a / b for a, b in zip(one.first, one.processor, strict=True)):.2f}"
+        for key, one in figures.items()
+        if key != "read"
+    )
+    report.tell(f"first pass of a process / its median: {', '.join(shares)}")
+
+
+def same_values(report, figures):
+    """Whether the ways found the same: the sums of all signals, and no fault of the checks."""
+    sums = {key: one.said["sums"] for key, one in figures.items() if "sums" in one.said}
+    first = next(iter(sums.values()), {})
+    same = bool(first) and all(
+        one.keys() == first.keys()
+        and all(isclose(one[name], first[name], rel_tol=1e-9) for name in first)
+        for one in sums.values()
+    )
+    what = f"sums of {len(first)} signals by {', '.join(sums)}"
+    report.check(what, "equal" if same else "different", "equal", met=same)
+    kinds = ("rejected", "lost", "bad_lines", "bad_checksums", "bad_counters")
+    faults = {
+        f"{key}: {kind}": one.said[kind]
+        for key, one in figures.items()
+        for kind in kinds
+        if one.said.get(kind)
+    }
+    report.check("faults found", str(faults or "none"), "none", met=not faults)
+
+
+def linear_row(report, options):
+    """What a frame costs in recordings of 0.1, 1 and 10 M frames, and the memory, none kept."""
+    some, usual, many = (
+        Way(f"{frames / 1e6:g} M", "", ours("streamed", data.recording(FOLDER, frames)), frames)
+        for frames in LENGTHS
+    )
+    figures, failed = climb([some, usual, many], options.rounds)
+    if failed:
+        raise RuntimeError("; ".join(failed.values()))
+    for way in (some, usual, many):
+        mib = max(figures[way.key].mib)
+        report.tell(f"{way.key}: {speed(figures, way) / 1e6:.3g} M frames/s, {mib:.0f} MiB")
+    for way in (some, many):
+        ratio = times_as_fast(figures, way, usual)
+        target = f"{1 - SPEED_WITHIN:.1f} to {1 + SPEED_WITHIN:.1f}"
+        met = abs(ratio - 1) <= SPEED_WITHIN
+        what = f"frames/s of {way.key} to {usual.key}"
+        if way is many:
+            report.check(what, f"{ratio:.2f}", target, met=met)
+        else:
+            report.tell(f"{what}: {ratio:.2f}")
+    ratio = max(figures[many.key].mib) / max(figures[usual.key].mib)
+    report.at_most(f"memory of {many.key} to {usual.key}", ratio, MEMORY_GROWTH, ".2f")
+    if not options.keep:
+        data.recording_path(FOLDER, LENGTHS[-1]).unlink()
+
+
+def parts_row(report, _options):
+    """Where our chain's time goes on one core."""
+    said = said_by(ours("parts", data.recording(FOLDER, FRAMES)), core=0)
+    total = sum(said["parts"].values())
+    for name, seconds in said["parts"].items():
+        report.tell(
+            f"{1e9 * seconds / FRAMES:6.1f} ns a frame, {100 * seconds / total:3.0f} %: {name}"
+        )
+
+
+def replay_row(report, options):
+    """One `adhesion-can replay` of the contract's full input with the tracker, by the clock."""
+    seconds = 60 * options.replay_minutes
+    log = FOLDER / f"drive-{options.replay_minutes:g}min.log"
+    if not log.exists():
+        aside(f"simulating {log} (kept; some minutes for an hour)")
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        words = [sys.executable, "-m", "adhesion_can.cli.main", "simulate", "--scenario", SCENARIO]
+        words += ["--duration", str(seconds), "--seed", "1", "--log", str(log)]
+        subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+    began = time.perf_counter()
+    cost = said_by(ours("replay", log))
+    clock = time.perf_counter() - began
+    drive = cost["said"]["to_s"] - cost["said"]["from_s"]
+    (_, processor) = cost["passes"][0]
+    report.tell(
+        f"{log.name}: {SCENARIO}, {drive:.0f} s, {cost['said']['frames'] / 1e6:.2f} M frames, "
+        f"{cost['said']['samples'] / 1e6:.2f} M samples, {cost['said']['frames_sent'] / 1e6:.2f} M "
+        f"frames sent; {clock:.1f} s, of the processor {processor:.1f} s without the imports"
+    )
+    for what, least in (("times real time", REPLAY), ("times real time, stretch", REPLAY_STRETCH)):
+        at_least(report, what, drive / clock, least, ".1f")
+    report.tell(f"by the processor's time without the imports: {drive / processor:.1f}")
+    report.at_most("MiB", cost["mib"], REPLAY_MIB, ".0f")
+
+
+ROWS = {"ladder": ladder_row, "linear": linear_row, "parts": parts_row, "replay": replay_row}
+
+
+def names(text):
+    chosen = text.split(",")
+    for name in chosen:
+        if name not in ROWS:
+            raise argparse.ArgumentTypeError(f"no row {name!r}; there are: {', '.join(ROWS)}")
+    return chosen
+
+
+def positive(kind):
+    def convert(text):
+        value = kind(text)
+        if not 0 < value < float("inf"):
+            raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+        return value
+
+    convert.__name__ = kind.__name__
+    return convert
+
+
+def parsed():
+    rows = "; ".join(f"{name}: {row.__doc__}" for name, row in ROWS.items())
+    parser = argparse.ArgumentParser(
+        prog="tools/bench recordings",
+        epilog=f"rows: {rows} Files and the peers' environment are kept under build/.",
+    )
+    count, minutes = positive(int), positive(float)
+    add = parser.add_argument
+    add("--only", type=names, default=list(ROWS), metavar="ROW,..", help="these rows (default all)")
+    add("--rounds", type=count, default=5, metavar="N",
+        help="of ladder and linear, each way once in each (default 5)")  # fmt: skip
+    add("--replay-minutes", type=minutes, default=60.0, metavar="M",
+        help="of the drive that is replayed (default 60)")  # fmt: skip
+    add("--keep", action="store_true", help="keep the recording of 10 M frames (460 MB), too")
+    return parser.parse_args()
+
+
+def main():
+    options = parsed()
+    report = Report()
+    for name in options.only:
+        print(f"\n{name}: {ROWS[name].__doc__}", flush=True)
+        began = time.perf_counter()
+        ROWS[name](report, options)
+        report.tell(f"({time.perf_counter() - began:.0f} s)")
+    print(f"\n{report.met} of {report.met + len(report.missed)} targets met")
+    for what in report.missed:
+        print(f"  MISSED: {what}")
+
+
+if __name__ == "__main__":
+    main()
