@@ -4,7 +4,7 @@ import errno
 import gzip
 import io
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
@@ -23,6 +23,7 @@ from adhesion_can.bus.candump import (
 )
 from adhesion_can.bus.formats import CANDUMP, HEAD, format_of
 from adhesion_can.bus.frame import Frame, Mark, to_us
+from adhesion_can.bus.mf4_source import NotInColumnsError, mf4_blocks, open_mf4
 from adhesion_can.bus.scan import read_chunks
 from adhesion_can.bus.scan_source import Packing, Source
 from adhesion_can.errors import InputError, RecordingError
@@ -77,7 +78,7 @@ class Recording:
         """Of the file, bytes."""
         return self.path.stat().st_size
 
-    def blocks(self, size: int = _CHUNK) -> Iterator[Block]:
+    def blocks(self, size: int = 4 * _CHUNK) -> Iterator[Block]:
         """Frames and marks in columns: what iterating gives, many times as fast, in little memory.
 
         The channels of each block begin with those of the one before. `report` and `position` are
@@ -93,6 +94,8 @@ class Recording:
         self.position = 0
         if self._format == CANDUMP:
             yield from self._candump_blocks(size)
+        elif self._format == ".mf4" and self._packing is Packing.NONE:
+            yield from self._mf4_blocks()
         else:
             yield from self._python_can_blocks()
         self.position = self.size
@@ -118,14 +121,35 @@ class Recording:
         if differences:
             self.report.notes.insert(0, DIFFERENCES)
         with self._source(self.report) as source:
-            chunks = source.chunks(size)
-            for block, position in read_chunks(chunks, self.report, differences=differences):
-                self.position = position
+            chunks = source.chunks(min(size, _CHUNK))
+            found = read_chunks(chunks, self.report, differences=differences)
+            for block, self.position in _joined(found, size // _CHUNK):
                 yield block
 
-    def _python_can_blocks(self) -> Iterator[Block]:
-        frames = self._python_can()
+    def _mf4_blocks(self) -> Iterator[Block]:
+        given = 0
         channels: tuple[str, ...] = ()
+        try:
+            mdf = open_mf4(self.path)
+        except Exception as error:
+            raise self._stopped(error) from error
+        with closing(mdf):
+            try:
+                for block, share in mf4_blocks(mdf, self.report, _ROWS):
+                    given, channels = given + len(block), block.channels
+                    self.position = int(share * self.size)
+                    yield block
+            except NotInColumnsError as error:
+                self.report.notes.append(f"read frame by frame: {error}")
+            else:
+                return
+        # Slower, and the same frames: python-can's reader takes more layouts, and tells what is
+        # wrong with a file.
+        yield from self._python_can_blocks(given, channels)
+
+    def _python_can_blocks(self, given: int = 0, channels: tuple[str, ...] = ()) -> Iterator[Block]:
+        """Blocks of the frames behind those that were given, which were on these channels."""
+        frames = self._python_can(given)
         stopped: RecordingError | None = None
         while not stopped:
             rows: list[Frame] = []
@@ -142,33 +166,37 @@ class Recording:
         if stopped:
             raise stopped
 
-    def _python_can(self) -> Iterator[Frame]:
+    def _python_can(self, given: int = 0) -> Iterator[Frame]:
         # python-can's readers stop at what they cannot read, with whatever their parser raises;
         # what was read until then is kept and the rest is reported.
         last = 0
         trc = self._format == ".trc"
         try:
             with can.LogReader(self.path) as self._reader:
-                for message in self._reader:
+                for number, message in enumerate(self._reader):
                     if trc and isinstance(message.channel, int):
                         message.channel -= 1  # PEAK counts its buses from 1
                     frame = from_message(message)
-                    self.report.kinds[kind_of(frame)] += 1
-                    self.report.backwards += frame.t_us < last
+                    if number >= given:
+                        self.report.kinds[kind_of(frame)] += 1
+                        self.report.backwards += frame.t_us < last
+                        yield frame
                     last = frame.t_us
-                    yield frame
         except Exception as error:
-            # Its parsers raise whatever they meet, struct.error and sqlite3.Error among them.
-            if isinstance(error, NotImplementedError | ImportError):
-                raise RecordingError(
-                    str(self.path), "this format needs asammdf", "pip install 'adhesion-can[mf4]'"
-                ) from error
-            reason = " ".join(str(error).split())[:120] or type(error).__name__
-            raise RecordingError(
-                str(self.path),
-                f"python-can stops after {sum(self.report.kinds.values())} frames ({reason})",
-                "convert the file to candump text, whose bad lines are passed over",
-            ) from error
+            raise self._stopped(error) from error
+
+    def _stopped(self, error: Exception) -> RecordingError:
+        """What to tell of whatever a parser met, struct.error and sqlite3.Error among it."""
+        if isinstance(error, NotImplementedError | ImportError):
+            return RecordingError(
+                str(self.path), "this format needs asammdf", "pip install 'adhesion-can[mf4]'"
+            )
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        return RecordingError(
+            str(self.path),
+            f"python-can stops after {sum(self.report.kinds.values())} frames ({reason})",
+            "convert the file to candump text, whose bad lines are passed over",
+        )
 
 
 def _position(reader: can.io.generic.MessageReader | None) -> int:
@@ -177,6 +205,24 @@ def _position(reader: can.io.generic.MessageReader | None) -> int:
     for inner in ("buffer", "fileobj"):  # of text, of gzip
         file = getattr(file, inner, file)
     return file.tell() if file and not file.closed else 0
+
+
+def _joined(found: Iterator[tuple[Block, int]], most: int) -> Iterator[tuple[Block, int]]:
+    """Blocks put together, at most so many, with the position of the last one."""
+    held: list[Block] = []
+    position = 0
+    try:
+        for block, position in found:
+            held.append(block)
+            if len(held) >= most:
+                yield Block.concatenate(held), position
+                held = []
+    except RecordingError:
+        if held:
+            yield Block.concatenate(held), position
+        raise
+    if held:
+        yield Block.concatenate(held), position
 
 
 def from_message(message: can.Message) -> Frame:

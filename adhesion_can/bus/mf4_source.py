@@ -1,0 +1,280 @@
+"""Bus loggings in MDF 4 to blocks: groups of records as arrays, merged by their stamps.
+
+Gives the frames that python-can's MF4Reader gives, in its order. A layout that is not known here
+is left to that reader, and so is every file that cannot be read to its end: it tells why.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.bus.block import EXTENDED, Block, Kind
+from adhesion_can.bus.candump import LAST_US, ReadReport
+
+_KINDS = {
+    "CAN_DataFrame": Kind.DATA,
+    "CAN_ErrorFrame": Kind.ERROR,
+    "CAN_RemoteFrame": Kind.REMOTE,
+}
+_REQUIRED = {
+    Kind.DATA: {"ID", "DataLength", "DataBytes"},
+    Kind.ERROR: set[str](),
+    Kind.REMOTE: {"ID", "DLC"},
+}
+_NUMBERS = ("BusChannel", "ID", "IDE", "DLC", "DataLength", "EDL", "BRS", "ESI", "RTR")
+_NAMES = ("frame", "fd", "remote", "error")  # of a `Kind`, as the report counts it
+_NO_BUS = 0xFFFF
+_ID_BITS = 0x1FFFFFFF
+_LONGEST = 64  # bytes of a payload
+_LEAST = 1000  # records read at a time from one of many groups
+_KEPT = np.array([(1 << 8 * count) - 1 for count in range(9)], np.uint64)
+"""Mask of a word of which so many bytes belong to the payload."""
+
+
+class NotInColumnsError(Exception):
+    """What is left of a file can only be read frame by frame."""
+
+
+def open_mf4(path: Path) -> Any:
+    """A file as asammdf opens it, to be closed.
+
+    Args:
+        path: of the file, which is not packed.
+
+    Raises:
+        ImportError: asammdf is needed.
+        Exception: the file cannot be opened; asammdf raises whatever its parsers meet.
+
+    """
+    from asammdf import MDF  # noqa: PLC0415  an extra is imported where it is needed
+
+    opened: Any = MDF  # which takes more than its signature says
+    # Else it goes through the whole file for its ids, and decodes all by a database that is inside.
+    return opened(path, process_bus_logging=False)
+
+
+def mf4_blocks(mdf: Any, report: ReadReport, size: int) -> Iterator[tuple[Block, float]]:
+    """Frames of a bus logging, each block with the share of all records that was given by then.
+
+    Args:
+        mdf: as `open_mf4` gives it.
+        report: told of the frames of the blocks given so far.
+        size: rows that a block has, from half to twice as many but for the last.
+
+    Raises:
+        NotInColumnsError: what is behind the frames given so far needs python-can's reader.
+
+    """
+    groups = _groups(mdf)
+    total = sum(group.left for group in groups)
+    given = last_us = 0
+    buses: dict[int, int] = {}
+    for rows in _gathered(_merged(groups, size), size // 2):
+        block = _named(rows, buses)
+        for name, count in zip(_NAMES, np.bincount(block.kind).tolist(), strict=False):
+            if count:
+                report.kinds[name] += count
+        falls = np.diff(block.t_us, prepend=last_us) < 0
+        report.backwards += int(np.count_nonzero(falls))
+        last_us = int(block.t_us[-1])
+        given += len(block)
+        yield block, given / total
+
+
+class _Part(NamedTuple):
+    """Rows of a group, or of several when they are merged.
+
+    Attributes:
+        order: latest stamp of the group until then, s: the place of the row among other groups'.
+        rows: with the number of a bus, or `_NO_BUS`, for its channel.
+
+    """
+
+    order: NDArray[np.float64]
+    rows: Block
+
+    def take(self, rows: slice | NDArray[np.int64]) -> "_Part":
+        return _Part(self.order[rows], self.rows.select(rows))
+
+    @classmethod
+    def joined(cls, parts: "list[_Part]") -> "_Part":
+        rows = Block.concatenate([part.rows for part in parts])
+        return cls(np.concatenate([part.order for part in parts]), rows)
+
+
+class _Group:
+    """Records of one kind of frame, read in turn.
+
+    Args:
+        mdf: as `open_mf4` gives it.
+        index: of the channel group.
+        name: of the structure that holds a frame.
+
+    """
+
+    def __init__(self, mdf: Any, index: int, name: str) -> None:
+        self._mdf, self._index, self._name = mdf, index, name
+        self._start = mdf.header.start_time.timestamp()
+        self._taken = 0
+        self._latest = -np.inf
+        self.left: int = mdf.groups[index].channel_group.cycles_nr
+
+    def read(self, count: int) -> _Part:
+        """So many of the records that are left, or all of them."""
+        count = min(count, self.left)
+        try:
+            # As python-can's reader does; `select` leaves out some conversions.
+            signal = self._mdf.get(
+                self._name,
+                self._index,
+                record_offset=self._taken,
+                record_count=count,
+                raw=False,
+            )
+        except Exception as error:  # its parsers raise whatever they meet
+            raise NotInColumnsError(str(error)) from error
+        if len(signal.samples) != count or len(signal.timestamps) != count:
+            raise NotInColumnsError("some records are missing, or marked as invalid")
+        self._taken += count
+        self.left -= count
+        return self._part(signal.samples, signal.timestamps)
+
+    def _part(self, samples: NDArray[Any], stamps: NDArray[np.float64]) -> _Part:
+        kind = _KINDS[self._name]
+        fields = _fields(samples, self._name)
+        if missing := _REQUIRED[kind] - fields.keys():
+            raise NotInColumnsError(f"{self._name} lacks {', '.join(sorted(missing))}")
+        seconds = stamps + self._start
+        if not (np.abs(seconds) <= LAST_US / 1e6).all():
+            raise NotInColumnsError("stamps that are no time")
+        order = np.maximum(np.maximum.accumulate(seconds), self._latest)
+        self._latest = order[-1]
+        return _Part(order, _rows(fields, kind, np.rint(seconds * 1e6).astype(np.int64)))
+
+
+def _groups(mdf: Any) -> list[_Group]:
+    """The groups that python-can's reader takes, in its order."""
+    from asammdf.blocks import v4_constants as v4  # noqa: PLC0415
+
+    if mdf.version < "4":
+        raise NotInColumnsError(f"it is of version {mdf.version}")
+    groups = []
+    for index, group in enumerate(mdf.groups):
+        head = group.channel_group
+        source = head.acq_source
+        if not (head.flags & v4.FLAG_CG_BUS_EVENT and head.cycles_nr and source):
+            continue
+        if not source.source_type & v4.SOURCE_BUS or source.bus_type != v4.BUS_TYPE_CAN:
+            continue
+        names = {channel.name for channel in group.channels}
+        if name := next((name for name in _KINDS if name in names), None):
+            groups.append(_Group(mdf, index, name))
+    return groups
+
+
+def _fields(samples: NDArray[Any], name: str) -> dict[str, NDArray[Any]]:
+    """Columns of a structure that python-can's reader looks at, of the types that are usual."""
+    names = samples.dtype.names or ()
+    fields = {
+        short: samples[f"{name}.{short}"]
+        for short in (*_NUMBERS, "DataBytes", "Dir")
+        if f"{name}.{short}" in names
+    }
+    for short, column in fields.items():
+        if short == "DataBytes":
+            is_known = column.dtype == np.uint8 and column.ndim == 2
+        else:
+            is_text = short == "Dir" and column.dtype.kind == "S"
+            widest = 1 if short == "BusChannel" else 4
+            is_number = column.dtype.kind in "ub" and column.dtype.itemsize <= widest
+            is_known = (is_number or is_text) and column.ndim == 1
+        if not is_known:
+            raise NotInColumnsError(f"{name}.{short} is of type {column.dtype}")
+    return fields
+
+
+def _rows(fields: dict[str, NDArray[Any]], kind: Kind, t_us: NDArray[np.int64]) -> Block:
+    count = len(t_us)
+    kinds = np.full(count, kind, np.uint8)
+    key = fields.get("ID", np.zeros(count)).astype(np.uint32) & np.uint32(_ID_BITS)
+    if kind != Kind.ERROR:
+        extended = fields.get("IDE", np.ones(count)) != 0  # as python-can takes it
+        key |= extended * np.uint32(EXTENDED)
+    length, words = np.zeros(count, np.uint8), np.zeros((count, 1), np.uint64)
+    if kind == Kind.DATA:
+        length, words = _payload(fields["DataLength"], fields["DataBytes"])
+        kinds[fields.get("EDL", np.zeros(count)) != 0] = Kind.FD
+    bus = fields.get("BusChannel", np.full(count, _NO_BUS)).astype(np.uint16)
+    return Block(t_us * 1000, key, kinds, length, bus, words, ())
+
+
+def _payload(
+    stated: NDArray[Any], data: NDArray[np.uint8]
+) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
+    """Lengths and words of payloads, from their stated lengths and their bytes, shape (n, m)."""
+    length = np.minimum(stated, data.shape[1])
+    longest = int(length.max())
+    if longest > _LONGEST:
+        raise NotInColumnsError(f"a payload of {longest} bytes")
+    room = 8 if longest <= 8 else _LONGEST
+    padded = np.zeros((len(data), room), np.uint8)
+    padded[:, : data.shape[1]] = data[:, :room]
+    held = length.astype(np.int64)[:, np.newaxis] - np.arange(0, room, 8)
+    words = padded.view("<u8").astype(np.uint64) & _KEPT[held.clip(0, 8)]
+    return length.astype(np.uint8), words
+
+
+def _merged(groups: list[_Group], size: int) -> Iterator[_Part]:
+    """Rows of all groups by their stamps, those of the group in front first where they are equal.
+
+    A stamp that runs back in its group stands behind the later one in front of it, as in a merge
+    that looks at one row of each group at a time.
+    """
+    share = max(size // max(len(groups), 1), min(size, _LEAST))
+    heads: dict[_Group, _Part] = {}
+    while groups := [group for group in groups if group in heads or group.left]:
+        for group in groups:
+            if group not in heads:
+                heads[group] = group.read(share)
+        # No row that is not read yet stands before the last row of the group that ends first.
+        end, last = min((heads[group].order[-1], place) for place, group in enumerate(groups))
+        parts = []
+        for place, group in enumerate(groups):
+            head = heads.pop(group)
+            cut = int(np.searchsorted(head.order, end, "right" if place <= last else "left"))
+            parts.append(head.take(slice(cut)))
+            if cut < len(head.order):
+                heads[group] = head.take(slice(cut, None))
+        merged = _Part.joined(parts)
+        in_order = len(groups) == 1
+        yield merged if in_order else merged.take(np.argsort(merged.order, kind="stable"))
+
+
+def _gathered(parts: Iterable[_Part], least: int) -> Iterator[Block]:
+    """Parts joined until they have so many rows."""
+    waiting: list[Block] = []
+    for part in parts:
+        waiting.append(part.rows)
+        if sum(map(len, waiting)) >= least:
+            yield Block.concatenate(waiting)
+            waiting = []
+    if waiting:
+        yield Block.concatenate(waiting)
+
+
+def _named(rows: Block, buses: dict[int, int]) -> Block:
+    """Rows with the names of their buses, which get their places in the order of the rows."""
+    found, first, which = np.unique(rows.channel, return_index=True, return_inverse=True)
+    for number in found[np.argsort(first)].tolist():
+        buses.setdefault(number, len(buses))
+    places = np.array([buses[number] for number in found.tolist()], np.uint16)
+    return replace(
+        rows,
+        channel=places[which],
+        words=np.ascontiguousarray(rows.words[:, : 1 if rows.length.max() <= 8 else None]),
+        channels=tuple("" if number == _NO_BUS else f"can{number}" for number in buses),
+    )
