@@ -89,7 +89,7 @@ class _Part(NamedTuple):
     """Rows of a group, or of several when they are merged.
 
     Attributes:
-        order: latest stamp of the group until then, s: the place of the row among other groups'.
+        order: latest stamp of the group until then, s: the row's place among those of others.
         rows: with the number of a bus, or `_NO_BUS`, for its channel.
 
     """
@@ -120,7 +120,6 @@ class _Group:
         self._mdf, self._index, self._name = mdf, index, name
         self._start = mdf.header.start_time.timestamp()
         self._taken = 0
-        self._latest = -np.inf
         self.left: int = mdf.groups[index].channel_group.cycles_nr
 
     def read(self, count: int) -> _Part:
@@ -151,8 +150,9 @@ class _Group:
         seconds = stamps + self._start
         if not (np.abs(seconds) <= LAST_US / 1e6).all():
             raise NotInColumnsError("stamps that are no time")
-        order = np.maximum(np.maximum.accumulate(seconds), self._latest)
-        self._latest = order[-1]
+        # The group's earlier records do not count: they are given by now, and so is every row of
+        # another group that stands in front of them.
+        order = np.maximum.accumulate(seconds)
         return _Part(order, _rows(fields, kind, np.rint(seconds * 1e6).astype(np.int64)))
 
 

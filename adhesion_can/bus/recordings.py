@@ -16,6 +16,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.candump import (
     DIFFERENCES,
     HEAD_LINES,
+    LAST_US,
     ReadReport,
     kind_of,
     read_candump,
@@ -30,6 +31,8 @@ from adhesion_can.errors import InputError, RecordingError
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+LONGEST = 64
+"""Bytes of the longest payload, that of CAN FD."""
 _ROWS = 50_000  # of a block of a format that is read frame by frame
 
 
@@ -176,7 +179,7 @@ class Recording:
                 for number, message in enumerate(self._reader):
                     if trc and isinstance(message.channel, int):
                         message.channel -= 1  # PEAK counts its buses from 1
-                    frame = from_message(message)
+                    frame = _possible(from_message(message))
                     if number >= given:
                         self.report.kinds[kind_of(frame)] += 1
                         self.report.backwards += frame.t_us < last
@@ -197,6 +200,15 @@ class Recording:
             f"python-can stops after {sum(self.report.kinds.values())} frames ({reason})",
             "convert the file to candump text, whose bad lines are passed over",
         )
+
+
+def _possible(frame: Frame) -> Frame:
+    """The frame; a ValueError where no bus carries such a one."""
+    if len(frame.data) > LONGEST:
+        raise ValueError(f"a frame of {len(frame.data)} bytes")
+    if abs(frame.t_us) > LAST_US:
+        raise ValueError(f"a frame stamped {frame.t_us / 1e6:g} s")
+    return frame
 
 
 def _position(reader: can.io.generic.MessageReader | None) -> int:

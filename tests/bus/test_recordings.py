@@ -595,3 +595,31 @@ def test_a_packed_recording_written_by_us_reads_back(tmp_path):
     found = list(Recording(path))
     assert found == frames
     assert not any(isinstance(item, Mark) for item in found)
+
+
+@pytest.mark.parametrize(("length", "t_s", "what"), [(80, 1.0, "80 bytes"), (8, 1e13, "stamped")])
+def test_a_frame_that_no_bus_carries_ends_the_reading_like_any_fault(
+    length, t_s, what, tmp_path, monkeypatch
+):
+    path = tmp_path / "a.asc"
+    path.write_text("date x\n")
+    messages = [
+        can.Message(timestamp=1.0, arbitration_id=1, data=b"ab"),
+        can.Message(timestamp=t_s, arbitration_id=1, data=bytes(length), is_fd=True, check=False),
+    ]
+
+    class Reader(list):
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+    monkeypatch.setattr(can, "LogReader", lambda _: Reader(messages))
+    recording = Recording(path)
+    given = []
+    with pytest.raises(RecordingError, match=f"after 1 frames .*{what}"):
+        given.extend(recording.blocks())
+    for block in Recording(path).blocks():
+        assert len(block) == 1
+        break
