@@ -94,7 +94,7 @@ class ColumnFormer:
 
     def _turn(self, stamps: Stamps, values: Array) -> None:
         told = np.isfinite(values)
-        stamps, values = stamps[told], values[told].astype(np.int64)
+        stamps, values = stamps[told], np.trunc(values[told])
         travel = np.full(len(values), np.nan)
         for direction, sign in TRAVEL_OF.items():
             travel[values == direction] = sign

@@ -55,7 +55,7 @@ class ColumnTrack:
             return
         self.first_us = min(self.first_us, int(stamps[0]))
         t_us = np.concatenate([self.t_us, stamps - self.lag_us])
-        last = np.diff(t_us, append=NEVER) > 0
+        last = np.append(t_us[1:] > t_us[:-1], True)
         self.t_us, self.value = t_us[last], np.concatenate([self.value, values])[last]
 
     def forget_before(self, t_us: int) -> None:

@@ -8,7 +8,9 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.identification.column_former import ColumnFormer
+from adhesion_can.identification.column_track import ColumnTrack
 from adhesion_can.identification.samples import SampleFormer
+from adhesion_can.identification.track import Track
 from adhesion_can.physics.data import Reading, Role, Samples
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.vehicle import Geometry, Locomotive
@@ -181,3 +183,26 @@ def test_an_empty_block_changes_nothing(first):
     assert list(former.collect(np.empty(0, dtype=np.int64))) == []
     former.take({})
     assert [len(s) for s in former.collect(np.array([first, 20_000]))] == [0, 0]
+
+
+def test_a_late_reading_before_time_zero_is_kept():
+    """A recording that begins at 0, a model with a delay, a block that ends within the delay."""
+    one, other = Track(60_000), ColumnTrack(60_000, lag_us=35_000)
+    for stamps in ([0, 20_000], [40_000, 60_000]):
+        for t_us in stamps:
+            one.add(t_us - 35_000, float(t_us))
+        other.extend(np.array(stamps), np.array(stamps, dtype=float))
+    assert other.t_us.tolist() == one.times
+    assert other.at(np.array([0])).value[0] == one.at(0)
+
+
+def test_a_direction_that_is_no_direction_leaves_the_travel_as_it_was():
+    odd = [1e30, 1.9, -1e300, 2.5]
+    one = SampleFormer(TWO_AXLES, CYCLES, with_travel=True)
+    other = ColumnFormer(one.by)
+    stamps = np.arange(4, dtype=np.int64) * 1000
+    other.take({(Role.DIRECTION, 0): (stamps, np.array(odd))})
+    for t_us, value in zip(stamps.tolist(), odd, strict=True):
+        one.add(Reading(t_us, Role.DIRECTION, 0, value))
+    assert other._direction.value[-1] == one._travel == -1.0
+    assert other._direction.value.tolist() == [1.0, 1.0, 1.0, -1.0]
