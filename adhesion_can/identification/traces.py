@@ -28,7 +28,8 @@ class Trace:
     @classmethod
     def of(cls, t_us: NDArray[np.int64], value: Array) -> "Trace":
         """Trace of stamps that do not run backwards; of two with one stamp the later one counts."""
-        last = np.append(t_us[1:] > t_us[:-1], [True] * (len(t_us) > 0))
+        last = np.ones(len(t_us), dtype=np.bool_)
+        last[:-1] = t_us[1:] > t_us[:-1]
         return cls(t_us[last], value[last])
 
     def at(self, t_us: NDArray[np.int64] | Array, gap_us: float) -> Array:
