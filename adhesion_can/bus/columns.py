@@ -76,15 +76,27 @@ class MessageCount:
     rejected: Counter[str] = field(default_factory=Counter)
     lost: int = 0
 
+    def plus(self, other: "MessageCount") -> "MessageCount":
+        """Counts of two messages in one."""
+        return MessageCount(
+            self.frames + other.frames,
+            self.decoded + other.decoded,
+            self.rejected + other.rejected,
+            self.lost + other.lost,
+        )
+
 
 @dataclass(slots=True)
 class DecodeReport:
     """What became of every row.
 
     Attributes:
-        messages: heard and decoded, by name; those of one name together.
+        counts: of messages heard and decoded, by name, id and whether that is extended.
         passed_over: frames of messages without a signal that is wanted or can be decoded, by name.
-        unknown: data frames of ids that the database lacks, by (id, extended).
+        unknown: data frames of ids that the database lacks, by (id, extended), for the first
+            thousand or so of such ids.
+        unknown_beyond: data frames of all further ones: a bus of random ids must not fill the
+            memory.
         remote: remote requests.
         error: error frames.
         marks: marks of a service.
@@ -92,19 +104,28 @@ class DecodeReport:
 
     """
 
-    messages: dict[str, MessageCount] = field(default_factory=dict)
+    counts: dict[tuple[str, int, bool], MessageCount] = field(default_factory=dict)
     passed_over: Counter[str] = field(default_factory=Counter)
     unknown: Counter[tuple[int, bool]] = field(default_factory=Counter)
+    unknown_beyond: int = 0
     remote: int = 0
     error: int = 0
     marks: int = 0
     left_out: dict[str, str] = field(default_factory=dict)
 
     @property
+    def messages(self) -> dict[str, MessageCount]:
+        """Counts by name alone, those of messages of one name together."""
+        found: dict[str, MessageCount] = {}
+        for (name, _, _), count in self.counts.items():
+            found[name] = found[name].plus(count) if name in found else count
+        return found
+
+    @property
     def frames(self) -> int:
         """Data frames, remote requests and error frames of every id."""
-        known = sum(count.frames for count in self.messages.values())
-        others = self.passed_over.total() + self.unknown.total()
+        known = sum(count.frames for count in self.counts.values())
+        others = self.passed_over.total() + self.unknown.total() + self.unknown_beyond
         return known + others + self.remote + self.error
 
 
@@ -167,7 +188,7 @@ class Decoder:
             rows = order[begin : begin + count]
             begin += count
             if code == UNSEEN:
-                self._count_unseen(keys[rows])
+                self.report.unknown_beyond += count
             elif count and code > len(self._messages):
                 self.report.unknown[_id_of(self._codes.keys[code])] += count
             elif count:
@@ -179,12 +200,10 @@ class Decoder:
         self.report.error += kinds[Kind.ERROR]
         self.report.marks += kinds[Kind.ADVANCE] + kinds[Kind.SECOND_SENDER]
 
-    def _count_unseen(self, keys: NDArray[np.uint32]) -> None:
-        for key, count in zip(*np.unique(keys, return_counts=True), strict=True):
-            self.report.unknown[_id_of(int(key))] += int(count)
-
     def _count(self, columns: MessageColumns, lost: int) -> None:
-        count = self.report.messages.setdefault(columns.message.name, MessageCount())
+        message = columns.message
+        key = message.name, message.frame_id, message.is_extended_frame
+        count = self.report.counts.setdefault(key, MessageCount())
         rejected = columns.outcome[columns.outcome > 0]
         count.frames += len(columns)
         count.decoded += len(columns) - len(rejected)

@@ -108,7 +108,7 @@ def load_database(path: Path | None = None) -> CanDatabase:
     try:
         # Not strict: real databases have overlapping signals, and the layout that we use is checked
         # signal by signal.
-        db = cantools.database.load_file(path, strict=False)
+        db = cantools.database.load_file(path, encoding=_encoding(content), strict=False)
     except (UnsupportedDatabaseFormatError, CantoolsError) as error:
         reason = " ".join(str(error).split())[:200]
         raise DatabaseError(
@@ -124,6 +124,21 @@ def load_database(path: Path | None = None) -> CanDatabase:
     if not isinstance(db, Database):
         raise DatabaseError(str(path), "a diagnostics database, not a CAN database", "give a .dbc")
     return CanDatabase(path, sha256(content).hexdigest(), db)
+
+
+def _encoding(content: bytes) -> str | None:
+    """Encoding of a database; None: the one of its format, which is cp1252 for most.
+
+    Text of that encoding with other letters than ASCII's is hardly ever UTF-8 by chance.
+    """
+    mark = b"\xef\xbb\xbf"
+    if content.isascii() or content.removeprefix(mark).lstrip().startswith(b"<"):
+        return None  # XML says its own
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError:
+        return None
+    return "utf-8-sig"
 
 
 def e2e_data_id(message: Message) -> int | None:

@@ -2,6 +2,9 @@
 
 from typing import NamedTuple
 
+LONGEST = 64
+"""Bytes of the longest payload, that of CAN FD."""
+
 
 class Frame(NamedTuple):
     """One frame with its time stamp.

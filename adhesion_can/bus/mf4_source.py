@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.candump import LAST_US, ReadReport
+from adhesion_can.bus.frame import LONGEST
 
 _KINDS = {
     "CAN_DataFrame": Kind.DATA,
@@ -29,7 +30,6 @@ _NUMBERS = ("BusChannel", "ID", "IDE", "DLC", "DataLength", "EDL", "BRS", "ESI",
 _NAMES = ("frame", "fd", "remote", "error")  # of a `Kind`, as the report counts it
 _NO_BUS = 0xFFFF
 _ID_BITS = 0x1FFFFFFF
-_LONGEST = 64  # bytes of a payload
 _LEAST = 1000  # records read at a time from one of many groups
 _KEPT = np.array([(1 << 8 * count) - 1 for count in range(9)], np.uint64)
 """Mask of a word of which so many bytes belong to the payload."""
@@ -218,9 +218,9 @@ def _payload(
     """Lengths and words of payloads, from their stated lengths and their bytes, shape (n, m)."""
     length = np.minimum(stated, data.shape[1])
     longest = int(length.max())
-    if longest > _LONGEST:
+    if longest > LONGEST:
         raise NotInColumnsError(f"a payload of {longest} bytes")
-    room = 8 if longest <= 8 else _LONGEST
+    room = 8 if longest <= 8 else LONGEST
     padded = np.zeros((len(data), room), np.uint8)
     padded[:, : data.shape[1]] = data[:, :room]
     held = length.astype(np.int64)[:, np.newaxis] - np.arange(0, room, 8)

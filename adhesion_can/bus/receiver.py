@@ -8,6 +8,7 @@ one by one or a block of them; what comes out is equal to the last bit.
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -270,9 +271,10 @@ def decode(message: BoundMessage, data: bytes, t_us: int) -> list[Reading] | Rej
             readings.append(Reading(t_us, signal.role, signal.axle, None))
             continue
         value = plan.value(raw)
-        if not plan.in_range(value):
-            return Rejection.RANGE
         si = value * signal.scale - signal.offset
+        # A number may be too large for SI alone: kN of a float signal without a range.
+        if not (plan.in_range(value) and isfinite(si)):
+            return Rejection.RANGE
         readings.append(Reading(t_us, signal.role, signal.axle, si))
     return readings
 
@@ -321,8 +323,10 @@ def _signals(
         present = message.plan.present_column(plan.name, words)
         raw = plan.raw_column(words)
         value = plan.value_column(raw)
-        ok = plan.in_range_column(value)
-        si = value * signal.scale - signal.offset
+        # What is too large or no number is out of range, and no reason for a warning.
+        with np.errstate(over="ignore", invalid="ignore"):
+            si = value * signal.scale - signal.offset
+        ok = plan.in_range_column(value) & np.isfinite(si)
         if signal.not_available is not None:
             missing = raw == signal.not_available
             si[missing] = np.nan

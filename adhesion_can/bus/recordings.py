@@ -23,16 +23,15 @@ from adhesion_can.bus.candump import (
     times_are_differences,
 )
 from adhesion_can.bus.formats import CANDUMP, HEAD, format_of
-from adhesion_can.bus.frame import Frame, Mark, to_us
+from adhesion_can.bus.frame import LONGEST, Frame, Mark, to_us
 from adhesion_can.bus.mf4_source import NotInColumnsError, mf4_blocks, open_mf4
+from adhesion_can.bus.reader_notes import lost_lines, python_can_told
 from adhesion_can.bus.scan import read_chunks
 from adhesion_can.bus.scan_source import Packing, Source
 from adhesion_can.errors import InputError, RecordingError
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-LONGEST = 64
-"""Bytes of the longest payload, that of CAN FD."""
 _ROWS = 50_000  # of a block of a format that is read frame by frame
 
 
@@ -43,7 +42,7 @@ class Recording:
         path: candump text (gzip and zstd too), or any format that python-can reads by its suffix.
 
     Raises:
-        RecordingError: the file is missing, or of no known format.
+        RecordingError: the file is missing, no file but a pipe, or of no known format.
 
     """
 
@@ -55,6 +54,11 @@ class Recording:
         """Bytes of the file, as stored, that the blocks given so far come from."""
         self._reader: can.io.generic.MessageReader | None = None
         try:
+            if path.exists() and not (path.is_file() or path.is_dir()):
+                # It is read several times: for its format, its frames and its hash.
+                raise RecordingError(
+                    str(path), "is a pipe or a device, not a file", "write it to a file first"
+                )
             with path.open("rb") as file:
                 self._packing = Packing.of(file.read(4))
         except OSError as error:
@@ -172,21 +176,37 @@ class Recording:
     def _python_can(self, given: int = 0) -> Iterator[Frame]:
         # python-can's readers stop at what they cannot read, with whatever their parser raises;
         # what was read until then is kept and the rest is reported.
-        last = 0
+        last = count = 0
         trc = self._format == ".trc"
         try:
-            with can.LogReader(self.path) as self._reader:
-                for number, message in enumerate(self._reader):
+            with python_can_told(self.report.notes), can.LogReader(self.path) as self._reader:
+                self._tell_cut(self._reader)
+                for message in self._reader:
                     if trc and isinstance(message.channel, int):
                         message.channel -= 1  # PEAK counts its buses from 1
                     frame = _possible(from_message(message))
-                    if number >= given:
+                    count += 1
+                    if count > given:
                         self.report.kinds[kind_of(frame)] += 1
                         self.report.backwards += frame.t_us < last
                         yield frame
                     last = frame.t_us
+            self._tell_lost(count)
         except Exception as error:
             raise self._stopped(error) from error
+
+    def _tell_cut(self, reader: can.io.generic.MessageReader) -> None:
+        # Of all the formats only the head of .blf says how long the file is.
+        length = getattr(reader, "file_size", 0)
+        if self._packing is Packing.NONE and length > self.size:
+            self.report.notes.append(
+                f"the file is cut: it has {self.size} of the {length} bytes that its head says"
+            )
+
+    def _tell_lost(self, frames: int) -> None:
+        with self._source(ReadReport()) as source:
+            note = lost_lines(self._format, source.lines(), frames)
+        self.report.notes.extend([note] if note else [])
 
     def _stopped(self, error: Exception) -> RecordingError:
         """What to tell of whatever a parser met, struct.error and sqlite3.Error among it."""

@@ -8,6 +8,7 @@ from cantools.database.can import Message, Signal
 
 from adhesion_can.bus.codec import MessagePlan, SignalPlan
 from adhesion_can.bus.database import CanDatabase, e2e_data_id
+from adhesion_can.bus.signals import obstacle_of
 from adhesion_can.bus.units import known_units, to_si
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.data import Role, role_name
@@ -157,7 +158,8 @@ def bind(
 
     Raises:
         DatabaseError: a signal is not in the database.
-        ConfigError: a unit, an axle or a protection does not fit.
+        ConfigError: a unit, an axle or a protection does not fit, or a signal does not fit into
+            its message.
 
     """
     groups: dict[tuple[str, str | None], list[tuple[SignalChoice, Message, Signal]]] = {}
@@ -178,6 +180,8 @@ def _bind_message(
 ) -> BoundMessage:
     message = rows[0][1]
     plan = MessagePlan(message)
+    for choice, _, signal in rows:
+        _require_decodable(choice, signal, message, where)
     signals = tuple(_bind_signal(choice, signal, plan, radii, where) for choice, _, signal in rows)
     choices = [choice for choice, _, _ in rows]
     data_id = _data_id(choices, message, where)
@@ -211,6 +215,17 @@ def _data_id(choices: Sequence[SignalChoice], message: Message, where: str) -> i
             'state data_id, or protection = "none"',
         )
     return own
+
+
+def _require_decodable(choice: SignalChoice, signal: Signal, message: Message, where: str) -> None:
+    # Databases are loaded with all their faults: those of other signals are no concern of ours.
+    obstacle = obstacle_of(signal, message)
+    if obstacle:
+        raise ConfigError(
+            f"{where}: roles.{choice.name}",
+            f"{choice.message}.{choice.signal} cannot be decoded: {obstacle}",
+            "correct the signal in the database, or map the role to another signal",
+        )
 
 
 def _bind_signal(

@@ -24,6 +24,7 @@ LINE_LIMIT = 1 << 16
 FRONT, BACK = 8, 128
 """Bytes that stand before and behind the lines of a chunk, so that a look aside stays inside."""
 
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _PIECE = 1 << 16
 _ZSTD_PIECE = 1 << 14  # packed
 
@@ -99,6 +100,7 @@ class Source:
 
     def lines(self) -> Iterator[bytes]:
         """Lines with their ends, the last one perhaps without."""
+        self._skip_mark()
         while line := self._file.readline(LINE_LIMIT):
             is_whole = line.endswith(b"\n") or len(line) == LINE_LIMIT
             if is_whole or not self._fault:
@@ -107,6 +109,7 @@ class Source:
 
     def head(self, size: int) -> bytes:
         """The first bytes, as many as there are; in place of all else that is read."""
+        self._skip_mark()
         return bytes(self._file.read(size) or b"")
 
     def chunks(self, size: int) -> Iterator[Chunk]:
@@ -128,6 +131,7 @@ class Source:
                 yield chunk
 
     def _chunks(self, size: int) -> Iterator[Chunk]:
+        self._skip_mark()
         rest = np.empty(0, np.uint8)
         is_end = False
         while not is_end:
@@ -144,6 +148,11 @@ class Source:
             if stop > FRONT:
                 yield Chunk(text, stop, self._stored.tell())
         self._tell_fault()
+
+    def _skip_mark(self) -> None:
+        # An editor that stores UTF-8 may put it in front: it belongs to no line.
+        if self._file.peek(len(_BYTE_ORDER_MARK)).startswith(_BYTE_ORDER_MARK):
+            self._file.read(len(_BYTE_ORDER_MARK))
 
     @property
     def _fault(self) -> Exception | None:

@@ -16,6 +16,7 @@ from cantools.database.conversion import (
 from numpy.typing import NDArray
 
 from adhesion_can.bus.codec import Raw, SignalPlan, among
+from adhesion_can.bus.frame import LONGEST
 
 Values = NDArray[np.int64] | NDArray[np.uint64] | NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -88,6 +89,14 @@ class MessageSignals:
             column = SignalColumn(plan.signal, plan.values(words), selection.present(plan.page))
             columns[name] = _merged(columns[name], column) if name in columns else column
         return columns, selection.unknown()
+
+
+def obstacle_of(signal: Signal, message: Message) -> str | None:
+    """Why a signal of a message cannot be decoded, its multiplexers included; None: it can."""
+    own = _obstacle(signal, message.length)
+    if own or signal.multiplexer_signal is None:
+        return own
+    return _Selectors(message).obstacle
 
 
 class _SignalNumbers:
@@ -247,6 +256,8 @@ class _Selection:
 
 def _obstacle(signal: Signal, size: int) -> str | None:
     """Why a signal cannot be decoded; None: it can."""
+    if size > LONGEST:
+        return f"in a message of {size} bytes, of which no frame has more than {LONGEST}"
     if signal.length > 64:
         return "longer than 64 bits"
     if signal.conversion.is_float and signal.length not in (16, 32, 64):

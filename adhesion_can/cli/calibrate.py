@@ -1,6 +1,7 @@
 """`calibrate`: wheel radii and the zero error of the vehicle speed, from coasting."""
 
 import argparse
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from adhesion_can.cli.common import (
     configuration,
     open_recordings,
     read_problems,
-    require_folder,
+    require_outputs,
     require_positive,
     talk,
     write_json,
@@ -99,9 +100,14 @@ def add_to(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     settings = _settings(options)
-    if options.out is not None:
-        require_folder(options.out, "--out")
     config = configuration(options)
+    inputs = [*options.log, *([reference_path(options.speed)[0]] if options.speed else [])]
+    require_outputs(
+        options,
+        {"--out": options.out, "--json": options.json},
+        [*inputs, config.database.path],
+        renewed="--out",
+    )
     reference = None if options.speed is None else Trace.of(*read_reference(options.speed))
     _require_roles(config, reference)
     recordings = open_recordings(options.log)
@@ -121,7 +127,6 @@ def run(options: argparse.Namespace) -> int:
     notes = calibration_notes(result, settings, rim, named)
     notes += _notes_on_source(result, heard, reference)
     problems = read_problems(recordings)
-    inputs = [*options.log, *([reference_path(options.speed)[0]] if options.speed else [])]
     write_json(
         options.json,
         {
@@ -133,7 +138,7 @@ def run(options: argparse.Namespace) -> int:
     )
     if options.out is not None:
         text = with_correction(
-            config, options.config, options.out, _correction(result, config, options)
+            config, options.config, options.out, _correction(result, config, options, inputs)
         )
         with whole_file(options.out) as file:
             file.write(text)
@@ -268,10 +273,12 @@ def _notes_on_source(result: Calibration, heard: list[Heard], reference: Trace |
 
 
 def _correction(
-    result: Calibration, config: Configuration, options: argparse.Namespace
+    result: Calibration,
+    config: Configuration,
+    options: argparse.Namespace,
+    sources: Sequence[Path],
 ) -> Correction:
     """What the configuration file is to say."""
-    sources = [*options.log, *([reference_path(options.speed)[0]] if options.speed else [])]
     origin = f"by adhesion-can {__version__} from " + ", ".join(
         f"{path.name} (sha256 {file_sha256(path)[:12]})" for path in sources
     )

@@ -10,6 +10,7 @@ from adhesion_can.cli.common import (
     configuration,
     open_recordings,
     read_problems,
+    require_outputs,
     talk,
     write_json,
 )
@@ -38,6 +39,7 @@ def add_to(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
+    require_outputs(options, {"--json": options.json}, [*options.log, config.database.path])
     recordings = open_recordings(options.log)
     with reading("checking", recordings) as watched:
         result = check(watched(blocks_in_sequence(recordings)), config)

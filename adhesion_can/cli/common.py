@@ -4,6 +4,7 @@ import argparse
 import json
 import math
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -156,23 +157,33 @@ def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], N
         yield lambda done: bar.update(task, completed=done)
 
 
+def names_of(paths: Sequence[Path]) -> list[str]:
+    """Names of files for sentences: without the folder where that tells them apart."""
+    bare = Counter(path.name for path in paths)
+    return [path.name if bare[path.name] == 1 else str(path) for path in paths]
+
+
 def read_problems(
-    recordings: Iterable[Recording], backwards: str = "were taken at that one's time"
+    recordings: Sequence[Recording],
+    backwards: str = "were taken at that one's time",
+    names: Sequence[str] | None = None,
 ) -> list[str]:
     """Sentences about lines that were passed over.
 
     Args:
         recordings: read to their end.
         backwards: what was done with frames stamped before the one in front of them.
+        names: of the recordings; None: by their paths.
 
     """
     found = []
-    for recording in recordings:
+    names = names or names_of([recording.path for recording in recordings])
+    for name, recording in zip(names, recordings, strict=True):
         report = recording.report
-        found += [f"{recording.path.name}: {note}" for note in report.notes]
+        found += [f"{name}: {note}" for note in report.notes]
         if report.backwards:
             found.append(
-                f"{recording.path.name}: {report.backwards} frames are stamped before the one in "
+                f"{name}: {report.backwards} frames are stamped before the one in "
                 f"front of them, and {backwards}"
             )
         if report.passed_over:
@@ -182,7 +193,7 @@ def read_problems(
                 if report.kinds[kind]
             )
             lines = ", ".join(map(str, report.bad_lines[:5]))
-            found.append(f"{recording.path.name}: lines passed over: {kinds} (line {lines}, ..)")
+            found.append(f"{name}: lines passed over: {kinds} (line {lines}, ..)")
     return found
 
 
@@ -200,10 +211,58 @@ def require_positive(value: float, name: str) -> None:
         raise InputError(name, f"{value} is not a positive number", "give seconds above 0")
 
 
-def require_folder(path: Path, option: str) -> None:
-    """Raise an InputError where an output's folder does not exist, before hours of work."""
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"{option} {path}", "its folder does not exist", "make the folder first")
+def require_outputs(
+    options: argparse.Namespace,
+    written: Mapping[str, Path | str | None],
+    read: Iterable[Path] = (),
+    *,
+    renewed: str = "",
+) -> None:
+    """Raise an InputError where an output cannot be, or would take the place of another file.
+
+    Called before the work: what it guards may be hours of work, or a recording.
+
+    Args:
+        options: whose --config, --dbc and --model are read as well.
+        written: output by its option; None and '-' are none.
+        read: other files that are read.
+        renewed: option that may name the file of --config: it is read before it is written.
+
+    """
+    given = {name: getattr(options, name, None) for name in ("config", "dbc", "model")}
+    inputs = (*read, *(path for path in given.values() if path is not None))
+    taken = {_place(path): "one of the inputs" for path in inputs}
+    config = None if given["config"] is None else _place(given["config"])
+    for option, value in written.items():
+        if value is None or value == "-":
+            continue
+        path = Path(value)
+        where = f"{option} {path}"
+        place = _place(path, where)
+        if path.is_dir():
+            raise InputError(where, "is a folder", "name a file")
+        if not path.resolve().parent.is_dir():
+            raise InputError(where, "its folder does not exist", "make the folder first")
+        if place in taken and not (option == renewed and place == config):
+            raise InputError(where, f"is {taken[place]}", "name another file")
+        part = _place(path.with_name(f"{path.name}.part"), where)
+        if part in taken:
+            what = f"is written as {path.name}.part first, which is {taken[part]}"
+            raise InputError(where, what, "name another file")
+        taken[place] = taken[part] = f"the file of {option} too"
+
+
+def _place(path: Path, where: str = "") -> tuple[int, int] | Path:
+    """What tells files apart whatever their names: links lead to the file they stand for."""
+    try:
+        state = path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return path.resolve()
+    except OSError as error:
+        raise InputError(
+            where or str(path), error.strerror or "cannot be used", "check the path"
+        ) from error
+    return state.st_dev, state.st_ino
 
 
 def make_folder(path: Path, option: str) -> None:

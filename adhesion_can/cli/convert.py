@@ -2,7 +2,7 @@
 
 import argparse
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -18,9 +18,10 @@ from adhesion_can.bus.database import CanDatabase, load_database
 from adhesion_can.bus.recordings import Recording
 from adhesion_can.cli.common import (
     add_json,
+    names_of,
     open_recordings,
     read_problems,
-    require_folder,
+    require_outputs,
     talk,
     write_json,
 )
@@ -35,6 +36,14 @@ from adhesion_can.reporting.text import console, table
 
 _SHOWN = 10
 
+_Key = tuple[str, int, bool]
+"""Name, id and whether it is extended: two messages may have one name."""
+
+_NOT_RISING = (
+    "MF4 wants rising times: frames stamped before others in front of them were put in their place "
+    "among those written at once, but no further; CSV and Parquet keep the order of the recording"
+)
+
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
@@ -43,7 +52,8 @@ def add_to(commands: Any) -> None:
         help="any recording with any database to columns",
         description="Decodes recordings with a CAN database and writes the signals as columns for "
         "the tools that people plot with. CSV and Parquet get a row a frame, in the order of the "
-        "recording; MF4 gets a channel group a message. Frames whose checksum, counter, length or "
+        "recording; MF4 gets a channel group a message, and its time begins at the recording's "
+        "first frame. Frames whose checksum, counter, length or "
         "multiplexer is wrong are left out and counted. Values that a database names 'not "
         "available' and the like stand in the columns as their numbers.",
     )
@@ -63,10 +73,14 @@ def add_to(commands: Any) -> None:
         default=[],
         metavar="GLOB",
         help="only what matches: 'Message.Signal', 'Signal' or 'Message'; * and ? stand for any "
-        "letters (put them in quotes)",
+        "letters (put them in quotes); takes all that follow it, so that LOG stands in front of "
+        "it, or behind a '--'",
     )
     parser.add_argument(
-        "--channel", metavar="NAME", help="only the frames of this bus, as can0 (default: all)"
+        "--channel",
+        metavar="NAME",
+        help="only the frames of this bus (default: all); formats that number their buses have "
+        "can0, can1, ..",
     )
     add_json(parser)
     parser.set_defaults(run=run)
@@ -74,7 +88,8 @@ def add_to(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    _require_outputs(options)
+    require_outputs(options, {"--out": options.out, "--json": options.json}, options.log)
+    require_format(options.out, "--out")
     database = load_database(options.dbc)
     chosen = _Chosen(database, options.signals)
     recordings = open_recordings(options.log)
@@ -84,33 +99,18 @@ def run(options: argparse.Namespace) -> int:
         reading("converting", recordings) as watched,
         open_recording(options.out, texts(origin)) as writer,
     ):
-        for recording in recordings:
+        for file, recording in enumerate(recordings):
             for block in watched(recording.blocks()):
-                conversion.take(block, recording.path.name, writer)
+                conversion.take(block, file, writer)
         conversion.require_decoded(", ".join(map(str, options.log)))
     document = conversion.as_json(recordings)
+    if options.out.suffix.lower() == ".mf4" and conversion.runs_back(recordings):
+        document["problems"].append(_NOT_RISING)
     document["output"] = {"path": str(options.out), "bytes": options.out.stat().st_size}
     write_json(options.json, {**document, **origin})
     if talk(options):
         _print(document)
     return 0
-
-
-def _require_outputs(options: argparse.Namespace) -> None:
-    """Errors before the work rather than after it."""
-    require_folder(options.out, "--out")
-    require_format(options.out, "--out")
-    written = [(options.out, "--out")]
-    if options.json not in (None, "-"):
-        require_folder(Path(options.json), "--json")
-        written.append((Path(options.json), "--json"))
-    read = [*options.log, *([options.dbc] if options.dbc else [])]
-    for place, (path, option) in enumerate(written):
-        others = [*read, *(other for other, _ in written[:place])]
-        if any(path.resolve() == other.resolve() for other in others):
-            raise InputError(
-                f"{option} {path}", "is another file of this command, too", "give another name"
-            )
 
 
 class _Chosen:
@@ -160,22 +160,24 @@ class _Conversion:
 
     def __init__(self, database: CanDatabase, chosen: _Chosen | None, channel: str | None) -> None:
         self._database = database
+        self._chosen = chosen
         self._decoder = Decoder(database, chosen)
         self._rows = MessageRows(database)
         self._channel = channel
         self._elsewhere: Counter[str] = Counter()
-        self._heard_on: dict[str, set[str]] = {}
-        self._file = ""
+        self._heard_on: dict[_Key, set[str]] = {}
+        self._file = 0
         self._first_ns: int | None = None
         self._last_ns = 0
-        self._early: list[str] = []
+        self._early: list[int] = []
 
-    def take(self, block: Block, file: str, writer: Writer) -> None:
-        """The next rows of the recordings."""
+    def take(self, block: Block, file: int, writer: Writer) -> None:
+        """The next rows of the recordings, of which they are the `file`-th."""
         if not len(block):
             return
         if self._first_ns is None:
             self._first_ns = int(block.t_ns[0])
+            writer.begin(self._first_ns)
         elif file != self._file and block.t_ns[0] < self._last_ns:
             self._early.append(file)
         self._file, self._last_ns = file, int(block.t_ns[-1])
@@ -183,8 +185,10 @@ class _Conversion:
             block = self._of_channel(block, self._channel)
         decoded = self._decoder.decode(block)
         for columns in decoded:
+            message = columns.message
             buses = np.bincount(block.channel[columns.rows])
-            heard = self._heard_on.setdefault(columns.message.name, set())
+            key = message.name, message.frame_id, message.is_extended_frame
+            heard = self._heard_on.setdefault(key, set())
             heard.update(block.channels[place] for place in np.flatnonzero(buses).tolist())
         writer.write(self._rows.of(decoded))
 
@@ -198,13 +202,13 @@ class _Conversion:
     def require_decoded(self, logs: str) -> None:
         """Raise a RecordingError where no frame at all was decoded."""
         report = self._decoder.report
-        if any(count.decoded for count in report.messages.values()):
+        if any(count.decoded for count in report.counts.values()):
             return
         known = ", ".join(sorted(_id(message) for message in self._database.db.messages)[:_SHOWN])
         database = f"{self._database.path.name} knows {len(self._database.db.messages)}: {known}"
-        if report.messages:
+        if report.counts:
             reasons: Counter[str] = Counter()
-            for count in report.messages.values():
+            for count in report.counts.values():
                 reasons.update(count.rejected)
             what = f"every known frame is rejected ({_counts(reasons)}); {database}"
             mend = "check that the database is of this bus, and of its version"
@@ -214,7 +218,9 @@ class _Conversion:
         elif report.passed_over:
             what = "no frame with a signal that is wanted and can be decoded; it has "
             what += _counts(report.passed_over)
-            mend = "name signals of these messages with --signals"
+            why = list(self._undecodable(report.passed_over, self._chosen))
+            what += "".join(f"; {line}" for line in why[:_SHOWN])
+            mend = "name other signals of these messages with --signals"
         elif not report.unknown:
             what, mend = "no data frame in it", "is it one that 'candump -L' recorded?"
         else:
@@ -229,48 +235,63 @@ class _Conversion:
         lines: Counter[str] = Counter()
         for recording in recordings:
             lines.update(recording.report.kinds)
-        messages = {message.name: message for message in self._database.db.messages}
         unknown = sorted(report.unknown.items(), key=lambda item: (-item[1], item[0]))
         return {
             "frames": report.frames,
-            "decoded": sum(count.decoded for count in report.messages.values()),
+            "decoded": sum(count.decoded for count in report.counts.values()),
             "from_s": None if self._first_ns is None else self._first_ns / 1e9,
             "to_s": None if self._first_ns is None else self._last_ns / 1e9,
             "messages": [
                 {
                     "name": name,
-                    "id": messages[name].frame_id,
-                    "extended": messages[name].is_extended_frame,
+                    "id": number,
+                    "extended": extended,
                     "frames": count.frames,
                     "decoded": count.decoded,
                     "rejected": dict(count.rejected),
                     "lost": count.lost,
                 }
-                for name, count in report.messages.items()
+                for (name, number, extended), count in report.counts.items()
             ],
             "unknown": [
                 {"id": number, "extended": extended, "frames": count}
                 for (number, extended), count in unknown
             ],
+            "unknown_beyond": report.unknown_beyond,
             "not_wanted": dict(report.passed_over),
             "other_channels": dict(self._elsewhere),
             "remote": report.remote,
             "error": report.error,
             "marks": report.marks,
             "lines": dict(lines),
-            "problems": [*read_problems(recordings, "keep their stamps"), *self._problems()],
+            "problems": [
+                *read_problems(recordings, "keep their stamps"),
+                *self._problems(names_of([recording.path for recording in recordings])),
+            ],
         }
 
-    def _problems(self) -> Iterator[str]:
+    def runs_back(self, recordings: Sequence[Recording]) -> bool:
+        """Whether some stamp is before the one in front of it."""
+        return bool(self._early) or any(recording.report.backwards for recording in recordings)
+
+    def _problems(self, files: Sequence[str]) -> Iterator[str]:
         for file in self._early:
-            yield f"{file}: begins before the end of the file in front of it; its stamps are kept"
-        several = {name: heard for name, heard in self._heard_on.items() if len(heard) > 1}
+            begins = "begins before the end of the file in front of it; its stamps are kept"
+            yield f"{files[file]}: {begins}"
+        several = {name: heard for (name, *_), heard in self._heard_on.items() if len(heard) > 1}
         if several:
             names = ", ".join(list(several)[:_SHOWN])
             buses = ", ".join(sorted(set().union(*several.values())))
             yield f"heard on several channels ({buses}), and mixed: {names}; --channel takes one"
+        yield from self._undecodable({name for name, _, _ in self._heard_on})
+
+    def _undecodable(
+        self, messages: Collection[str], chosen: _Chosen | None = None
+    ) -> Iterator[str]:
+        """Sentences about what of these messages can never be decoded; None: chosen or not."""
         for name, reason in self._decoder.report.left_out.items():
-            if name in self._heard_on or name.split(".")[0] in self._heard_on:
+            message, _, signal = name.partition(".")
+            if message in messages and (not (signal and chosen) or chosen(message, signal)):
                 yield f"{name}: cannot be decoded: {reason}"
 
 
@@ -304,6 +325,7 @@ def _print(document: Mapping[str, Any]) -> None:
     unknown = Counter(
         {id_text(one["id"], one["extended"]): one["frames"] for one in document["unknown"]}
     )
+    unknown["further ids"] = document["unknown_beyond"]
     for head, counts in (
         ("unknown ids", unknown),
         ("without a wanted signal", document["not_wanted"]),

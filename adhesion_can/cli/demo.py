@@ -23,7 +23,14 @@ from rich.table import Table
 from adhesion_can.bus.candump import format_frame
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.recordings import from_message, to_message, whole_file
-from adhesion_can.cli.common import add_json, make_folder, require_positive, talk, write_json
+from adhesion_can.cli.common import (
+    add_json,
+    make_folder,
+    require_outputs,
+    require_positive,
+    talk,
+    write_json,
+)
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import InputError
 from adhesion_can.reporting.phases import Row, phase_table, phases
@@ -75,6 +82,8 @@ def run(options: argparse.Namespace) -> int:
             "--duration", f"{options.duration:g} s is too short", f"give {SHORTEST_S:g} s or more"
         )
     make_folder(options.out, "--out")
+    own = {f"--out {name}": options.out / name for name in ("demo.log", "truth.json", "demo.json")}
+    require_outputs(options, {**own, "--json": options.json})
     config = load_configuration()
     settings = RunSettings(scenario_by_name(SCENARIO), options.duration, obey=True)
     bench = _Bench(config, settings, options.out / "demo.log")

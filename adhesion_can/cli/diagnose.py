@@ -18,9 +18,10 @@ from adhesion_can.cli.common import (
     add_configuration,
     add_json,
     configuration,
+    names_of,
     open_recordings,
     read_problems,
-    require_folder,
+    require_outputs,
     talk,
     write_json,
 )
@@ -97,8 +98,8 @@ def add_to(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    _check(options)
     config = configuration(options)
+    _require_outputs(options, config)
     sources = _sources(options)
     with _stages() as show:
         reads = _read_all(sources, config, show)
@@ -149,26 +150,11 @@ def _word(value: Path | str) -> str:
 # ------------------------------------------------------------------------- before the work
 
 
-def _check(options: argparse.Namespace) -> None:
+def _require_outputs(options: argparse.Namespace, config: Configuration) -> None:
     """Raise an InputError for what would only come to light after the work."""
-    read = {path.resolve(): path for path in (*options.inputs, *options.holdout)}
-    written: dict[Path, str] = {}
-    for name in ("html", "extended", "json"):
-        value = getattr(options, name)
-        if value is None or value == "-":
-            continue
-        path, option = Path(value), f"--{name}"
-        require_folder(path, option)
-        if path.is_dir():
-            raise InputError(f"{option} {path}", "is a folder", "name a file")
-        place = path.resolve()
-        if place in read:
-            raise InputError(f"{option} {path}", "is one of the inputs", "name another file")
-        if place in written:
-            raise InputError(
-                f"{option} {path}", f"is the file of {written[place]} too", "name another file"
-            )
-        written[place] = option
+    written = {f"--{name}": getattr(options, name) for name in ("html", "extended", "json")}
+    read = [*options.inputs, *options.holdout, config.database.path]
+    require_outputs(options, written, read)
     if options.html is not None:
         require_extra(str(options.html))
 
@@ -184,10 +170,9 @@ def _sources(options: argparse.Namespace) -> list[Source]:
     tables = [path for path, _ in given if is_table(path)]
     if tables and len(tables) < len(given):
         raise InputError("diagnose", "recordings and tables together", "give one kind at a time")
-    names = [path.name for path, _ in given]
+    names = names_of([path for path, _ in given])
     sources: dict[str, Source] = {}
-    for path, held_out in given:
-        name = path.name if names.count(path.name) == 1 else str(path)
+    for name, (path, held_out) in zip(names, given, strict=True):
         source = Source(path, name, file_sha256(path), held_out)
         before = sources.get(source.sha256)
         if before is not None:
@@ -249,7 +234,8 @@ def _read_log(source: Source, config: Configuration) -> _Read:
         config.sampling.v_min,
         config.identifiability.slip_max,
     )
-    return _Read(source, course, [*read_problems(recordings), *_heard_problems(source, heard)])
+    problems = read_problems(recordings, names=[source.name])
+    return _Read(source, course, [*problems, *_heard_problems(source, heard)])
 
 
 def _heard_problems(source: Source, heard: Heard) -> list[str]:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from textwrap import fill
 from typing import Any, NamedTuple
@@ -19,7 +19,14 @@ import numpy as np
 
 from adhesion_can import __version__
 from adhesion_can.bus.recordings import whole_file
-from adhesion_can.cli.common import add_json, make_folder, progress, talk, write_json
+from adhesion_can.cli.common import (
+    add_json,
+    make_folder,
+    progress,
+    require_outputs,
+    talk,
+    write_json,
+)
 from adhesion_can.errors import InputError
 from adhesion_can.identification.experiments import (
     EXPERIMENTS,
@@ -130,6 +137,9 @@ def _check(options: argparse.Namespace) -> None:
                 "--estimator", f"no estimator {name!r}", f"known: {', '.join(ESTIMATORS)}"
             )
     make_folder(options.out, "--out")
+    out = options.out / f"experiment-{options.number}"
+    own = {f"--out {suffix}": out.with_suffix(suffix) for suffix in (".html", ".json", ".csv")}
+    require_outputs(options, {**own, "--json": options.json})
 
 
 def _missing_extra(page_file: Path) -> InputError | None:
@@ -184,6 +194,8 @@ def _run_all(
                 show(len(done))
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            for worker in active_children():
+                worker.terminate()  # a SIGTERM, unlike Ctrl-C, did not reach them
             raise
     return [
         outcome(experiment, sd, options.seed, [done[sd, number] for number in range(options.runs)])

@@ -16,8 +16,10 @@ from adhesion_can.cli.common import (
     add_model,
     configuration,
     left_out_lines,
+    names_of,
     open_recordings,
     read_problems,
+    require_outputs,
     talk,
     write_json,
 )
@@ -56,6 +58,7 @@ def add_to(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
+    require_outputs(options, {"--json": options.json}, [*options.inputs, config.database.path])
     tables = [path for path in options.inputs if _exists(path) and is_table(path)]
     if tables and len(tables) < len(options.inputs):
         raise InputError("identify", "recordings and tables together", "give one kind at a time")
@@ -133,8 +136,8 @@ def _from_tables(
             for path, t in zip(paths, tables, strict=True)
         ]
     problems = [
-        f"{path.name}: {t.left_out} of {t.rows} rows without a finite time, slip and adhesion"
-        for path, t in zip(paths, tables, strict=True)
+        f"{name}: {t.left_out} of {t.rows} rows without a finite time, slip and adhesion"
+        for name, t in zip(names_of(paths), tables, strict=True)
         if t.left_out
     ]
     samples = Samples.concatenate([t.samples for t in tables])

@@ -4,9 +4,14 @@
 """
 
 import argparse
+import errno
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 from typing import NoReturn
 
 from adhesion_can import __version__
@@ -25,6 +30,8 @@ from adhesion_can.cli import (
 from adhesion_can.errors import AdhesionCanError
 
 COMMANDS = (demo, run, simulate, replay, identify, calibrate, diagnose, experiment, check, convert)
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -60,18 +67,52 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = build_parser().parse_args(arguments)
     try:
-        status: int = options.run(options)
-        sys.stdout.flush()
+        with _terminable():
+            status: int = options.run(options)
+            sys.stdout.flush()
     except AdhesionCanError as error:
         print(f"adhesion-can {options.command}: {error}", file=sys.stderr)
         return 2
     except BrokenPipeError:
-        # The reader has gone (| head): no more output, and no complaint at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_stdout()  # the reader has gone (| head)
         return 0
+    except OSError as error:
+        # Of files and their disks an error of our own tells.
+        if error.errno not in _FULL or error.filename is not None:
+            raise
+        _drop_stdout()
+        told = f"stdout: {error.strerror}; make room, or write elsewhere"
+        print(f"adhesion-can {options.command}: {told}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         return 130
     return status
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """SIGTERM unwinds the command as Ctrl-C does, and so leaves no file half written.
+
+    A command may have a handler of its own meanwhile; one of the process stays in force.
+    """
+
+    def stop(number: int, _: FrameType | None) -> NoReturn:
+        sys.exit(128 + number)
+
+    ours = threading.current_thread() is threading.main_thread()
+    if not ours or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _drop_stdout() -> None:
+    """No more output, and no complaint at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

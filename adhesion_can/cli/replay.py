@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +22,13 @@ from adhesion_can.cli.common import (
     left_out_lines,
     open_recordings,
     read_problems,
-    require_folder,
+    require_outputs,
     talk,
     write_json,
 )
 from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
+from adhesion_can.errors import InputError
 from adhesion_can.identification.registry import ESTIMATORS
 from adhesion_can.reporting.export import require_format
 from adhesion_can.reporting.provenance import estimate_json, provenance, texts
@@ -63,7 +65,10 @@ def add_to(commands: Any) -> None:
         "--frames", type=Path, metavar="OUT.log", help="write the answers (candump)"
     )
     parser.add_argument(
-        "--table", type=Path, metavar="OUT.csv|.parquet|.mf4", help="write a row a setpoint"
+        "--table",
+        type=Path,
+        metavar="OUT.csv|.parquet|.mf4",
+        help="write a row a setpoint; the time of MF4 begins at the first one",
     )
     parser.add_argument("--estimator", metavar="NAME", help=f"one of {', '.join(ESTIMATORS)}")
     span = parser.add_argument_group("part of the recording, in s after its first frame")
@@ -78,8 +83,9 @@ def add_to(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    _require_outputs(options)
+    _require_span(options)
     config = configuration(options)
+    _require_outputs(options, config)
     make = partial(config.make_estimator, options.estimator)
     make()  # an unknown name is an error before the work, not after it
     recordings = open_recordings(options.log)
@@ -124,10 +130,22 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _require_outputs(options: argparse.Namespace) -> None:
-    for path, name in ((options.frames, "--frames"), (options.table, "--table")):
-        if path is not None:
-            require_folder(path, name)
+def _require_span(options: argparse.Namespace) -> None:
+    """Raise an InputError where --from and --to are no part of a recording."""
+    for option, value in (("--from", options.from_s), ("--to", options.to_s)):
+        if value is not None and not (isfinite(value) and value >= 0):
+            raise InputError(option, f"{value} is no time", "give seconds, 0 or more")
+    if options.to_s is not None and options.to_s < options.from_s:
+        raise InputError(
+            f"--to {options.to_s:g}",
+            f"lies before --from {options.from_s:g}",
+            "both count from the first frame",
+        )
+
+
+def _require_outputs(options: argparse.Namespace, config: Configuration) -> None:
+    written = {"--frames": options.frames, "--table": options.table, "--json": options.json}
+    require_outputs(options, written, [*options.log, config.database.path])
     if options.table:
         require_format(options.table, "--table")
 

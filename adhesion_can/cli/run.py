@@ -21,7 +21,7 @@ from adhesion_can.cli.common import (
     add_model,
     bus_opener,
     configuration,
-    require_folder,
+    require_outputs,
     talk,
     write_json,
 )
@@ -62,11 +62,10 @@ def add_to(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    if options.log:
-        require_folder(options.log, "--log")
     config = configuration(options)
+    written = {"--log": options.log, "--state": options.state, "--json": options.json}
+    require_outputs(options, written, [config.database.path])
     if options.state:
-        require_folder(options.state, "--state")
         config = _resumed(config, options.state)
     narrator = _Narrator(sys.stderr)
     core = ServiceCore(config, on_setpoint=narrator.setpoint)

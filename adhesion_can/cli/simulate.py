@@ -19,7 +19,7 @@ from adhesion_can.cli.common import (
     bus_opener,
     configuration,
     progress,
-    require_folder,
+    require_outputs,
     require_positive,
     write_json,
 )
@@ -82,9 +82,8 @@ def run(options: argparse.Namespace) -> int:
         on_bus = on_bus or bus_is_configured()
     if on_bus is (options.log is not None):
         raise InputError("simulate", "give either --log or a bus (-i, -c)", "choose one of them")
-    for path, name in ((options.log, "--log"), (options.truth, "--truth")):
-        if path is not None:
-            require_folder(path, name)
+    written = {"--log": options.log, "--truth": options.truth}
+    require_outputs(options, written, [config.database.path])
     simulation = Simulation(settings, database)
     if on_bus:
         with bus_opener(options)() as bus:

@@ -26,7 +26,6 @@ from adhesion_can.criticism.model import (
     Candidate,
     Model,
     Study,
-    curve_slopes,
     evaluate,
 )
 from adhesion_can.criticism.pictures import curve_data, pictures_of, profile_of, shown_channel
@@ -94,7 +93,7 @@ def conclude(
     before = evaluate(study, plain.theta)
     after = change.residual
     if unknown is not None and spline is None:
-        after = before.residual - unknown.explained(curve_slopes(study, plain.theta, before))
+        after = before.residual - unknown.explained
     channels = channels_of(study, before)
     channel = _shown(study, named, unknown, channels)
     profile = None

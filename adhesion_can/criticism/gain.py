@@ -50,17 +50,16 @@ def held_out(
         extended = fit(stage.turned, Model(extended.theta, fixed=extended.actives)).model
     rows = np.flatnonzero(stage.turned.used)
     before = evaluate(study, plain.theta, plain.actives).residual
-    at = evaluate(study, extended.theta, extended.actives)
-    after = at.residual
-    if left is not None:
-        slopes = curve_slopes(study, extended.theta, at)
-        p = slopes.shape[1]
-        after = after - left.columns @ left.weights[-left.columns.shape[1] :]
-        if other_drives:
-            own = slopes[rows]
-            after = after - slopes @ solve(own.T @ own, own.T @ after[rows])
-        else:
-            after = after - slopes @ left.weights[:p]
+    after = evaluate(study, extended.theta, extended.actives).residual
+    if left is not None and other_drives:
+        after = after - left.alone
+        # At the likely slips, as the channel was fitted.
+        likely = evaluate(study, extended.theta, extended.actives, stage.shift)
+        slopes = curve_slopes(study, extended.theta, likely)
+        own = slopes[rows]
+        after = after - slopes @ solve(own.T @ own, own.T @ after[rows])
+    elif left is not None:
+        after = after - left.explained
     return Held(rows, before[rows], after[rows])
 
 

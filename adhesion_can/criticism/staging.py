@@ -158,8 +158,9 @@ def _likely_shift(stage: Stage, model: Model, residual: Array) -> Array:
     at = evaluate(study, model.theta)
     slope = _slope(study, model, at.slip)
     moved = np.zeros(len(study))
-    # What is kept back had no part in the full model, which may say anything of it.
-    residual = np.where(stage.block >= 0, residual, at.residual)
+    # A rail that is kept back whole had no part in the full model, which may say anything of it.
+    known = np.isin(study.surface, study.surface[stage.used])
+    residual = np.where(known, residual, at.residual)
     if stage.shared.shape[1]:
         scaled = stage.shared * stage.scale[:, None]
         left = residual * stage.scale

@@ -34,7 +34,8 @@ class Left:
         p_value: with all channels counted.
         gain: share by which the RMSE of the adhesion falls with it, rows that are not kept back.
         columns: of its spline, adhesion, shape (n, columns).
-        weights: of the model's slopes and of the columns, that take the least squares.
+        slopes: of the model's prediction, adhesion, shape (n, p), by which its curves move along.
+        weights: of the slopes and of the columns, that take the least squares.
 
     """
 
@@ -42,16 +43,18 @@ class Left:
     p_value: float
     gain: float
     columns: Array
+    slopes: Array
     weights: Array
 
-    def explained(self, slopes: Array) -> Array:
-        """What it adds to the prediction, the curves moved along; shape (n,).
+    @property
+    def explained(self) -> Array:
+        """What it adds to the prediction, the curves moved along; shape (n,)."""
+        return np.asarray(np.column_stack([self.slopes, self.columns]) @ self.weights)
 
-        Args:
-            slopes: of the model's prediction, adhesion, shape (n, p).
-
-        """
-        return np.asarray(np.column_stack([slopes, self.columns]) @ self.weights)
+    @property
+    def alone(self) -> Array:
+        """What it adds to the prediction, the curves left as they are; shape (n,)."""
+        return np.asarray(self.columns @ self.weights[self.slopes.shape[1] :])
 
 
 def left_over(
@@ -88,7 +91,7 @@ def left_over(
         left = residual - np.column_stack([slopes, own]) @ weights
         after = float(np.sqrt(np.mean(left[stage.used] ** 2)))
         gain = 1.0 - after / max(before, 1e-300)
-        out.append(Left(channel, float(detection.p_value[place]), gain, own, weights))
+        out.append(Left(channel, float(detection.p_value[place]), gain, own, slopes, weights))
     return sorted(out, key=lambda one: -one.gain)
 
 

@@ -261,3 +261,26 @@ def test_packaged_database_is_this_one_and_complete():
     assert set(OUTPUT_MESSAGES) == {row[1] for row in ROWS if row[3] == "ADHESION"}, (
         "what we send is what node ADHESION sends"
     )
+
+
+TEXT = 'VERSION ""\nBU_: A\nBO_ 256 M: 8 A\n SG_ T : 0|16@1+ (0.1,0) [0|0] "{}" A\n'
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig"])
+@pytest.mark.parametrize("unit", ["°C", "µm/m²", "K"])
+def test_units_are_read_in_the_encoding_that_they_are_written_in(tmp_path, encoding, unit):
+    path = tmp_path / "a.dbc"
+    path.write_bytes(TEXT.format(unit).encode(encoding))
+    assert load_database(path).message("M").signals[0].unit == unit
+
+
+def test_xml_keeps_the_encoding_of_its_format(tmp_path):
+    path = tmp_path / "a.kcd"
+    path.write_text(
+        '<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0"><Document/>'
+        '<Bus name="B"><Message id="0x1" length="1" name="M"><Signal name="T" offset="0">'
+        '<Value type="unsigned" slope="1" unit="°C"/>'
+        "</Signal></Message></Bus></NetworkDefinition>",
+        encoding="utf-8",
+    )
+    assert load_database(path).message("M").signals[0].unit == "°C"

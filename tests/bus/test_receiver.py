@@ -1,17 +1,24 @@
 """Frames in, readings out: every reason to reject, and what a rejected frame must not do."""
 
+import struct
 from collections import Counter
+from math import inf
+from pathlib import Path
 
+import numpy as np
 import pytest
 from bus_helpers import payload_of, sealed
+from cantools.database import load_string
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.bus.database import load_database
+from adhesion_can.bus.block import Block
+from adhesion_can.bus.database import CanDatabase, load_database
 from adhesion_can.bus.e2e import Rejection
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.roles import SignalChoice, bind, contract_choices, cycles_of
+from adhesion_can.errors import ConfigError
 from adhesion_can.physics.data import Reading, Role
 
 RADII = (0.625,) * 6
@@ -411,3 +418,65 @@ def test_a_choice_may_take_all_ones_as_a_value():
 def test_only_the_signals_that_have_a_role_can_reject_a_frame():
     heard = bound(SignalChoice(Role.VEHICLE_SPEED, 0, "VehicleSpeed", "VehicleSpeed"))
     assert isinstance(heard.accept(Frame(0, 0x111, speed_payload(0, 500, source=9))), list)
+
+
+# --- databases with faults -----------------------------------------------------------------------
+
+
+def bound_of(size, *signals, role=Role.WHEEL_SPEED, extra=""):
+    """A message of these lines of a DBC, whose signal S has a role."""
+    lines = "".join(f" SG_ {signal} A\n" for signal in signals)
+    text = f'VERSION ""\nBU_: A\nBO_ 256 M: {size} A\n{lines}{extra}'
+    database = CanDatabase(Path("u.dbc"), "", load_string(text, "dbc", strict=False))
+    return bind([SignalChoice(role, 1, "M", "S")], database, RADII, "c.toml")
+
+
+@pytest.mark.parametrize(
+    ("size", "place"), [(8, "56|16@1+"), (8, "60|16@0+"), (8, "0|72@1+"), (2, "12|16@1+")]
+)
+def test_a_role_on_a_signal_that_leaves_its_message_is_told(size, place):
+    with pytest.raises(
+        ConfigError, match=r"M\.S cannot be decoded: .*; correct the signal"
+    ) as error:
+        bound_of(size, f'S : {place} (0.01,0) [0|0] "rad/s"')
+    assert error.value.where == "c.toml: roles.wheel_speed.1"
+
+
+@pytest.mark.parametrize(
+    ("lines", "what"),
+    [
+        (['X M : 60|8@1+ (1,0) [0|0] ""', 'S m1 : 0|16@1+ (1,0) [0|0] "rad/s"'], "multiplexer X"),
+        (['X M : 56|8@1+ (1,0) [0|0] ""', 'S m1 : 0|16@1+ (1,0) [0|0] "rad/s"'], None),
+        (['X : 60|8@1+ (1,0) [0|0] ""', 'S : 0|16@1+ (1,0) [0|0] "rad/s"'], None),
+    ],
+)
+def test_a_role_whose_selector_leaves_its_message_is_told(lines, what):
+    if what is None:  # of faults of other signals nothing is asked
+        assert bound_of(8, *lines)
+        return
+    with pytest.raises(ConfigError, match=what):
+        bound_of(8, *lines)
+
+
+@pytest.mark.parametrize("unit", ["N", "kN"])
+@pytest.mark.parametrize("value", [1e306, -1e306, 1e308, inf, -inf, float("nan"), 1e200, -0.5])
+def test_a_number_that_is_none_in_si_is_out_of_range_in_blocks_too(unit, value):
+    messages = bound_of(
+        8,
+        f'S : 0|64@1- (1,0) [0|0] "{unit}"',
+        role=Role.TRACTIVE_EFFORT,
+        extra="SIG_VALTYPE_ 256 S : 2;\n",
+    )
+    frames = [Frame(i, 256, struct.pack("<d", number)) for i, number in enumerate((value, 1.0))]
+    one, other = Receiver(messages), Receiver(messages)
+    outcomes = [one.accept(frame) for frame in frames]
+    received = other.accept_block(Block.of(frames), np.array([0, 1]))
+    (times, values) = received.readings[Role.TRACTIVE_EFFORT, 1]
+    fits = abs(value) * {"N": 1, "kN": 1000}[unit] < inf
+    assert (outcomes[0] is not Rejection.RANGE) == fits
+    readings = [r for found in outcomes if isinstance(found, list) for r in found]
+    assert times.tolist() == [r.t_us for r in readings] == ([0, 1] if fits else [1])
+    assert values.tolist() == [r.value for r in readings]
+    (a,), (b,) = one.records, other.records
+    assert a.rejected == b.rejected == ({} if fits else {Rejection.RANGE: 1})
+    assert (a.not_available, b.not_available) == (0, 0)

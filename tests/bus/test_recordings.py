@@ -1,10 +1,14 @@
 """Recordings of every format, their faults, and files that appear whole or not at all."""
 
+import contextlib
 import gc
 import gzip
+import logging
+import os
 import random
 import sqlite3
 from itertools import pairwise
+from pathlib import Path
 
 import can
 import pytest
@@ -623,3 +627,109 @@ def test_a_frame_that_no_bus_carries_ends_the_reading_like_any_fault(
     for block in Recording(path).blocks():
         assert len(block) == 1
         break
+
+
+# --- what a reader passes over -------------------------------------------------------------------
+
+
+def read_both_ways(path):
+    """A recording of the path, read in frames and in blocks, and what each told."""
+    by_frame, by_block = Recording(path), Recording(path)
+    items = list(by_frame)
+    assert [item for block in by_block.blocks() for item in block.items()] == items
+    assert by_block.report == by_frame.report
+    return items, by_frame.report
+
+
+def test_lines_that_python_can_warns_of_are_told_once(tmp_path, capfd):
+    path = written(tmp_path / "a.trc", plain_frames(20))
+    lines = path.read_text().splitlines()
+    lines[-5:-5] = ["what", "and this", "and all of this here"]
+    path.write_text("\n".join(lines))
+    items, report = read_both_ways(path)
+    assert len(items) == 20
+    logged, counted = sorted(report.notes)
+    assert logged.startswith("python-can gives 2 warnings")
+    assert "'what'" in logged
+    assert "3 of 23 lines" in counted  # of one of them it logs nothing
+    assert not capfd.readouterr().err
+    assert not logging.getLogger("can.io").handlers
+
+
+def test_a_reader_that_is_left_early_tells_its_warnings_and_listens_no_more(tmp_path):
+    path = written(tmp_path / "a.trc", plain_frames(20))
+    lines = path.read_text().splitlines()
+    lines[-19:-19] = ["x" * 1000]
+    path.write_text("\n".join(lines))
+    recording = Recording(path)
+    frames = iter(recording)
+    for _ in range(5):
+        next(frames)
+    logging.getLogger("can.interfaces").warning("of something else")
+    frames.close()
+    (note,) = recording.report.notes
+    assert note.startswith("python-can gives a warning")
+    assert len(note) < 200
+    assert not logging.getLogger("can.io").handlers
+
+
+@pytest.mark.parametrize("suffix", [*SUFFIXES, ".trc.gz", ".asc.gz"])
+def test_whole_files_are_read_without_a_note(tmp_path, suffix):
+    path = written(tmp_path / f"a{suffix}", plain_frames(20))
+    assert read_both_ways(path)[1].notes == []
+
+
+def test_a_blf_that_is_cut_is_told(tmp_path):
+    path = written(tmp_path / "a.blf", plain_frames(20_000))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) * 2 // 3])
+    recording = Recording(path)
+    with contextlib.suppress(RecordingError):
+        list(recording)
+    (note,) = recording.report.notes
+    assert f"{len(whole) * 2 // 3} of the {len(whole)} bytes" in note
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_an_asc_that_is_cut_is_told(tmp_path, packed):
+    path = written(tmp_path / "a.asc", plain_frames(20))
+    lines = path.read_bytes().splitlines(keepends=True)
+    path = tmp_path / ("b.asc.gz" if packed else "b.asc")
+    text = b"".join(lines[:15])
+    path.write_bytes(gzip.compress(text) if packed else text)
+    items, report = read_both_ways(path)
+    assert 5 < len(items) < 20
+    (note,) = report.notes
+    assert "may be cut" in note
+
+
+# --- what is no file, and marks in front of text -------------------------------------------------
+
+
+def test_a_pipe_is_told_before_anything_waits_for_it(tmp_path):
+    path = tmp_path / "a.log"
+    os.mkfifo(path)
+    with pytest.raises(RecordingError) as error:
+        Recording(path)
+    assert_one_line(error.value, "a.log", "is a pipe", "write it to a file first")
+    ends = os.pipe()  # as a shell's <(..)
+    try:
+        with pytest.raises(RecordingError, match="is a pipe"):
+            Recording(Path(f"/dev/fd/{ends[0]}"))
+    finally:
+        for end in ends:
+            os.close(end)
+
+
+@pytest.mark.parametrize("suffix", ["", ".gz"])
+def test_a_byte_order_mark_is_no_part_of_the_first_line(tmp_path, suffix):
+    frames = plain_frames(5)
+    text = b"\xef\xbb\xbf" + "".join(map(format_frame, frames)).encode()
+    path = tmp_path / f"a.log{suffix}"
+    path.write_bytes(gzip.compress(text) if suffix else text)
+    items, report = read_both_ways(path)
+    assert items == frames
+    assert report.kinds == {"frame": 5}
+    named = tmp_path / "a.candump"  # known by its first line alone
+    named.write_bytes(text[: text.index(b"\n") + 1])
+    assert read_both_ways(named)[0] == frames[:1]

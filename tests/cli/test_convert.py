@@ -205,6 +205,86 @@ def test_several_channels_are_told_and_one_can_be_taken(tmp_path, capsys):
     assert "of other channels: 6 frames (can0: 3, can2: 3)" in capsys.readouterr().out
 
 
+def test_exports_of_one_recording_lie_over_each_other_in_mf4(log, tmp_path):
+    for name in ("WheelSpeeds1", "WheelSpeeds2"):
+        assert convert(log, "--out", tmp_path / f"{name}.mf4", "--signals", name) == 0
+    with MDF(tmp_path / "WheelSpeeds1.mf4") as one, MDF(tmp_path / "WheelSpeeds2.mf4") as two:
+        assert one.header.abs_time == two.header.abs_time == 1_700_000_000 * 10**9
+        assert one.get("WheelSpeed_Ax1").timestamps[0] == 0
+        assert two.get("WheelSpeed_Ax4").timestamps[0] == 0.00025
+
+
+def test_mf4_of_times_that_run_back_is_told(tmp_path, capsys):
+    path = tmp_path / "a.log"
+    path.write_text("".join(line(k, 180, bytes(8)) for k in (9, 5, 7)))
+    told = "MF4 wants rising times: frames stamped before"
+    assert convert(path, "--dbc", CAR, "--out", tmp_path / "o.csv") == 0
+    assert told not in capsys.readouterr().out
+    assert convert(path, "--dbc", CAR, "--out", tmp_path / "o.mf4") == 0
+    assert told in capsys.readouterr().out
+    with MDF(tmp_path / "o.mf4") as mdf:
+        assert mdf.get("SPEED").timestamps.tolist() == pytest.approx([-4e-6, -2e-6, 0.0])
+    path.write_text("".join(line(k, 180, bytes(8)) for k in (5, 7, 9)))
+    assert convert(path, "--dbc", CAR, "--out", tmp_path / "o.mf4") == 0
+    assert told not in capsys.readouterr().out
+
+
+TWICE = """VERSION ""
+BU_: A
+BO_ 256 M: 8 A
+ SG_ X : 0|8@1+ (1,0) [0|0] "" A
+BO_ 257 M: 8 A
+ SG_ X : 0|8@1+ (1,0) [0|0] "" A
+BO_ 2147483905 M: 2 A
+ SG_ X : 0|8@1+ (1,0) [0|0] "" A
+ SG_ Beyond : 8|16@1+ (1,0) [0|0] "" A
+"""
+
+
+@pytest.fixture
+def twice(tmp_path):
+    """A database with one name for three messages, and frames of each of them on its own bus."""
+    (tmp_path / "m.dbc").write_text(TWICE)
+    path = tmp_path / "m.log"
+    frames = [(256, 8, "can0"), (257, 8, "can1"), (257, 8, "can1"), (257, 3, "can1")]
+    lines = [line(k, n, bytes(size), bus) for k, (n, size, bus) in enumerate(frames)]
+    path.write_text("".join(lines) + "(0.000009) can2 00000101#0102\n")
+    return path, "--dbc", tmp_path / "m.dbc"
+
+
+def test_messages_of_one_name_are_counted_each_under_its_id(twice, tmp_path, capsys):
+    report = tmp_path / "o.json"
+    assert convert(*twice, "--out", tmp_path / "o.csv", "--json", report) == 0
+    out = capsys.readouterr().out
+    counts = [
+        (m["name"], m["id"], m["extended"], m["frames"], m["decoded"], m["rejected"])
+        for m in json.loads(report.read_text())["messages"]
+    ]
+    assert counts == [
+        ("M", 0x100, False, 1, 1, {}),
+        ("M", 0x101, False, 3, 2, {"length": 1}),
+        ("M", 0x101, True, 1, 1, {}),
+    ]
+    assert re.search(r"M 0x100 +1 +1 +0 +0\b", out)
+    assert re.search(r"M 0x101 +3 +2 +length: 1 +0\b", out)
+    assert re.search(r"M 0x00000101 +1 +1 +0 +0\b", out)
+    assert "several channels" not in out
+
+
+def test_a_signal_that_cannot_be_decoded_tells_why_when_asked_for_alone(twice, tmp_path, capsys):
+    err = fails(capsys, *twice, "--out", tmp_path / "o.csv", "--signals", "M.Beyond")
+    assert "it has M: 5; M.Beyond: cannot be decoded: " in err
+
+
+def test_the_help_says_where_log_stands_and_what_buses_are_called(log, tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        convert("--help")
+    text = " ".join(capsys.readouterr().out.split())
+    assert "LOG stands in front of it, or behind a '--'" in text
+    assert "formats that number their buses have can0, can1, .." in text
+    assert convert("--out", tmp_path / "o.csv", "--signals", "WheelSpeeds1", "--", log) == 0
+
+
 @pytest.mark.parametrize("kind", ["kcd", "sym"])
 def test_a_database_of_another_format(tmp_path, kind):
     database = cantools.database.load_file(CAR)
@@ -290,9 +370,9 @@ def test_a_recording_without_a_row_tells_why(tmp_path, capsys, lines, options, t
         (("{log}", "--out", "{dir}/none/o.csv"), "its folder does not exist"),
         (("{log}", "--out", "{dir}/o.xls"), "of no known format"),
         (("{log}", "--out", "{dir}/o.csv", "--json", "{dir}/none/o.json"), "--json"),
-        (("{log}", "--out", "{dir}/o.csv", "--json", "{dir}/x/../o.csv"), "another file"),
-        (("{log}", "--out", "{dir}/o.csv", "--dbc", "{dir}/o.csv"), "another file"),
-        (("{dir}/r.csv", "--out", "{dir}/r.csv"), "another file"),
+        (("{log}", "--out", "{dir}/o.csv", "--json", "{dir}/x/../o.csv"), "of --out too"),
+        (("{log}", "--out", "{dir}/o.csv", "--dbc", "{dir}/o.csv"), "is one of the inputs"),
+        (("{dir}/r.csv", "--out", "{dir}/r.csv"), "is one of the inputs"),
         (("{dir}/none.log", "--out", "{dir}/o.csv"), "No such file"),
         (("{log}", "--out", "{dir}/o.csv", "--dbc", "{dir}/none.dbc"), "No such file"),
         (("{log}", "--out", "{dir}/o.csv", "--dbc", "{log}"), "CAN database"),

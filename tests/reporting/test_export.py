@@ -218,6 +218,37 @@ def test_mf4_reads_back_as_cantools_decodes(tmp_path):
         assert all(same(a, b) for a, (_, b) in zip(values.tolist(), pairs, strict=True)), name
 
 
+def test_the_time_of_mf4_begins_where_the_recording_does(tmp_path):
+    """Two files of one recording lie over each other, whatever rows each of them holds."""
+    with open_recording(tmp_path / "a.mf4", {}) as writer:
+        writer.begin(T0_NS)
+        decoder, rows = Decoder(DATABASE), MessageRows(DATABASE)
+        frames = [Frame(0, 291, bytes(8)), Frame(0, 291, bytes(8))]
+        block = replace(Block.of(frames), t_ns=np.array([T0_NS + 5 * 10**9, T0_NS + 7 * 10**9]))
+        writer.write(rows.of(decoder.decode(block)))
+    start_ns, columns = mf4_columns(tmp_path / "a.mf4")
+    assert start_ns == T0_NS
+    assert columns["Plain", "Count"][0].tolist() == [5.0, 7.0]
+
+
+@given(st.lists(st.integers(0, 20), min_size=1, max_size=20))
+def test_the_times_of_mf4_rise_within_what_is_written_at_once(tmp_path_factory, seconds):
+    path = tmp_path_factory.getbasetemp() / "rising.mf4"
+    count = len(seconds)
+    group = Group("M", (Field("place"), Field("even", optional=True)))
+    places = np.arange(count)
+    numbers = places.astype(float)
+    columns = [Column(numbers), Column(numbers, places % 2 == 1)]
+    with open_recording(path, {}) as writer:
+        writer.begin(0)
+        writer.write([Rows(group, places, np.array(seconds) * 10**9, columns)])
+    _, held = mf4_columns(path)
+    order = sorted(range(count), key=lambda row: seconds[row])  # stable
+    assert held["M", "place"][0].tolist() == [seconds[row] for row in order]
+    assert held["M", "place"][1].tolist() == order
+    assert held["M", "even"][1].tolist() == [row for row in order if row % 2 == 0]
+
+
 def test_mf4_says_units_comments_values_and_where_it_comes_from(tmp_path):
     write(tmp_path / "a.mf4", recorded()[0])
     with MDF(tmp_path / "a.mf4") as mdf:
@@ -330,6 +361,26 @@ def test_a_failure_at_the_end_leaves_nothing(tmp_path, suffix, monkeypatch):
         with pytest.raises(InputError, match="No space left on device"):
             write(tmp_path / f"a{suffix}", recorded()[0])
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_failing_removal_does_not_hide_the_error(tmp_path, suffix, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(30, "Read-only file system")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "unlink", refuse)
+        with pytest.raises(KeyboardInterrupt):
+            write(tmp_path / f"a{suffix}", recorded()[0], fail=True)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_name_that_is_too_long_is_told(tmp_path, suffix):
+    path = tmp_path / ("x" * 300 + suffix)
+    with pytest.raises(InputError, match="File name too long"):
+        require_format(path, "--out")
+    with pytest.raises(InputError, match="File name too long"):
+        write(path, recorded()[0])
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -42,6 +42,14 @@ class Writer:
         self._path = path
         self._sink = sink
 
+    def begin(self, t_ns: int) -> None:
+        """Say where the recording begins, ns: the time of MF4 counts from there.
+
+        Files of one recording that hold other rows lie over each other then. To be called before
+        the first rows; without it, time counts from the first row.
+        """
+        self._sink.begin(t_ns)
+
     def write(self, rows: Sequence[Rows]) -> None:
         """Append rows; `Rows.place` is their order."""
         with _told(self._path):
@@ -79,8 +87,9 @@ def require_format(path: Path, option: str) -> None:
         raise InputError(
             f"{option} {path}", "of no known format", f"give a name in {', '.join(SUFFIXES)}"
         )
-    if path.is_dir():
-        raise InputError(f"{option} {path}", "is a folder", "name a file")
+    with _told(path):
+        if path.is_dir():
+            raise InputError(f"{option} {path}", "is a folder", "name a file")
     if suffix in _EXTRAS:
         _module(suffix, path)
 
@@ -90,7 +99,8 @@ def open_recording(path: Path, origin: Mapping[str, str]) -> Iterator[Writer]:
     """A file for the rows of many messages.
 
     CSV and Parquet: a row a frame in their order, columns `time_s`, `message` and 'Message.Signal'
-    for each. MF4: a channel group a message.
+    for each. MF4: a channel group a message, its rows in the order of their stamps as far as they
+    are written at once.
 
     Args:
         path: of the file; its suffix says the format.
@@ -115,6 +125,8 @@ def open_table(
     decimals: int = 6,
 ) -> Iterator[TableWriter]:
     """A file for the rows of one table: `time_s`, then its fields.
+
+    The time of MF4 counts from the first row.
 
     Args:
         path: of the file; its suffix says the format.

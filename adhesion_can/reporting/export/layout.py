@@ -117,6 +117,9 @@ class Rows(NamedTuple):
 class Sink(Protocol):
     """A file in the making, which knows a group from its first rows on."""
 
+    def begin(self, t_ns: int) -> None:
+        """Where its time begins, if it counts from a start."""
+
     def write(self, rows: Sequence[Rows]) -> None:
         """Append rows; `Rows.place` is their order."""
 

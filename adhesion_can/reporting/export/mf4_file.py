@@ -23,7 +23,8 @@ class Mf4File:
     multiplexer's choice would do without, but tear a message into parts of which each repeats the
     signals that all choices share, and choices may be nested.
 
-    The file's start is the stamp of the first row, and times count from there.
+    Times count from the file's start: where `begin` puts it, else the stamp of the first row. MF4
+    wants them to rise, so that rows written at once are sorted by time, each group for itself.
 
     Args:
         path: of the finished file.
@@ -47,16 +48,21 @@ class Mf4File:
             columns = [Column(np.empty(0, field.dtype)) for field in group.fields]
             self._append(Rows(group, empty, empty, columns), np.empty(0))
 
+    def begin(self, t_ns: int) -> None:
+        """Where the file's time begins; before the first rows."""
+        self._start_ns = max(t_ns, 0)  # the format knows none before 1970
+
     def write(self, rows: Sequence[Rows]) -> None:
         """Append rows."""
         if not count(rows):
             return
         if self._start_ns is None:
-            self._start_ns = max(int(in_order(rows)[0]), 0)
-        for part in rows:
-            if not len(part.t_ns):
+            self.begin(int(in_order(rows)[0]))
+        for given in rows:
+            if not len(given.t_ns):
                 continue
-            time_s = (part.t_ns - self._start_ns) / SECOND
+            part = _rising(given)
+            time_s = (part.t_ns - (self._start_ns or 0)) / SECOND
             if part.group.name not in self._number:
                 self._append(part, time_s)
             else:
@@ -78,11 +84,11 @@ class Mf4File:
 
     def abandon(self) -> None:
         """Leave nothing behind."""
-        self._mdf.close()
-        # On a full disk what is still to be written cannot be, and need not.
-        with suppress(OSError):
-            self._file.close()
-        self._part.unlink(missing_ok=True)
+        # On a full disk what is still to be written cannot be, and need not; and what led here is
+        # the error to be told.
+        for end in (self._mdf.close, self._file.close, self._part.unlink):
+            with suppress(OSError):
+                end()
 
     def _append(self, rows: Rows, time_s: NDArray[np.float64]) -> None:
         group = rows.group
@@ -110,6 +116,18 @@ class Mf4File:
             comment=group.comment,
             common_timebase=True,
         )
+
+
+def _rising(rows: Rows) -> Rows:
+    """The rows in the order of their stamps; those of one stamp stay as they are."""
+    if (np.diff(rows.t_ns) >= 0).all():
+        return rows
+    order = np.argsort(rows.t_ns, kind="stable")
+    columns = [
+        Column(c.values[order], None if c.missing is None else c.missing[order])
+        for c in rows.columns
+    ]
+    return rows._replace(t_ns=rows.t_ns[order], columns=columns)
 
 
 def _stored(field: Field, column: Column) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:

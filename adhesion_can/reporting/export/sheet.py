@@ -52,6 +52,9 @@ class Sheet:
         if groups:
             self._begin()
 
+    def begin(self, t_ns: int) -> None:
+        """Nothing: its stamps are those of the recording."""
+
     def write(self, rows: Sequence[Rows]) -> None:
         """Append rows."""
         held = [part for part in rows if len(part.t_ns)]
@@ -73,14 +76,18 @@ class Sheet:
             last = self._joined
             self._form.join(self._parts, last, list(self._groups.values()))
         last.replace(self._path)
-        self._clear()
+        for path in self._made():
+            path.unlink(missing_ok=True)
 
     def abandon(self) -> None:
         """Leave nothing behind."""
         # What is thrown away need not be whole: on a full disk its end cannot be written either.
         with suppress(OSError):
             self._end()
-        self._clear()
+        for path in self._made():
+            # The error that led here is the one to be told.
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
 
     def _begin(self) -> None:
         self._end()
@@ -93,6 +100,6 @@ class Sheet:
         if part is not None:
             part.close()
 
-    def _clear(self) -> None:
-        for path in (*(part for part, _ in self._parts), self._joined):
-            path.unlink(missing_ok=True)
+    def _made(self) -> list[Path]:
+        """Files under temporary names, those that are gone by now among them."""
+        return [*(part for part, _ in self._parts), self._joined]
