@@ -82,22 +82,22 @@ class ColumnCore(Speaker):
         events = self._events(block, t_us, received)
         self._now_us = int(t_us[-1])
         first = min((int(rows[0]) for rows in received.accepted if len(rows)), default=None)
-        opening = np.empty(0, dtype=np.int64)
+        opened_by = -1
         if not self._due and first is not None:
-            t0_us = int(t_us[first])
+            opened_by, t0_us = first, int(t_us[first])
             self._due = dict.fromkeys(self._cycles, t0_us)
             self._heard_us = [t0_us] * len(self.configuration.messages)
-            opening = np.array([first + 1])
         due = self._due_times()
         # Rows that were taken before each due time; before the very first one the frame that
         # opens the service was judged as well.
         known = np.searchsorted(t_us, due)
-        known[: len(opening)] = opening
+        if opened_by >= 0:
+            known[0] = opened_by + 1
         self._former.take(received.readings)
         self._moments = self._moments_of(due, received, known, rejected, lost)
         frames: list[Frame] = []
         for event in events:
-            if not len(opening) or first is None or event.row > first:
+            if event.row > opened_by:
                 frames += self._emit(event.at_us)
             event.happen()
         return frames + self._emit(self._now_us)
