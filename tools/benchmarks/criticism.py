@@ -1,6 +1,5 @@
 """`diagnose` on drives that hide an effect: seconds, memory, and what a longer drive costs."""
 
-import argparse
 import json
 import subprocess
 import sys
@@ -10,7 +9,8 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
-from _report import Report, aside
+from _report import aside
+from _rows import positive, row_parser, run_rows
 
 ROOT = Path(__file__).resolve().parents[2]
 # The folder of this file is on the path; the worlds need the project's.
@@ -135,49 +135,24 @@ def recordings_row(report, options, folder):
 ROWS = {"time": time_row, "length": length_row, "recordings": recordings_row}
 
 
-def names(text):
-    chosen = text.split(",")
-    for name in chosen:
-        if name not in ROWS:
-            raise argparse.ArgumentTypeError(f"no row {name!r}; there are: {', '.join(ROWS)}")
-    return chosen
-
-
-def count(text):
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-    return value
-
-
 def parsed():
-    rows = "; ".join(f"{name}: {row.__doc__}" for name, row in ROWS.items())
-    parser = argparse.ArgumentParser(prog="tools/bench criticism", epilog=f"rows: {rows}")
+    parser = row_parser("criticism", ROWS)
     add = parser.add_argument
-    add("--only", type=names, default=list(ROWS), metavar="ROW,..", help="these rows (default all)")
     add(
         "--repeats",
-        type=count,
+        type=positive(int),
         default=3,
         metavar="N",
         help="drives of each kind, and rounds of each comparison (default 3)",
     )
-    add("--seed", type=count, default=1, metavar="N", help="of the drives (default 1)")
+    add("--seed", type=positive(int), default=1, metavar="N", help="of the drives (default 1)")
     return parser.parse_args()
 
 
 def main():
     options = parsed()
-    report = Report()
     with TemporaryDirectory(prefix="bench-") as folder:
-        for name in options.only:
-            print(f"\n{name}: {ROWS[name].__doc__}", flush=True)
-            began = time.perf_counter()
-            ROWS[name](report, options, Path(folder))
-            report.tell(f"({time.perf_counter() - began:.0f} s)")
-    print(f"\n{report.met} of {report.met + len(report.missed)} targets met")
-    for what in report.missed:
-        print(f"  MISSED: {what}")
+        run_rows(ROWS, options, Path(folder))
 
 
 if __name__ == "__main__":

@@ -1,14 +1,12 @@
 """The tracker: how exact, how soon, how seldom wrong, how fast; each figure beside its target."""
 
-import argparse
 import os
-import time
 
 from _accuracy import accuracy, slow
 from _alarms import alarm_row, delay_row
 from _cost import memory_row, time_row
 from _doubt import excitation_row, variables_row
-from _report import Report
+from _rows import positive, row_parser, run_rows
 
 ROWS = {
     "accuracy": accuracy,
@@ -22,31 +20,10 @@ ROWS = {
 }
 
 
-def names(text):
-    chosen = text.split(",")
-    for name in chosen:
-        if name not in ROWS:
-            raise argparse.ArgumentTypeError(f"no row {name!r}; there are: {', '.join(ROWS)}")
-    return chosen
-
-
-def positive(kind):
-    def convert(text):
-        value = kind(text)
-        if not 0 < value < float("inf"):
-            raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-        return value
-
-    convert.__name__ = kind.__name__
-    return convert
-
-
 def parsed():
-    rows = "; ".join(f"{name}: {row.__doc__}" for name, row in ROWS.items())
-    parser = argparse.ArgumentParser(prog="tools/bench identification", epilog=f"rows: {rows}")
+    parser = row_parser("identification", ROWS)
     count, hours = positive(int), positive(float)
     add = parser.add_argument
-    add("--only", type=names, default=list(ROWS), metavar="ROW,..", help="these rows (default all)")
     add("--runs", type=count, default=50, metavar="N",
         help="Monte-Carlo runs of accuracy and variables; four times as many for delay and "
         "excitation, a twelfth for slow (default 50)")  # fmt: skip
@@ -61,16 +38,7 @@ def parsed():
 
 
 def main():
-    options = parsed()
-    report = Report()
-    for name in options.only:
-        print(f"\n{name}: {ROWS[name].__doc__}", flush=True)
-        began = time.perf_counter()
-        ROWS[name](report, options)
-        report.tell(f"({time.perf_counter() - began:.0f} s)")
-    print(f"\n{report.met} of {report.met + len(report.missed)} targets met")
-    for what in report.missed:
-        print(f"  MISSED: {what}")
+    run_rows(ROWS, parsed())
 
 
 if __name__ == "__main__":

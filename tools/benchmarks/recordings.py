@@ -1,6 +1,5 @@
 """Recordings at speed: the ladder of ways to read one, our place in it, and what replay takes."""
 
-import argparse
 import subprocess
 import sys
 import time
@@ -9,7 +8,8 @@ from statistics import median
 
 import _ladder_data as data
 from _ladder import Way, climb, said_by, speed, table, times_as_fast
-from _report import Report, aside
+from _report import aside
+from _rows import positive, row_parser, run_rows
 from _ways import BUILD, ladder, ours
 
 FOLDER = BUILD / "bench"
@@ -151,34 +151,11 @@ def replay_row(report, options):
 ROWS = {"ladder": ladder_row, "linear": linear_row, "parts": parts_row, "replay": replay_row}
 
 
-def names(text):
-    chosen = text.split(",")
-    for name in chosen:
-        if name not in ROWS:
-            raise argparse.ArgumentTypeError(f"no row {name!r}; there are: {', '.join(ROWS)}")
-    return chosen
-
-
-def positive(kind):
-    def convert(text):
-        value = kind(text)
-        if not 0 < value < float("inf"):
-            raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-        return value
-
-    convert.__name__ = kind.__name__
-    return convert
-
-
 def parsed():
-    rows = "; ".join(f"{name}: {row.__doc__}" for name, row in ROWS.items())
-    parser = argparse.ArgumentParser(
-        prog="tools/bench recordings",
-        epilog=f"rows: {rows} Files and the peers' environment are kept under build/.",
-    )
+    more = " Files and the peers' environment are kept under build/."
+    parser = row_parser("recordings", ROWS, more)
     count, minutes = positive(int), positive(float)
     add = parser.add_argument
-    add("--only", type=names, default=list(ROWS), metavar="ROW,..", help="these rows (default all)")
     add("--rounds", type=count, default=5, metavar="N",
         help="of ladder and linear, each way once in each (default 5)")  # fmt: skip
     add("--replay-minutes", type=minutes, default=60.0, metavar="M",
@@ -188,16 +165,7 @@ def parsed():
 
 
 def main():
-    options = parsed()
-    report = Report()
-    for name in options.only:
-        print(f"\n{name}: {ROWS[name].__doc__}", flush=True)
-        began = time.perf_counter()
-        ROWS[name](report, options)
-        report.tell(f"({time.perf_counter() - began:.0f} s)")
-    print(f"\n{report.met} of {report.met + len(report.missed)} targets met")
-    for what in report.missed:
-        print(f"  MISSED: {what}")
+    run_rows(ROWS, parsed())
 
 
 if __name__ == "__main__":
