@@ -20,6 +20,7 @@ from adhesion_can.bus.e2e import (
     CounterSupervision,
     Rejection,
     checksums_ok,
+    counts_of,
 )
 from adhesion_can.bus.keys import UNSEEN, KeyCodes
 from adhesion_can.bus.signals import MessageSignals, SignalColumn
@@ -274,7 +275,7 @@ class _MessageDecoder:
         outcome: _Outcomes,
     ) -> int:
         """Judge the counters of the rows that passed so far, and write it into their outcome."""
-        counts = ((words[:, 0] >> np.uint64(8)) & np.uint64(0x0F)).astype(np.uint8)
+        counts = counts_of(words)
         t_us = to_micros(t_ns)
         sound = outcome == 0
         if len(block.channels) == 1:

@@ -73,6 +73,11 @@ def checksums_ok(words: NDArray[np.uint64], size: int, data_id: int) -> NDArray[
     return np.asarray(left == ids)
 
 
+def counts_of(words: NDArray[np.uint64]) -> NDArray[np.uint8]:
+    """Counters that payloads carry, as `Block.words` has them, shape (n, w): 0..15, shape (n,)."""
+    return ((words[:, 0] >> np.uint64(8)) & np.uint64(0x0F)).astype(np.uint8)
+
+
 @cache
 def _pair_tables(size: int) -> list[NDArray[np.uint8]]:
     """For each pair of bytes of a payload its part of byte 0 xor checksum, by the pair's value."""

@@ -21,6 +21,7 @@ from adhesion_can.bus.e2e import (
     Rejection,
     checksum_ok,
     checksums_ok,
+    counts_of,
 )
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import BoundMessage
@@ -306,8 +307,7 @@ def _judged(
         sound &= inside
     lost = np.zeros(len(words), dtype=np.int64)
     if message.data_id is not None:
-        count = words[:, 0].astype(np.uint16) >> 8 & 0x0F
-        judged, lost = record.supervision.accept_all(count.astype(np.uint8), t_us, sound)
+        judged, lost = record.supervision.accept_all(counts_of(words), t_us, sound)
         outcome[sound] = judged[sound]
     return outcome, lost, columns
 

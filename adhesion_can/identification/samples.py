@@ -8,9 +8,8 @@ in it and no others.
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
-from math import hypot, nan, sqrt
+from collections.abc import Mapping
+from math import hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ from adhesion_can.identification.sampling import (
     Sensors,
 )
 from adhesion_can.identification.track import WAITING, Track, Waiting
-from adhesion_can.physics.data import Reading, Role, Sample, Samples
+from adhesion_can.physics.data import Reading, Role, Sample
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.vehicle import Locomotive
 
@@ -293,14 +292,3 @@ def common_load_std(loads: np.ndarray, load_std: np.ndarray) -> float:
     if not len(loads):
         return 0.0
     return sqrt(float(np.mean((load_std / loads) ** 2)))
-
-
-def columns_of(samples: Iterable[Sample]) -> Samples:
-    """Columns of samples with every covariate that any of them carries, NaN where one does not."""
-    rows = list(samples)
-    names = sorted(set().union(*(row.covariates.keys() for row in rows)))
-    covariates = {
-        name: np.array([row.covariates.get(name, nan) for row in rows], dtype=np.float64)
-        for name in names
-    }
-    return replace(Samples.of(rows), covariates=covariates)

@@ -17,7 +17,7 @@ from adhesion_can.identification.correction import (
     with_true_instruments,
 )
 from adhesion_can.identification.extended import ExtendedEstimator, ExtendedModel
-from adhesion_can.identification.samples import SampleFormer, columns_of
+from adhesion_can.identification.samples import SampleFormer
 from adhesion_can.identification.tracker import Tracker
 from adhesion_can.physics.data import (
     Direction,
@@ -717,12 +717,3 @@ def test_delays_cost_no_memory():
             former.collect(row.t_us)
             sizes.append(len(former._speed.times) + len(former._history))
     assert max(sizes[5:]) <= max(sizes[2:6]) + 2
-
-
-def test_columns_keep_a_covariate_that_some_samples_lack():
-    samples, _ = formed(readings({}, 1.0), PERFECT)
-    early = replace(samples[0], covariates={})
-    columns = columns_of([early, *samples[1:]])
-    assert np.isnan(columns.covariates["curvature_per_m"][0])
-    assert np.isfinite(columns.covariates["curvature_per_m"][1:]).all()
-    assert columns_of([]).covariates == {}

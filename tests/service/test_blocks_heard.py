@@ -10,8 +10,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import RecordingError
-from adhesion_can.identification.samples import columns_of
-from adhesion_can.physics.data import Role, SpeedSource
+from adhesion_can.physics.data import Role, Samples, SpeedSource
 from adhesion_can.service.extract import UPDATE_US, Extraction, samples_of
 from adhesion_can.service.hear import hear
 from tests.service.test_column_core import blocks_of, spoiled
@@ -71,13 +70,15 @@ def test_samples_of_blocks_are_those_of_frames(seed, cuts):
         readings = receiver.accept(frame)
         for reading in readings if isinstance(readings, list) else ():
             former.add(reading)
-    expected = columns_of(formed + former.collect(frames[-1].t_us + 1))
+    rows = formed + former.collect(frames[-1].t_us + 1)
+    expected = Samples.of(rows)
     assert len(samples) == len(expected)
     for name in ("t_us", "axle", "slip", "adhesion", "load", "speed_us", "transient_var"):
         np.testing.assert_array_equal(getattr(samples, name), getattr(expected, name))
-    assert samples.covariates.keys() >= expected.covariates.keys()
-    for name, column in expected.covariates.items():
-        np.testing.assert_array_equal(samples.covariates[name], column)
+    assert samples.covariates.keys() >= set().union(*(row.covariates for row in rows))
+    for name, column in samples.covariates.items():
+        one_by_one = [row.covariates.get(name, np.nan) for row in rows]
+        np.testing.assert_array_equal(column, one_by_one)
     assert extraction.dropped == +former.dropped
     assert extraction.counts["frames"] == len(frames)
 
