@@ -5,7 +5,6 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from bus_helpers import DATA, real_data
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
@@ -13,6 +12,7 @@ from adhesion_can.bus.recordings import Recording
 from adhesion_can.bus.tables import is_table, read_table
 from adhesion_can.config import load_configuration
 from adhesion_can.physics.data import Role
+from tests.bus.bus_helpers import DATA, real_data
 
 FOLDER = real_data()
 pytestmark = pytest.mark.skipif(

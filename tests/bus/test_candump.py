@@ -13,7 +13,6 @@ import time
 
 import can
 import pytest
-from bus_helpers import DATA
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -27,6 +26,7 @@ from adhesion_can.bus.candump import (
 )
 from adhesion_can.bus.frame import ADVANCE, MARKS, SECOND_SENDER, Frame, Mark
 from adhesion_can.bus.recordings import Recording
+from tests.bus.bus_helpers import DATA
 
 T = 1_700_000_000_123_456
 EIGHT = bytes(range(0x11, 0x99, 0x11))

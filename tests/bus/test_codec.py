@@ -5,13 +5,13 @@ import struct
 
 import cantools
 import pytest
-from bus_helpers import DBC
 from cantools.database.can import Message, Signal
 from cantools.database.conversion import BaseConversion
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.bus.codec import MessagePlan, SignalPlan
+from tests.bus.bus_helpers import DBC
 
 OWN = cantools.database.load_file(DBC, strict=True)
 FAST = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])

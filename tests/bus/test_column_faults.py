@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bus_helpers import DBC, sealed
 from cantools.database import load_string
 from cantools.database.can import Database, Message, Signal
 from hypothesis import HealthCheck, given, settings
@@ -21,6 +20,7 @@ from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.bus.keys import UNSEEN, KeyCodes
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.roles import bind, contract_choices
+from tests.bus.bus_helpers import DBC, sealed
 
 FAST = settings(max_examples=120, deadline=None, suppress_health_check=list(HealthCheck))
 OWN = load_database(DBC)

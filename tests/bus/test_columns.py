@@ -9,7 +9,6 @@ from pathlib import Path
 import cantools
 import numpy as np
 import pytest
-from bus_helpers import DATA, DBC, real_data, sealed
 from cantools.database.can import Database, Message, Signal
 from cantools.database.conversion import BaseConversion
 from cantools.database.errors import DecodeError
@@ -21,6 +20,7 @@ from adhesion_can.bus.columns import REASONS, Decoder
 from adhesion_can.bus.database import CanDatabase, e2e_data_id, load_database
 from adhesion_can.bus.frame import MARKS, Frame, Mark
 from adhesion_can.bus.recordings import Recording
+from tests.bus.bus_helpers import DATA, DBC, real_data, sealed
 
 FAST = settings(max_examples=120, deadline=None, suppress_health_check=list(HealthCheck))
 LONG = settings(max_examples=3000, deadline=None, suppress_health_check=list(HealthCheck))

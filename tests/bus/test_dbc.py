@@ -5,7 +5,6 @@ import warnings
 
 import cantools
 import pytest
-from bus_helpers import DBC, sealed
 
 from adhesion_can.bus.database import (
     INPUT_MESSAGES,
@@ -14,6 +13,7 @@ from adhesion_can.bus.database import (
     load_database,
     packaged_path,
 )
+from tests.bus.bus_helpers import DBC, sealed
 
 STATUS = {
     0: "INIT",

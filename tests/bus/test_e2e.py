@@ -5,7 +5,6 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from bus_helpers import crc8_bitwise, e2e_checksum, sealed
 from e2e.p01 import E2E_P01_DATAID_BOTH, e2e_p01_check, e2e_p01_protect
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
@@ -18,6 +17,7 @@ from adhesion_can.bus.e2e import (
     checksums_ok,
     protect,
 )
+from tests.bus.bus_helpers import crc8_bitwise, e2e_checksum, sealed
 
 payloads = st.binary(min_size=2, max_size=64)
 data_ids = st.integers(0, 0xFFFF)

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bus_helpers import payload_of, sealed
 from cantools.database import load_string
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,6 +19,7 @@ from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.roles import SignalChoice, bind, contract_choices, cycles_of
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.data import Reading, Role
+from tests.bus.bus_helpers import payload_of, sealed
 
 RADII = (0.625,) * 6
 DATABASE = load_database()

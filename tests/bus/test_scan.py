@@ -12,7 +12,6 @@ import can
 import numpy as np
 import pytest
 import zstandard
-from bus_helpers import real_data
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -25,6 +24,7 @@ from adhesion_can.bus.scan_layout import layout_of, match_lines
 from adhesion_can.bus.scan_source import BACK, FRONT, LINE_LIMIT, Chunk
 from adhesion_can.bus.words import decimal, hexadecimal, keep
 from adhesion_can.errors import RecordingError
+from tests.bus.bus_helpers import real_data
 
 FD_SIZES = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 GOOD = b"(1700000000.123456) can0 123#1122334455667788\n"

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bad_logs import CYCLE_S, MISSING, readings, write
-from criticism_helpers import diagnosed
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+
+from tests.criticism.bad_logs import CYCLE_S, MISSING, readings, write
+from tests.criticism.criticism_helpers import diagnosed
 
 PLAIN = readings()
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from criticism_helpers import burckhardt, diagnosed, sweeps, write_table
+
+from tests.criticism.criticism_helpers import burckhardt, diagnosed, sweeps, write_table
 
 N = 4000
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from criticism_helpers import burckhardt, table_course
 
 from adhesion_can.criticism.extending import _surface
 from adhesion_can.criticism.model import Evaluation
+from tests.criticism.criticism_helpers import burckhardt, table_course
 
 
 def surface_of(factor):

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from criticism_helpers import N0, SLIP_MAX, V_MIN, Drive, J, R
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,6 +22,7 @@ from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.data import Reading, Role
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.vehicle import Locomotive
+from tests.criticism.criticism_helpers import N0, SLIP_MAX, V_MIN, Drive, J, R
 
 # --- smoothing
 

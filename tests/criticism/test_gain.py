@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from criticism_helpers import burckhardt, table_course
 from scipy.signal import lfilter
 
 from adhesion_can.criticism.gain import Held, gain_of, held_out, interval
@@ -10,6 +9,7 @@ from adhesion_can.criticism.model import Candidate, Model, Study, Theta
 from adhesion_can.criticism.stage import Stage, fit
 from adhesion_can.criticism.whitening import Stretches, Whitener
 from adhesion_can.physics.effects import effect_by_id
+from tests.criticism.criticism_helpers import burckhardt, table_course
 
 
 def residuals(rng, units, rows, effect, memory, spread):

@@ -6,8 +6,8 @@ out right over many seeds is the hunt's business.
 
 import numpy as np
 import pytest
-from criticism_helpers import diagnosed
 
+from tests.criticism.criticism_helpers import diagnosed
 from tests.worlds import NULLS, OUTSIDE, SINGLES, make_world
 
 SEED = 20261

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from criticism_helpers import C1, C2, C3, Drive, burckhardt, table_course
 
 from adhesion_can.criticism.model import (
     Candidate,
@@ -18,6 +17,7 @@ from adhesion_can.criticism.model import (
 from adhesion_can.criticism.stage import Stage, fit
 from adhesion_can.criticism.whitening import Stretches, Whitener
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
+from tests.criticism.criticism_helpers import C1, C2, C3, Drive, burckhardt, table_course
 
 CURVE = np.array([[C1, np.log(C2), C3]])
 COVARIATES = {

@@ -4,8 +4,6 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from bad_logs import write
-from criticism_helpers import SLIP_MAX, V_MIN, Drive
 
 from adhesion_can.bus.recordings import Recording
 from adhesion_can.config import load_configuration
@@ -16,6 +14,8 @@ from adhesion_can.criticism.testable import candidates_of
 from adhesion_can.criticism.words import separating
 from adhesion_can.physics.effects import EFFECTS
 from adhesion_can.service.hear import hear
+from tests.criticism.bad_logs import write
+from tests.criticism.criticism_helpers import SLIP_MAX, V_MIN, Drive
 from tests.worlds.plant import drive
 from tests.worlds.world import _World
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from criticism_helpers import burckhardt, table_course
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.physics.instruments import Instruments
+from tests.criticism.criticism_helpers import burckhardt, table_course
 
 N = 600
 

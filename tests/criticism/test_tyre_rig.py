@@ -4,7 +4,8 @@ import csv
 import gzip
 
 import pytest
-from criticism_helpers import diagnosed
+
+from tests.criticism.criticism_helpers import diagnosed
 
 STRAIGHT_DEG = 0.5
 
