@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.errors import TableError
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 FORCE, LOAD = "longitudinal_force_N", "normal_load_N"
 _KNOWN = frozenset({"time_s", "slip", "adhesion", FORCE, LOAD, "speed_mps", "axle", "segment"})

@@ -29,7 +29,7 @@ from adhesion_can.errors import ConfigError, InputError, RecordingError
 from adhesion_can.identification.calibration import Calibration, calibrate
 from adhesion_can.identification.coasting import CalibrationSettings, CoastingDrive
 from adhesion_can.identification.traces import Trace
-from adhesion_can.physics.data import Role
+from adhesion_can.physics.samples import Role
 from adhesion_can.reporting.calibration import (
     calibration_json,
     calibration_notes,

@@ -33,7 +33,7 @@ from adhesion_can.identification.correction import (
     with_true_instruments,
 )
 from adhesion_can.identification.extended import ExtendedModel
-from adhesion_can.physics.data import Estimate, Samples
+from adhesion_can.physics.samples import Estimate, Samples
 from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import console, plus_minus, table
 from adhesion_can.service.extract import samples_of

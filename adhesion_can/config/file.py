@@ -31,7 +31,7 @@ from adhesion_can.identification.prior import PriorSettings
 from adhesion_can.identification.registry import DEFAULT
 from adhesion_can.identification.sampling import SamplingSettings, Sensors
 from adhesion_can.identification.tracker import TrackerSettings
-from adhesion_can.physics.data import Role
+from adhesion_can.physics.samples import Role
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 
 

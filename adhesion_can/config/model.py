@@ -23,8 +23,8 @@ from adhesion_can.identification.samples import SampleFormer
 from adhesion_can.identification.sampling import COVARIATES, SamplingSettings, Sensors
 from adhesion_can.identification.segments import Theta
 from adhesion_can.identification.tracker import TrackerParts, TrackerSettings
-from adhesion_can.physics.data import Role
 from adhesion_can.physics.instruments import PERFECT
+from adhesion_can.physics.samples import Role
 from adhesion_can.physics.vehicle import Locomotive
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from adhesion_can.identification.extended import ExtendedModel
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Estimate
+from adhesion_can.physics.samples import Estimate
 
 
 class Verdict(StrEnum):

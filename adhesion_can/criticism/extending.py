@@ -14,9 +14,9 @@ from adhesion_can.criticism.unknown import Left
 from adhesion_can.identification.batch import fit as fit_curve
 from adhesion_can.identification.extension import ExtendedModel, Matrix
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Estimate, Samples
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.physics.samples import Estimate, Samples
 
 ONLINE = {"slip": "slip", "speed": "speed", "axle_load": "load", "time": "time_s"}
 """Channels of ours that a spline of an extended model can have, beside the covariates."""

@@ -21,8 +21,8 @@ from adhesion_can.criticism.sources import Signals, Source
 from adhesion_can.identification.sampling import COVARIATES
 from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Direction, Role
 from adhesion_can.physics.kinematics import slip_ratio
+from adhesion_can.physics.samples import Direction, Role
 from adhesion_can.physics.vehicle import Locomotive
 
 HELD = frozenset({Role.SANDING, Role.RAIN})

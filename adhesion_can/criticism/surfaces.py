@@ -27,7 +27,7 @@ from adhesion_can.criticism.model import (
 from adhesion_can.identification.batch import SegmentationSettings, change_points, fit
 from adhesion_can.physics import burckhardt
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 SETTINGS = SegmentationSettings(chunk_s=0.2, shortest_s=6.0, penalty=4.0, noise_gain=0.05)
 EXPLAINED = 0.04

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from adhesion_can.criticism.course import Course
 from adhesion_can.criticism.sources import TableSource
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 PAUSE_S = 1.0
 """Rows of a TABLE further apart than this do not follow each other."""

@@ -8,7 +8,7 @@ import numpy as np
 from adhesion_can.identification.likelihood import StandardErrors, standard_errors
 from adhesion_can.identification.samples import common_load_std
 from adhesion_can.physics.burckhardt import Array, peak
-from adhesion_can.physics.data import Estimate, Identifiable, Samples
+from adhesion_can.physics.samples import Estimate, Identifiable, Samples
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from adhesion_can.identification.assessment import IdentifiabilitySettings, assess
 from adhesion_can.identification.likelihood import innovation, sensitivity, sum_of_squares
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Estimate, Identifiable, Samples
+from adhesion_can.physics.samples import Estimate, Identifiable, Samples
 
 STEEPNESS = np.geomspace(2.0, 400.0, 60)
 """Scan over c2: neighbours are 9 % apart, well within the reach of the refinement."""

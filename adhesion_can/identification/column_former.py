@@ -26,7 +26,7 @@ from adhesion_can.identification.sampling import (
     Measured,
 )
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Role, Samples
+from adhesion_can.physics.samples import Role, Samples
 
 Signal = tuple[Role, int]
 """A role and its axle, 0 where it has none."""

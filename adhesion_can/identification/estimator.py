@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from adhesion_can.physics.data import Estimate, Samples
+from adhesion_can.physics.samples import Estimate, Samples
 
 
 class Estimator(Protocol):

@@ -26,7 +26,7 @@ from adhesion_can.identification.evolution import (
 from adhesion_can.identification.likelihood import standard_errors
 from adhesion_can.identification.registry import EstimatorSettings
 from adhesion_can.physics.burckhardt import Array, adhesion, peak
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 Theta = tuple[float, float, float]
 Clock = Callable[[], float]

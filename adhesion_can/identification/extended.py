@@ -12,8 +12,8 @@ from adhesion_can.identification.estimator import Estimator
 from adhesion_can.identification.extension import ExtendedModel, Matrix
 from adhesion_can.identification.present import Held, Latest, Peaks, Present, peaks_of
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Estimate, Identifiable, Samples
 from adhesion_can.physics.effects import Memory
+from adhesion_can.physics.samples import Estimate, Identifiable, Samples
 
 __all__ = ["ExtendedEstimator", "ExtendedModel", "Matrix", "corrected"]
 

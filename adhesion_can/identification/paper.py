@@ -19,7 +19,7 @@ from adhesion_can.identification.assessment import IdentifiabilitySettings, asse
 from adhesion_can.identification.evolution import EvolutionSettings, Search, first_theta, search
 from adhesion_can.identification.likelihood import innovation
 from adhesion_can.physics.burckhardt import Array, adhesion_slope
-from adhesion_can.physics.data import Estimate, Identifiable, Samples
+from adhesion_can.physics.samples import Estimate, Identifiable, Samples
 
 MOST_SEARCHES = 6
 SETTLED = 1e-3

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.identification.segments import Points
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 ADHESION_MAX = 5.0
 """Larger ones are faults."""

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.physics.burckhardt import Array, adhesion
-from adhesion_can.physics.data import Estimate
 from adhesion_can.physics.effects import ActiveEffect, Contact, Memory, change_of
+from adhesion_can.physics.samples import Estimate
 
 POINTS = 96
 """Of the slip grid, evenly in its logarithm."""

@@ -24,8 +24,8 @@ from adhesion_can.identification.sampling import (
     Sensors,
 )
 from adhesion_can.identification.track import WAITING, Track, Waiting
-from adhesion_can.physics.data import Reading, Role, Sample
 from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.samples import Reading, Role, Sample
 from adhesion_can.physics.vehicle import Locomotive
 
 

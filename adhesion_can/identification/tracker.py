@@ -52,7 +52,7 @@ from adhesion_can.identification.segments import (
     slope_by_adhesion,
 )
 from adhesion_can.physics.burckhardt import Array, adhesion
-from adhesion_can.physics.data import CHANGED, Estimate, Identifiable, Samples
+from adhesion_can.physics.samples import CHANGED, Estimate, Identifiable, Samples
 
 MIXED_FROM = 0.05
 """Probability from which a hypothesis enters the estimate."""

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from adhesion_can.criticism.diagnosis import Diagnosis, Surface
 from adhesion_can.criticism.quantities import channel_name, effect_name, measured, short, title
 from adhesion_can.identification.extension import ExtendedModel
-from adhesion_can.physics.data import Estimate
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.base import Parameter
 from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.physics.samples import Estimate
 from adhesion_can.reporting.diagnosis import (
     CHANNEL_COLUMNS,
     EVIDENCE_COLUMNS,

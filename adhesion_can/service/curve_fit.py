@@ -29,8 +29,8 @@ from adhesion_can.identification.batch import (
 from adhesion_can.identification.correction import without_effects
 from adhesion_can.identification.likelihood import innovation, sensitivity
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Samples
 from adhesion_can.physics.effects import Memory
+from adhesion_can.physics.samples import Samples
 
 SMOOTH_US = 50_000
 """To either side: the noise of the vehicle speed fades, a sweep of the slip stays as it is."""

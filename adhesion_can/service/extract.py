@@ -11,7 +11,7 @@ from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.errors import RecordingError
 from adhesion_can.identification.column_former import Readings
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 UPDATE_US = 20_000
 

@@ -12,7 +12,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.identification.column_former import Readings
 from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Role, SpeedSource
+from adhesion_can.physics.samples import Role, SpeedSource
 from adhesion_can.service.extract import require_known
 
 Signal = tuple[Role, int]

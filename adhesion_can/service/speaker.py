@@ -15,7 +15,7 @@ from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.identification.estimator import Estimator
 from adhesion_can.identification.extended import ExtendedEstimator
-from adhesion_can.physics.data import (
+from adhesion_can.physics.samples import (
     CHANGED,
     Estimate,
     Identifiable,

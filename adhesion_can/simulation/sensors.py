@@ -11,8 +11,8 @@ from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase, e2e_data_id
 from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Direction, SpeedSource
 from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.samples import Direction, SpeedSource
 from adhesion_can.simulation.surroundings import CALM, Conditions
 
 SLOT_US = 250

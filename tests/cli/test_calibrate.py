@@ -18,7 +18,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.config.calibrated import Correction, with_correction
-from adhesion_can.physics.data import Role
+from adhesion_can.physics.samples import Role
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name

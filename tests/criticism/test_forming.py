@@ -19,8 +19,8 @@ from adhesion_can.criticism.smoothing import (
 )
 from adhesion_can.identification.samples import SampleFormer
 from adhesion_can.identification.traces import Trace
-from adhesion_can.physics.data import Reading, Role
 from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.samples import Reading, Role
 from adhesion_can.physics.vehicle import Locomotive
 from tests.criticism.criticism_helpers import N0, SLIP_MAX, V_MIN, Drive, J, R
 

@@ -27,7 +27,7 @@ from adhesion_can.identification.batch import fit
 from adhesion_can.identification.evolution import EvolutionSettings
 from adhesion_can.identification.likelihood import standard_errors, sum_of_squares
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Surface, peak
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=15)
 NAMES = tuple(BASELINES)

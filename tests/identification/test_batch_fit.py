@@ -17,7 +17,7 @@ from adhesion_can.identification.batch import (
 )
 from adhesion_can.identification.likelihood import sum_of_squares
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, peak
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=40)
 DRY, WET, GREASY = (surface.theta for surface in RAIL)

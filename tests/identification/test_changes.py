@@ -12,7 +12,7 @@ from adhesion_can.identification.prior import Prior, PriorSettings
 from adhesion_can.identification.segments import C2_NODES, LENGTH, X_NODES, Points, increment
 from adhesion_can.identification.tracker import Tracker
 from adhesion_can.physics.burckhardt import RAIL, adhesion, peak
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=25)
 DRY, WET, GREASY = (surface.theta for surface in RAIL)

@@ -11,8 +11,8 @@ from adhesion_can.identification.column_former import ColumnFormer
 from adhesion_can.identification.column_track import ColumnTrack
 from adhesion_can.identification.samples import SampleFormer
 from adhesion_can.identification.track import Track
-from adhesion_can.physics.data import Reading, Role, Samples
 from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.samples import Reading, Role, Samples
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 
 CYCLES = {

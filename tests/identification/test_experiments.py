@@ -28,7 +28,7 @@ from adhesion_can.identification.experiments import (
 )
 from adhesion_can.identification.merit import bound_slip, merit, outcome, quartiles, rms
 from adhesion_can.identification.registry import ESTIMATORS
-from adhesion_can.physics.data import Estimate, Identifiable
+from adhesion_can.physics.samples import Estimate, Identifiable
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)
 SEED = 5

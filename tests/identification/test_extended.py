@@ -19,7 +19,10 @@ from adhesion_can.identification.correction import (
 from adhesion_can.identification.extended import ExtendedEstimator, ExtendedModel
 from adhesion_can.identification.samples import SampleFormer
 from adhesion_can.identification.tracker import Tracker
-from adhesion_can.physics.data import (
+from adhesion_can.physics.effects import ActiveEffect, effect_by_id
+from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.samples import (
     Direction,
     Estimate,
     Identifiable,
@@ -27,9 +30,6 @@ from adhesion_can.physics.data import (
     Role,
     Samples,
 )
-from adhesion_can.physics.effects import ActiveEffect, effect_by_id
-from adhesion_can.physics.effects.empirical import Empirical
-from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.vehicle import Locomotive
 
 BASE = (0.4, 60.0, 0.3)

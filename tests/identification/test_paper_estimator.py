@@ -12,7 +12,7 @@ from adhesion_can.identification.assessment import IdentifiabilitySettings, asse
 from adhesion_can.identification.evolution import EvolutionSettings
 from adhesion_can.identification.paper import PaperEstimator
 from adhesion_can.physics.burckhardt import RAIL, peak
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=15)
 DRY, WET, GREASY = (surface.theta for surface in RAIL)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from adhesion_can.identification.samples import SampleFormer, common_load_std
 from adhesion_can.identification.sampling import SamplingSettings, Sensors
-from adhesion_can.physics.data import Direction, Reading, Role, Sample
+from adhesion_can.physics.samples import Direction, Reading, Role, Sample
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)

@@ -25,7 +25,7 @@ from adhesion_can.identification.segments import (
     slope_at,
 )
 from adhesion_can.physics.burckhardt import adhesion, adhesion_slope
-from adhesion_can.physics.data import Sample, Samples
+from adhesion_can.physics.samples import Sample, Samples
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=40)
 SEEDS = st.integers(0, 2**32 - 1)

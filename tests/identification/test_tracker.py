@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from adhesion_can.identification.prior import Prior, PriorSettings
 from adhesion_can.identification.tracker import Tracker, TrackerParts, TrackerSettings
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, adhesion, peak
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=25)
 DRY, WET, GREASY = (surface.theta for surface in RAIL)

@@ -30,9 +30,9 @@ from adhesion_can.criticism.diagnosis import (
 )
 from adhesion_can.criticism.quantities import measured
 from adhesion_can.identification.extension import ExtendedModel
-from adhesion_can.physics.data import Estimate, Identifiable
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.physics.samples import Estimate, Identifiable
 from adhesion_can.reporting.charts import broken, thinned
 from adhesion_can.reporting.diagnosis import Source, diagnosis_json, terminal, verdict_sentences
 from adhesion_can.reporting.diagnosis_page import page

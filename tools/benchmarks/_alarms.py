@@ -13,7 +13,7 @@ from adhesion_can.identification.changes import RunLengthSettings
 from adhesion_can.identification.experiments import RATE_HZ, SURFACES
 from adhesion_can.identification.tracker import Tracker
 from adhesion_can.physics.burckhardt import RAIL, adhesion
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 NOISE = (0.01, 0.1)
 BEFORE, AFTER = 209 * POOLED, 50 * POOLED

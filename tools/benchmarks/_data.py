@@ -6,7 +6,7 @@ from adhesion_can.config import load_configuration
 from adhesion_can.identification.experiments import RATE_HZ
 from adhesion_can.identification.tracker import Tracker
 from adhesion_can.physics.burckhardt import adhesion
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name

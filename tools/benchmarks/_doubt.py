@@ -12,7 +12,7 @@ from adhesion_can.identification.experiments import SLIP_MAX as RANGE
 from adhesion_can.identification.prior import Prior, PriorSettings
 from adhesion_can.identification.tracker import Tracker, TrackerParts, TrackerSettings
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, adhesion, peak
-from adhesion_can.physics.data import Samples
+from adhesion_can.physics.samples import Samples
 
 NINETY = 1.645
 """Standard deviations of a normal distribution that hold 90 %."""

@@ -16,7 +16,7 @@ from adhesion_can.identification.assessment import IdentifiabilitySettings
 from adhesion_can.identification.baselines.memory import Memory, decay, usable
 from adhesion_can.identification.likelihood import innovation
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Array, Surface, peak
-from adhesion_can.physics.data import Estimate, Samples
+from adhesion_can.physics.samples import Estimate, Samples
 
 EDGES = 0.005 * 2.0 ** np.arange(7)
 """Of the bins of slip, narrow where curves are steep."""

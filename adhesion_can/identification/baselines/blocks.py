@@ -21,7 +21,7 @@ from adhesion_can.identification.evolution import (
     search,
 )
 from adhesion_can.identification.likelihood import innovation, sensitivity, sum_of_squares
-from adhesion_can.physics.data import Estimate, Samples
+from adhesion_can.physics.samples import Estimate, Samples
 
 BlockFit = Callable[[Samples, Estimate | None], Estimate]
 """Fit of one block, given the estimate of the block before."""

@@ -8,7 +8,7 @@ import numpy as np
 from adhesion_can.identification.assessment import IdentifiabilitySettings
 from adhesion_can.identification.samples import common_load_std
 from adhesion_can.physics.burckhardt import Array, peak, peak_gradient
-from adhesion_can.physics.data import Estimate, Identifiable, Samples
+from adhesion_can.physics.samples import Estimate, Identifiable, Samples
 
 BINS = 500
 UNKNOWN = np.diag([inf] * 3)

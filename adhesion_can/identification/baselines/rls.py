@@ -18,7 +18,7 @@ from adhesion_can.identification.assessment import IdentifiabilitySettings
 from adhesion_can.identification.baselines.memory import Memory, decay, peak_errors, usable
 from adhesion_can.identification.evolution import EvolutionSettings
 from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.data import Estimate, Samples
+from adhesion_can.physics.samples import Estimate, Samples
 
 
 @dataclass(frozen=True, slots=True)

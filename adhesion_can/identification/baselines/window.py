@@ -17,7 +17,7 @@ from adhesion_can.identification.baselines.memory import UNKNOWN, usable
 from adhesion_can.identification.evolution import EvolutionSettings
 from adhesion_can.identification.likelihood import innovation
 from adhesion_can.physics.burckhardt import Array, adhesion_slope
-from adhesion_can.physics.data import Estimate, Identifiable, Samples
+from adhesion_can.physics.samples import Estimate, Identifiable, Samples
 
 
 @dataclass(frozen=True, slots=True)

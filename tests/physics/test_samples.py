@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.physics.burckhardt import adhesion
-from adhesion_can.physics.data import Identifiable, Role, Sample, Samples
+from adhesion_can.physics.samples import Identifiable, Role, Sample, Samples
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=50)
 INTEGERS = ("t_us", "axle", "speed_us")
