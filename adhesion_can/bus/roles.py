@@ -8,7 +8,7 @@ from cantools.database.can import Message, Signal
 
 from adhesion_can.bus.codec import MessagePlan, SignalPlan
 from adhesion_can.bus.database import CanDatabase, e2e_data_id
-from adhesion_can.bus.signals import obstacle_of
+from adhesion_can.bus.signal_columns import obstacle_of
 from adhesion_can.bus.units import known_units, to_si
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.samples import Role, role_name

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 
 from adhesion_can import __version__
-from adhesion_can.bus.recordings import file_sha256, whole_file
-from adhesion_can.bus.reference import read_reference, reference_path
 from adhesion_can.cli.common import (
     add_configuration,
     add_json,
@@ -30,6 +28,8 @@ from adhesion_can.identification.calibration import Calibration, calibrate
 from adhesion_can.identification.coasting import CalibrationSettings, CoastingDrive
 from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.samples import Role
+from adhesion_can.recordings.recording import file_sha256, whole_file
+from adhesion_can.recordings.reference_speed import read_reference, reference_path
 from adhesion_can.reporting.calibration import (
     calibration_json,
     calibration_notes,

@@ -13,9 +13,8 @@ from cantools.database.can import Message
 from rich import filesize
 
 from adhesion_can.bus.block import Block
-from adhesion_can.bus.columns import Decoder
 from adhesion_can.bus.database import CanDatabase, load_database
-from adhesion_can.bus.recordings import Recording
+from adhesion_can.bus.decoder import Decoder
 from adhesion_can.cli.common import (
     add_json,
     names_of,
@@ -29,6 +28,7 @@ from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError, RecordingError
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.recordings.recording import Recording
 from adhesion_can.reporting.export import SUFFIXES, Writer, open_recording, require_format
 from adhesion_can.reporting.export.messages import MessageRows, id_text
 from adhesion_can.reporting.provenance import provenance, texts

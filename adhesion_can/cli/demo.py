@@ -20,9 +20,7 @@ import can
 from rich.live import Live
 from rich.table import Table
 
-from adhesion_can.bus.candump import format_frame
 from adhesion_can.bus.frame import Frame
-from adhesion_can.bus.recordings import from_message, to_message, whole_file
 from adhesion_can.cli.common import (
     add_json,
     make_folder,
@@ -33,6 +31,8 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import InputError
+from adhesion_can.recordings.candump import format_frame
+from adhesion_can.recordings.recording import from_message, to_message, whole_file
 from adhesion_can.reporting.phases import Row, phase_table, phases
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, plus_minus, table

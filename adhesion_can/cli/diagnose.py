@@ -12,8 +12,6 @@ from typing import Any
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from adhesion_can import __version__
-from adhesion_can.bus.recordings import file_sha256
-from adhesion_can.bus.tables import is_table, read_table
 from adhesion_can.cli.common import (
     add_configuration,
     add_json,
@@ -33,6 +31,8 @@ from adhesion_can.criticism.forming import course_of
 from adhesion_can.criticism.tabled import course_of_table
 from adhesion_can.errors import InputError
 from adhesion_can.identification.extension import ExtendedModel
+from adhesion_can.recordings.recording import file_sha256
+from adhesion_can.recordings.sample_table import is_table, read_table
 from adhesion_can.reporting.diagnosis import (
     Source,
     diagnosis_json,

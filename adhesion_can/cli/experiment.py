@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from adhesion_can import __version__
-from adhesion_can.bus.recordings import whole_file
 from adhesion_can.cli.common import (
     add_json,
     make_folder,
@@ -38,6 +37,7 @@ from adhesion_can.identification.experiments import (
 )
 from adhesion_can.identification.merit import Outcome, outcome
 from adhesion_can.identification.registry import ESTIMATORS, oracle
+from adhesion_can.recordings.recording import whole_file
 from adhesion_can.reporting.experiment import (
     CSV_COLUMNS,
     csv_rows,

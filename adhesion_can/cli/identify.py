@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from adhesion_can.bus.tables import Table, is_table, read_table
 from adhesion_can.cli.common import (
     add_configuration,
     add_json,
@@ -34,6 +33,7 @@ from adhesion_can.identification.correction import (
 )
 from adhesion_can.identification.extended import ExtendedModel
 from adhesion_can.physics.samples import Estimate, Samples
+from adhesion_can.recordings.sample_table import Table, is_table, read_table
 from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import console, plus_minus, table
 from adhesion_can.service.extract import samples_of

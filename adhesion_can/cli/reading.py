@@ -14,7 +14,7 @@ from rich.progress import (
 )
 
 from adhesion_can.bus.block import Block
-from adhesion_can.bus.recordings import Recording
+from adhesion_can.recordings.recording import Recording
 from adhesion_can.reporting.text import console
 
 Watched = Callable[[Iterable[Block]], Iterator[Block]]

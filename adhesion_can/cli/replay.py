@@ -10,9 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from adhesion_can.bus.block import Block, Kind
-from adhesion_can.bus.candump import format_frame
 from adhesion_can.bus.frame import Frame, Mark
-from adhesion_can.bus.recordings import whole_file
 from adhesion_can.cli.common import (
     MODEL_ONLINE,
     add_configuration,
@@ -30,6 +28,8 @@ from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.identification.registry import ESTIMATORS
+from adhesion_can.recordings.candump import format_frame
+from adhesion_can.recordings.recording import whole_file
 from adhesion_can.reporting.export import require_format
 from adhesion_can.reporting.provenance import estimate_json, provenance, texts
 from adhesion_can.reporting.setpoints import setpoint_table

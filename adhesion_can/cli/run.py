@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from adhesion_can.bus.recordings import whole_file
 from adhesion_can.cli.common import (
     MODEL_ONLINE,
     add_bus,
@@ -27,6 +26,7 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
+from adhesion_can.recordings.recording import whole_file
 from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import plus_minus
 from adhesion_can.service.core import ServiceCore

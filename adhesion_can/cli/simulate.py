@@ -7,10 +7,8 @@ from typing import Any
 
 import can
 
-from adhesion_can.bus.candump import format_frame
 from adhesion_can.bus.database import load_database
 from adhesion_can.bus.frame import Frame
-from adhesion_can.bus.recordings import from_message, to_message, whole_file
 from adhesion_can.cli.common import (
     add_bus,
     add_configuration,
@@ -29,6 +27,8 @@ from adhesion_can.errors import BusError, InputError
 from adhesion_can.identification.correction import require_axles, require_channels
 from adhesion_can.identification.sampling import COVARIATES
 from adhesion_can.physics.effects import ActiveEffect
+from adhesion_can.recordings.candump import format_frame
+from adhesion_can.recordings.recording import from_message, to_message, whole_file
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.simulation.run import RunSettings, Simulation

@@ -15,7 +15,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from adhesion_can.bus.recordings import whole_file
 from adhesion_can.config.strict import no_more, section, table_of, typed
 from adhesion_can.errors import ConfigError
 from adhesion_can.identification.extension import (
@@ -26,6 +25,7 @@ from adhesion_can.identification.extension import (
 )
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, Effect
 from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.recordings.recording import whole_file
 
 _KEYS = ("base", "effect", "spline", "provenance")
 _EFFECT_KEYS = ("id", "form", "parameters", "covariance")

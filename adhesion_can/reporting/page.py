@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from adhesion_can.bus.recordings import whole_file
 from adhesion_can.errors import InputError
+from adhesion_can.recordings.recording import whole_file
 
 
 @dataclass(frozen=True, slots=True)

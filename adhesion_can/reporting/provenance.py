@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from adhesion_can import __version__
-from adhesion_can.bus.recordings import file_sha256
 from adhesion_can.config import Configuration
 from adhesion_can.physics.samples import Estimate
+from adhesion_can.recordings.recording import file_sha256
 
 
 def provenance(configuration: Configuration, inputs: Sequence[Path] = ()) -> dict[str, Any]:

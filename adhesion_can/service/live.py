@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import can
 import numpy as np
 
-from adhesion_can.bus.candump import format_frame, format_mark
 from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark, to_us
-from adhesion_can.bus.recordings import from_message, to_message
+from adhesion_can.recordings.candump import format_frame, format_mark
+from adhesion_can.recordings.recording import from_message, to_message
 from adhesion_can.service.core import ServiceCore
 
 GRACE_US = 2_000

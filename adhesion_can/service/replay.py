@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
-from adhesion_can.bus.candump import ReadReport
 from adhesion_can.bus.frame import ADVANCE, Frame, Mark
-from adhesion_can.bus.recordings import Recording
 from adhesion_can.errors import RecordingError
+from adhesion_can.recordings.candump import ReadReport
+from adhesion_can.recordings.recording import Recording
 from adhesion_can.service.column_core import ColumnCore
 from adhesion_can.service.core import ServiceCore
 

@@ -12,7 +12,6 @@ import cantools
 import numpy as np
 import pytest
 
-from adhesion_can.bus.candump import format_frame
 from adhesion_can.bus.database import load_database
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.main import main
@@ -20,6 +19,7 @@ from adhesion_can.config import load_configuration
 from adhesion_can.config.calibrated import Correction, with_correction
 from adhesion_can.physics.samples import Role
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.recordings.candump import format_frame
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
 from tests.wire import Bench

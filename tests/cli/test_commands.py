@@ -11,8 +11,8 @@ from pathlib import Path
 import can
 import pytest
 
-from adhesion_can.bus.candump import parse_line
 from adhesion_can.cli.main import main
+from adhesion_can.recordings.candump import parse_line
 from tests.wire import DB, DBC, Bench, decoded, seal_ok
 
 ROOT = Path(__file__).resolve().parents[2]

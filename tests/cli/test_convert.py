@@ -388,7 +388,7 @@ def test_bad_usage_is_told_before_the_work(log, tmp_path, capsys, monkeypatch, a
     def read(*_):
         raise AssertionError("the recording was read")
 
-    monkeypatch.setattr("adhesion_can.bus.recordings.Recording.blocks", read)
+    monkeypatch.setattr("adhesion_can.recordings.recording.Recording.blocks", read)
     words = [word.format(log=log, dir=tmp_path) for word in arguments]
     assert told in fails(capsys, *words)
     assert sorted(tmp_path.iterdir()) == before

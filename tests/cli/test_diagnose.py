@@ -10,11 +10,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adhesion_can.bus.recordings import file_sha256
 from adhesion_can.cli.diagnose import command_of
 from adhesion_can.cli.main import build_parser, main
 from adhesion_can.config.extension import read_model
 from adhesion_can.criticism.diagnosis import Verdict
+from adhesion_can.recordings.recording import file_sha256
 from tests.reporting.test_diagnosis_report import (
     SECTIONS,
     empty,

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from adhesion_can.bus.recordings import Recording
 from adhesion_can.cli.main import main
+from adhesion_can.recordings.recording import Recording
 from tests.wire import decoded
 
 SETTLED_S = 20.0

@@ -61,7 +61,7 @@ def bench(folder):
         messages = list(reader)
     points = [m for m in messages if m.arbitration_id == 0x201]
     assert len(points) > 900
-    from adhesion_can.bus.recordings import from_message
+    from adhesion_can.recordings.recording import from_message
 
     assert all(seal_ok(from_message(m)) for m in points)
     statuses = [str(decoded(from_message(m))["Status"]) for m in points]

@@ -96,7 +96,7 @@ def test_no_output_takes_the_place_of_another_file(files, capsys, monkeypatch, c
     def read(*_):
         raise AssertionError("the work was begun")
 
-    monkeypatch.setattr("adhesion_can.bus.recordings.Recording.blocks", read)
+    monkeypatch.setattr("adhesion_can.recordings.recording.Recording.blocks", read)
     before = state(files)
     words = command.split(" ")
     assert told in fails(capsys, *words)
@@ -164,7 +164,7 @@ def test_a_sigterm_leaves_nothing_half_written(tmp_path):
 def test_a_sigterm_ends_a_conversion(drive, tmp_path, suffix):
     """The signal comes between two blocks."""
     code = (
-        "import os, signal, sys; from adhesion_can.bus.recordings import Recording as R;"
+        "import os, signal, sys; from adhesion_can.recordings.recording import Recording as R;"
         "from adhesion_can.cli.main import main; blocks = R.blocks\n"
         "def ended(self):\n"
         "    yield from blocks(self)\n"
@@ -228,7 +228,7 @@ def test_another_error_of_the_system_is_not_taken_for_one_of_stdout(drive, monke
     def broken(*_):
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr("adhesion_can.bus.recordings.Recording.blocks", broken)
+    monkeypatch.setattr("adhesion_can.recordings.recording.Recording.blocks", broken)
     with pytest.raises(OSError, match="Input/output"):
         main(["check", str(drive)])
 

@@ -7,8 +7,8 @@ import pytest
 from asammdf import MDF
 from pyarrow import parquet
 
-from adhesion_can.bus.candump import format_frame
 from adhesion_can.cli.main import main
+from adhesion_can.recordings.candump import format_frame
 from tests.wire import Bench
 
 

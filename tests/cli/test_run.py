@@ -9,8 +9,8 @@ import time
 import can
 import pytest
 
-from adhesion_can.bus.recordings import to_message
 from adhesion_can.cli.main import main
+from adhesion_can.recordings.recording import to_message
 from tests.terminals import Terminal
 from tests.wire import Bench
 

@@ -5,7 +5,6 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from adhesion_can.bus.recordings import Recording
 from adhesion_can.config import load_configuration
 from adhesion_can.criticism.forming import course_of
 from adhesion_can.criticism.model import EXCLUDED
@@ -13,6 +12,7 @@ from adhesion_can.criticism.surfaces import AROUND_S, changes, study_of
 from adhesion_can.criticism.testable import candidates_of
 from adhesion_can.criticism.words import separating
 from adhesion_can.physics.effects import EFFECTS
+from adhesion_can.recordings.recording import Recording
 from adhesion_can.service.hear import hear
 from tests.criticism.bad_logs import write
 from tests.criticism.criticism_helpers import SLIP_MAX, V_MIN, Drive

@@ -22,8 +22,8 @@ from hypothesis import strategies as st
 from pyarrow import parquet
 
 from adhesion_can.bus.block import Block
-from adhesion_can.bus.columns import Decoder
 from adhesion_can.bus.database import CanDatabase
+from adhesion_can.bus.decoder import Decoder
 from adhesion_can.bus.frame import Frame
 from adhesion_can.errors import InputError
 from adhesion_can.reporting.export import (

@@ -6,10 +6,10 @@ import time
 import can
 import pytest
 
-from adhesion_can.bus.candump import ReadReport, read_candump
 from adhesion_can.bus.frame import Frame, Mark
-from adhesion_can.bus.recordings import from_message, to_message
 from adhesion_can.config import load_configuration
+from adhesion_can.recordings.candump import ReadReport, read_candump
+from adhesion_can.recordings.recording import from_message, to_message
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.live import LiveService, wall_clock
 from adhesion_can.service.replay import replay

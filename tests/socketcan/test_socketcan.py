@@ -4,10 +4,10 @@ import subprocess
 
 import pytest
 
-from adhesion_can.bus.candump import parse_line
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.main import main
 from adhesion_can.physics.burckhardt import peak
+from adhesion_can.recordings.candump import parse_line
 from adhesion_can.simulation.scenarios import surface_by_name
 from tests.terminals import Terminal, bench_lines
 from tests.wire import decoded, seal_ok

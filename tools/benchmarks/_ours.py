@@ -12,9 +12,9 @@ from _passes import say, timed
 
 def columns_way(path):
     """All columns of the whole recording, kept; E2E checked."""
-    from adhesion_can.bus.columns import Decoder
     from adhesion_can.bus.database import load_database
-    from adhesion_can.bus.recordings import Recording
+    from adhesion_can.bus.decoder import Decoder
+    from adhesion_can.recordings.recording import Recording
 
     database = load_database()
 
@@ -38,9 +38,9 @@ def columns_way(path):
 
 def streamed_way(path):
     """All columns, block after block, let go: what memory stays flat with."""
-    from adhesion_can.bus.columns import Decoder
     from adhesion_can.bus.database import load_database
-    from adhesion_can.bus.recordings import Recording
+    from adhesion_can.bus.decoder import Decoder
+    from adhesion_can.recordings.recording import Recording
 
     database = load_database()
 
@@ -56,7 +56,7 @@ def streamed_way(path):
 
 def parse_way(path):
     """Text to blocks of frames alone."""
-    from adhesion_can.bus.recordings import Recording
+    from adhesion_can.recordings.recording import Recording
 
     passes, frames = timed(lambda: sum(map(len, Recording(path).blocks())))
     say(frames, passes)

@@ -9,10 +9,10 @@ import numpy as np
 from _passes import timed
 
 from adhesion_can.bus.block import to_micros
-from adhesion_can.bus.columns import Decoder
 from adhesion_can.bus.database import e2e_data_id, load_database, packaged_path
+from adhesion_can.bus.decoder import Decoder
 from adhesion_can.bus.e2e import CounterSupervision, checksums_ok
-from adhesion_can.bus.recordings import Recording
+from adhesion_can.recordings.recording import Recording
 
 
 def unchecked_database():

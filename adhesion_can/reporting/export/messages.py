@@ -8,9 +8,9 @@ import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
-from adhesion_can.bus.columns import MessageColumns
 from adhesion_can.bus.database import CanDatabase
-from adhesion_can.bus.signals import SignalColumn
+from adhesion_can.bus.decoder import MessageColumns
+from adhesion_can.bus.signal_columns import SignalColumn
 from adhesion_can.reporting.export.layout import Column, Field, Group, Raw, Rows
 
 _RAW_BITS = 32

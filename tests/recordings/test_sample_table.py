@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.bus.tables import is_table, read_table
 from adhesion_can.errors import TableError
+from adhesion_can.recordings.sample_table import is_table, read_table
 
 ROWS = [
     # time_s, slip, adhesion

@@ -13,8 +13,8 @@ from typing import Any, BinaryIO, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.bus.candump import ReadReport
 from adhesion_can.errors import RecordingError
+from adhesion_can.recordings.candump import ReadReport
 
 Text = NDArray[np.uint8]
 

@@ -13,10 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
-from adhesion_can.bus.candump import FD_LENGTHS, LAST_US
 from adhesion_can.bus.frame import MARKS, Mark
-from adhesion_can.bus.scan_source import FRONT, Text
-from adhesion_can.bus.words import WORD, Words, decimal, hexadecimal, keep, zeros_outside
+from adhesion_can.recordings.candump import FD_LENGTHS, LAST_US
+from adhesion_can.recordings.candump_columns.ascii_numbers import (
+    WORD,
+    Words,
+    decimal,
+    hexadecimal,
+    keep,
+    zeros_outside,
+)
+from adhesion_can.recordings.candump_columns.text_source import FRONT, Text
 
 Places = NDArray[np.int64]
 

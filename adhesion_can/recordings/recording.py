@@ -13,7 +13,9 @@ from typing import Any, BinaryIO
 import can
 
 from adhesion_can.bus.block import Block
-from adhesion_can.bus.candump import (
+from adhesion_can.bus.frame import LONGEST, Frame, Mark, to_us
+from adhesion_can.errors import InputError, RecordingError
+from adhesion_can.recordings.candump import (
     DIFFERENCES,
     HEAD_LINES,
     LAST_US,
@@ -22,13 +24,11 @@ from adhesion_can.bus.candump import (
     read_candump,
     times_are_differences,
 )
-from adhesion_can.bus.formats import CANDUMP, HEAD, format_of
-from adhesion_can.bus.frame import LONGEST, Frame, Mark, to_us
-from adhesion_can.bus.mf4_source import NotInColumnsError, mf4_blocks, open_mf4
-from adhesion_can.bus.reader_notes import lost_lines, python_can_told
-from adhesion_can.bus.scan import read_chunks
-from adhesion_can.bus.scan_source import Packing, Source
-from adhesion_can.errors import InputError, RecordingError
+from adhesion_can.recordings.candump_columns.parse import read_chunks
+from adhesion_can.recordings.candump_columns.text_source import Packing, Source
+from adhesion_can.recordings.formats import CANDUMP, HEAD, format_of
+from adhesion_can.recordings.mf4 import NotInColumnsError, mf4_blocks, open_mf4
+from adhesion_can.recordings.reader_losses import lost_lines, python_can_told
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)

@@ -16,10 +16,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.bus.block import Block
-from adhesion_can.bus.columns import REASONS, Decoder
 from adhesion_can.bus.database import CanDatabase, e2e_data_id, load_database
+from adhesion_can.bus.decoder import REASONS, Decoder
 from adhesion_can.bus.frame import MARKS, Frame, Mark
-from adhesion_can.bus.recordings import Recording
+from adhesion_can.recordings.recording import Recording
 from tests.bus.bus_helpers import DATA, DBC, real_data, sealed
 
 FAST = settings(max_examples=120, deadline=None, suppress_health_check=list(HealthCheck))

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
-from adhesion_can.bus.candump import LAST_US, ReadReport
 from adhesion_can.bus.frame import LONGEST
+from adhesion_can.recordings.candump import LAST_US, ReadReport
 
 _KINDS = {
     "CAN_DataFrame": Kind.DATA,

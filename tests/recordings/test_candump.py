@@ -16,7 +16,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.bus.candump import (
+from adhesion_can.bus.frame import ADVANCE, MARKS, SECOND_SENDER, Frame, Mark
+from adhesion_can.recordings.candump import (
     ReadReport,
     format_frame,
     format_mark,
@@ -24,8 +25,7 @@ from adhesion_can.bus.candump import (
     parse_line,
     read_candump,
 )
-from adhesion_can.bus.frame import ADVANCE, MARKS, SECOND_SENDER, Frame, Mark
-from adhesion_can.bus.recordings import Recording
+from adhesion_can.recordings.recording import Recording
 from tests.bus.bus_helpers import DATA
 
 T = 1_700_000_000_123_456

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from adhesion_can.bus.candump import looks_like_candump
 from adhesion_can.errors import RecordingError
+from adhesion_can.recordings.candump import looks_like_candump
 
 PYTHON_CAN = frozenset({".asc", ".blf", ".trc", ".csv", ".db", ".mf4"})
 """Suffixes that python-can's readers know, besides candump's."""

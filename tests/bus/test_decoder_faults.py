@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from adhesion_can.bus.block import EXTENDED, Block
 from adhesion_can.bus.codec import MessagePlan
-from adhesion_can.bus.columns import REASONS, Decoder
 from adhesion_can.bus.database import CanDatabase, e2e_data_id, load_database
+from adhesion_can.bus.decoder import REASONS, Decoder
 from adhesion_can.bus.e2e import Rejection
 from adhesion_can.bus.frame import Frame, Mark
-from adhesion_can.bus.keys import UNSEEN, KeyCodes
+from adhesion_can.bus.id_codes import UNSEEN, KeyCodes
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.roles import bind, contract_choices
 from tests.bus.bus_helpers import DBC, sealed

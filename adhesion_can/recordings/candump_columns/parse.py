@@ -15,12 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.bus.block import Block, Kind, to_micros
-from adhesion_can.bus.candump import ReadReport, later, read_line, stamp_ns
 from adhesion_can.bus.frame import Frame, Mark
-from adhesion_can.bus.scan_layout import Layout, Matched, Places, layout_of, match_lines
-from adhesion_can.bus.scan_source import FRONT, LINE_LIMIT, Chunk, Text
-from adhesion_can.bus.words import WORD, Words
 from adhesion_can.errors import RecordingError
+from adhesion_can.recordings.candump import ReadReport, later, read_line, stamp_ns
+from adhesion_can.recordings.candump_columns.ascii_numbers import WORD, Words
+from adhesion_can.recordings.candump_columns.line_layouts import (
+    Layout,
+    Matched,
+    Places,
+    layout_of,
+    match_lines,
+)
+from adhesion_can.recordings.candump_columns.text_source import FRONT, LINE_LIMIT, Chunk, Text
 
 _FEW = 24  # lines that are read one by one sooner than all at once
 _LAYOUTS = 16  # of one chunk; past them its lines are read one by one

@@ -15,15 +15,15 @@ import zstandard
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.bus import scan
 from adhesion_can.bus.block import EXTENDED, Block, Kind
-from adhesion_can.bus.candump import format_frame, format_mark, parse_line
 from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark
-from adhesion_can.bus.recordings import Recording, from_message
-from adhesion_can.bus.scan_layout import layout_of, match_lines
-from adhesion_can.bus.scan_source import BACK, FRONT, LINE_LIMIT, Chunk
-from adhesion_can.bus.words import decimal, hexadecimal, keep
 from adhesion_can.errors import RecordingError
+from adhesion_can.recordings.candump import format_frame, format_mark, parse_line
+from adhesion_can.recordings.candump_columns import parse as scan
+from adhesion_can.recordings.candump_columns.ascii_numbers import decimal, hexadecimal, keep
+from adhesion_can.recordings.candump_columns.line_layouts import layout_of, match_lines
+from adhesion_can.recordings.candump_columns.text_source import BACK, FRONT, LINE_LIMIT, Chunk
+from adhesion_can.recordings.recording import Recording, from_message
 from tests.bus.bus_helpers import real_data
 
 FD_SIZES = (*range(9), 12, 16, 20, 24, 32, 48, 64)

@@ -15,14 +15,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.bus import recordings
 from adhesion_can.bus.block import Block, Kind
-from adhesion_can.bus.candump import ReadReport
-from adhesion_can.bus.recordings import Recording
 from adhesion_can.errors import RecordingError
+from adhesion_can.recordings import recording as recordings
+from adhesion_can.recordings.candump import ReadReport
+from adhesion_can.recordings.recording import Recording
 
 asammdf = pytest.importorskip("asammdf")
-mf4_source = pytest.importorskip("adhesion_can.bus.mf4_source")
+mf4_source = pytest.importorskip("adhesion_can.recordings.mf4")
 
 START = 1_700_000_000
 COLUMNS = ("t_ns", "key", "kind", "length", "channel", "words")

@@ -22,8 +22,8 @@ from adhesion_can.bus.e2e import (
     checksums_ok,
     counts_of,
 )
-from adhesion_can.bus.keys import UNSEEN, KeyCodes
-from adhesion_can.bus.signals import MessageSignals, SignalColumn
+from adhesion_can.bus.id_codes import UNSEEN, KeyCodes
+from adhesion_can.bus.signal_columns import MessageSignals, SignalColumn
 
 REASONS = (*(str(rejection) for rejection in REJECTIONS), "multiplexer")
 """Why a row was not decoded: its outcome is 1 + the place here. 'multiplexer': its selector has a

@@ -1,0 +1,1 @@
+"""Recordings of any format as frames and columns, and tables of samples."""

@@ -1,0 +1,1 @@
+"""candump text in columns: chunks of lines parsed by learnt layouts."""
