@@ -26,7 +26,6 @@ from adhesion_can.config.calibrated import Correction, rim_axles, with_correctio
 from adhesion_can.errors import ConfigError, InputError, RecordingError
 from adhesion_can.identification.calibration import Calibration, calibrate
 from adhesion_can.identification.coasting import CalibrationSettings, CoastingDrive
-from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.samples import Role
 from adhesion_can.recordings.recording import file_sha256, whole_file
 from adhesion_can.recordings.reference_speed import read_reference, reference_path
@@ -38,6 +37,7 @@ from adhesion_can.reporting.calibration import (
 )
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
+from adhesion_can.sampling.traces import Trace
 from adhesion_can.service.hear import Heard, hear
 from adhesion_can.service.replay import blocks_in_sequence
 

@@ -25,11 +25,11 @@ from adhesion_can.cli.effect_option import SYNTAX, effects_help, parse_effects
 from adhesion_can.config import Configuration
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.identification.correction import require_axles, require_channels
-from adhesion_can.identification.sampling import COVARIATES
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.recording import from_message, to_message, whole_file
 from adhesion_can.reporting.provenance import provenance
+from adhesion_can.sampling.equations import COVARIATES
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name

@@ -29,10 +29,10 @@ from adhesion_can.identification.memories import MemorySettings
 from adhesion_can.identification.paper import ChangeSettings
 from adhesion_can.identification.prior import PriorSettings
 from adhesion_can.identification.registry import DEFAULT
-from adhesion_can.identification.sampling import SamplingSettings, Sensors
 from adhesion_can.identification.tracker import TrackerSettings
 from adhesion_can.physics.samples import Role
 from adhesion_can.physics.vehicle import Geometry, Locomotive
+from adhesion_can.sampling.equations import SamplingSettings, Sensors
 
 
 def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Configuration:

@@ -10,7 +10,6 @@ from adhesion_can.errors import ConfigError
 from adhesion_can.identification.assessment import IdentifiabilitySettings
 from adhesion_can.identification.axles import AxleSettings
 from adhesion_can.identification.changes import RunLengthSettings
-from adhesion_can.identification.column_former import ColumnFormer
 from adhesion_can.identification.correction import require_axles, require_channels
 from adhesion_can.identification.estimator import Estimator
 from adhesion_can.identification.evolution import EvolutionSettings
@@ -19,13 +18,14 @@ from adhesion_can.identification.memories import MemorySettings
 from adhesion_can.identification.paper import ChangeSettings
 from adhesion_can.identification.prior import PriorSettings
 from adhesion_can.identification.registry import DEFAULT, ESTIMATORS, EstimatorSettings
-from adhesion_can.identification.samples import SampleFormer
-from adhesion_can.identification.sampling import COVARIATES, SamplingSettings, Sensors
 from adhesion_can.identification.segments import Theta
 from adhesion_can.identification.tracker import TrackerParts, TrackerSettings
 from adhesion_can.physics.instruments import PERFECT
 from adhesion_can.physics.samples import Role
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.sampling.column_former import ColumnFormer
+from adhesion_can.sampling.equations import COVARIATES, SamplingSettings, Sensors
+from adhesion_can.sampling.former import SampleFormer
 
 
 @dataclass(frozen=True, slots=True)

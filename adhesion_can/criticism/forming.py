@@ -18,12 +18,12 @@ from adhesion_can.criticism.smoothing import (
     smoothed,
 )
 from adhesion_can.criticism.sources import Signals, Source
-from adhesion_can.identification.sampling import COVARIATES
-from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.kinematics import slip_ratio
 from adhesion_can.physics.samples import Direction, Role
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.sampling.equations import COVARIATES
+from adhesion_can.sampling.traces import Trace
 
 HELD = frozenset({Role.SANDING, Role.RAIN})
 """Channels that step; the others are straight lines between their readings."""

@@ -6,9 +6,9 @@ from math import hypot
 import numpy as np
 
 from adhesion_can.identification.likelihood import StandardErrors, standard_errors
-from adhesion_can.identification.samples import common_load_std
 from adhesion_can.physics.burckhardt import Array, peak
 from adhesion_can.physics.samples import Estimate, Identifiable, Samples
+from adhesion_can.sampling.former import common_load_std
 
 
 @dataclass(frozen=True, slots=True)

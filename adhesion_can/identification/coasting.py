@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.burckhardt import RAIL, Array
 from adhesion_can.physics.kinematics import wheelset_effort
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.sampling.traces import Trace
 
 SOFTEST_CONTACT = min(s.c1 * s.c2 - s.c3 for s in RAIL)
 """Slope dμ/dλ at zero slip of the softest of our rail surfaces: an adhesion μ that is taken for

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from adhesion_can.errors import ConfigError, InputError
 from adhesion_can.identification.extension import ExtendedModel
-from adhesion_can.identification.sampling import TRAVEL
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import ActiveEffect, Contact, Memory, change_of
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.samples import Samples
+from adhesion_can.sampling.equations import TRAVEL
 
 USABLE = 0.2
 """A sample whose factor is smaller is left out: divided by it, it would be mostly noise."""

@@ -10,9 +10,9 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.receiver import MessageRecord, Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.identification.batch import identify
-from adhesion_can.identification.column_former import Readings
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.samples import Role, Samples, role_name
+from adhesion_can.sampling.column_former import Readings
 from adhesion_can.service.extract import Extraction
 
 RATE_TOLERANCE = 0.1

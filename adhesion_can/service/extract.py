@@ -10,8 +10,8 @@ from adhesion_can.bus.block import Block, Kind, clamped
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.errors import RecordingError
-from adhesion_can.identification.column_former import Readings
 from adhesion_can.physics.samples import Samples
+from adhesion_can.sampling.column_former import Readings
 
 UPDATE_US = 20_000
 

@@ -10,9 +10,9 @@ import numpy as np
 from adhesion_can.cli.main import main
 from adhesion_can.criticism.forming import course_of
 from adhesion_can.criticism.tabled import course_of_table
-from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.samples import Role, Samples
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.sampling.traces import Trace
 
 C1, C2, C3 = 0.35, 40.0, 0.4
 V_MIN, SLIP_MAX = 1.0, 0.5

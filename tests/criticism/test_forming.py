@@ -17,11 +17,11 @@ from adhesion_can.criticism.smoothing import (
     rough,
     smoothed,
 )
-from adhesion_can.identification.samples import SampleFormer
-from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.samples import Reading, Role
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.sampling.former import SampleFormer
+from adhesion_can.sampling.traces import Trace
 from tests.criticism.criticism_helpers import N0, SLIP_MAX, V_MIN, Drive, J, R
 
 # --- smoothing

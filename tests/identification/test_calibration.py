@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from adhesion_can.identification.calibration import calibrate
 from adhesion_can.identification.coasting import CalibrationSettings, CoastingDrive
-from adhesion_can.identification.traces import Trace
 from adhesion_can.physics.vehicle import Geometry, Locomotive
+from adhesion_can.sampling.traces import Trace
 
 TRUE_RADII = (0.600, 0.612, 0.625, 0.630)
 VEHICLE = Locomotive(

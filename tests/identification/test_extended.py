@@ -17,7 +17,6 @@ from adhesion_can.identification.correction import (
     with_true_instruments,
 )
 from adhesion_can.identification.extended import ExtendedEstimator, ExtendedModel
-from adhesion_can.identification.samples import SampleFormer
 from adhesion_can.identification.tracker import Tracker
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
@@ -31,6 +30,7 @@ from adhesion_can.physics.samples import (
     Samples,
 )
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.sampling.former import SampleFormer
 
 BASE = (0.4, 60.0, 0.3)
 PEAK = log(BASE[0] * BASE[1] / BASE[2]) / BASE[1]  # λ_m

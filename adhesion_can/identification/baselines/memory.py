@@ -6,9 +6,9 @@ from math import hypot, inf, sqrt
 import numpy as np
 
 from adhesion_can.identification.assessment import IdentifiabilitySettings
-from adhesion_can.identification.samples import common_load_std
 from adhesion_can.physics.burckhardt import Array, peak, peak_gradient
 from adhesion_can.physics.samples import Estimate, Identifiable, Samples
+from adhesion_can.sampling.former import common_load_std
 
 BINS = 500
 UNKNOWN = np.diag([inf] * 3)

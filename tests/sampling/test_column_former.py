@@ -7,13 +7,13 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.identification.column_former import ColumnFormer
-from adhesion_can.identification.column_track import ColumnTrack
-from adhesion_can.identification.samples import SampleFormer
-from adhesion_can.identification.track import Track
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.samples import Reading, Role, Samples
 from adhesion_can.physics.vehicle import Geometry, Locomotive
+from adhesion_can.sampling.column_former import ColumnFormer
+from adhesion_can.sampling.column_history import ColumnTrack
+from adhesion_can.sampling.former import SampleFormer
+from adhesion_can.sampling.signal_history import Track
 
 CYCLES = {
     Role.WHEEL_SPEED: 10_000,

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.identification.samples import SampleFormer, common_load_std
-from adhesion_can.identification.sampling import SamplingSettings, Sensors
 from adhesion_can.physics.samples import Direction, Reading, Role, Sample
 from adhesion_can.physics.vehicle import Geometry, Locomotive
+from adhesion_can.sampling.equations import SamplingSettings, Sensors
+from adhesion_can.sampling.former import SampleFormer, common_load_std
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)
 CYCLES = {

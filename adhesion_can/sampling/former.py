@@ -14,7 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from adhesion_can.identification.sampling import (
+from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.samples import Reading, Role, Sample
+from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.sampling.equations import (
     COVARIATES,
     TRAVEL,
     TRAVEL_OF,
@@ -23,10 +26,7 @@ from adhesion_can.identification.sampling import (
     SamplingSettings,
     Sensors,
 )
-from adhesion_can.identification.track import WAITING, Track, Waiting
-from adhesion_can.physics.instruments import PERFECT, Instruments
-from adhesion_can.physics.samples import Reading, Role, Sample
-from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.sampling.signal_history import WAITING, Track, Waiting
 
 
 class _Row(NamedTuple):

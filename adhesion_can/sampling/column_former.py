@@ -17,16 +17,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.identification.column_track import NEVER, ColumnTrack, Stamps
-from adhesion_can.identification.sampling import (
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.samples import Role, Samples
+from adhesion_can.sampling.column_history import NEVER, ColumnTrack, Stamps
+from adhesion_can.sampling.equations import (
     COVARIATES,
     TRAVEL,
     TRAVEL_OF,
     Forming,
     Measured,
 )
-from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.samples import Role, Samples
 
 Signal = tuple[Role, int]
 """A role and its axle, 0 where it has none."""
