@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from adhesion_can import __version__
+from adhesion_can.calibration.coasting import CalibrationSettings, CoastingDrive
+from adhesion_can.calibration.fit import Calibration, calibrate
 from adhesion_can.cli.common import (
     add_configuration,
     add_json,
@@ -24,8 +26,6 @@ from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.config.calibrated import Correction, rim_axles, with_correction
 from adhesion_can.errors import ConfigError, InputError, RecordingError
-from adhesion_can.identification.calibration import Calibration, calibrate
-from adhesion_can.identification.coasting import CalibrationSettings, CoastingDrive
 from adhesion_can.physics.samples import Role
 from adhesion_can.recordings.recording import file_sha256, whole_file
 from adhesion_can.recordings.reference_speed import read_reference, reference_path

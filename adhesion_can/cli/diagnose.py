@@ -30,7 +30,7 @@ from adhesion_can.criticism.diagnosis import Diagnosis
 from adhesion_can.criticism.forming import course_of
 from adhesion_can.criticism.tabled import course_of_table
 from adhesion_can.errors import InputError
-from adhesion_can.identification.extension import ExtendedModel
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.recordings.recording import file_sha256
 from adhesion_can.recordings.sample_table import is_table, read_table
 from adhesion_can.reporting.diagnosis import (

@@ -27,7 +27,9 @@ from adhesion_can.cli.common import (
     write_json,
 )
 from adhesion_can.errors import InputError
-from adhesion_can.identification.experiments import (
+from adhesion_can.estimation.registry import ESTIMATORS, oracle
+from adhesion_can.experiments.figures_of_merit import Outcome, outcome
+from adhesion_can.experiments.runs import (
     EXPERIMENTS,
     Contender,
     Experiment,
@@ -35,8 +37,6 @@ from adhesion_can.identification.experiments import (
     contenders,
     run_once,
 )
-from adhesion_can.identification.merit import Outcome, outcome
-from adhesion_can.identification.registry import ESTIMATORS, oracle
 from adhesion_can.recordings.recording import whole_file
 from adhesion_can.reporting.experiment import (
     CSV_COLUMNS,

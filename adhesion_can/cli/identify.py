@@ -25,13 +25,13 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
-from adhesion_can.identification.batch import BatchResult, identify
-from adhesion_can.identification.correction import (
+from adhesion_can.estimation.batch_fit import BatchResult, identify
+from adhesion_can.estimation.extended.correction import (
     corrected,
     require_columns,
     with_true_instruments,
 )
-from adhesion_can.identification.extended import ExtendedModel
+from adhesion_can.estimation.extended.estimator import ExtendedModel
 from adhesion_can.physics.samples import Estimate, Samples
 from adhesion_can.recordings.sample_table import Table, is_table, read_table
 from adhesion_can.reporting.provenance import estimate_json, provenance

@@ -27,7 +27,7 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
-from adhesion_can.identification.registry import ESTIMATORS
+from adhesion_can.estimation.registry import ESTIMATORS
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.recording import whole_file
 from adhesion_can.reporting.export import require_format

@@ -24,7 +24,7 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.effect_option import SYNTAX, effects_help, parse_effects
 from adhesion_can.config import Configuration
 from adhesion_can.errors import BusError, InputError
-from adhesion_can.identification.correction import require_axles, require_channels
+from adhesion_can.estimation.extended.correction import require_axles, require_channels
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.recording import from_message, to_message, whole_file

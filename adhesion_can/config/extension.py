@@ -17,7 +17,7 @@ from typing import Any
 
 from adhesion_can.config.strict import no_more, section, table_of, typed
 from adhesion_can.errors import ConfigError
-from adhesion_can.identification.extension import (
+from adhesion_can.estimation.extended.model import (
     ExtendedModel,
     Matrix,
     require_covariance,

@@ -21,15 +21,15 @@ from adhesion_can.bus.roles import (
 from adhesion_can.config.model import Configuration, ServiceSettings
 from adhesion_can.config.strict import no_more, section, table_of, typed
 from adhesion_can.errors import ConfigError
-from adhesion_can.identification.assessment import IdentifiabilitySettings
-from adhesion_can.identification.axles import AxleSettings
-from adhesion_can.identification.changes import RunLengthSettings
-from adhesion_can.identification.evolution import EvolutionSettings
-from adhesion_can.identification.memories import MemorySettings
-from adhesion_can.identification.paper import ChangeSettings
-from adhesion_can.identification.prior import PriorSettings
-from adhesion_can.identification.registry import DEFAULT
-from adhesion_can.identification.tracker import TrackerSettings
+from adhesion_can.estimation.baselines.paper import ChangeSettings
+from adhesion_can.estimation.differential_evolution import EvolutionSettings
+from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.estimation.registry import DEFAULT
+from adhesion_can.estimation.tracker.axle_deviations import AxleSettings
+from adhesion_can.estimation.tracker.memories import MemorySettings
+from adhesion_can.estimation.tracker.prior import PriorSettings
+from adhesion_can.estimation.tracker.run_length import RunLengthSettings
+from adhesion_can.estimation.tracker.tracker import TrackerSettings
 from adhesion_can.physics.samples import Role
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.sampling.equations import SamplingSettings, Sensors

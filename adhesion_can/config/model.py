@@ -7,19 +7,19 @@ from math import hypot, sqrt
 from adhesion_can.bus.database import CanDatabase
 from adhesion_can.bus.roles import BoundMessage, SignalChoice, bind, cycles_of, resolutions_of
 from adhesion_can.errors import ConfigError
-from adhesion_can.identification.assessment import IdentifiabilitySettings
-from adhesion_can.identification.axles import AxleSettings
-from adhesion_can.identification.changes import RunLengthSettings
-from adhesion_can.identification.correction import require_axles, require_channels
-from adhesion_can.identification.estimator import Estimator
-from adhesion_can.identification.evolution import EvolutionSettings
-from adhesion_can.identification.extended import ExtendedEstimator, ExtendedModel
-from adhesion_can.identification.memories import MemorySettings
-from adhesion_can.identification.paper import ChangeSettings
-from adhesion_can.identification.prior import PriorSettings
-from adhesion_can.identification.registry import DEFAULT, ESTIMATORS, EstimatorSettings
-from adhesion_can.identification.segments import Theta
-from adhesion_can.identification.tracker import TrackerParts, TrackerSettings
+from adhesion_can.estimation.baselines.paper import ChangeSettings
+from adhesion_can.estimation.differential_evolution import EvolutionSettings
+from adhesion_can.estimation.estimator import Estimator
+from adhesion_can.estimation.extended.correction import require_axles, require_channels
+from adhesion_can.estimation.extended.estimator import ExtendedEstimator, ExtendedModel
+from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.estimation.registry import DEFAULT, ESTIMATORS, EstimatorSettings
+from adhesion_can.estimation.tracker.axle_deviations import AxleSettings
+from adhesion_can.estimation.tracker.curve_sums import Theta
+from adhesion_can.estimation.tracker.memories import MemorySettings
+from adhesion_can.estimation.tracker.prior import PriorSettings
+from adhesion_can.estimation.tracker.run_length import RunLengthSettings
+from adhesion_can.estimation.tracker.tracker import TrackerParts, TrackerSettings
 from adhesion_can.physics.instruments import PERFECT
 from adhesion_can.physics.samples import Role
 from adhesion_can.physics.vehicle import Locomotive

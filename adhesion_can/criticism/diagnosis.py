@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
-from adhesion_can.identification.extended import ExtendedModel
+from adhesion_can.estimation.extended.estimator import ExtendedModel
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.samples import Estimate
 

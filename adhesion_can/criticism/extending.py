@@ -11,8 +11,8 @@ from adhesion_can.criticism.model import Evaluation, Model, Study, evaluate
 from adhesion_can.criticism.stage import Fit, fit
 from adhesion_can.criticism.staging import Prepared
 from adhesion_can.criticism.unknown import Left
-from adhesion_can.identification.batch import fit as fit_curve
-from adhesion_can.identification.extension import ExtendedModel, Matrix
+from adhesion_can.estimation.batch_fit import fit as fit_curve
+from adhesion_can.estimation.extended.model import ExtendedModel, Matrix
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.empirical import Empirical

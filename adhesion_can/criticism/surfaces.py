@@ -24,7 +24,7 @@ from adhesion_can.criticism.model import (
     evaluate,
     signature,
 )
-from adhesion_can.identification.batch import SegmentationSettings, change_points, fit
+from adhesion_can.estimation.batch_fit import SegmentationSettings, change_points, fit
 from adhesion_can.physics import burckhardt
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.samples import Samples

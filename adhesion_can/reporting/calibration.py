@@ -6,8 +6,8 @@ from typing import Any
 
 from rich.table import Table
 
-from adhesion_can.identification.calibration import AxleRadius, Calibration, Quantity
-from adhesion_can.identification.coasting import SOFTEST_CONTACT, CalibrationSettings
+from adhesion_can.calibration.coasting import SOFTEST_CONTACT, CalibrationSettings
+from adhesion_can.calibration.fit import AxleRadius, Calibration, Quantity
 from adhesion_can.reporting.text import plus_minus, table
 
 IMPLAUSIBLE = 0.1

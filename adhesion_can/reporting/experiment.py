@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from adhesion_can.identification.experiments import MU_MAX, QUANTITIES, SURFACES, with_peak
-from adhesion_can.identification.merit import (
+from adhesion_can.estimation.registry import DEFAULT
+from adhesion_can.experiments.figures_of_merit import (
     Merit,
     Outcome,
     Result,
@@ -17,7 +17,7 @@ from adhesion_can.identification.merit import (
     quartiles,
     rms,
 )
-from adhesion_can.identification.registry import DEFAULT
+from adhesion_can.experiments.runs import MU_MAX, QUANTITIES, SURFACES, with_peak
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.reporting.experiment_figures import PAPERS_OWN, figures
 from adhesion_can.reporting.page import Page, Section, Table, Text

@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from adhesion_can.config import Configuration
-from adhesion_can.identification.batch import (
+from adhesion_can.estimation.batch_fit import (
     LOWER,
     UPPER,
     SegmentationSettings,
     change_points,
     fit,
 )
-from adhesion_can.identification.correction import without_effects
-from adhesion_can.identification.likelihood import innovation, sensitivity
+from adhesion_can.estimation.extended.correction import without_effects
+from adhesion_can.estimation.likelihood import innovation, sensitivity
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import Memory
 from adhesion_can.physics.samples import Samples

@@ -13,8 +13,8 @@ from typing import NamedTuple
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
-from adhesion_can.identification.estimator import Estimator
-from adhesion_can.identification.extended import ExtendedEstimator
+from adhesion_can.estimation.estimator import Estimator
+from adhesion_can.estimation.extended.estimator import ExtendedEstimator
 from adhesion_can.physics.samples import (
     CHANGED,
     Estimate,

@@ -29,7 +29,7 @@ from adhesion_can.criticism.diagnosis import (
     Verdict,
 )
 from adhesion_can.criticism.quantities import measured
-from adhesion_can.identification.extension import ExtendedModel
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.samples import Estimate, Identifiable

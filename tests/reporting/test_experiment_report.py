@@ -7,8 +7,8 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from adhesion_can.identification.experiments import EXPERIMENTS, bound
-from adhesion_can.identification.merit import Outcome, Result, merit
+from adhesion_can.experiments.figures_of_merit import Outcome, Result, merit
+from adhesion_can.experiments.runs import EXPERIMENTS, bound
 from adhesion_can.reporting.experiment import csv_rows, document, merit_table, page, verdict
 from adhesion_can.reporting.experiment_figures import PAPERS_OWN, SHOWN, figures
 from adhesion_can.reporting.page import render

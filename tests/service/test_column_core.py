@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark
 from adhesion_can.config import load_configuration
-from adhesion_can.identification.extension import ExtendedModel
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.samples import Estimate, Identifiable, Samples
 from adhesion_can.recordings.candump import ReadReport

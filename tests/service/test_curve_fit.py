@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from adhesion_can.config import load_configuration
-from adhesion_can.identification.extended import ExtendedModel
+from adhesion_can.estimation.extended.estimator import ExtendedModel
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.samples import Samples
 from adhesion_can.service.curve_fit import CurveFit

@@ -12,7 +12,7 @@ from adhesion_can.bus.database import load_database
 from adhesion_can.bus.e2e import protect
 from adhesion_can.bus.frame import Frame
 from adhesion_can.config import Configuration, load_configuration
-from adhesion_can.identification.batch import identify
+from adhesion_can.estimation.batch_fit import identify
 from adhesion_can.physics.burckhardt import RAIL, peak
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.vehicle import Geometry, Locomotive

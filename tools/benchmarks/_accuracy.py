@@ -8,7 +8,11 @@ import numpy as np
 from _data import DECLARED, SLIP_MAX, feed, points
 from _report import over_cores
 
-from adhesion_can.identification.experiments import (
+from adhesion_can.estimation.registry import ESTIMATORS, oracle
+from adhesion_can.estimation.tracker.memories import MemorySettings
+from adhesion_can.estimation.tracker.tracker import Tracker, TrackerParts
+from adhesion_can.experiments.figures_of_merit import merit, outcome, rms
+from adhesion_can.experiments.runs import (
     EXPERIMENTS,
     MU_MAX,
     QUANTITIES,
@@ -16,10 +20,6 @@ from adhesion_can.identification.experiments import (
     contenders,
     run_once,
 )
-from adhesion_can.identification.memories import MemorySettings
-from adhesion_can.identification.merit import merit, outcome, rms
-from adhesion_can.identification.registry import ESTIMATORS, oracle
-from adhesion_can.identification.tracker import Tracker, TrackerParts
 from adhesion_can.physics.burckhardt import adhesion, peak
 
 LAMBDA_M = QUANTITIES.index("lambda_m")

@@ -9,10 +9,10 @@ from statistics import mean, median
 import numpy as np
 from _data import DECLARED, POOLED, drive, points
 
-from adhesion_can.identification.evolution import EvolutionSettings, search
-from adhesion_can.identification.experiments import SURFACES
-from adhesion_can.identification.paper import PaperEstimator
-from adhesion_can.identification.tracker import Tracker
+from adhesion_can.estimation.baselines.paper import PaperEstimator
+from adhesion_can.estimation.differential_evolution import EvolutionSettings, search
+from adhesion_can.estimation.tracker.tracker import Tracker
+from adhesion_can.experiments.runs import SURFACES
 from adhesion_can.physics.burckhardt import RAIL
 
 DRIVE_S = 40.0

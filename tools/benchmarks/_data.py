@@ -3,8 +3,8 @@
 import numpy as np
 
 from adhesion_can.config import load_configuration
-from adhesion_can.identification.experiments import RATE_HZ
-from adhesion_can.identification.tracker import Tracker
+from adhesion_can.estimation.tracker.tracker import Tracker
+from adhesion_can.experiments.runs import RATE_HZ
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.samples import Samples
 from adhesion_can.service.core import ServiceCore

@@ -6,8 +6,8 @@ from statistics import median
 import numpy as np
 from scipy.optimize import differential_evolution, least_squares
 
-from adhesion_can.identification.evolution import EvolutionSettings, search
-from adhesion_can.identification.likelihood import innovation, sum_of_squares
+from adhesion_can.estimation.differential_evolution import EvolutionSettings, search
+from adhesion_can.estimation.likelihood import innovation, sum_of_squares
 from adhesion_can.physics.burckhardt import adhesion
 
 # Our experiment surfaces; the rail switches from one to the next.

@@ -1,0 +1,1 @@
+"""Wheel radii and speed errors from coasting."""

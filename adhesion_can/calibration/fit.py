@@ -1,0 +1,290 @@
+"""Wheel radii, and zero error and delay of the vehicle speed, from coasting.
+
+A wheel that transmits nothing rolls. So while axle i coasts
+
+    v(t) = r_i ω_i(t) + o − τ a(t) + e(t)
+
+with the measured vehicle speed v, its zero error o, its delay τ and the acceleration a of the
+vehicle; e is an error that all axles share and that is correlated over seconds. The radii are
+relative to the vehicle speed: a scale error of it cannot be told from one of all the radii.
+
+All r_i, o and τ are fitted together by Huber's M-estimator (Huber 1964; weights k·s/|e| beyond
+k·s, s from the median absolute residual), which short slides cannot drag. Standard errors come
+from deleting one block of several seconds at a time (jackknife; Künsch 1989), since those per
+sample take a correlated error for many independent ones. o and τ are estimated only where the data
+tell them: in a drive at one speed o is a part of every radius.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from adhesion_can.calibration.coasting import (
+    CalibrationSettings,
+    CoastingDrive,
+    CoastingRows,
+    coasting_rows,
+    joined,
+)
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.vehicle import Locomotive
+
+_SMALLEST_SCALE = 1e-6
+"""m/s; keeps Huber's weights above 0 where the data have no noise at all."""
+
+_SINGULAR = 1e10
+"""Condition number of the scaled normal equations beyond which they are not solved."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """An estimate with its standard error and 95 % interval (Student's t over the blocks)."""
+
+    value: float
+    std: float
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class AxleRadius:
+    """What coasting says of one axle.
+
+    Attributes:
+        axle: 1...
+        configured: radius so far, m.
+        estimate: radius, m; None: not told.
+        coasting_s: time that it rests on.
+        blocks: number of blocks with coasting.
+
+    """
+
+    axle: int
+    configured: float
+    estimate: Quantity | None
+    coasting_s: float
+    blocks: int
+
+    @property
+    def ratio(self) -> float:
+        """Estimated over configured radius; 1 where it is not told."""
+        return 1.0 if self.estimate is None else self.estimate.value / self.configured
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Radii, and what else the data tell.
+
+    Attributes:
+        axles: those with a wheel speed, in their order.
+        offset: zero error of the vehicle speed, m/s: true = measured − offset; None: not told,
+            and the radii hold for an offset of 0.
+        delay: of the vehicle speed against the wheels, s; None: not told or known.
+        delay_used_s: delay that the radii hold for.
+        offset_std: what the standard error of an offset would be, m/s; inf: without any bound.
+        delay_std: likewise of a delay, s.
+        noise_std: of vehicle speed against the wheels, m/s, from the median absolute residual.
+        outliers: share of samples whose weight was cut below a half.
+        effort_known: whether effort told coasting; otherwise speed was only steady, and the slip
+            of traction is inside the radii.
+        speed_range: lowest and highest vehicle speed used, m/s.
+        mean_speed: m/s.
+        mean_acceleration: m/s².
+
+    """
+
+    axles: tuple[AxleRadius, ...]
+    offset: Quantity | None
+    delay: Quantity | None
+    delay_used_s: float
+    offset_std: float
+    delay_std: float
+    noise_std: float
+    outliers: float
+    effort_known: bool
+    speed_range: tuple[float, float]
+    mean_speed: float
+    mean_acceleration: float
+
+
+def calibrate(
+    drives: Sequence[CoastingDrive], vehicle: Locomotive, settings: CalibrationSettings
+) -> Calibration:
+    """Radii from the coasting of one or more drives.
+
+    Args:
+        drives: at least one, all with the same axles.
+        vehicle: with the radii so far, its loads and the wheelsets' inertia.
+        settings: see there.
+
+    Returns:
+        The calibration; no axle has an estimate where none coasts for long enough.
+
+    """
+    axles = sorted(drives[0].wheel_speed)
+    configured = np.array([vehicle.wheel_radius[axle - 1] for axle in axles])
+    rows = joined([coasting_rows(drive, axles, vehicle, settings) for drive in drives])
+    coasting_s = rows.span @ rows.used
+    blocks = [len(np.unique(rows.block[column])) for column in rows.used.T]
+    enough = (coasting_s >= settings.coasting_min_s) & (np.array(blocks) >= settings.blocks_min)
+    effort_known = any(drive.effort for drive in drives)
+    fit, told = _fit_what_is_told(rows, enough, settings) if enough.any() else (None, _Told())
+    place = np.cumsum(enough) - 1
+    moving = rows.used.any(axis=1)
+    v, a = rows.speed[moving], rows.acceleration[moving]
+    return Calibration(
+        axles=tuple(
+            AxleRadius(
+                axle,
+                float(configured[i]),
+                fit.quantity(int(place[i])) if fit and enough[i] else None,
+                float(coasting_s[i]),
+                blocks[i],
+            )
+            for i, axle in enumerate(axles)
+        ),
+        offset=fit.quantity(fit.offset) if fit and fit.offset is not None else None,
+        delay=fit.quantity(fit.delay) if fit and fit.delay is not None else None,
+        delay_used_s=float(fit.values[fit.delay])
+        if fit and fit.delay is not None
+        else settings.delay_s or 0.0,
+        offset_std=told.offset_std,
+        delay_std=told.delay_std,
+        noise_std=fit.scale if fit else inf,
+        outliers=fit.outliers if fit else 0.0,
+        effort_known=effort_known,
+        speed_range=(float(v.min(initial=inf)), float(v.max(initial=-inf))),
+        mean_speed=float(v.mean()) if len(v) else 0.0,
+        mean_acceleration=float(a.mean()) if len(a) else 0.0,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """Standard errors of offset and delay fitted together: what the data could tell."""
+
+    offset_std: float = inf
+    delay_std: float = inf
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """Radii first, then offset and delay where they were fitted."""
+
+    values: Array
+    stds: Array
+    freedom: Sequence[int]
+    offset: int | None
+    delay: int | None
+    scale: float
+    outliers: float
+
+    def quantity(self, i: int) -> Quantity:
+        value, std = float(self.values[i]), float(self.stds[i])
+        reach = float(stdtrit(self.freedom[i], 0.975)) * std
+        return Quantity(value, std, (value - reach, value + reach))
+
+
+def _fit_what_is_told(
+    rows: CoastingRows, enough: NDArray[np.bool_], settings: CalibrationSettings
+) -> tuple[_Fit | None, _Told]:
+    """Fit with offset and delay, and again without those that it cannot tell.
+
+    Where acceleration follows speed the two look alike, and neither is told.
+    """
+    unknown = settings.delay_s is None
+    full = _fit(rows, enough, settings, offset=True, delay=unknown)
+    if full is None:  # nothing accelerates
+        full = _fit(rows, enough, settings, offset=True, delay=False)
+    told = _Told()
+    if full is not None and full.offset is not None:
+        delay_std = inf if full.delay is None else float(full.stds[full.delay])
+        told = _Told(float(full.stds[full.offset]), delay_std)
+    offset = told.offset_std <= settings.offset_std_max
+    delay = unknown and told.delay_std <= settings.delay_std_max
+    if full is not None and offset and delay is (full.delay is not None):
+        return full, told
+    return _fit(rows, enough, settings, offset=offset, delay=delay), told
+
+
+def _fit(
+    rows: CoastingRows,
+    enough: NDArray[np.bool_],
+    settings: CalibrationSettings,
+    *,
+    offset: bool,
+    delay: bool,
+) -> _Fit | None:
+    """Huber's fit and its jackknife over blocks; None where the equations are singular."""
+    row, axle = np.nonzero(rows.used[:, enough])
+    count = int(enough.sum())
+    speed, acceleration, block = rows.speed[row], rows.acceleration[row], rows.block[row]
+    radii = np.zeros((len(row), count))
+    radii[np.arange(len(row)), axle] = rows.rolling[:, enough][row, axle]
+    extra = ([np.ones(len(row))] if offset else []) + ([-acceleration] if delay else [])
+    X = np.column_stack([radii, *extra])
+    y = speed + (settings.delay_s or 0.0) * acceleration
+    size = np.sqrt(np.mean(X * X, axis=0))
+    if not (size > 0).all():
+        return None
+    X /= size
+    weight = np.ones(len(y))
+    scale, beta = inf, np.zeros(X.shape[1])
+    for _ in range(50):
+        solved = _solve(X.T @ (weight[:, None] * X), X.T @ (weight * y))
+        if solved is None:
+            return None
+        done = bool(np.max(np.abs(solved - beta)) <= 1e-9 * np.max(np.abs(solved)))
+        beta = solved
+        if done:
+            break
+        error = np.abs(y - X @ beta)
+        scale = max(1.4826 * float(np.median(error)), _SMALLEST_SCALE)
+        weight = np.minimum(1.0, settings.huber * scale / np.maximum(error, scale * 1e-3))
+    return _Fit(
+        values=beta / size,
+        stds=_jackknife(X, y - X @ beta, weight, block) / size,
+        freedom=[len(np.unique(block[axle == i])) - 1 for i in range(count)]
+        + [len(np.unique(block)) - 1] * len(extra),
+        offset=count if offset else None,
+        delay=count + offset if delay else None,
+        scale=scale,
+        outliers=float(np.mean(weight < 0.5)),
+    )
+
+
+def _solve(normal: Array, right: Array) -> Array | None:
+    if not np.linalg.cond(normal) < _SINGULAR:
+        return None
+    return np.asarray(np.linalg.solve(normal, right))
+
+
+def _jackknife(X: Array, error: Array, weight: Array, block: NDArray[np.int64]) -> Array:
+    """Standard errors from deleting one block at a time, shape (p,); inf where one is needed.
+
+    The fit without a block is one Newton step from the whole fit, in which samples on the flat
+    part of Huber's loss have no curvature: Δβ = −(Σ ψ' x xᵀ)⁻¹ Σ_block ψ x.
+
+    Args:
+        X: shape (n, p).
+        error: of each row, shape (n,).
+        weight: Huber's, 1 on the quadratic part, shape (n,).
+        block: of each row, ascending, shape (n,).
+
+    """
+    starts = np.flatnonzero(np.diff(block, prepend=-1))
+    parts = [slice(a, b) for a, b in zip(starts, [*starts[1:], len(block)], strict=True)]
+    inner = (weight == 1.0)[:, None] * X
+    curvatures = np.array([X[part].T @ inner[part] for part in parts])
+    scores = np.array([X[part].T @ (weight * error)[part] for part in parts])
+    whole = curvatures.sum(axis=0)
+    steps = [_solve(whole - own, -score) for own, score in zip(curvatures, scores, strict=True)]
+    solved = [step for step in steps if step is not None]
+    count = len(parts)
+    if len(solved) < count or count < 2:
+        return np.full(X.shape[1], inf)
+    spread = np.array(solved) - np.mean(solved, axis=0)
+    return np.asarray(sqrt((count - 1) / count) * np.sqrt(np.sum(spread**2, axis=0)))

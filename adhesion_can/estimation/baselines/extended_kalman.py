@@ -1,0 +1,140 @@
+"""Extended Kalman filter on the curve's parameters, with a reset where its innovations grow.
+
+State x = ln(c1, c2, c3) in a random walk, one measurement μ = curve(λ; x) per sample. Logarithms,
+since all three are positive, and since a rail changes by shares of them: one walk serves surfaces
+that differ tenfold. A walk slow enough to average noise cannot follow a sudden change, so the
+filter's innovations are watched as in Gustafsson's friction estimator (Automatica 33(6), 1997),
+in the simplest form: where their normalised mean square grows, the start's covariance is back.
+"""
+
+from dataclasses import dataclass, replace
+from math import exp, sqrt
+
+import numpy as np
+
+from adhesion_can.estimation.baselines.forgetting import Memory, peak_errors, usable
+from adhesion_can.estimation.differential_evolution import EvolutionSettings
+from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.physics.samples import Estimate, Samples
+
+
+@dataclass(frozen=True, slots=True)
+class EkfSettings:
+    """Tuning of the filter.
+
+    Attributes:
+        start: (c1, c2, c3) at the start: a wet rail.
+        start_std: of their logarithms, at the start and after a reset.
+        walk_std: of their logarithms' random walk, per sample.
+        noise_std: of adhesion, at the start; it is then estimated from the innovations.
+        noise_memory: samples that this estimate, and the record of slip, rest on.
+        window: samples that the innovations are averaged over, exponentially.
+        reset: mean of their squares over what is expected, from which the rail has changed.
+        gate: innovation, in its standard deviations, from which a sample is left out. It counts
+            as no more than that towards a reset, so that one broken sample is not enough.
+
+    """
+
+    start: tuple[float, float, float] = (0.27, 45.0, 0.22)
+    start_std: tuple[float, float, float] = (0.5, 0.5, 1.0)
+    walk_std: tuple[float, float, float] = (0.0003, 0.0003, 0.002)
+    noise_std: float = 0.05
+    noise_memory: float = 1000.0
+    window: float = 100.0
+    reset: float = 1.6
+    gate: float = 5.0
+
+    def __post_init__(self) -> None:
+        if not min(*self.start, *self.start_std, self.noise_std, self.gate) > 0:
+            raise ValueError("start, standard deviations and gate must be positive")
+        if not (min(self.walk_std) >= 0 and self.reset > 1):
+            raise ValueError("walk_std must not be negative, reset above 1")
+        if not min(self.noise_memory, self.window) > 1:
+            raise ValueError("noise_memory and window must be above 1")
+
+
+class EkfEstimator:
+    """Extended Kalman filter as an estimator.
+
+    Args:
+        settings: see there.
+        evolution: for the range of (c1, c2, c3).
+        identifiability: see there.
+
+    """
+
+    def __init__(
+        self,
+        settings: EkfSettings | None = None,
+        evolution: EvolutionSettings | None = None,
+        identifiability: IdentifiabilitySettings | None = None,
+    ) -> None:
+        self._settings = settings = settings or EkfSettings()
+        limits = identifiability or IdentifiabilitySettings()
+        self._slip_max = limits.slip_max
+        bounds = evolution or EvolutionSettings()
+        # A bound of 0 has no logarithm; below this no curve differs from none.
+        self._lower, self._upper = np.log(np.maximum(bounds.lower, 1e-6)), np.log(bounds.upper)
+        self._first = np.diag(np.square(settings.start_std))
+        self._walk = np.diag(np.square(settings.walk_std))
+        self._x = np.clip(np.log(settings.start), self._lower, self._upper)
+        self._covariance = self._first
+        self._noise_var = settings.noise_std**2
+        self._ratio = 1.0  # mean normalised innovation squared
+        self._taken = 0  # samples since the last reset
+        self._memory = Memory(1.0 - 1.0 / settings.noise_memory, limits)
+        self._held: Estimate | None = None
+
+    def update(self, samples: Samples, now_us: int) -> Estimate | None:
+        """See `Estimator.update`."""
+        del now_us  # the walk goes by samples, not by time
+        new = usable(samples, self._slip_max)
+        if not len(new):
+            if self._held is not None:
+                self._held = replace(self._held, change_probability=0.0)
+            return self._held
+        h, z = new.folded()
+        points = zip(h.tolist(), z.tolist(), new.slip_total_var.tolist(), strict=True)
+        resets = [k for k, point in enumerate(points) if self._is_reset_by(*point)]
+        if resets:
+            self._memory.restart()
+            new = new.select(slice(resets[-1], None))
+        self._memory.add(new)
+        theta = np.exp(self._x)
+        covariance = self._covariance * np.outer(theta, theta)
+        errors = peak_errors(theta, covariance, self._slip_max)
+        self._held = self._memory.estimate(
+            theta, covariance, errors, sqrt(self._noise_var), 1.0 if resets else 0.0
+        )
+        return self._held
+
+    def _is_reset_by(self, h: float, z: float, slip_var: float) -> bool:
+        """Take one sample; whether the filter was reset at it."""
+        settings = self._settings
+        c1, c2, c3 = np.exp(self._x).tolist()
+        e = exp(-c2 * h)
+        gradient = np.array([c1 * (1.0 - e), c1 * c2 * h * e, -c3 * h])  # by the logarithms
+        innovation = z - (c1 * (1.0 - e) - c3 * h)
+        predicted = self._covariance + self._walk
+        gain = predicted @ gradient
+        slope = c1 * c2 * e - c3
+        noise_var = self._noise_var + slope * slope * slip_var
+        variance = float(gradient @ gain) + noise_var
+        squared = innovation * innovation / variance
+        counted = min(squared, settings.gate**2)
+        self._ratio += (counted - self._ratio) / settings.window
+        if self._ratio > settings.reset:
+            self._covariance, self._ratio, self._taken = self._first, 1.0, 0
+            return True
+        if squared > settings.gate**2:
+            return False
+        gain /= variance
+        self._x = np.clip(self._x + gain * innovation, self._lower, self._upper)
+        # Joseph's form: it stays positive definite under rounding.
+        rest = np.eye(3) - np.outer(gain, gradient)
+        self._covariance = rest @ predicted @ rest.T + noise_var * np.outer(gain, gain)
+        self._taken += 1
+        # Quick at first, then the mean over the memory; never 0, which no later sample could move.
+        share = 1.0 / min(self._taken + 20.0, settings.noise_memory)
+        self._noise_var = max(self._noise_var * (1.0 + share * (squared - 1.0)), 1e-10)
+        return False

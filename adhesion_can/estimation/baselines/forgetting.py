@@ -1,0 +1,144 @@
+"""What the baselines share: which samples count, and what a recursive one keeps of the past."""
+
+from dataclasses import replace
+from math import hypot, inf, sqrt
+
+import numpy as np
+
+from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.physics.burckhardt import Array, peak, peak_gradient
+from adhesion_can.physics.samples import Estimate, Identifiable, Samples
+from adhesion_can.sampling.former import common_load_std
+
+BINS = 500
+UNKNOWN = np.diag([inf] * 3)
+"""Covariance of (c1, c2, c3) of which nothing is known."""
+
+
+def usable(samples: Samples, slip_max: float) -> Samples:
+    """The samples that are finite and within the model's range of slip, without covariates."""
+    rows = np.isfinite(samples.slip) & np.isfinite(samples.adhesion)
+    rows &= np.abs(samples.slip) <= slip_max
+    return replace(samples, covariates={}).select(rows)
+
+
+def decay(forgetting: float, n: int) -> Array:
+    """Weights β^(n−1)..β^0 of n samples, the latest last, shape (n,)."""
+    return np.asarray(forgetting ** np.arange(n - 1.0, -1.0, -1.0))
+
+
+def peak_errors(theta: Array, covariance: Array, slip_max: float) -> tuple[float, float]:
+    """Standard deviations of μ_max and λ_m, inf where the covariance or the curve gives none.
+
+    Args:
+        theta: (c1, c2, c3).
+        covariance: of them, shape (3, 3).
+        slip_max: end of the valid range of slip.
+
+    """
+    c1, c2, c3 = map(float, theta)
+    if not np.isfinite(covariance).all():
+        return inf, inf
+    mu_row, lambda_row = peak_gradient(c1, c2, c3, slip_max)
+    mu_std = sqrt(max(float(mu_row @ covariance @ mu_row), 0.0))
+    if not peak(c1, c2, c3, slip_max).interior:
+        return mu_std, inf
+    return mu_std, sqrt(max(float(lambda_row @ covariance @ lambda_row), 0.0))
+
+
+class Memory:
+    """Exponentially forgotten record of the slips seen, on which identifiability is judged.
+
+    A histogram of slip and the loads' doubt, each sample of weight β^age, so that memory and cost
+    do not grow with the samples.
+
+    Args:
+        forgetting: β of a sample, in 0..1.
+        settings: when the peak counts as identifiable.
+
+    """
+
+    def __init__(self, forgetting: float, settings: IdentifiabilitySettings) -> None:
+        self._forgetting = forgetting
+        self._settings = settings
+        self._counts = np.zeros(BINS)
+        self._load_variance = 0.0
+        self._since_us: int | None = None
+
+    @property
+    def samples(self) -> float:
+        """Sum of the weights: the number of samples that are remembered."""
+        return float(self._counts.sum())
+
+    def add(self, samples: Samples) -> None:
+        """Take usable samples, at least one."""
+        if self._since_us is None:
+            self._since_us = int(samples.t_us[0])
+        weights = decay(self._forgetting, len(samples))
+        bins = (np.abs(samples.slip) * (BINS / self._settings.slip_max)).astype(np.int64)
+        self._counts *= self._forgetting ** len(samples)
+        self._counts += np.bincount(np.minimum(bins, BINS - 1), weights, minlength=BINS)
+        share = weights.sum() / self.samples
+        variance = common_load_std(samples.load, samples.load_std) ** 2
+        self._load_variance += share * (variance - self._load_variance)
+
+    def restart(self) -> None:
+        """Forget all: the next samples are of another surface."""
+        self._counts[:] = 0.0
+        self._since_us = None
+
+    def estimate(
+        self,
+        theta: Array,
+        covariance: Array,
+        errors: tuple[float, float],
+        noise_std: float,
+        change_probability: float = 0.0,
+    ) -> Estimate:
+        """Estimate, judged as `assessment.assess` judges one; after at least one sample.
+
+        Args:
+            theta: (c1, c2, c3).
+            covariance: of them, shape (3, 3).
+            errors: standard deviations of μ_max and λ_m, inf where unknown.
+            noise_std: of adhesion around the curve.
+            change_probability: that the surface changed within the last update.
+
+        """
+        limits, n = self._settings, self.samples
+        if n < limits.samples or not np.isfinite(covariance).all():
+            covariance, errors = UNKNOWN, (inf, inf)
+        mu_error, lambda_error = errors
+        c1, c2, c3 = map(float, theta)
+        top = peak(c1, c2, c3, limits.slip_max)
+        mu_max, lambda_m = float(top.mu_max), float(top.lambda_m)
+        reached = self._reached()
+        # The peak may lie farther than estimated; by how much is known.
+        farthest = lambda_m + (3 * lambda_error if np.isfinite(lambda_error) else 0.0)
+        return Estimate(
+            c1=c1,
+            c2=c2,
+            c3=c3,
+            covariance=covariance,
+            mu_max=mu_max,
+            mu_max_std=hypot(mu_error, mu_max * sqrt(self._load_variance)),
+            lambda_m=lambda_m,
+            lambda_m_std=lambda_error,
+            noise_std=noise_std,
+            samples=round(n),
+            identifiable=Identifiable(
+                mu_max=mu_max > 0.0
+                and mu_error <= limits.mu_max_std * mu_max
+                and reached >= limits.mu_max_reach * farthest,
+                lambda_m=lambda_error <= limits.lambda_m_std * lambda_m and reached >= farthest,
+            ),
+            surface_since_us=self._since_us or 0,
+            change_probability=change_probability,
+        )
+
+    def _reached(self) -> float:
+        """Slip that the share `reach` of the remembered samples exceeds."""
+        above = np.cumsum(self._counts[::-1])[::-1]
+        beyond = np.flatnonzero(above >= self._settings.reach * above[0])
+        # The lower edge of the bin: nothing is claimed that was not seen.
+        return float(beyond[-1]) * self._settings.slip_max / BINS

@@ -1,0 +1,154 @@
+"""Least squares over a window that grows while one curve explains it, and begins anew after.
+
+The window is reset where the latest samples differ from its curve by more than its own noise: a
+test of variances (chi-square), at slips that it has already seen, since beyond them a curve that
+is poorly known is no evidence of another rail.
+"""
+
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+from scipy.special import chdtri
+
+from adhesion_can.estimation.baselines.block_fit import fit_from
+from adhesion_can.estimation.baselines.forgetting import UNKNOWN, usable
+from adhesion_can.estimation.differential_evolution import EvolutionSettings
+from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.estimation.likelihood import innovation
+from adhesion_can.physics.burckhardt import Array, adhesion_slope
+from adhesion_can.physics.samples import Estimate, Identifiable, Samples
+
+
+@dataclass(frozen=True, slots=True)
+class WindowSettings:
+    """Growth and reset of the window.
+
+    Attributes:
+        latest: samples that a reset is decided on, and that the first fit needs.
+        share: growth of the window, as a share of it, after which it is fitted again.
+        most: samples of the window; beyond, the oldest go and it slides.
+        ratio: root mean square of the latest residuals, over the window's, that a reset needs at
+            least: noise that grows a little is no other rail.
+        false_alarm: probability of a reset by Gaussian noise alone, for each test.
+        floor: noise is taken as at least this much, in adhesion: below it no sensor measures.
+
+    """
+
+    latest: int = 60
+    share: float = 0.05
+    most: int = 20_000
+    ratio: float = 1.3
+    false_alarm: float = 1e-6
+    floor: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.latest <= self.most:
+            raise ValueError("latest must be in 1..most")
+        if not (self.share > 0 and self.ratio > 1 and self.floor > 0):
+            raise ValueError("share and floor must be positive, ratio above 1")
+        if not 0 < self.false_alarm < 1:
+            raise ValueError("false_alarm must be in 0..1")
+
+
+class WindowEstimator:
+    """Growing-window least squares with a reset, as an estimator.
+
+    It is fitted again when it has grown by `share`, or by a block of samples, and by `latest` at
+    least. After a reset the old curve is given, with no claim left to it, until the new window
+    holds `latest` samples.
+
+    Args:
+        settings: see there.
+        evolution: for `block` and the search range.
+        identifiability: see there.
+
+    """
+
+    def __init__(
+        self,
+        settings: WindowSettings | None = None,
+        evolution: EvolutionSettings | None = None,
+        identifiability: IdentifiabilitySettings | None = None,
+    ) -> None:
+        self._evolution = evolution or EvolutionSettings()
+        self._identifiability = identifiability or IdentifiabilitySettings()
+        self._settings = settings or WindowSettings()
+        self._window = self._pending = Samples.of([])
+        self._since_us = 0
+        self._held: Estimate | None = None
+
+    def update(self, samples: Samples, now_us: int) -> Estimate | None:
+        """See `Estimator.update`."""
+        del now_us  # the window is a number of samples, not a time
+        new = usable(samples, self._identifiability.slip_max)
+        changed = False
+        if len(new):
+            self._pending = Samples.concatenate([self._pending, new])
+            changed = self._reset_where_changed()
+            if not len(self._window):
+                self._since_us = int(self._pending.t_us[0])
+            if self._is_due():
+                self._fit()
+        if self._held is not None:
+            self._held = replace(
+                self._held,
+                surface_since_us=self._since_us,
+                change_probability=1.0 if changed else 0.0,
+            )
+        return self._held
+
+    def _reset_where_changed(self) -> bool:
+        """Whether the pending samples contradict the window's curve; the window ends there."""
+        if self._held is None or not len(self._window):
+            return False
+        h, z = self._pending.folded()
+        rows = np.flatnonzero(h <= np.abs(self._window.slip).max())
+        if len(rows) < self._settings.latest // 2:
+            return False
+        h, z, slip_var = h[rows], z[rows], self._pending.slip_total_var[rows]
+        # Noise in slip counts by the slope, so most where slips are small.
+        by_slip = adhesion_slope(h, *self._held.theta) ** 2 * slip_var
+        explained = max(self._held.noise_std, self._settings.floor) ** 2 + by_slip
+        squares = innovation(self._held.theta, h, z) ** 2 / explained
+        latest = squares[-self._settings.latest :]
+        if not (self._contradicts(latest) or self._contradicts(squares)):
+            return False
+        first = rows[
+            _most_likely_change(squares, max(float(latest.mean()), self._settings.ratio**2))
+        ]
+        self._pending = self._pending.select(slice(int(first), None))
+        self._window = Samples.of([])
+        self._held = replace(
+            self._held,
+            covariance=UNKNOWN,
+            mu_max_std=inf,
+            lambda_m_std=inf,
+            identifiable=Identifiable(mu_max=False, lambda_m=False),
+        )
+        return True
+
+    def _contradicts(self, squares: Array) -> bool:
+        n, settings = len(squares), self._settings
+        limit = max(chdtri(n, settings.false_alarm) / n, settings.ratio**2)
+        return bool(squares.mean() > limit)
+
+    def _is_due(self) -> bool:
+        growth = min(self._settings.share * len(self._window), self._evolution.block)
+        return len(self._pending) >= max(growth, self._settings.latest)
+
+    def _fit(self) -> None:
+        last = self._held if len(self._window) else None
+        joined = Samples.concatenate([self._window, self._pending])
+        self._window = joined.select(slice(-self._settings.most, None))
+        self._pending = Samples.of([])
+        self._held = fit_from(last, self._window, self._evolution, self._identifiability)
+
+
+def _most_likely_change(squares: Array, after: float) -> int:
+    """Row from which the squared residuals' expectation is `after`, > 1, and 1 before it.
+
+    The log likelihood ratio of two normal variances, summed from each row on, is largest there.
+    """
+    gain = squares * (1.0 - 1.0 / after) - np.log(after)
+    return int(np.argmax(np.cumsum(gain[::-1])[::-1]))

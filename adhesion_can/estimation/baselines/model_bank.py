@@ -1,0 +1,132 @@
+"""A bank of preset surfaces, weighted by how well each predicts: multiple-model adaptation.
+
+Nothing is learned: the rail is taken to be one of the presets. Each one's mean square innovation,
+forgotten exponentially, gives its probability with the noise profiled out (after Magill 1965),
+w ∝ (mean square)^(−n/2). Among presets of which none is right the nearest becomes certain: so its
+innovations' means over bins of slip, which noise would bring to zero, are kept as well, and
+what they leave is the doubt about all of them.
+"""
+
+from dataclasses import dataclass
+from math import hypot, inf, sqrt
+
+import numpy as np
+
+from adhesion_can.estimation.baselines.forgetting import Memory, decay, usable
+from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.estimation.likelihood import innovation
+from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Array, Surface, peak
+from adhesion_can.physics.samples import Estimate, Samples
+
+EDGES = 0.005 * 2.0 ** np.arange(7)
+"""Of the bins of slip, narrow where curves are steep."""
+
+
+@dataclass(frozen=True, slots=True)
+class BankSettings:
+    """The presets and how long an innovation counts.
+
+    Attributes:
+        surfaces: presets, each with a rise at slip 0.
+        forgetting: weight of a sample against the next one; 1/(1 − forgetting) are remembered.
+        floor: noise is taken as at least this much, in adhesion.
+
+    """
+
+    surfaces: tuple[Surface, ...] = (*PUBLISHED, *RAIL)
+    forgetting: float = 0.995
+    floor: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if not self.surfaces or any(surface.mu_max <= 0 for surface in self.surfaces):
+            raise ValueError("a bank holds at least one surface, each with a peak above 0")
+        if not (0 < self.forgetting < 1 and self.floor > 0):
+            raise ValueError("forgetting must be in 0..1, floor positive")
+
+
+class BankEstimator:
+    """Probability-weighted presets as an estimator.
+
+    μ_max and λ_m are the weighted means of the presets'. Their standard deviations are the
+    weighted spread, for μ_max together with what the most probable preset misses of the data's
+    mean; where that is more than an identified peak may miss, nothing is known of λ_m. c1, c2, c3
+    are the most probable preset's, stretched along both axes so that its peak stands at the means.
+
+    Args:
+        settings: see there.
+        identifiability: see there.
+
+    """
+
+    def __init__(
+        self,
+        settings: BankSettings | None = None,
+        identifiability: IdentifiabilitySettings | None = None,
+    ) -> None:
+        self._settings = settings or BankSettings()
+        self._limits = identifiability or IdentifiabilitySettings()
+        self._memory = Memory(self._settings.forgetting, self._limits)
+        self._presets = np.array([surface.theta for surface in self._settings.surfaces])
+        c1, c2, c3 = self._presets.T
+        self._peaks = peak(c1, c2, c3, self._limits.slip_max)
+        bins = len(EDGES) + 1
+        self._counts = np.zeros(bins)
+        self._sums = np.zeros((len(self._presets), bins))  # of the innovation, by preset and bin
+        self._squares = np.zeros(len(self._presets))
+        self._held: Estimate | None = None
+
+    def update(self, samples: Samples, now_us: int) -> Estimate | None:
+        """See `Estimator.update`."""
+        del now_us  # forgetting goes by samples, not by time
+        new = usable(samples, self._limits.slip_max)
+        if len(new):
+            self._memory.add(new)
+            self._take(*new.folded())
+            self._held = self._estimate()
+        return self._held
+
+    def _take(self, h: Array, z: Array) -> None:
+        weights = decay(self._settings.forgetting, len(h))
+        errors = np.array([innovation(theta, h, z) for theta in self._presets])
+        member = np.searchsorted(EDGES, h)[:, None] == np.arange(len(self._counts))
+        kept = self._settings.forgetting ** len(h)
+        self._counts = kept * self._counts + weights @ member
+        self._sums = kept * self._sums + (errors * weights) @ member
+        self._squares = kept * self._squares + errors**2 @ weights
+
+    def _estimate(self) -> Estimate:
+        n = self._counts.sum()
+        mean_square = self._squares / n + self._settings.floor**2
+        best = int(mean_square.argmin())
+        weights = (mean_square[best] / mean_square) ** (n / 2)
+        weights /= weights.sum()
+        mu_max, mu_std = _moments(weights, self._peaks.mu_max)
+        lambda_m, lambda_std = _moments(weights, self._peaks.lambda_m)
+        missed, noise = self._missed(best)
+        if missed > self._limits.mu_max_std * mu_max:
+            lambda_std = inf
+        c1, c2, c3 = self._presets[best]
+        up, along = mu_max / self._peaks.mu_max[best], lambda_m / self._peaks.lambda_m[best]
+        theta = np.array([up * c1, c2 / along, up * c3 / along])
+        offsets = self._presets - theta
+        covariance = (offsets.T * weights) @ offsets
+        return self._memory.estimate(theta, covariance, (hypot(mu_std, missed), lambda_std), noise)
+
+    def _missed(self, preset: int) -> tuple[float, float]:
+        """What a preset misses of the bins' means, root mean square, and the noise in the bins."""
+        n, seen = self._counts.sum(), self._counts >= 1.0
+        between = float(np.sum(self._sums[preset, seen] ** 2 / self._counts[seen]))
+        within = max(float(self._squares[preset]) - between, 0.0) / max(n - seen.sum(), 1.0)
+        # Noise alone leaves that much in the means: the weights' squares sum to a share of n.
+        forgetting = self._settings.forgetting
+        by_noise = float(seen.sum()) * within / (1.0 + forgetting)
+        if seen.sum() < 3:
+            # Three parameters: fewer points than that are on many curves.
+            return inf, sqrt(within)
+        return sqrt(max(between - by_noise, 0.0) / n), sqrt(within)
+
+
+def _moments(weights: Array, values: Array) -> tuple[float, float]:
+    """Weighted mean and standard deviation."""
+    mean = float(weights @ values)
+    return mean, sqrt(float(weights @ (values - mean) ** 2))

@@ -1,0 +1,260 @@
+"""One fit to all samples at once, and the moments at which the rail changed among them.
+
+For a given c2 the model is linear in c1 and c3, so both are projected out and only c2 is searched:
+a coarse scan over its range, then least squares on all three. The same projection on sums over
+narrow bins of slip scores every possible moment of a change in one matrix product.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess
+from adhesion_can.estimation.likelihood import innovation, sensitivity, sum_of_squares
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.samples import Estimate, Identifiable, Samples
+
+STEEPNESS = np.geomspace(2.0, 400.0, 60)
+"""Scan over c2: neighbours are 9 % apart, well within the reach of the refinement."""
+
+LOWER, UPPER = np.array([1e-6, 1.0, 0.0]), np.array([10.0, 1000.0, 10.0])
+"""Of (c1, c2, c3): wide enough never to decide where the data do."""
+
+BINS = 96
+SCAN_SAMPLES = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentationSettings:
+    """When a change of the rail is believed.
+
+    Attributes:
+        chunk_s: resolution of a change, s.
+        shortest_s: of a stretch, s.
+        penalty: gain in log likelihood that a change must bring, in units of the BIC's.
+        noise_gain: share by which it must lower the root mean square of the residual in them.
+
+    """
+
+    chunk_s: float = 0.1
+    shortest_s: float = 1.0
+    penalty: float = 4.0
+    noise_gain: float = 0.05
+
+
+class Segment(NamedTuple):
+    """A stretch of constant rail: the stamps of its first and last sample, µs, and its estimate."""
+
+    from_us: int
+    to_us: int
+    estimate: Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class BatchResult:
+    """A batch fit.
+
+    Attributes:
+        whole: one curve for all samples; not identifiable where the rail changed among them.
+        segments: one for each stretch, at least one.
+        left_out: samples outside the model's range, or not finite.
+
+    """
+
+    whole: Estimate
+    segments: tuple[Segment, ...]
+    left_out: int
+
+
+def fit(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Estimate:
+    """Maximum likelihood of one curve for all samples (eq. 13).
+
+    Args:
+        samples: at least one, finite, |λ| within the range of `settings`.
+        settings: when the peak counts as identifiable.
+
+    """
+    settings = settings or IdentifiabilitySettings()
+    h, z = samples.folded()
+    step = max(len(h) // SCAN_SAMPLES, 1)
+    start = np.clip(_scan(h[::step], z[::step]), 1.001 * LOWER + 1e-6, 0.999 * UPPER)
+    found = least_squares(
+        lambda theta: innovation(theta, h, z),
+        start,
+        jac=lambda theta: -sensitivity(theta, h),
+        bounds=(LOWER, UPPER),
+        x_scale=np.maximum(start, 1e-3),
+        xtol=1e-12,
+        ftol=1e-12,
+        gtol=1e-12,
+    )
+    return assess(found.x, sum_of_squares(found.x, h, z), samples, settings)
+
+
+def identify(
+    samples: Samples,
+    settings: IdentifiabilitySettings | None = None,
+    segmentation: SegmentationSettings | None = None,
+    labels: NDArray[np.int64] | None = None,
+) -> BatchResult | None:
+    """Batch fit of a recording: one curve, and one for each stretch of constant rail.
+
+    Args:
+        samples: in the order of their stamps.
+        settings: when the peak counts as identifiable.
+        segmentation: see there.
+        labels: segment of each sample where it is known, shape (n,); None: found from the data.
+
+    Returns:
+        None where no sample is usable.
+
+    """
+    settings = settings or IdentifiabilitySettings()
+    usable = np.isfinite(samples.slip) & np.isfinite(samples.adhesion)
+    usable &= np.abs(samples.slip) <= settings.slip_max
+    kept = samples.select(usable)
+    if not len(kept):
+        return None
+    if labels is None:
+        edges = change_points(kept, segmentation or SegmentationSettings())
+    else:
+        edges = [int(i) for i in np.flatnonzero(np.diff(labels[usable])) + 1]
+    bounds = [0, *edges, len(kept)]
+    segments = tuple(
+        Segment(int(kept.t_us[a]), int(kept.t_us[b - 1]), fit(kept.select(slice(a, b)), settings))
+        for a, b in pairwise(bounds)
+    )
+    whole = fit(kept, settings)
+    if len(segments) > 1:
+        whole = replace(whole, identifiable=Identifiable(mu_max=False, lambda_m=False))
+    return BatchResult(whole, segments, left_out=len(samples) - len(kept))
+
+
+def change_points(samples: Samples, settings: SegmentationSettings) -> list[int]:
+    """Rows at which the rail changed, ascending: binary segmentation by log likelihood.
+
+    Args:
+        samples: in the order of their stamps.
+        settings: see there.
+
+    """
+    h, z = samples.folded()
+    since = samples.t_us - samples.t_us[0]
+    if since[-1] <= 0 or np.any(np.diff(since) < 0):
+        return []
+    chunk = (since // round(settings.chunk_s * 1e6)).astype(np.int64)
+    # Empty chunks (a pause) take no room.
+    starts = np.flatnonzero(np.diff(chunk, prepend=-1))
+    sums = _chunk_sums(h, z, starts)
+    times = since[starts] * 1e-6
+    splits: list[int] = []
+    open_ranges = [(0, len(starts))]
+    while open_ranges:
+        first, last = open_ranges.pop()
+        split = _best_split(sums, times, first, last, settings)
+        if split is not None:
+            splits.append(split)
+            open_ranges += [(first, split), (split, last)]
+    return sorted(int(starts[split]) for split in splits)
+
+
+class _Sums(NamedTuple):
+    """Cumulative sums over chunks, a row more than chunks: counts, Σz, by bin; Σz²; bin centres."""
+
+    counts: Array
+    z: Array
+    zz: Array
+    centre: Array
+
+
+def _chunk_sums(h: Array, z: Array, starts: NDArray[np.int64]) -> _Sums:
+    # Narrow where the samples are, and where the curve is steep though samples are few.
+    crowded = np.quantile(h, np.linspace(0, 1, BINS + 1)[1:-1])
+    edges = np.unique(np.concatenate([crowded, np.geomspace(1e-3, 1.0, BINS) * max(h.max(), 1e-6)]))
+    index = np.searchsorted(edges, h)
+    bins = len(edges) + 1
+    count_all = np.bincount(index, minlength=bins)
+    centre = np.bincount(index, h, minlength=bins) / np.maximum(count_all, 1)
+    chunks = len(starts)
+    chunk = np.searchsorted(starts, np.arange(len(h)), side="right") - 1
+    flat = chunk * bins + index
+    shape = (chunks, bins)
+
+    def cumulative(values: NDArray[Any]) -> Array:
+        return np.concatenate(
+            [np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0, dtype=np.float64)]
+        )
+
+    return _Sums(
+        cumulative(np.bincount(flat, minlength=chunks * bins).reshape(shape)),
+        cumulative(np.bincount(flat, z, minlength=chunks * bins).reshape(shape)),
+        cumulative(np.add.reduceat(z * z, starts)),
+        centre,
+    )
+
+
+def _best_split(
+    sums: _Sums, times: Array, first: int, last: int, settings: SegmentationSettings
+) -> int | None:
+    """Chunk at which chunks first..last−1 are best split, None where they should not be."""
+    inner = np.arange(first + 1, last)
+    inner = inner[
+        (times[inner] - times[first] >= settings.shortest_s)
+        & (times[last - 1] - times[inner] >= settings.shortest_s)
+    ]
+    if not len(inner):
+        return None
+    begin, middle, end = (
+        [part[i] for part in (sums.counts, sums.z, sums.zz)] for i in (first, inner, last)
+    )
+    left = [m - b for m, b in zip(middle, begin, strict=True)]
+    right = [e - m for e, m in zip(end, middle, strict=True)]
+    whole = [np.asarray(e - b)[None] for e, b in zip(end, begin, strict=True)]
+    n = whole[0].sum()
+    cost, cost1, cost2 = (
+        _projected_cost(count, z, zz, sums.centre) for count, z, zz in (whole, left, right)
+    )
+    # One noise level for both sides: a change of the noise alone is no change of the rail.
+    gain = 0.5 * n * np.log(cost / (cost1 + cost2))
+    best = int(np.argmax(gain))
+    threshold = settings.penalty * 0.5 * 5 * np.log(n)
+    quieter = 1.0 - np.sqrt((cost1 + cost2)[best] / cost[0])
+    if gain[best] <= threshold or quieter <= settings.noise_gain:
+        return None
+    return int(inner[best])
+
+
+def _projected_cost(count: Array, z: Array, zz: Array, centre: Array) -> Array:
+    """J with c1 and c3 projected out and c2 scanned, for each row of sums."""
+    a = -np.expm1(-np.multiply.outer(centre, STEEPNESS))  # 1 - e^(-c2 h), (bins, c2)
+    b = -centre[:, None]
+    aa, ab, bb = count @ (a * a), count @ (a * b), count @ (b * b)
+    az, bz = z @ a, z @ b
+    c1, c3 = _two_by_two(aa, ab, np.broadcast_to(bb, aa.shape), az, np.broadcast_to(bz, az.shape))
+    explained = c1 * az + c3 * bz
+    return np.asarray(np.maximum(zz - explained.max(axis=-1), 1e-12 * np.maximum(zz, 1e-12)))
+
+
+def _two_by_two(aa: Array, ab: Array, bb: Array, az: Array, bz: Array) -> tuple[Array, Array]:
+    """c1, c3 ≥ 0 of the normal equations; c3 = 0 where it would come out negative."""
+    det = aa * bb - ab * ab
+    good = det > 1e-12 * np.maximum(aa * bb, 1e-300)
+    safe = np.where(good, det, 1.0)
+    c1, c3 = (bb * az - ab * bz) / safe, (aa * bz - ab * az) / safe
+    plain = np.divide(az, aa, out=np.zeros_like(az), where=aa > 0)
+    inside = good & (c3 >= 0)
+    return np.where(inside, c1, plain), np.where(inside, c3, 0.0)
+
+
+def _scan(h: Array, z: Array) -> Array:
+    """Start of the refinement: the best of the scan over c2; shape (3,)."""
+    a = -np.expm1(-np.multiply.outer(STEEPNESS, h))
+    aa, ab = np.einsum("ij,ij->i", a, a), -(a @ h)
+    c1, c3 = _two_by_two(aa, ab, np.full_like(aa, h @ h), a @ z, np.full_like(aa, -(h @ z)))
+    cost = z @ z - c1 * (a @ z) + c3 * (h @ z)
+    best = int(np.argmin(cost))
+    return np.array([max(c1[best], 1e-3), STEEPNESS[best], max(c3[best], 1e-5)])

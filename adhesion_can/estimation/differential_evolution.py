@@ -1,0 +1,252 @@
+"""The paper's modified differential evolution, eq. 16 and 17, in matrix form.
+
+He et al. change two things in ordinary differential evolution (Storn & Price 1997): the first
+population stands around the last estimate (eq. 16), and the variation factor follows the
+innovation (eq. 17). What the paper leaves open is a field of `EvolutionSettings` with our default.
+"""
+
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from adhesion_can.estimation.likelihood import innovation
+from adhesion_can.physics.burckhardt import Array
+
+
+@dataclass(frozen=True, slots=True)
+class EvolutionSettings:
+    """Numbers of the search; the paper's Table 2 is not in the text that we have.
+
+    Attributes:
+        population: number of individuals.
+        generations: iteration limit of one search.
+        crossover: probability CR that a gene comes from the mutant.
+        lower: search range of (c1, c2, c3).
+        upper: likewise.
+        population_std: σ of eq. 16, of (c1, c2, c3).
+        innovation: how eq. 17 takes the innovation of a block: the sum, as the paper says, which
+            for 500 samples saturates F at 1.1, or the mean of |z̃|.
+        start: 'previous' for eq. 16, 'uniform' over the range for the ordinary algorithm.
+        factor: None for eq. 17, else a fixed F.
+        theta0: first θ; None draws it from the range, as the paper's experiment 1 does.
+        block: samples of a block.
+        seed: of the random numbers.
+
+    """
+
+    population: int = 30
+    generations: int = 50
+    crossover: float = 0.9
+    lower: tuple[float, float, float] = (0.01, 2.0, 1e-4)
+    upper: tuple[float, float, float] = (1.5, 400.0, 1.0)
+    population_std: tuple[float, float, float] = (0.1, 40.0, 0.2)
+    innovation: Literal["mean", "sum"] = "mean"
+    start: Literal["previous", "uniform"] = "previous"
+    factor: float | None = None
+    theta0: tuple[float, float, float] | None = None
+    block: int = 500
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if self.population < 4:
+            raise ValueError("a mutation takes three others: population must be at least 4")
+        if self.generations < 1 or self.block < 1:
+            raise ValueError("generations and block must be at least 1")
+        if not all(0 <= lo < up < inf for lo, up in zip(self.lower, self.upper, strict=True)):
+            raise ValueError("each lower bound must be below its upper bound, and not negative")
+        if self.innovation not in ("mean", "sum") or self.start not in ("previous", "uniform"):
+            raise ValueError("innovation is 'mean' or 'sum', start 'previous' or 'uniform'")
+        if self.theta0 is not None and not all(
+            lo <= x <= up for lo, x, up in zip(self.lower, self.theta0, self.upper, strict=True)
+        ):
+            raise ValueError("theta0 must lie within lower and upper")
+        if self.factor is not None and not (isfinite(self.factor) and self.factor > 0):
+            raise ValueError("factor must be positive")
+        if self.seed < 0:
+            raise ValueError("seed must not be negative")
+        if not 0 <= self.crossover <= 1 or not all(0 <= std < inf for std in self.population_std):
+            raise ValueError("crossover must be in 0..1, population_std not negative")
+
+
+def variation_factor(size: ArrayLike) -> Array:
+    """F(k) = 0.3 + 0.8/(1 + e^(−10 |z̃(k)| + 2)), eq. 17, of the size of the innovation."""
+    return np.asarray(0.3 + 0.8 / (1.0 + np.exp(-10.0 * np.abs(np.asarray(size)) + 2.0)))
+
+
+def first_population(
+    theta: ArrayLike, settings: EvolutionSettings, rng: np.random.Generator
+) -> Array:
+    """First population: θ(k−1) + N(0, σ), eq. 16, or uniform; shape (population, 3).
+
+    θ(k−1) itself is its first individual, so that a search never ends worse than it began. What
+    falls outside the range is mirrored back, which piles nothing up on the bound.
+    """
+    lower, upper = np.array(settings.lower), np.array(settings.upper)
+    shape = (settings.population, 3)
+    if settings.start == "uniform":
+        return np.asarray(lower + (upper - lower) * rng.random(shape))
+    people = np.asarray(theta) + np.array(settings.population_std) * rng.standard_normal(shape)
+    people[0] = theta
+    people = np.where(people < lower, 2 * lower - people, people)
+    people = np.where(people > upper, 2 * upper - people, people)
+    return np.asarray(np.clip(people, lower, upper))
+
+
+class Objective:
+    """J of eq. 13 for a whole population at once, with one exponential per point and individual.
+
+    Expanded, J(θ) needs of the data only Σ1, Σz, Σz², Σh, Σh², Σhz, and of each c2 the sums of
+    e, e², e·z, e·h with e = e^(−c2 h): four products instead of a residual matrix.
+    """
+
+    def __init__(self, h: Array, z: Array) -> None:
+        self._minus_h = -h
+        self._basis = np.column_stack([np.ones_like(h), z, h])
+        self._n = len(h)
+        self._z, self._zz = z.sum(), z @ z
+        self._h, self._hh, self._hz = h.sum(), h @ h, h @ z
+
+    def __call__(self, people: Array) -> Array:
+        """J of each row (c1, c2, c3) of `people`, shape (population,)."""
+        c1, c2, c3 = people.T
+        e = np.exp(np.multiply.outer(c2, self._minus_h))
+        e1, ez, eh = (e @ self._basis).T
+        ee = np.einsum("ij,ij->i", e, e)
+        return np.asarray(
+            self._zz
+            + c1 * (c1 * (self._n - 2 * e1 + ee) + 2 * (ez - self._z) + 2 * c3 * (eh - self._h))
+            + c3 * (c3 * self._hh + 2 * self._hz)
+        )
+
+
+class Search(NamedTuple):
+    """Result of one search: θ̂ of shape (3,) and its J."""
+
+    theta: Array
+    cost: float
+
+
+def search(
+    h: Array,
+    z: Array,
+    theta: ArrayLike,
+    settings: EvolutionSettings,
+    rng: np.random.Generator,
+) -> Search:
+    """One run of the modified differential evolution (DE/rand/1/bin) over one set of data.
+
+    Args:
+        h: slip ratios, ≥ 0, shape (n,).
+        z: adhesion, shape (n,).
+        theta: θ̂(k−1), the estimate before these data.
+        settings: see there.
+        rng: random numbers.
+
+    """
+    objective = Objective(h, z)
+    lower, upper = np.array(settings.lower), np.array(settings.upper)
+    people = first_population(theta, settings, rng)
+    costs = objective(people)
+    factor = settings.factor if settings.factor is not None else _factor(theta, h, z, settings)
+    # All random numbers of the run at once: drawn by generation they cost more than the rest.
+    partners = _three_others(settings.generations, settings.population, rng)
+    taken = _crossover(settings, rng)
+    for (a, b, c), gene in zip(partners, taken, strict=True):
+        mutant = people[a] + factor * (people[b] - people[c])
+        trial = np.where(gene, mutant, people)
+        # Halfway to the bound that was passed.
+        trial = np.where(trial < lower, (people + lower) / 2, trial)
+        trial = np.where(trial > upper, (people + upper) / 2, trial)
+        trial_costs = objective(trial)
+        better = trial_costs <= costs
+        people[better] = trial[better]
+        costs[better] = trial_costs[better]
+    best = int(costs.argmin())
+    return Search(people[best].copy(), float(costs[best]))
+
+
+def _factor(theta: ArrayLike, h: Array, z: Array, settings: EvolutionSettings) -> float:
+    size = np.abs(innovation(theta, h, z))
+    return float(variation_factor(size.mean() if settings.innovation == "mean" else size.sum()))
+
+
+def _three_others(generations: int, population: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Three individuals, distinct and not oneself, for each: shape (generations, 3, population).
+
+    Drawn without repetition as offsets 1..population−1 from oneself: the second skips the first,
+    the third skips both in ascending order.
+    """
+    shape = (generations, population)
+    a = rng.integers(1, population, shape)
+    b = rng.integers(1, population - 1, shape)
+    b += b >= a
+    c = rng.integers(1, population - 2, shape)
+    c += c >= np.minimum(a, b)
+    c += c >= np.maximum(a, b)
+    offsets = np.stack([a, b, c], axis=1)
+    return np.asarray((np.arange(population) + offsets) % population)
+
+
+def _crossover(settings: EvolutionSettings, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Genes taken from the mutant, at least one each: shape (generations, population, 3)."""
+    shape = (settings.generations, settings.population, 3)
+    forced = rng.integers(0, 3, shape[:2])[..., None] == np.arange(3)
+    return np.asarray((rng.random(shape) < settings.crossover) | forced)
+
+
+def first_theta(settings: EvolutionSettings, rng: np.random.Generator) -> Array:
+    """θ̂(0): as set, else drawn from the search range; shape (3,)."""
+    if settings.theta0 is not None:
+        return np.array(settings.theta0, dtype=np.float64)
+    lower, upper = np.array(settings.lower), np.array(settings.upper)
+    return np.asarray(lower + (upper - lower) * rng.random(3))
+
+
+def identify_sequence(h: Array, z: Array, settings: EvolutionSettings) -> Array:
+    """Sequence processing: θ̂(k) from all data up to k, with the innovation of sample k alone.
+
+    Args:
+        h: slip ratios in the order of their arrival, shape (n,).
+        z: adhesion, shape (n,).
+        settings: see there.
+
+    Returns:
+        θ̂(1..n), shape (n, 3).
+
+    """
+    rng = np.random.default_rng(settings.seed)
+    theta = first_theta(settings, rng)
+    path = np.empty((len(h), 3))
+    for k in range(len(h)):
+        step = settings
+        if settings.factor is None:
+            size = innovation(theta, h[k : k + 1], z[k : k + 1])[0]
+            step = replace(settings, factor=float(variation_factor(size)))
+        theta = search(h[: k + 1], z[: k + 1], theta, step, rng).theta
+        path[k] = theta
+    return path
+
+
+def identify_blocks(h: Array, z: Array, settings: EvolutionSettings) -> Array:
+    """Block processing: θ̂(k) from block k alone, of `settings.block` samples each.
+
+    Args:
+        h: slip ratios, shape (n,); a last, incomplete block is left out.
+        z: adhesion, shape (n,).
+        settings: see there.
+
+    Returns:
+        θ̂ after each block, shape (n // block, 3).
+
+    """
+    rng = np.random.default_rng(settings.seed)
+    theta = first_theta(settings, rng)
+    path = np.empty((len(h) // settings.block, 3))
+    for k in range(len(path)):
+        block = slice(k * settings.block, (k + 1) * settings.block)
+        theta = search(h[block], z[block], theta, settings, rng).theta
+        path[k] = theta
+    return path

@@ -1,0 +1,270 @@
+"""Samples without the effects of an extended model, and what the model asks of the data.
+
+μ = factor · curve(slip'): effects in the contact give the slip with which the curve is entered and
+a factor. Turned round, a sample (λ, μ) becomes the point (slip', μ/factor) of the base curve, from
+which any estimator tells the base curve as if there were no effects. Effects of the instruments are
+taken out before that, where samples are formed from readings.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.errors import ConfigError, InputError
+from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.effects import ActiveEffect, Contact, Memory, change_of
+from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.samples import Samples
+from adhesion_can.sampling.equations import TRAVEL
+
+USABLE = 0.2
+"""A sample whose factor is smaller is left out: divided by it, it would be mostly noise."""
+
+# ------------------------------------------------------------------- what a model asks of the data
+
+
+def require_channels(model: ExtendedModel, available: Iterable[str], giver: str, mend: str) -> None:
+    """ConfigError where an effect lives on a channel that is not there.
+
+    Args:
+        model: see there.
+        available: covariates.
+        giver: who would have to give them, for the error.
+        mend: what to do about it.
+
+    """
+    present = set(available)
+    for active in model.in_contact:
+        needs = active.effect.needs
+        if needs and present.isdisjoint(needs):
+            what = f"{active.effect.id} needs {' or '.join(needs)}, which {giver} does not give"
+            raise ConfigError(model.where, what, mend)
+
+
+def require_axles(model: ExtendedModel, axles: int) -> None:
+    """ConfigError where a model speaks of an axle that the vehicle does not have."""
+    beyond = [axle for axle in model.instruments.radius_error if axle > axles]
+    if beyond:
+        raise ConfigError(
+            f"{model.where}: wheel_radius",
+            f"axle {beyond[0]} of a vehicle with {axles}",
+            "mend the axle, or the vehicle's axles",
+        )
+
+
+def channels_used(active: ActiveEffect) -> set[str]:
+    """Of speed, load and place: those on which the effect depends with its values."""
+    if isinstance(active.effect, Empirical):
+        known = {"speed": "speed", "creep_speed": "speed", "load": "load", "axle": "place"}
+        return {known[active.effect.channel]} if active.effect.channel in known else set()
+    rows = np.ones(2)
+    covariates = dict.fromkeys(active.effect.needs, rows)
+    plain = Contact(
+        slip=np.array([0.02, 0.03]),
+        creep_speed=np.array([0.2, 0.3]),
+        speed=10 * rows,
+        load=1e5 * rows,
+        time_s=np.array([0.0, 0.02]),
+        axle=rows,
+        place=rows,
+        adhesion=0.2 * rows,
+        covariates=covariates,
+    )
+    other = {
+        "speed": replace(plain, speed=20 * rows, creep_speed=2 * plain.creep_speed),
+        "load": replace(plain, load=2e5 * rows),
+        "place": replace(plain, place=2 * rows, axle=2 * rows),
+    }
+
+    def outcome(contact: Contact) -> Array:
+        change = change_of([active], contact, Memory())
+        return np.concatenate([change.slip, np.broadcast_to(change.factor, (2,))])
+
+    base = outcome(plain)
+    return {name for name, contact in other.items() if not np.array_equal(outcome(contact), base)}
+
+
+_COLUMN = {"speed": "speed_mps", "load": "normal_load_N", "place": "axle"}
+
+
+def require_columns(model: ExtendedModel, samples: Samples, where: str) -> None:
+    """InputError where a TABLE lacks a column on which an effect of the model depends.
+
+    Args:
+        model: see there.
+        samples: of the table, in which 1 stands for a speed or a load that it does not give.
+        where: name of the table.
+
+    """
+    mend = "add the column, or give the recording"
+    require_channels(model, samples.covariates, where, mend)
+    lacking = {
+        "speed": bool((samples.speed == 1.0).all()),
+        "load": bool((samples.load == 1.0).all()),
+        "place": bool((samples.axle == 0).all()),
+    }
+    for active in model.in_contact:
+        for channel in sorted(channels_used(active)):
+            if lacking[channel]:
+                what = f"no column {_COLUMN[channel]!r}, on which {active.effect.id} depends"
+                raise InputError(where, what, mend)
+
+
+# -------------------------------------------------------------------- samples without the effects
+
+
+class Corrected(NamedTuple):
+    """Samples without the effects in the contact.
+
+    Attributes:
+        samples: points of the base curve.
+        kept: which of the samples given they are, shape (n,).
+        left_out: how many are not among them, by reason.
+
+    """
+
+    samples: Samples
+    kept: NDArray[np.bool_]
+    left_out: Counter[str]
+
+
+def corrected(samples: Samples, model: ExtendedModel, axles: int) -> Corrected:
+    """Samples of a whole drive without the effects in the contact.
+
+    Args:
+        samples: in the order of their stamps.
+        model: see there.
+        axles: of the vehicle.
+
+    """
+    actives = model.in_contact
+    if not actives or not len(samples):
+        return Corrected(samples, np.ones(len(samples), dtype=np.bool_), Counter())
+    return without_effects(samples, actives, int(samples.t_us[0]), axles, Memory())
+
+
+def without_effects(
+    samples: Samples, actives: tuple[ActiveEffect, ...], origin_us: int, axles: int, memory: Memory
+) -> Corrected:
+    """Samples without effects in the contact, for a whole drive or a step of it.
+
+    Variances are scaled with the adhesion. Its noise differs from sample to sample then: what goes
+    beyond that of a sample whose factor is 1 is told as a variance of that sample's own.
+
+    Args:
+        samples: see `corrected`.
+        actives: effects.
+        origin_us: when the drive began.
+        axles: of the vehicle.
+        memory: see `ContactEffect.change`.
+
+    """
+    left_out: Counter[str] = Counter()
+    kept = _known(samples, actives, left_out)
+    if not kept.all():
+        samples = samples.select(kept)
+    if not len(samples):
+        return Corrected(samples, kept, left_out)
+    change = change_of(actives, contact_of(samples, origin_us, axles), memory)
+    factor = np.broadcast_to(change.factor, change.slip.shape)
+    good = np.isfinite(change.slip) & (factor >= USABLE)
+    if not good.all():
+        left_out[f"the effects leave less than {USABLE:g} of the adhesion"] += int((~good).sum())
+        samples = samples.select(good)
+        kept[kept] = good
+        change, factor = replace(change, slip=change.slip[good]), factor[good]
+    square = 1.0 / (factor * factor)
+    amended = replace(
+        samples,
+        slip=change.slip,
+        adhesion=samples.adhesion / factor,
+        adhesion_var=samples.adhesion_var * square,
+        transient_var=samples.transient_var * square
+        + samples.adhesion_var * np.maximum(square - 1.0, 0.0),
+    )
+    return Corrected(amended, kept, left_out)
+
+
+def _known(
+    samples: Samples, actives: tuple[ActiveEffect, ...], left_out: Counter[str]
+) -> NDArray[np.bool_]:
+    """Samples with all that the effects depend on, shape (n,)."""
+    kept = np.isfinite(samples.speed + samples.load)
+    if not kept.all():
+        left_out["speed or load not finite"] += int((~kept).sum())
+    for active in actives:
+        needs = active.effect.needs
+        if not needs:
+            continue
+        columns = [samples.covariates[name] for name in needs if name in samples.covariates]
+        known = np.zeros(len(samples), dtype=np.bool_)
+        for column in columns:
+            known |= np.isfinite(column)
+        missing = int((kept & ~known).sum())
+        if missing:
+            left_out[f"{' or '.join(needs)} not available"] += missing
+            kept &= known
+    return kept
+
+
+def contact_of(samples: Samples, origin_us: int, axles: int) -> Contact:
+    """Contacts as the samples saw them; without a direction of travel, it is forwards."""
+    axle = samples.axle.astype(np.float64)
+    travel = samples.covariates.get(TRAVEL)
+    reverse = None if travel is None else travel < 0
+    place = axle if reverse is None else np.where(reverse, axles + 1 - axle, axle)
+    return Contact(
+        slip=samples.slip,
+        creep_speed=samples.creep_speed,
+        speed=samples.speed,
+        load=samples.load,
+        time_s=np.asarray((samples.t_us - origin_us) * 1e-6, dtype=np.float64),
+        axle=axle,
+        place=place,
+        adhesion=samples.adhesion,
+        covariates=samples.covariates,
+    )
+
+
+def with_true_instruments(samples: Samples, instruments: Instruments, where: str) -> Samples:
+    """Samples of a TABLE as its instruments' errors leave them, as far as a table can tell.
+
+    Raises:
+        InputError: it would take the readings themselves.
+
+    """
+    if instruments == PERFECT:
+        return samples
+    late = instruments.speed_delay or instruments.effort_delay
+    untold = [
+        name
+        for name, told in (
+            ("a delay", not late),
+            ("the wheelset's inertia", not instruments.inertia_error),
+            ("a radius", not instruments.radius_error or bool((samples.axle > 0).all())),
+            ("an effort's bias", not instruments.effort_bias or bool((samples.load > 1.0).all())),
+        )
+        if not told
+    ]
+    if untold:
+        raise InputError(
+            where,
+            f"{untold[0]} of the model cannot be taken out of its rows",
+            "give the recording instead of the table",
+        )
+    radius = np.array([1.0 + instruments.radius_error.get(int(i), 0.0) for i in samples.axle])
+    slip = (1.0 + samples.slip) * radius * (1.0 + instruments.speed_error) - 1.0
+    speed = samples.speed / (1.0 + instruments.speed_error)
+    return replace(
+        samples,
+        slip=slip,
+        speed=speed,
+        creep_speed=slip * speed,
+        adhesion=samples.adhesion - instruments.effort_bias / samples.load,
+    )

@@ -1,0 +1,145 @@
+"""The extended model: a base curve, and effects with their values on top of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import isfinite
+from types import MappingProxyType
+
+import numpy as np
+
+from adhesion_can.estimation.tracker.curve_sums import Theta
+from adhesion_can.physics.burckhardt import Array
+from adhesion_can.physics.effects import ActiveEffect, Parameter, acts_in_contact, instruments_of
+from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.physics.instruments import Instruments
+
+Matrix = tuple[tuple[float, ...], ...]
+
+SLOW = frozenset({"slow_drift"})
+_NOTHING: Mapping[str, str] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class ExtendedModel:
+    """A base curve and what comes on top of it.
+
+    Attributes:
+        base: (c1, c2, c3).
+        base_covariance: of them, shape (3, 3); None where it is not known.
+        effects: in the order in which they act.
+        covariances: of each effect's parameters; None where not known; () for none of them.
+        splines: effects without a name.
+        provenance: what it was found from, in words.
+        where: file that it came from.
+        sha256: of that file, hex.
+
+    """
+
+    base: Theta
+    base_covariance: Matrix | None = None
+    effects: tuple[ActiveEffect, ...] = ()
+    covariances: tuple[Matrix | None, ...] = ()
+    splines: tuple[Empirical, ...] = ()
+    provenance: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
+    where: str = field(default="extended model", compare=False)
+    sha256: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        c1, c2, c3 = self.base
+        if not (all(map(isfinite, self.base)) and c3 >= 0 and c1 * c2 > c3 and min(c1, c2) > 0):
+            raise ValueError("c1 and c2 must be positive, c3 not negative and below c1 c2")
+        require_covariance(self.base_covariance, 3)
+        if not self.covariances:
+            object.__setattr__(self, "covariances", (None,) * len(self.effects))
+        if len(self.covariances) != len(self.effects):
+            raise ValueError(f"{len(self.covariances)} covariances, {len(self.effects)} effects")
+        for active, covariance in zip(self.effects, self.covariances, strict=True):
+            require_values(active)
+            require_covariance(covariance, len(active.values))
+        for one, other in pairwise(sorted(map(_place, self.effects))):
+            if one == other:
+                raise ValueError(f"{one[0]} stands twice")
+
+    @property
+    def instruments(self) -> Instruments:
+        """What the sensors and the vehicle's data get wrong."""
+        return instruments_of(self.effects)
+
+    @property
+    def actives(self) -> tuple[ActiveEffect, ...]:
+        """All effects, splines last."""
+        return (*self.effects, *(ActiveEffect(spline, ()) for spline in self.splines))
+
+    @property
+    def in_contact(self) -> tuple[ActiveEffect, ...]:
+        """Effects in the contact, splines last."""
+        return tuple(active for active in self.actives if acts_in_contact(active.effect))
+
+    @property
+    def online(self) -> tuple[ActiveEffect, ...]:
+        """Those that count while a rail is followed: not what is a matter of time alone.
+
+        A tracker follows a slow drift itself, and from a moment of its own.
+        """
+        return tuple(
+            active
+            for active in self.in_contact
+            if active.effect.id not in SLOW and active.effect.form != "time_s"
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Ids of the effects, with their forms, and channels of the splines."""
+        return tuple(f"{a.effect.id} {a.effect.form}".strip() for a in self.actives)
+
+    def covariance_of(self, active: ActiveEffect) -> Array:
+        """Covariance of an effect's parameters, shape (k, k); zeros where it is not known."""
+        for own, covariance in zip(self.effects, self.covariances, strict=True):
+            if own is active and covariance is not None:
+                return np.array(covariance)
+        return np.zeros((len(active.values),) * 2)
+
+
+def _place(active: ActiveEffect) -> tuple[str, float]:
+    """What no two effects of a model share: the mechanism, and the axle where it has one."""
+    pairs = zip(active.effect.parameters, active.values, strict=True)
+    return active.effect.id, sum(value for parameter, value in pairs if parameter.axle)
+
+
+def require_values(active: ActiveEffect) -> None:
+    """ValueError where a value of an effect is out of its bounds."""
+    parameters = active.effect.parameters
+    if len(parameters) != len(active.values):
+        raise ValueError(
+            f"{active.effect.id}: {len(active.values)} values, {len(parameters)} wanted"
+        )
+    for parameter, value in zip(parameters, active.values, strict=True):
+        require_value(parameter, value, f"{active.effect.id}.{parameter.name}")
+
+
+def require_value(parameter: Parameter, value: float, name: str) -> None:
+    """ValueError where a value is out of a parameter's bounds."""
+    low, high = parameter.lower, parameter.upper
+    if not low <= value <= high:
+        raise ValueError(f"{name} = {value:g} is not within {low:g} .. {high:g} {parameter.unit}")
+    if parameter.axle and value != round(value):
+        raise ValueError(f"{name} = {value:g} is not the number of an axle")
+
+
+def require_covariance(covariance: Matrix | None, size: int) -> None:
+    """ValueError where a matrix is no covariance of so many numbers."""
+    if covariance is None:
+        return
+    if len(covariance) != size or any(len(row) != size for row in covariance):
+        raise ValueError(f"covariance: not {size} rows of {size} numbers")
+    matrix = np.array(covariance).reshape(size, size)
+    if not np.isfinite(matrix).all() or (matrix.diagonal() < 0).any():
+        raise ValueError("covariance: variances must be finite and not negative")
+    # Parameters differ by many powers of ten: correlations are what can be compared.
+    scale = np.sqrt(matrix.diagonal())
+    scale = np.where(scale > 0, scale, 1.0)
+    correlation = matrix / scale / scale[:, None]
+    uneven = np.abs(correlation - correlation.T).max(initial=0.0)
+    if uneven > 1e-6 or np.linalg.eigvalsh(correlation).min(initial=0.0) < -1e-6:
+        raise ValueError("covariance: not symmetric, or with a negative direction")

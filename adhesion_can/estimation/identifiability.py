@@ -1,0 +1,85 @@
+"""From a fit to an estimate: standard errors, and whether the samples can tell the peak at all."""
+
+from dataclasses import dataclass
+from math import hypot
+
+import numpy as np
+
+from adhesion_can.estimation.likelihood import StandardErrors, standard_errors
+from adhesion_can.physics.burckhardt import Array, peak
+from adhesion_can.physics.samples import Estimate, Identifiable, Samples
+from adhesion_can.sampling.former import common_load_std
+
+
+@dataclass(frozen=True, slots=True)
+class IdentifiabilitySettings:
+    """When a set of samples can tell the peak.
+
+    Attributes:
+        mu_max_std: largest standard deviation of μ_max, as a share of it.
+        lambda_m_std: largest standard deviation of λ_m, as a share of it.
+        reach: share of the samples that must lie beyond λ̂_m for λ_m to be identifiable: the
+            curve is believed where it was seen to bend down, not where its formula says so.
+        mu_max_reach: slip, as a share of λ̂_m, that as many samples must exceed for μ_max.
+        slip_max: samples of larger |λ| are outside the model and are left out.
+        samples: fewer than so many do not even tell their own noise.
+
+    """
+
+    mu_max_std: float = 0.03
+    lambda_m_std: float = 0.3
+    reach: float = 0.03
+    mu_max_reach: float = 0.85
+    slip_max: float = 0.5
+    samples: int = 20
+
+    def __post_init__(self) -> None:
+        if not (min(self.mu_max_std, self.lambda_m_std) > 0 and self.slip_max > 0):
+            raise ValueError("standard deviations and slip_max must be positive")
+        if not (0 <= self.reach <= 1 and self.mu_max_reach >= 0):
+            raise ValueError("reach must be in 0..1, mu_max_reach not negative")
+
+
+def assess(
+    theta: Array, cost: float, samples: Samples, settings: IdentifiabilitySettings
+) -> Estimate:
+    """Estimate with standard errors from θ̂ and the samples that it was fitted to.
+
+    Args:
+        theta: (c1, c2, c3).
+        cost: J(θ̂), eq. 13.
+        samples: that it was fitted to, at least one.
+        settings: see there.
+
+    """
+    h, _ = samples.folded()
+    noise = float(np.sqrt(max(cost, 0.0) / max(len(h) - 3, 1)))
+    errors = standard_errors(theta, h, noise, settings.slip_max)
+    if len(h) < settings.samples:
+        errors = StandardErrors(np.diag([np.inf] * 3), np.inf, np.inf)
+    c1, c2, c3 = map(float, theta)
+    top = peak(c1, c2, c3, settings.slip_max)
+    mu_max, lambda_m = float(top.mu_max), float(top.lambda_m)
+    mu_std = hypot(errors.mu_max, mu_max * common_load_std(samples.load, samples.load_std))
+    reached = float(np.quantile(h, 1.0 - settings.reach))
+    # The peak may lie farther than estimated; by how much is known.
+    farthest = lambda_m + (3 * errors.lambda_m if np.isfinite(errors.lambda_m) else 0.0)
+    return Estimate(
+        c1=c1,
+        c2=c2,
+        c3=c3,
+        covariance=errors.covariance,
+        mu_max=mu_max,
+        mu_max_std=mu_std,
+        lambda_m=lambda_m,
+        lambda_m_std=errors.lambda_m,
+        noise_std=noise,
+        samples=len(h),
+        identifiable=Identifiable(
+            mu_max=mu_max > 0.0
+            and errors.mu_max <= settings.mu_max_std * mu_max
+            and reached >= settings.mu_max_reach * farthest,
+            lambda_m=errors.lambda_m <= settings.lambda_m_std * lambda_m and reached >= farthest,
+        ),
+        surface_since_us=int(samples.t_us[0]),
+    )

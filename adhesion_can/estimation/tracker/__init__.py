@@ -1,0 +1,1 @@
+"""The default estimator: a Bayesian tracker of the curve with run-length change detection."""

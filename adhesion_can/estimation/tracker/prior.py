@@ -1,0 +1,127 @@
+"""What is known of an adhesion curve before it is seen: a library of surfaces, and more.
+
+A mixture of Student's t (4 degrees of freedom) in (ln c1, ln c2, ln s), s = c2 λ_m = ln(c1 c2/c3)
+being the shape of the curve: 2.6 to 5.7 for the published ones. One wide component, and a narrow
+one around each surface of the library. The tails fall so slowly that data always outweigh them.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import gamma, log, pi
+
+import numpy as np
+
+from adhesion_can.estimation.tracker.curve_sums import C2_RANGE, Theta
+from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Array, Surface
+
+C1_MAX = 2.0
+"""No adhesion between a wheel and what it rolls on is larger."""
+FREEDOM = 4.0
+_NORM = gamma((FREEDOM + 3) / 2) / (gamma(FREEDOM / 2) * (FREEDOM * pi) ** 1.5)
+
+
+def shape_coordinates(theta: Array) -> Array:
+    """(ln c1, ln c2, ln s) of (c1, c2, c3), shape (n, 3); NaN where the curve has no peak."""
+    c1, c2, c3 = theta.T
+    with np.errstate(invalid="ignore", divide="ignore"):
+        s = np.log(c1 * c2 / c3)
+        return np.column_stack([np.log(c1), np.log(c2), np.log(s)])
+
+
+def from_shape_coordinates(phi: Array) -> Array:
+    """Inverse of `shape_coordinates`, shape (n, 3)."""
+    c1, c2, s = np.exp(phi).T
+    return np.column_stack([c1, c2, c1 * c2 * np.exp(-s)])
+
+
+@dataclass(frozen=True, slots=True)
+class PriorSettings:
+    """What is believed of a rail that has not been seen yet.
+
+    Attributes:
+        wide_weight: probability that the rail is like none of the library.
+        wide_theta: centre of the wide component, (c1, c2, s).
+        wide_std: its spread, of the logarithms of (c1, c2, s).
+        narrow_std: spread around a surface of the library, likewise.
+        library: whether the published surfaces and our rail surfaces are in it.
+        learned: surfaces of this drive that are remembered at most.
+
+    """
+
+    wide_weight: float = 0.5
+    wide_theta: Theta = (0.35, 45.0, 4.1)
+    wide_std: Theta = (0.6, 0.7, 0.25)
+    narrow_std: Theta = (0.15, 0.25, 0.08)
+    library: bool = True
+    learned: int = 6
+
+    def __post_init__(self) -> None:
+        if not 0 < self.wide_weight <= 1:
+            raise ValueError("wide_weight must be in 0..1 and not 0: no library holds every rail")
+        if not min(*self.wide_theta, *self.wide_std, *self.narrow_std) > 0:
+            raise ValueError("centres and spreads must be positive")
+        low, high = C2_RANGE
+        if not (self.wide_theta[0] < C1_MAX and low <= self.wide_theta[1] <= high):
+            raise ValueError(f"wide_theta must have c1 below {C1_MAX:g}, c2 in {low:g}..{high:g}")
+        if self.learned < 0:
+            raise ValueError("learned must not be negative")
+
+    def surfaces(self) -> tuple[Surface, ...]:
+        """The library; of the published surfaces those that have a peak."""
+        return tuple(s for s in (*RAIL, *PUBLISHED) if s.c3 > 0) if self.library else ()
+
+
+class Prior:
+    """Density of the curves that a rail may have.
+
+    Args:
+        settings: see there.
+        learned: (c1, c2, c3) of surfaces that this drive has met; with the library they share
+            what the wide component leaves, each of them with the weight of three of the library.
+
+    """
+
+    def __init__(self, settings: PriorSettings, learned: Iterable[Sequence[float]] = ()) -> None:
+        known = [surface.theta for surface in settings.surfaces()]
+        met = [tuple(map(float, theta)) for theta in learned]
+        c1, c2, s = settings.wide_theta
+        wide = np.log([[c1, c2, s]])
+        rest = np.array([*known, *met], dtype=np.float64).reshape(-1, 3)
+        self._centre = np.concatenate([wide, shape_coordinates(rest)])
+        shares = np.array([1.0] * len(known) + [3.0] * len(met))
+        narrow = (1.0 - settings.wide_weight) * shares / max(shares.sum(), 1.0)
+        self._weight = np.concatenate([[1.0 - narrow.sum()], narrow])
+        self._std = np.array([settings.wide_std] + [settings.narrow_std] * len(rest))
+        self._log_scale = np.log(self._weight * _NORM / self._std.prod(axis=1))
+        self._inverse = 1.0 / self._std
+        self.shape_summary = (log(settings.wide_theta[2]), 0.7 * settings.wide_std[2])
+        """Centre and scale of a logistic density that covers ln s."""
+
+    def log_density(self, phi: Array) -> Array:
+        """Of (ln c1, ln c2, ln s), shape (n,)."""
+        z = (phi[:, None, :] - self._centre) * self._inverse
+        square = np.einsum("nkj,nkj->nk", z, z)
+        log_t = self._log_scale - (FREEDOM + 3) / 2 * np.log1p(square / FREEDOM)
+        top = log_t.max(axis=1)
+        return np.asarray(top + np.log(np.exp(log_t - top[:, None]).sum(axis=1)))
+
+    def log_marginal(self, column: int, values: Array) -> Array:
+        """Of one of (ln c1, ln c2, ln s), shape (n,)."""
+        z = (values[:, None] - self._centre[:, column]) * self._inverse[:, column]
+        norm = gamma((FREEDOM + 1) / 2) / (gamma(FREEDOM / 2) * (FREEDOM * pi) ** 0.5)
+        scale = self._weight * norm * self._inverse[:, column]
+        density = scale * (1.0 + z * z / FREEDOM) ** (-(FREEDOM + 1) / 2)
+        return np.asarray(np.log(density.sum(axis=1)))
+
+    def sample(self, size: int, rng: np.random.Generator) -> Array:
+        """Curves (c1, c2, c3) drawn from it, c1 < `C1_MAX`, c2 in `C2_RANGE`; shape (size, 3)."""
+        low, high = log(C2_RANGE[0]), log(C2_RANGE[1])
+        drawn = np.empty((0, 3))
+        while len(drawn) < size:
+            which = rng.choice(len(self._weight), size, p=self._weight / self._weight.sum())
+            chi = np.sqrt(rng.chisquare(FREEDOM, size) / FREEDOM)
+            step = rng.standard_normal((size, 3)) / chi[:, None]
+            phi = self._centre[which] + self._std[which] * step
+            inside = (phi[:, 0] < log(C1_MAX)) & (phi[:, 1] >= low) & (phi[:, 1] <= high)
+            drawn = np.concatenate([drawn, phi[inside]])
+        return from_shape_coordinates(drawn[:size])

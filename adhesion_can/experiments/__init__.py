@@ -1,0 +1,1 @@
+"""The paper's three experiments, with every estimator."""

@@ -1,0 +1,330 @@
+"""Memories of several lengths, and what single axles have of their own."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations, AxleSettings
+from adhesion_can.estimation.tracker.curve_sums import Points, increment
+from adhesion_can.estimation.tracker.memories import Memories, MemorySettings
+from adhesion_can.estimation.tracker.posterior import Noise
+from adhesion_can.estimation.tracker.prior import Prior, PriorSettings
+from adhesion_can.estimation.tracker.tracker import Tracker, TrackerParts
+from adhesion_can.physics.burckhardt import RAIL, adhesion, adhesion_slope, peak
+from adhesion_can.physics.samples import Samples
+
+FIXED = settings(derandomize=True, deadline=None, max_examples=25)
+DRY, WET, GREASY = (surface.theta for surface in RAIL)
+SLIP_MAX = 0.5
+ONE_MEMORY = MemorySettings(times_s=(3600.0,))
+
+
+def sums_of(h, z):
+    zero = np.zeros(len(h))
+    points = Points(h, z, zero, zero, zero, np.zeros(len(h), dtype=np.int64), np.ones(len(h)))
+    return increment(points, zero, 1e-4, SLIP_MAX)
+
+
+def memories(chosen=None, size=128):
+    chosen = chosen or MemorySettings()
+    return Memories(chosen, Prior(PriorSettings()), Noise(1e-4, 4.0), SLIP_MAX, size)
+
+
+def begun(theta=DRY, n=60, **chosen):
+    rng = np.random.default_rng(1)
+    h = rng.uniform(0, 0.2, n)
+    ours = memories(**chosen)
+    ours.restart(sums_of(h, adhesion(h, *theta) + 0.01 * rng.standard_normal(n)), ours.noise)
+    return ours
+
+
+# ------------------------------------------------------------------------------------- memories
+
+
+def test_sums_fade_by_the_time_of_each_memory():
+    ours = begun()
+    before = ours._sums.copy()
+    ours.fade(2.0)
+    for row, old, time in zip(ours._sums, before, MemorySettings().times_s, strict=True):
+        np.testing.assert_allclose(row, old * np.exp(-2.0 / time), rtol=1e-12)
+    at_once = ours._sums.copy()
+    parts = begun()
+    for _ in range(4):
+        parts.fade(0.5)
+    np.testing.assert_allclose(parts._sums, at_once, rtol=1e-12)
+    ours.fade(0.0)
+    np.testing.assert_array_equal(ours._sums, at_once)
+
+
+def test_trust_goes_back_to_where_it_began():
+    ours = begun()
+    start = ours._trust.copy()
+    assert start[0] == pytest.approx(1 - MemorySettings().drift)
+    away = []
+    for _ in range(5):
+        ours._trust = np.array([0.0, 0.0, 1.0]) if not away else ours._trust
+        ours.fade(60.0)
+        assert ours._trust.sum() == pytest.approx(1)
+        away.append(np.abs(ours._trust - start).max())
+    assert all(later < before for before, later in pairwise(away))
+
+
+def test_trust_does_not_depend_on_how_often_one_looks():
+    rare, often = begun(), begun()
+    for ours, times in ((rare, 1), (often, 3000)):
+        ours._trust = np.array([0.0, 0.0, 1.0])
+        for _ in range(times):
+            ours.fade(60.0 / times)
+    np.testing.assert_allclose(rare._trust, often._trust, atol=0.002)
+
+
+def test_prediction_is_the_density_of_all_curves_of_all_memories():
+    ours = begun()
+    ours._trust = np.array([0.5, 0.3, 0.2])
+    trust, weights = ours._trust.copy(), ours._weights.copy()
+    rng = np.random.default_rng(3)
+    h = rng.uniform(0, 0.2, 3)
+    z = adhesion(h, *DRY) + 0.01 * rng.standard_normal(3)
+    costs, cost = ours.predict(sums_of(h, z))
+    density = np.zeros(3)
+    for i, curves in enumerate(ours._curves):
+        r = z[:, None] - adhesion(h[:, None], *curves.theta.T)
+        np.testing.assert_allclose(costs[i], (r * r).sum(axis=0), rtol=1e-6, atol=1e-8)
+        density[i] = weights[i] @ np.exp(-0.5 * (r * r).sum(axis=0) / ours.noise_var)
+    assert cost == pytest.approx(-2 * ours.noise_var * np.log(trust @ density), rel=1e-6)
+    np.testing.assert_allclose(ours._trust, trust * density / (trust @ density), rtol=1e-6)
+
+
+def test_no_single_update_decides_whom_to_trust():
+    ours = begun()
+    ours._weights = ours._weights.copy()
+    # The first memory is made to predict badly: its weight sits on its worst curve for the sample.
+    h = np.array([0.1])
+    added = sums_of(h, adhesion(h, *DRY))
+    worst = np.argmax(ours._curves[0].costs(added))
+    ours._weights[0] = 0.0
+    ours._weights[0, worst] = 1.0
+    before = ours._trust.copy()
+    ours.predict(added)
+    assert ours._trust[0] / ours._trust[1] >= np.exp(-3.0) * before[0] / before[1] * (1 - 1e-9)
+
+
+def test_what_is_taken_is_in_all_memories_and_weighs_the_curves():
+    ours = begun()
+    rng = np.random.default_rng(5)
+    h = rng.uniform(0, 0.2, 500)
+    added = sums_of(h, adhesion(h, *DRY) + 0.01 * rng.standard_normal(500))
+    before = ours._sums.copy()
+    costs, _ = ours.predict(added)
+    ours.take(added, costs)
+    ours.refresh()
+    np.testing.assert_allclose(ours._sums, before + added)
+    assert ours.count == 560
+    assert np.sqrt(ours.noise_var) == pytest.approx(0.01, rel=0.1)
+    np.testing.assert_allclose(ours._weights.sum(axis=1), 1)
+    # The costs kept are those of the curves kept.
+    for i, curves in enumerate(ours._curves):
+        np.testing.assert_allclose(ours._costs[i], curves.costs(ours._sums[i]), rtol=1e-6)
+    parts = ours.leading(0.0)
+    assert sum(w.sum() for _, w in parts) == pytest.approx(1)
+
+
+def test_one_memory_has_nothing_to_choose():
+    ours = begun(chosen=ONE_MEMORY)
+    np.testing.assert_array_equal(ours._trust, [1.0])
+    ours.predict(sums_of(np.array([0.1]), np.array([5.0])))
+    ours.fade(100.0)
+    np.testing.assert_allclose(ours._trust, [1.0])
+    assert len(ours.leading(0.01)) == 1
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    [{"times_s": ()}, {"times_s": (60.0, 0.0)}, {"switch_s": 0.0}, {"drift": 1.0}, {"drift": -0.1}],
+)
+def test_senseless_memories_are_refused(chosen):
+    with pytest.raises(ValueError, match="must"):
+        MemorySettings(**chosen)
+
+
+def follow(tracker, theta_at, *, seconds, period, seed, sd=0.01, top=0.2, size=12):
+    """Errors of μ_max, relative, after each update of `size` samples, and the estimates."""
+    rng = np.random.default_rng(seed)
+    errors, estimates = [], []
+    for k in range(round(seconds / period)):
+        theta = theta_at(k * period)
+        h = rng.uniform(0, top, size)
+        z = adhesion(h, *theta) + sd * rng.standard_normal(size)
+        t = round(k * period * 1e6)
+        e = tracker.update(Samples.curve(h, z, t_us=t + np.arange(size)), t)
+        errors.append(e.mu_max / float(peak(*theta).mu_max) - 1)
+        estimates.append(e)
+    return np.array(errors), estimates
+
+
+def drying(seconds):
+    """Adhesion falls by 17 % in ten minutes, as humidity rises; the place of the peak stays."""
+    share = 1 - 0.17 * seconds / 600
+    return (0.40 * share, 60.0, 0.30 * share)
+
+
+def rms(errors):
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def test_a_rail_that_drifts_is_no_other_rail():
+    _, estimates = follow(Tracker(), drying, seconds=600, period=1.0, seed=1)
+    assert all(e.change_probability < 0.5 for e in estimates)
+
+
+def test_a_rail_that_drifts_is_followed():
+    # Told that it is one rail, so that nothing but the memories follows it.
+    chosen = {"seconds": 600, "period": 1.0, "seed": 2}
+    errors, _ = follow(Tracker(told_us=[]), drying, **chosen)
+    alone, _ = follow(Tracker(TrackerParts(memory=ONE_MEMORY), told_us=[]), drying, **chosen)
+    late = slice(120, None)
+    assert rms(errors[late]) < 0.5 * rms(alone[late])
+    assert rms(errors[late]) < 0.02
+
+
+def test_a_constant_rail_is_not_estimated_worse_for_it():
+    ours, alone = [], []
+    for seed in range(3):
+        chosen = {"seconds": 3, "period": 0.02, "seed": seed}
+        ours.append(follow(Tracker(), lambda _: DRY, **chosen)[0])
+        one = Tracker(TrackerParts(memory=ONE_MEMORY))
+        alone.append(follow(one, lambda _: DRY, **chosen)[0])
+    late = slice(20, None)
+    ours, alone = (np.concatenate([e[late] for e in errors]) for errors in (ours, alone))
+    assert rms(ours) <= 1.1 * rms(alone)
+
+
+# ---------------------------------------------------------------------------------------- axles
+
+
+def deviating(rng, n, *, level=0.0, slip=0.0, sd=0.005, axle=2, top=0.1):
+    """Axles, regressors, residual and weight of samples of which one axle deviates."""
+    axles = np.arange(n) % 6 + 1
+    h = rng.uniform(0, top, n)
+    z = adhesion(h, *DRY)
+    own = axles == axle
+    z[own] = (1 + level) * adhesion(np.maximum(h[own] - slip, 0.0), *DRY)
+    z += sd * rng.standard_normal(n)
+    pool = adhesion(h, *DRY)
+    return axles, pool, -adhesion_slope(h, *DRY), z - pool, np.ones(n)
+
+
+@FIXED
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.floats(0.001, 0.1))
+def test_deviations_are_ridge_regression(seed, n, sd):
+    rng = np.random.default_rng(seed)
+    axles, *columns = deviating(rng, n, level=0.05, slip=0.003, sd=sd)
+    columns[-1] = rng.uniform(0.1, 1.0, n)
+    level, shifted, residual, weight = columns
+    chosen = AxleSettings()
+    ours = AxleDeviations(chosen)
+    half = n // 2
+    for rows in (slice(0, half), slice(half, n)):
+        if len(axles[rows]):
+            ours.add(axles[rows], *(column[rows] for column in columns))
+    told = ours.of(0.37, 0.07, 1.0, sd**2)
+    assert sorted(told) == sorted(set(axles.tolist()))
+    for axle in told:
+        own = axles == axle
+        f = np.column_stack([level[own], shifted[own]])
+        fw = f * weight[own, None]
+        prior = np.diag([sd**2 / chosen.level_std**2, sd**2 / chosen.slip_std**2])
+        g, d = np.linalg.solve(fw.T @ f + prior, fw.T @ residual[own])
+        np.testing.assert_allclose(
+            told[axle], [(1 + g) * 0.37, max(0.07 + d, 0.0)], rtol=1e-6, atol=1e-9
+        )
+
+
+@pytest.mark.parametrize(
+    ("level", "slip"), [(0.05, 0.0), (-0.05, 0.0), (0.0, 0.004), (0.05, -0.004)]
+)
+def test_much_data_find_an_axle_of_its_own(level, slip):
+    ours = AxleDeviations(AxleSettings())
+    ours.add(*deviating(np.random.default_rng(1), 6000, level=level, slip=slip))
+    told = ours.of(0.37, 0.07, 1.0, 0.005**2)
+    # A shift of 0.004 is no small one on a slope of 24: first order tells it to a fifth.
+    assert told[2][0] / 0.37 - 1 == pytest.approx(level, abs=0.012)
+    assert told[2][1] - 0.07 == pytest.approx(slip, abs=0.0008)
+    for axle in (1, 3, 4, 5, 6):
+        assert told[axle][0] == pytest.approx(0.37, rel=0.004)
+        assert told[axle][1] == pytest.approx(0.07, abs=0.0003)
+
+
+def test_a_slip_of_its_own_has_the_other_sign_in_braking():
+    ours = AxleDeviations(AxleSettings())
+    ours.add(*deviating(np.random.default_rng(1), 6000, slip=0.003))
+    assert ours.of(0.37, 0.07, 1.0, 0.005**2)[2][1] == pytest.approx(0.073, abs=0.0008)
+    assert ours.of(0.37, 0.07, -1.0, 0.005**2)[2][1] == pytest.approx(0.067, abs=0.0008)
+
+
+def test_little_data_shrink_to_the_pool():
+    few = AxleDeviations(AxleSettings())
+    few.add(*deviating(np.random.default_rng(1), 12, level=0.5, slip=0.02, sd=0.1))
+    told = few.of(0.37, 0.07, 1.0, 0.1**2)
+    for mu, lam in told.values():
+        assert abs(mu / 0.37 - 1) < 0.03
+        assert abs(lam - 0.07) < 0.003
+    one = AxleDeviations(AxleSettings())
+    one.add(*deviating(np.random.default_rng(1), 12, level=0.5, slip=0.02, sd=0.005))
+    assert abs(told[2][0] - 0.37) < abs(one.of(0.37, 0.07, 1.0, 0.005**2)[2][0] - 0.37)
+
+
+def test_what_was_seen_of_an_axle_fades_to_the_pool():
+    ours = AxleDeviations(AxleSettings())
+    ours.add(*deviating(np.random.default_rng(1), 6000, level=0.05))
+    levels = []
+    for _ in range(12):
+        levels.append(ours.of(0.37, 0.07, 1.0, 0.005**2)[2][0] / 0.37 - 1)
+        ours.fade(60.0)
+    assert levels[0] > 0.04
+    assert abs(levels[-1]) < 0.2 * levels[0]
+
+
+def test_no_axle_is_no_deviation():
+    ours = AxleDeviations(AxleSettings())
+    assert ours.of(0.3, 0.05, 1.0, 1e-4) == {}
+    ours.add(np.zeros(3, dtype=np.int64), np.full(3, 0.3), -np.ones(3), np.zeros(3), np.ones(3))
+    assert ours.of(0.3, 0.05, 1.0, 1e-4) == {}
+    ours.add(np.array([3]), np.array([0.3]), -np.ones(1), np.zeros(1), np.ones(1))
+    assert list(ours.of(0.3, 0.05, 1.0, 1e-4)) == [3]
+    ours.fade(1.0, share=0.1)
+    assert list(ours.of(0.3, 0.05, 1.0, 1e-4)) == [3]
+
+
+def test_place_of_an_axles_peak_is_never_negative():
+    ours = AxleDeviations(AxleSettings(slip_std=1.0))
+    ours.add(*deviating(np.random.default_rng(1), 600, slip=-0.05))
+    assert ours.of(0.3, 0.001, 1.0, 1e-6)[2][1] >= 0.0
+
+
+@pytest.mark.parametrize("name", ["level_std", "slip_std", "memory_s"])
+def test_senseless_axles_are_refused(name):
+    with pytest.raises(ValueError, match="must"):
+        AxleSettings(**{name: 0.0})
+
+
+def test_tracker_tells_the_deviations_of_axles():
+    rng = np.random.default_rng(2)
+    tracker = Tracker()
+    for k in range(300):
+        axles = np.arange(12) % 6 + 1
+        h = rng.uniform(0, 0.15, 12)
+        z = adhesion(h, *DRY)
+        z[axles == 2] *= 1.05
+        z[axles == 5] = adhesion(np.maximum(h[axles == 5] - 0.004, 0), *DRY)
+        samples = Samples.curve(h, z + 0.005 * rng.standard_normal(12), t_us=k * 20_000 + axles)
+        samples.axle[:] = axles
+        e = tracker.update(samples, (k + 1) * 20_000)
+    assert sorted(e.per_axle) == [1, 2, 3, 4, 5, 6]
+    others = [e.per_axle[k] for k in (1, 3, 4, 6)]
+    assert e.per_axle[2][0] / np.mean([mu for mu, _ in others]) == pytest.approx(1.05, abs=0.015)
+    ahead = e.per_axle[5][1] - np.mean([lam for _, lam in others])
+    assert ahead == pytest.approx(0.004, abs=0.0015)
