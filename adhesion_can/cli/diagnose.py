@@ -25,10 +25,10 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.config import Configuration
 from adhesion_can.config.extension import write_model
-from adhesion_can.criticism.course import Course
-from adhesion_can.criticism.diagnosis import Diagnosis
-from adhesion_can.criticism.forming import course_of
-from adhesion_can.criticism.tabled import course_of_table
+from adhesion_can.diagnosis.drive.drive_data import Course
+from adhesion_can.diagnosis.drive.from_table import course_of_table
+from adhesion_can.diagnosis.drive.from_traces import course_of
+from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.recordings.recording import file_sha256
@@ -270,7 +270,7 @@ def _read_table(source: Source, config: Configuration) -> _Read:
 
 def _diagnosed(reads: Sequence[_Read], show: Show) -> Diagnosis:
     """The diagnosis of what was read."""
-    from adhesion_can.criticism.diagnose import diagnose  # noqa: PLC0415  heavy, and here alone
+    from adhesion_can.diagnosis.diagnose import diagnose  # noqa: PLC0415  heavy, and here alone
 
     parts = [[read for read in reads if read.source.held_out is held] for held in (False, True)]
     for part in parts:

@@ -8,17 +8,7 @@ from typing import Any
 
 from rich.table import Table
 
-from adhesion_can.criticism.diagnosis import (
-    Cause,
-    ChannelEvidence,
-    Diagnosis,
-    Evidence,
-    Gain,
-    Surface,
-    Value,
-    Verdict,
-)
-from adhesion_can.criticism.quantities import (
+from adhesion_can.diagnosis.formatting import (
     LEAST_P,
     channel_name,
     effect_name,
@@ -29,6 +19,16 @@ from adhesion_can.criticism.quantities import (
     short,
     title,
     unit_text,
+)
+from adhesion_can.diagnosis.result import (
+    Cause,
+    ChannelEvidence,
+    Diagnosis,
+    Evidence,
+    Gain,
+    Surface,
+    Value,
+    Verdict,
 )
 from adhesion_can.reporting.provenance import estimate_json
 from adhesion_can.reporting.text import table

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from adhesion_can.criticism.diagnosis import Diagnosis, Surface
-from adhesion_can.criticism.quantities import channel_name, effect_name, measured, short, title
+from adhesion_can.diagnosis.formatting import channel_name, effect_name, measured, short, title
+from adhesion_can.diagnosis.result import Diagnosis, Surface
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.base import Parameter

@@ -13,7 +13,7 @@ import pytest
 from adhesion_can.cli.diagnose import command_of
 from adhesion_can.cli.main import build_parser, main
 from adhesion_can.config.extension import read_model
-from adhesion_can.criticism.diagnosis import Verdict
+from adhesion_can.diagnosis.result import Verdict
 from adhesion_can.recordings.recording import file_sha256
 from tests.reporting.test_diagnosis_report import (
     SECTIONS,
@@ -25,7 +25,7 @@ from tests.reporting.test_diagnosis_report import (
 )
 from tests.reporting.test_page import nothing_is_loaded
 
-ENGINE = "adhesion_can.criticism.diagnose"
+ENGINE = "adhesion_can.diagnosis.diagnose"
 
 
 @pytest.fixture(scope="module")

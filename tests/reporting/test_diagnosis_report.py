@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from adhesion_can.cli.common import finite
-from adhesion_can.criticism.diagnosis import (
+from adhesion_can.diagnosis.formatting import measured
+from adhesion_can.diagnosis.result import (
     Cause,
     ChannelEvidence,
     CurveData,
@@ -28,7 +29,6 @@ from adhesion_can.criticism.diagnosis import (
     Value,
     Verdict,
 )
-from adhesion_can.criticism.quantities import measured
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical

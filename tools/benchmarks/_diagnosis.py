@@ -19,7 +19,7 @@ def peak_mib():
 
 
 def main():
-    import adhesion_can.criticism.diagnose  # noqa: F401  which the command imports late
+    import adhesion_can.diagnosis.diagnose  # noqa: F401  which the command imports late
     from adhesion_can.cli.main import main as command
 
     start = time.process_time()

@@ -73,7 +73,7 @@ def diagnosed(arguments: list[str], orders: Orders, said: Path) -> dict[str, Any
     """Run the command in a process of its own: exit status, seconds, peak memory."""
     # The imports are made once, in a server from which each diagnosis is forked.
     context = get_context("forkserver")
-    context.set_forkserver_preload(["adhesion_can.cli.main", "adhesion_can.criticism.diagnose"])
+    context.set_forkserver_preload(["adhesion_can.cli.main", "adhesion_can.diagnosis.diagnose"])
     ours, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_call, args=(orders.entry, arguments, str(said), theirs))
     process.start()

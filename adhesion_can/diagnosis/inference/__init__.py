@@ -1,0 +1,1 @@
+"""Inference: detection, model selection, residual channels and hold-out gain."""

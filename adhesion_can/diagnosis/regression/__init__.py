@@ -1,0 +1,1 @@
+"""Regression: the model of the data, whitening, Gram matrices and fits."""

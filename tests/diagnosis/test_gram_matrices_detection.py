@@ -1,0 +1,195 @@
+"""Block sums against full covariance matrices, and the tests' level against Monte Carlo."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+from scipy.stats import binomtest, kstest
+
+from adhesion_can.diagnosis.inference.detection import FLIPS, detect
+from adhesion_can.diagnosis.regression.gram_matrices import Ledger, blocks_of, solve
+
+# --- ledger
+
+
+def shared_case(seed, rows=60, blocks=5, errors=3):
+    """Columns, block numbers (some kept back, not sorted), shared errors, covariance by hand."""
+    rng = np.random.default_rng(seed)
+    block = rng.integers(-2, blocks, rows)
+    columns = rng.standard_normal((rows, 4))
+    shared = rng.standard_normal((rows, errors)) * rng.uniform(0, 2, rows)[:, None]
+    covariance = np.eye(rows)
+    for i in range(rows):
+        for j in range(rows):
+            if block[i] == block[j]:
+                covariance[i, j] += shared[i] @ shared[j]
+    return columns, block, shared, covariance
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_products_are_those_of_generalised_least_squares(seed):
+    columns, block, shared, covariance = shared_case(seed)
+    ledger = Ledger.of(columns, block, shared)
+    numbers = np.unique(block[block >= 0])
+    assert ledger.rows.tolist() == [float((block == b).sum()) for b in numbers]
+    for gram, b in zip(ledger.grams, numbers, strict=True):
+        own = np.flatnonzero(block == b)
+        part = columns[own]
+        by_hand = part.T @ np.linalg.inv(covariance[np.ix_(own, own)]) @ part
+        assert gram == pytest.approx(by_hand, rel=1e-9, abs=1e-9)
+    used = block >= 0
+    weight = np.linalg.inv(covariance[np.ix_(used, used)])
+    x, y = columns[used, :-1], columns[used, -1]
+    by_hand = np.linalg.solve(x.T @ weight @ x, x.T @ weight @ y)
+    total = ledger.total
+    assert solve(total[:-1, :-1], total[:-1, -1]) == pytest.approx(by_hand, rel=1e-8)
+
+
+def test_without_shared_errors_it_is_least_squares():
+    columns, block, _, _ = shared_case(9)
+    used = block >= 0
+    for shared in (None, np.zeros((len(block), 0)), np.zeros((len(block), 2))):
+        total = Ledger.of(columns, block, shared).total
+        assert total == pytest.approx(columns[used].T @ columns[used], rel=1e-12)
+
+
+def test_a_projection_leaves_nothing_of_the_nuisance():
+    columns, block, shared, _ = shared_case(11)
+    ledger = Ledger.of(columns, block, shared)
+    v = ledger.weights([0, 2], [1, 3])
+    assert v[1].tolist() == [1.0, 0.0]
+    assert v[3].tolist() == [0.0, 1.0]
+    assert (ledger.total[[0, 2]] @ v) == pytest.approx(0, abs=1e-9)
+    assert ledger.weights([], [1])[:, 0].tolist() == [0.0, 1.0, 0.0, 0.0]
+
+
+def test_no_rows_make_an_empty_ledger():
+    ledger = Ledger.of(np.ones((4, 2)), np.full(4, -1))
+    assert ledger.grams.shape == (0, 2, 2)
+    assert ledger.total.tolist() == [[0.0, 0.0], [0.0, 0.0]]
+
+
+@given(st.integers(0, 10_000), st.floats(1e-6, 1e6))
+def test_solve_is_least_squares_whatever_the_units(seed, unit):
+    rng = np.random.default_rng(seed)
+    x = rng.standard_normal((30, 4)) * np.array([1.0, unit, 1.0, 1 / unit])
+    y = rng.standard_normal(30)
+    by_hand = np.linalg.lstsq(x / np.linalg.norm(x, axis=0), y, rcond=None)[0]
+    by_hand = by_hand / np.linalg.norm(x, axis=0)
+    assert solve(x.T @ x, x.T @ y) == pytest.approx(by_hand, rel=1e-6)
+    both = np.stack([y, 2 * y], axis=1)
+    assert solve(x.T @ x, x.T @ both)[:, 1] == pytest.approx(2 * by_hand, rel=1e-6)
+
+
+def test_solve_shares_out_what_collinear_columns_explain():
+    rng = np.random.default_rng(2)
+    a, b = rng.standard_normal((2, 50))
+    y = 3 * a - b + 0.1 * rng.standard_normal(50)
+    plain = np.linalg.lstsq(np.stack([a, b], 1), y, rcond=None)[0]
+    fitted = np.stack([a, b], 1) @ plain
+    for x in (
+        np.stack([a, a, b], 1),  # the same twice
+        np.stack([a, 1e5 * a, b], 1),  # in another unit
+        np.stack([a, b, a + b], 1),  # the sum of the others
+        np.stack([a, 0 * a, b], 1),  # nothing at all
+    ):
+        answer = solve(x.T @ x, x.T @ y)
+        assert np.isfinite(answer).all()
+        assert x @ answer == pytest.approx(fitted, abs=1e-6)
+
+
+def test_blocks_are_spans_of_time():
+    t = np.array([0.0, 3.999, 4.0, 11.9, 12.0])
+    assert blocks_of(t, 4.0).tolist() == [0, 0, 1, 2, 3]
+
+
+# --- detection
+
+
+def drawn(rng, blocks, rows, groups, memory, effect=0.0):
+    """A ledger under the null: correlated residuals, signatures, two nuisance columns."""
+    n = blocks * rows
+    size = sum(groups)
+    smooth = lfilter([1.0], [1.0, -0.9], rng.standard_normal((n, 2 + size)), axis=0)
+    left = lfilter([1.0], [1.0, -memory], rng.standard_normal(n + 200))[200:]
+    left = left + effect * smooth[:, 2]
+    columns = np.column_stack([smooth, left])
+    ledger = Ledger.of(columns, np.repeat(np.arange(blocks), rows))
+    ends = np.cumsum([2, *groups])
+    return ledger, [list(range(a, b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+
+@pytest.mark.parametrize(("memory", "rows"), [(0.0, 25), (0.8, 100)])
+@pytest.mark.parametrize("groups", [(1,), (1, 1, 1, 1, 1, 1), (1, 6, 6, 14)])
+def test_under_the_null_the_smallest_p_value_is_uniform(memory, rows, groups):
+    """Many signatures, of several columns too, and residuals that remember: the level holds.
+
+    A block is twenty correlation times long, as it has to be ten at least.
+    """
+    rng = np.random.default_rng(17)
+    smallest = []
+    for _ in range(200):
+        ledger, columns = drawn(rng, 40, rows, groups, memory)
+        found = detect(ledger, [0, 1], columns, rng)
+        smallest.append(found.p_value.min())
+        assert (found.p_value >= 1 / (FLIPS + 1)).all()
+    smallest = np.array(smallest)
+    assert kstest(smallest, "uniform").pvalue > 1e-3
+    at_five = int((smallest <= 0.05).sum())
+    assert binomtest(at_five, len(smallest), 0.05, alternative="greater").pvalue > 0.01
+
+
+def test_an_effect_is_found_and_only_that_one():
+    rng = np.random.default_rng(18)
+    hits, others = 0, 0
+    for _ in range(60):
+        ledger, columns = drawn(rng, 40, 25, (1,) * 6, 0.5, effect=0.2)
+        p = detect(ledger, [0, 1], columns, rng).p_value
+        hits += p[0] <= 0.025
+        others += (p[1:] <= 0.025).any()
+    assert hits >= 54
+    assert others <= 6
+
+
+def test_the_gain_is_the_share_of_the_squares_that_a_group_explains():
+    rng = np.random.default_rng(19)
+    ledger, groups = drawn(rng, 30, 20, (1, 3), 0.0, effect=0.3)
+    found = detect(ledger, [0, 1], groups, rng)
+    total = ledger.total
+
+    def left(of):
+        x, y = total[np.ix_(of, of)], total[of, -1]
+        return total[-1, -1] - y @ np.linalg.solve(x, y)
+
+    for group, gain in zip(groups, found.gain, strict=True):
+        assert gain == pytest.approx(1 - left([0, 1, *group]) / left([0, 1]), rel=1e-8)
+
+
+def test_p_values_count_all_groups():
+    """Romano and Wolf: the same group is less sure among many."""
+    rng = np.random.default_rng(20)
+    ledger, groups = drawn(rng, 40, 25, (1,) * 12, 0.0, effect=0.06)
+    alone = detect(ledger, [0, 1], groups[:1], np.random.default_rng(1)).p_value[0]
+    among = detect(ledger, [0, 1], groups, np.random.default_rng(1)).p_value[0]
+    assert alone < among
+
+
+def test_a_group_that_is_all_nuisance_says_nothing():
+    rng = np.random.default_rng(21)
+    ledger, _ = drawn(rng, 40, 25, (1, 1), 0.0)
+    grams = ledger.grams.copy()
+    grams[:, 3], grams[:, :, 3] = grams[:, 0], grams[:, :, 0]
+    grams[:, 3, 3] = grams[:, 0, 0]
+    found = detect(Ledger(grams, ledger.rows), [0, 1], [[2], [3]], rng)
+    assert found.gain[1] == pytest.approx(0, abs=1e-6)
+    assert np.isfinite(found.statistic).all()
+    assert found.p_value[1] == 1.0
+
+
+@pytest.mark.parametrize("blocks", [2, 3])
+def test_few_blocks_prove_nothing(blocks):
+    rng = np.random.default_rng(22)
+    ledger, groups = drawn(rng, blocks, 25, (1, 4), 0.0, effect=5.0)
+    found = detect(ledger, [0, 1], groups, rng)
+    assert found.p_value.min() >= 0.1

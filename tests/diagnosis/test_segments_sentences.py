@@ -1,0 +1,99 @@
+"""Where the rail changed; and that whatever is said is said in words."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from adhesion_can.config import load_configuration
+from adhesion_can.diagnosis.drive.from_traces import course_of
+from adhesion_can.diagnosis.inference.candidates import candidates_of
+from adhesion_can.diagnosis.regression.model import EXCLUDED
+from adhesion_can.diagnosis.regression.segments import AROUND_S, changes, study_of
+from adhesion_can.diagnosis.sentences import separating
+from adhesion_can.physics.effects import EFFECTS
+from adhesion_can.recordings.recording import Recording
+from adhesion_can.service.hear import hear
+from tests.criticism.bad_logs import write
+from tests.criticism.criticism_helpers import SLIP_MAX, V_MIN, Drive
+from tests.worlds.plant import drive
+from tests.worlds.world import _World
+
+IDS = list(dict.fromkeys(effect.id for effect in EFFECTS))
+
+
+def course_of_world(kind, seed, folder, duration_s, names=()):
+    """Course of a world, and the times at which its rail changes."""
+    world = _World(kind, seed, 0, duration_s)
+    hidden = world._sized(names, (0.1, 0.6))[0]
+    readings = drive(world.course, world.vehicle, world.rail, hidden, world.noise)
+    path = write(folder / "a.log", readings)
+    config = load_configuration(None)
+    heard = hear(Recording(path).blocks(), config, "a.log")
+    made = course_of("a.log", heard.traces(), config.vehicle, V_MIN, SLIP_MAX)
+    return made, list(world.rail.begins_s[1:])
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_changes_of_the_rail_are_found_where_they_are(seed, tmp_path):
+    course, true = course_of_world("null:surfaces", seed, tmp_path, 120.0)
+    found = changes(course, candidates_of([course])[0])
+    # Where nothing is pulled nothing is seen: a change may be found a coasting phase late.
+    for time in true:
+        assert min(abs(time - t) for t in found) < 8.0
+    assert len(found) <= len(true) + 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("null:1", ()),
+        pytest.param("null:0", (), marks=pytest.mark.slow),
+        pytest.param("null:5", (), marks=pytest.mark.slow),
+        pytest.param("humidity", ("humidity",), marks=pytest.mark.slow),
+        pytest.param("sanding", ("sanding",), marks=pytest.mark.slow),
+        pytest.param("slow_drift", ("slow_drift",), marks=pytest.mark.slow),
+    ],
+)
+def test_a_rail_that_stays_the_same_has_no_changes(kind, names, tmp_path):
+    course, _ = course_of_world(kind, 4, tmp_path, 120.0, names)
+    assert changes(course, candidates_of([course])[0]) == []
+
+
+def test_rows_beside_a_change_belong_to_no_surface():
+    course = Drive(30.0, axles=2).course()
+    study = study_of((course, course), [[10.0, 18.0], []])
+    assert study.surfaces == 4
+    first, second = np.split(study.surface, 2)
+    t = course.t_s
+    assert (second == 3).all()
+    near = np.minimum(np.abs(t - 10.0), np.abs(t - 18.0)) < AROUND_S
+    assert (first[near] == EXCLUDED).all()
+    assert (first[~near] == np.searchsorted([10.0, 18.0], t[~near])).all()
+
+
+@pytest.mark.parametrize("effect", IDS)
+def test_for_every_rival_there_is_something_to_do(effect):
+    said = {rival: separating(effect, [rival]) for rival in IDS if rival != effect}
+    for rival, words in said.items():
+        told = words.removeprefix(f"to tell {effect} from {rival}: ")
+        assert words != told
+        assert len(told) > 25
+        assert "None" not in told
+
+
+def test_no_two_are_to_vary_independently_of_themselves():
+    for one, other in permutations(IDS, 2):
+        told = separating(one, [other]).split(": ", 1)[1]
+        if "independently" in told:
+            what = told.removeprefix("a drive in which ").split(" vary independently")[0]
+            words = what.split(" and ")
+            halves = (" and ".join(words[:k]) for k in range(1, len(words)))
+            assert not any(what == f"{half} and {half}" for half in halves), (one, other)
+
+
+def test_of_several_rivals_none_is_forgotten():
+    """Words are known for a pair of them: the others need some as well."""
+    told = separating("effort_delay", ["creep_relaxation", "speed_delay"])
+    assert "third" in told
+    assert len(told) > len(separating("effort_delay", ["creep_relaxation"])) + 20

@@ -1,0 +1,149 @@
+"""Whitening against Yule-Walker by hand, and against what white means."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+from adhesion_can.diagnosis.regression import whitening
+from adhesion_can.diagnosis.regression.whitening import Stretches, Whitener, autocovariance, fitted
+
+
+def stretches_of(lengths):
+    starts = np.cumsum([0, *lengths])[:-1]
+    return Stretches(starts.astype(np.int64), int(sum(lengths)))
+
+
+def process(rng, lengths, ar, ma=(1.0,)):
+    """A fresh piece of a stationary ARMA process for each stretch."""
+    parts = [lfilter(ma, ar, rng.standard_normal(length + 2000))[2000:] for length in lengths]
+    return np.concatenate(parts)
+
+
+def ljung_box(x, stretches, lags):
+    """p-value that x has no correlation up to some lags within its stretches."""
+    ends = np.append(stretches.starts[1:], stretches.rows)
+    variance, q = np.mean(x**2), 0.0
+    for lag in range(1, lags + 1):
+        bounds = zip(stretches.starts, ends, strict=True)
+        pairs = [x[a : b - lag] * x[a + lag : b] for a, b in bounds]
+        every = np.concatenate(pairs)
+        q += len(every) * (every.mean() / variance) ** 2
+    return float(chi2.sf(q, lags))
+
+
+ORDERS = {
+    "white": ([1.0], [1.0]),
+    "AR(1)": ([1.0, -0.9], [1.0]),
+    "AR(2) that swings": ([1.0, -1.6, 0.8], [1.0]),
+    "ARMA(1,1)": ([1.0, -0.95], [1.0, 0.5]),
+    "MA(2)": ([1.0], [1.0, 0.8, 0.4]),
+}
+
+
+@pytest.mark.parametrize("kind", ORDERS)
+def test_what_is_left_is_white(kind, monkeypatch):
+    monkeypatch.setattr(whitening, "NUGGET", 0.0)
+    rng = np.random.default_rng(3)
+    lengths = [2500, 1200, 4000, 2300]
+    found = stretches_of(lengths)
+    x = process(rng, lengths, *ORDERS[kind])
+    whitener = fitted(x, found)
+    left = whitener(x[:, None])[:, 0]
+    kept = np.setdiff1d(np.arange(len(x)), whitener.without_past)
+    assert ljung_box(left, found, 30) > 1e-3
+    if kind == "white":
+        assert whitener.order == 0
+    else:
+        assert ljung_box(x, found, 30) < 1e-9
+        # The innovations have variance 1.
+        assert left[kept].var() == pytest.approx(1.0, rel=0.06)
+
+
+def test_with_the_nugget_it_whitens_the_noise_plus_the_nugget():
+    """The nugget is white noise on top: x + e, with var e = NUGGET var x, must come out white."""
+    rng = np.random.default_rng(4)
+    lengths = [20_000]
+    found = stretches_of(lengths)
+    x = process(rng, lengths, [1.0, -0.97])
+    whitener = fitted(x, found)
+    assert whitener.order > 0
+    x = process(rng, lengths, [1.0, -0.97])
+    x = x + np.sqrt(whitening.NUGGET * x.var()) * rng.standard_normal(len(x))
+    left = whitener(x[:, None])[:, 0]
+    assert ljung_box(left, found, 12) > 1e-4
+
+
+def test_taps_solve_yule_walker():
+    rng = np.random.default_rng(5)
+    lengths = [900, 3000]
+    found = stretches_of(lengths)
+    x = process(rng, lengths, [1.0, -0.8])
+    taps = fitted(x, found).taps
+    order = len(taps) - 1
+    # Written out: a biased autocovariance of pairs that lie in one stretch.
+    gamma = [
+        sum(x[a : b - k] @ x[a + k : b] for a, b in ((0, 900), (900, 3900))) / len(x)
+        for k in range(order + 1)
+    ]
+    matrix = np.array([[gamma[abs(i - j)] for j in range(order)] for i in range(order)])
+    matrix += whitening.NUGGET * gamma[0] * np.eye(order)
+    assert taps[0] == 1.0
+    assert -taps[1:] == pytest.approx(np.linalg.solve(matrix, gamma[1:]), rel=1e-8)
+    assert autocovariance(x, found, order) == pytest.approx(gamma, rel=1e-9, abs=1e-12)
+
+
+def test_stretches_are_not_mixed():
+    rng = np.random.default_rng(6)
+    found = stretches_of([50, 3, 70])
+    whitener = Whitener(np.array([1.0, -0.5, 0.2, 0.1, 0.3]), found)
+    x = rng.standard_normal((123, 2))
+    whole = whitener(x)
+    for a, b in ((0, 50), (50, 53), (53, 123)):
+        by_hand = np.zeros((b - a, 2))
+        for n in range(4, b - a):
+            by_hand[n] = sum(whitener.taps[k] * x[a + n - k] for k in range(5))
+        assert whole[a:b] == pytest.approx(by_hand, abs=1e-12)
+    # What stands in another stretch changes nothing here.
+    x[:53] += 1e6
+    assert whitener(x)[53:] == pytest.approx(whole[53:], abs=1e-12)
+
+
+def test_a_jump_between_stretches_is_no_correlation():
+    """Two white stretches of very different level of scatter: nothing to whiten across the cut."""
+    rng = np.random.default_rng(7)
+    x = np.concatenate([rng.standard_normal(2000), 100 + 0 * np.arange(2000)])
+    x[2000:] = rng.standard_normal(2000) * 3
+    assert fitted(x, stretches_of([2000, 2000])).order == 0
+
+
+def test_rows_without_a_residual_do_not_count():
+    """Zeros mark rows that take no part: the filter is that of the others."""
+    rng = np.random.default_rng(8)
+    lengths = [6000]
+    x = process(rng, lengths, [1.0, -0.8])
+    used = x.copy()
+    used[2000:4000] = 0.0
+    whole, part = (fitted(v, stretches_of(lengths)).taps for v in (x, used))
+    assert part[1] == pytest.approx(whole[1], abs=0.1)
+
+
+def test_stretches_begin_at_axles_gaps_breaks_and_steps_back():
+    t = np.array([0.0, 0.1, 0.2, 0.9, 1.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1])
+    axle = np.array([1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2])
+    breaks = np.zeros(12, dtype=bool)
+    breaks[10] = True
+    found = Stretches.of(t, axle, breaks)
+    # 0: begin; 3: a gap of 7 cycles; 5: time steps back; 7: the next axle; 10: a break.
+    assert found.starts.tolist() == [0, 3, 5, 7, 10]
+    assert found.rows == 12
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2, 5, 19])
+def test_few_rows_are_left_as_they_are(rows):
+    t = np.arange(rows) * 0.1
+    found = Stretches.of(t, np.ones(rows), np.zeros(rows, dtype=bool))
+    x = np.arange(rows, dtype=float)
+    whitener = fitted(x, found)
+    assert whitener.order == 0
+    assert whitener(x[:, None]).shape == (rows, 1)
