@@ -15,10 +15,10 @@ from adhesion_can.cli.common import (
     write_json,
 )
 from adhesion_can.cli.reading import reading
+from adhesion_can.offline.check import CheckResult, check, mean_cycle_ms
+from adhesion_can.offline.extract_samples import require_known
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
-from adhesion_can.service.check import CheckResult, check, mean_cycle_ms
-from adhesion_can.service.extract import require_known
 from adhesion_can.service.replay import blocks_in_sequence
 
 

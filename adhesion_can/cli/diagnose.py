@@ -31,6 +31,7 @@ from adhesion_can.diagnosis.drive.from_traces import course_of
 from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.offline.load_traces import Heard, hear
 from adhesion_can.recordings.recording import file_sha256
 from adhesion_can.recordings.sample_table import is_table, read_table
 from adhesion_can.reporting.diagnosis import (
@@ -43,7 +44,6 @@ from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.page import require_extra, write_page
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
-from adhesion_can.service.hear import Heard, hear
 from adhesion_can.service.replay import blocks_in_sequence
 
 Show = Callable[[str, float], None]

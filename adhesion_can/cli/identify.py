@@ -32,11 +32,11 @@ from adhesion_can.estimation.extended.correction import (
     with_true_instruments,
 )
 from adhesion_can.estimation.extended.estimator import ExtendedModel
+from adhesion_can.offline.extract_samples import samples_of
 from adhesion_can.physics.samples import Estimate, Samples
 from adhesion_can.recordings.sample_table import Table, is_table, read_table
 from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import console, plus_minus, table
-from adhesion_can.service.extract import samples_of
 from adhesion_can.service.replay import blocks_in_sequence
 
 

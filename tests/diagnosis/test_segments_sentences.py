@@ -11,9 +11,9 @@ from adhesion_can.diagnosis.inference.candidates import candidates_of
 from adhesion_can.diagnosis.regression.model import EXCLUDED
 from adhesion_can.diagnosis.regression.segments import AROUND_S, changes, study_of
 from adhesion_can.diagnosis.sentences import separating
+from adhesion_can.offline.load_traces import hear
 from adhesion_can.physics.effects import EFFECTS
 from adhesion_can.recordings.recording import Recording
-from adhesion_can.service.hear import hear
 from tests.criticism.bad_logs import write
 from tests.criticism.criticism_helpers import SLIP_MAX, V_MIN, Drive
 from tests.worlds.plant import drive

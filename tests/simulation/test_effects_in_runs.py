@@ -17,9 +17,9 @@ from adhesion_can.bus.codec import MessagePlan
 from adhesion_can.bus.database import INPUT_MESSAGES, load_database
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
+from adhesion_can.offline.extract_samples import samples_of
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, acts_in_contact, effect_by_id
 from adhesion_can.physics.vehicle import Locomotive
-from adhesion_can.service.extract import samples_of
 from adhesion_can.simulation.plant import Plant
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name

@@ -13,10 +13,10 @@ from adhesion_can.bus.e2e import protect
 from adhesion_can.bus.frame import Frame
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.estimation.batch_fit import identify
+from adhesion_can.offline.extract_samples import samples_of
 from adhesion_can.physics.burckhardt import RAIL, peak
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.vehicle import Geometry, Locomotive
-from adhesion_can.service.extract import samples_of
 from adhesion_can.simulation.drive import Pattern
 from adhesion_can.simulation.run import RunSettings, Simulation, axles_behind
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name

@@ -10,9 +10,9 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import RecordingError
+from adhesion_can.offline.extract_samples import UPDATE_US, Extraction, samples_of
+from adhesion_can.offline.load_traces import hear
 from adhesion_can.physics.samples import Role, Samples, SpeedSource
-from adhesion_can.service.extract import UPDATE_US, Extraction, samples_of
-from adhesion_can.service.hear import hear
 from tests.service.test_column_core import blocks_of, spoiled
 
 CONFIG = load_configuration()

@@ -7,9 +7,9 @@ import pytest
 
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.extended.estimator import ExtendedModel
+from adhesion_can.offline.fit_errors import CurveFit
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.samples import Samples
-from adhesion_can.service.curve_fit import CurveFit
 
 CONFIG = load_configuration()
 BASE = (0.4, 60.0, 0.3)

@@ -10,10 +10,10 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.receiver import MessageRecord, Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import identify
+from adhesion_can.offline.extract_samples import Extraction
 from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.samples import Role, Samples, role_name
 from adhesion_can.sampling.column_former import Readings
-from adhesion_can.service.extract import Extraction
 
 RATE_TOLERANCE = 0.1
 """A message's mean cycle may be off by this share of its nominal one."""
