@@ -4,7 +4,7 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-from adhesion_can.config.file import _SECTIONS
+from adhesion_can.config.load import _SECTIONS
 from adhesion_can.physics.samples import Role
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -24,7 +24,7 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
-from adhesion_can.config.calibrated import Correction, rim_axles, with_correction
+from adhesion_can.config.calibrated_file import Correction, rim_axles, with_correction
 from adhesion_can.errors import ConfigError, InputError, RecordingError
 from adhesion_can.offline.load_traces import Heard, hear
 from adhesion_can.physics.samples import Role

@@ -16,7 +16,7 @@ import can.cli
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from adhesion_can.config import Configuration, load_configuration
-from adhesion_can.config.extension import read_model
+from adhesion_can.config.model_file import read_model
 from adhesion_can.errors import BusError, InputError, RecordingError
 from adhesion_can.recordings.recording import Recording, whole_file
 from adhesion_can.recordings.sample_table import is_table

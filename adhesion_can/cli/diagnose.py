@@ -24,7 +24,7 @@ from adhesion_can.cli.common import (
     write_json,
 )
 from adhesion_can.config import Configuration
-from adhesion_can.config.extension import write_model
+from adhesion_can.config.model_file import write_model
 from adhesion_can.diagnosis.drive.drive_data import Course
 from adhesion_can.diagnosis.drive.from_table import course_of_table
 from adhesion_can.diagnosis.drive.from_traces import course_of

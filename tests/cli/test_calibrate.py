@@ -16,7 +16,7 @@ from adhesion_can.bus.database import load_database
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
-from adhesion_can.config.calibrated import Correction, with_correction
+from adhesion_can.config.calibrated_file import Correction, with_correction
 from adhesion_can.physics.samples import Role
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.recordings.candump import format_frame

@@ -12,7 +12,7 @@ import pytest
 
 from adhesion_can.cli.diagnose import command_of
 from adhesion_can.cli.main import build_parser, main
-from adhesion_can.config.extension import read_model
+from adhesion_can.config.model_file import read_model
 from adhesion_can.diagnosis.result import Verdict
 from adhesion_can.recordings.recording import file_sha256
 from tests.reporting.test_diagnosis_report import (

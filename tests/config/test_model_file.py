@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.config.extension import model_text, read_model, write_model
+from adhesion_can.config.model_file import model_text, read_model, write_model
 from adhesion_can.errors import ConfigError, InputError
 from adhesion_can.estimation.extended.estimator import ExtendedModel
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id

@@ -15,7 +15,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from adhesion_can.config.strict import no_more, section, table_of, typed
+from adhesion_can.config.toml_tables import no_more, section, table_of, typed
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.extended.model import (
     ExtendedModel,

@@ -11,7 +11,7 @@ from tomlkit.items import InlineTable
 
 from adhesion_can.bus.database import packaged_path
 from adhesion_can.bus.roles import SignalChoice
-from adhesion_can.config.model import Configuration
+from adhesion_can.config.configuration import Configuration
 from adhesion_can.physics.samples import Role
 
 MARK = "calibrated:"

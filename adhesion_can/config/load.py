@@ -18,8 +18,8 @@ from adhesion_can.bus.roles import (
     SignalChoice,
     contract_choices,
 )
-from adhesion_can.config.model import Configuration, ServiceSettings
-from adhesion_can.config.strict import no_more, section, table_of, typed
+from adhesion_can.config.configuration import Configuration, ServiceSettings
+from adhesion_can.config.toml_tables import no_more, section, table_of, typed
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.baselines.paper import ChangeSettings
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
