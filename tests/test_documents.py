@@ -5,7 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from adhesion_can.config.load import _SECTIONS
-from adhesion_can.physics.samples import Role
+from adhesion_can.physics.readings import Role
 
 ROOT = Path(__file__).resolve().parent.parent
 

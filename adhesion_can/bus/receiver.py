@@ -25,7 +25,7 @@ from adhesion_can.bus.e2e import (
 )
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import BoundMessage
-from adhesion_can.physics.samples import Reading, Role
+from adhesion_can.physics.readings import Reading, Role
 
 
 @dataclass(slots=True)

@@ -11,7 +11,7 @@ from adhesion_can.bus.database import CanDatabase, e2e_data_id
 from adhesion_can.bus.signal_columns import obstacle_of
 from adhesion_can.bus.units import known_units, to_si
 from adhesion_can.errors import ConfigError
-from adhesion_can.physics.samples import Role, role_name
+from adhesion_can.physics.readings import Role, role_name
 
 Protection = Literal["e2e-p01", "none"]
 PROTECTIONS: tuple[Protection, ...] = ("e2e-p01", "none")

@@ -1,6 +1,6 @@
 """Units of signals, converted to SI at the bus and nowhere else."""
 
-from adhesion_can.physics.samples import Role
+from adhesion_can.physics.readings import Role
 
 PI = 3.141592653589793
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.physics.burckhardt import RAIL, Array
+from adhesion_can.arrays import Array
+from adhesion_can.physics.burckhardt import RAIL
 from adhesion_can.physics.kinematics import wheelset_effort
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.traces import Trace

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from adhesion_can.arrays import Array
 from adhesion_can.calibration.coasting import (
     CalibrationSettings,
     CoastingDrive,
@@ -30,7 +31,6 @@ from adhesion_can.calibration.coasting import (
     coasting_rows,
     joined,
 )
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.vehicle import Locomotive
 
 _SMALLEST_SCALE = 1e-6

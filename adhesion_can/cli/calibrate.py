@@ -26,10 +26,11 @@ from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.config.calibrated_file import Correction, rim_axles, with_correction
 from adhesion_can.errors import ConfigError, InputError, RecordingError
+from adhesion_can.files import file_sha256, whole_file
 from adhesion_can.offline.load_traces import Heard, hear
-from adhesion_can.physics.samples import Role
-from adhesion_can.recordings.recording import file_sha256, whole_file
+from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.reference_speed import read_reference, reference_path
+from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.reporting.calibration import (
     calibration_json,
     calibration_notes,
@@ -39,7 +40,6 @@ from adhesion_can.reporting.calibration import (
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
 from adhesion_can.sampling.traces import Trace
-from adhesion_can.service.replay import blocks_in_sequence
 
 
 def add_to(commands: Any) -> None:

@@ -17,9 +17,9 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.reading import reading
 from adhesion_can.offline.check import CheckResult, check, mean_cycle_ms
 from adhesion_can.offline.extract_samples import require_known
+from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
-from adhesion_can.service.replay import blocks_in_sequence
 
 
 def add_to(commands: Any) -> None:

@@ -18,7 +18,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.config.model_file import read_model
 from adhesion_can.errors import BusError, InputError, RecordingError
-from adhesion_can.recordings.recording import Recording, whole_file
+from adhesion_can.files import whole_file
+from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sample_table import is_table
 from adhesion_can.reporting.text import console
 

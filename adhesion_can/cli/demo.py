@@ -31,8 +31,9 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import InputError
+from adhesion_can.files import whole_file
 from adhesion_can.recordings.candump import format_frame
-from adhesion_can.recordings.recording import from_message, to_message, whole_file
+from adhesion_can.recordings.recording import from_message, to_message
 from adhesion_can.reporting.phases import Row, phase_table, phases
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, plus_minus, table

@@ -31,9 +31,10 @@ from adhesion_can.diagnosis.drive.from_traces import course_of
 from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.files import file_sha256
 from adhesion_can.offline.load_traces import Heard, hear
-from adhesion_can.recordings.recording import file_sha256
 from adhesion_can.recordings.sample_table import is_table, read_table
+from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.reporting.diagnosis import (
     Source,
     diagnosis_json,
@@ -44,7 +45,6 @@ from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.page import require_extra, write_page
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
-from adhesion_can.service.replay import blocks_in_sequence
 
 Show = Callable[[str, float], None]
 """Takes the name of a stage and the share of it that is done."""

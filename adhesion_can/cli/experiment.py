@@ -37,7 +37,7 @@ from adhesion_can.experiments.runs import (
     contenders,
     run_once,
 )
-from adhesion_can.recordings.recording import whole_file
+from adhesion_can.files import whole_file
 from adhesion_can.reporting.experiment import (
     CSV_COLUMNS,
     csv_rows,

@@ -33,11 +33,12 @@ from adhesion_can.estimation.extended.correction import (
 )
 from adhesion_can.estimation.extended.estimator import ExtendedModel
 from adhesion_can.offline.extract_samples import samples_of
-from adhesion_can.physics.samples import Estimate, Samples
+from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.sample_table import Table, is_table, read_table
+from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import console, plus_minus, table
-from adhesion_can.service.replay import blocks_in_sequence
 
 
 def add_to(commands: Any) -> None:

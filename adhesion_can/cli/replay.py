@@ -28,10 +28,11 @@ from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.registry import ESTIMATORS
+from adhesion_can.files import whole_file
 from adhesion_can.offline.extract_samples import require_known
 from adhesion_can.offline.fit_errors import CurveFit, Misfit
 from adhesion_can.recordings.candump import format_frame
-from adhesion_can.recordings.recording import whole_file
+from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence
 from adhesion_can.reporting.export import require_format
 from adhesion_can.reporting.provenance import estimate_json, provenance, texts
 from adhesion_can.reporting.setpoints import setpoint_table
@@ -39,13 +40,7 @@ from adhesion_can.reporting.text import console, plus_minus, table
 from adhesion_can.service.column_core import ColumnCore
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.outputs import Outputs
-from adhesion_can.service.replay import (
-    ReplaySummary,
-    blocks_in_sequence,
-    in_sequence,
-    replay,
-    replay_blocks,
-)
+from adhesion_can.service.replay import ReplaySummary, replay, replay_blocks
 from adhesion_can.service.speaker import Speaker
 from adhesion_can.service.states import Status
 

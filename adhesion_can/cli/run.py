@@ -26,7 +26,7 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
-from adhesion_can.recordings.recording import whole_file
+from adhesion_can.files import whole_file
 from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import plus_minus
 from adhesion_can.service.core import ServiceCore

@@ -25,9 +25,10 @@ from adhesion_can.cli.effect_option import SYNTAX, effects_help, parse_effects
 from adhesion_can.config import Configuration
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.estimation.extended.correction import require_axles, require_channels
+from adhesion_can.files import whole_file
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.recordings.candump import format_frame
-from adhesion_can.recordings.recording import from_message, to_message, whole_file
+from adhesion_can.recordings.recording import from_message, to_message
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.sampling.equations import COVARIATES
 from adhesion_can.service.core import ServiceCore

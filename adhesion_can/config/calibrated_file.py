@@ -12,7 +12,7 @@ from tomlkit.items import InlineTable
 from adhesion_can.bus.database import packaged_path
 from adhesion_can.bus.roles import SignalChoice
 from adhesion_can.config.configuration import Configuration
-from adhesion_can.physics.samples import Role
+from adhesion_can.physics.readings import Role
 
 MARK = "calibrated:"
 """Begins our part of a comment behind a value; what stands before it is the user's."""

@@ -21,7 +21,7 @@ from adhesion_can.estimation.tracker.prior import PriorSettings
 from adhesion_can.estimation.tracker.run_length import RunLengthSettings
 from adhesion_can.estimation.tracker.tracker import TrackerParts, TrackerSettings
 from adhesion_can.physics.instruments import PERFECT
-from adhesion_can.physics.samples import Role
+from adhesion_can.physics.readings import Role
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.column_former import ColumnFormer
 from adhesion_can.sampling.equations import COVARIATES, SamplingSettings, Sensors

@@ -30,7 +30,7 @@ from adhesion_can.estimation.tracker.memories import MemorySettings
 from adhesion_can.estimation.tracker.prior import PriorSettings
 from adhesion_can.estimation.tracker.run_length import RunLengthSettings
 from adhesion_can.estimation.tracker.tracker import TrackerSettings
-from adhesion_can.physics.samples import Role
+from adhesion_can.physics.readings import Role
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.sampling.equations import SamplingSettings, Sensors
 

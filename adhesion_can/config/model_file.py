@@ -23,9 +23,9 @@ from adhesion_can.estimation.extended.model import (
     require_covariance,
     require_value,
 )
+from adhesion_can.files import whole_file
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, Effect
 from adhesion_can.physics.effects.empirical import Empirical
-from adhesion_can.recordings.recording import whole_file
 
 _KEYS = ("base", "effect", "spline", "provenance")
 _EFFECT_KEYS = ("id", "form", "parameters", "covariance")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import Course
 from adhesion_can.diagnosis.inference.residual_channels import Left
 from adhesion_can.diagnosis.regression.model import Evaluation, Model, Study, evaluate
@@ -13,10 +14,10 @@ from adhesion_can.diagnosis.regression.whitened_regression import Fit, fit
 from adhesion_can.diagnosis.result import Surface
 from adhesion_can.estimation.batch_fit import fit as fit_curve
 from adhesion_can.estimation.extended.model import ExtendedModel, Matrix
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.empirical import Empirical
-from adhesion_can.physics.samples import Estimate, Samples
+from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.samples import Samples
 
 ONLINE = {"slip": "slip", "speed": "speed", "axle_load": "load", "time": "time_s"}
 """Channels of ours that a spline of an extended model can have, beside the covariates."""

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import Course
 from adhesion_can.diagnosis.inference.channel_splines import Channel, Kind
 from adhesion_can.diagnosis.regression.model import EXCLUDED, Model, Study, Theta, evaluate
 from adhesion_can.diagnosis.result import CurveData, Picture, Profile
 from adhesion_can.physics import burckhardt
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import instruments_of
 from adhesion_can.physics.effects.curve_creep import ANGLE, CURVATURE
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.extended.estimator import ExtendedModel
-from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.samples import Estimate
+from adhesion_can.physics.estimate import Estimate
 
 
 class Verdict(StrEnum):

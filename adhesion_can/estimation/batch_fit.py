@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess
 from adhesion_can.estimation.likelihood import innovation, sensitivity, sum_of_squares
-from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.samples import Estimate, Identifiable, Samples
+from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.samples import Samples
 
 STEEPNESS = np.geomspace(2.0, 400.0, 60)
 """Scan over c2: neighbours are 9 % apart, well within the reach of the refinement."""

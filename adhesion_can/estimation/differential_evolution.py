@@ -12,8 +12,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.likelihood import innovation
-from adhesion_can.physics.burckhardt import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,8 @@
 
 from typing import Protocol
 
-from adhesion_can.physics.samples import Estimate, Samples
+from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.samples import Samples
 
 
 class Estimator(Protocol):

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adhesion_can.physics.burckhardt import SLIP_MAX, Array, adhesion, peak, peak_gradient
+from adhesion_can.arrays import Array
+from adhesion_can.physics.burckhardt import SLIP_MAX, adhesion, peak, peak_gradient
 
 
 def innovation(theta: ArrayLike, h: Array, z: Array) -> Array:

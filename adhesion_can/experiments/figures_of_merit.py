@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.experiments.runs import (
     MU_MAX,
     QUANTITIES,
@@ -16,7 +17,6 @@ from adhesion_can.experiments.runs import (
     bound,
     settling,
 )
-from adhesion_can.physics.burckhardt import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.differential_evolution import (
     EvolutionSettings,
     identify_blocks,
@@ -25,7 +26,7 @@ from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.likelihood import standard_errors
 from adhesion_can.estimation.registry import EstimatorSettings
-from adhesion_can.physics.burckhardt import Array, adhesion, peak
+from adhesion_can.physics.burckhardt import adhesion, peak
 from adhesion_can.physics.samples import Samples
 
 Theta = tuple[float, float, float]

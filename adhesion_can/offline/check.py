@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.receiver import MessageRecord, Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import identify
 from adhesion_can.offline.extract_samples import Extraction
-from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.samples import Role, Samples, role_name
+from adhesion_can.physics.readings import Role, role_name
+from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.column_former import Readings
 
 RATE_TOLERANCE = 0.1

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from adhesion_can.arrays import Array
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import (
     LOWER,
@@ -28,7 +29,6 @@ from adhesion_can.estimation.batch_fit import (
 )
 from adhesion_can.estimation.extended.correction import without_effects
 from adhesion_can.estimation.likelihood import innovation, sensitivity
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import Memory
 from adhesion_can.physics.samples import Samples
 

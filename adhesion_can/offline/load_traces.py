@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.bus.block import Block, Kind, clamped
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.offline.extract_samples import require_known
-from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.samples import Role, SpeedSource
+from adhesion_can.physics.readings import Role, SpeedSource
 from adhesion_can.sampling.column_former import Readings
 from adhesion_can.sampling.traces import Trace
 

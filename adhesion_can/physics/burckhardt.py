@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from adhesion_can.arrays import Array
 
 SLIP_MAX = 1.0
 """Largest slip ratio for which a peak is looked for: beyond it the wheel spins freely."""

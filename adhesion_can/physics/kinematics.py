@@ -7,7 +7,7 @@ effort is that of traction (+) and braking (−). Every function broadcasts.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 
 V_MIN = 1.0
 """Default speed below which no slip ratio is formed, m/s: λ = v_s/v blows up as v → 0."""

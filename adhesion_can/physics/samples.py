@@ -1,79 +1,16 @@
-"""The currency between the rooms: Reading -> Sample -> Estimate, frozen, in SI units.
+"""Samples of the adhesion curve, one by one and in columns, in SI units.
 
 Time is integer microseconds throughout. `Samples` is the columnar twin of `Sample`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
-from math import inf
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.physics.burckhardt import Array
-
-
-class Role(StrEnum):
-    """What a signal means to the service; the SI unit of its readings stands beside it."""
-
-    WHEEL_SPEED = "wheel_speed"  # rad/s, an axle each
-    VEHICLE_SPEED = "vehicle_speed"  # m/s
-    TRACTIVE_EFFORT = "tractive_effort"  # N, an axle each
-    AXLE_LOAD = "axle_load"  # N, an axle each
-    SPEED_SOURCE = "vehicle_speed_source"
-    DIRECTION = "direction"
-    AMBIENT_TEMPERATURE = "ambient_temperature"  # degC
-    RAIL_TEMPERATURE = "rail_temperature"  # degC
-    HUMIDITY = "relative_humidity"  # %
-    SANDING = "sanding_active"
-    RAIN = "rain"
-    GRADIENT = "gradient"  # m/m
-    CURVATURE = "curvature"  # 1/m
-
-    @property
-    def per_axle(self) -> bool:
-        """Whether each axle has a signal of its own."""
-        return self in PER_AXLE
-
-
-PER_AXLE = frozenset({Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT, Role.AXLE_LOAD})
-
-
-def role_name(role: Role, axle: int) -> str:
-    """Role as configurations and reports spell it: `wheel_speed.1`, `vehicle_speed`."""
-    return f"{role}.{axle}" if axle else str(role)
-
-
-class SpeedSource:
-    """Values of `Role.SPEED_SOURCE`."""
-
-    UNKNOWN, RADAR, GNSS, TRAILING_AXLE, DRIVEN_AXLES = range(5)
-
-
-class Direction:
-    """Values of `Role.DIRECTION`."""
-
-    UNKNOWN, FORWARD, REVERSE, NOT_AVAILABLE = range(4)
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """One signal of one accepted frame.
-
-    Attributes:
-        t_us: time stamp, µs.
-        role: what it is.
-        axle: 1.. for roles per axle, else 0.
-        value: in SI units; None where the sender says 'not available'.
-
-    """
-
-    t_us: int
-    role: Role
-    axle: int
-    value: float | None
+from adhesion_can.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,67 +170,3 @@ _FLOATS = (
     "slip_common_var",
     "transient_var",
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Identifiable:
-    """Whether the data seen so far can tell the peak's height and its place."""
-
-    mu_max: bool
-    lambda_m: bool
-
-    @property
-    def both(self) -> bool:
-        """Both of them."""
-        return self.mu_max and self.lambda_m
-
-
-CHANGED = 0.5
-"""Probability of a change of the rail from which it is declared."""
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """What an estimator believes of the rail, with how far it can be believed.
-
-    Attributes:
-        c1: Burckhardt's parameters, eq. 5.
-        c2: likewise.
-        c3: likewise.
-        covariance: of (c1, c2, c3), shape (3, 3), inf on the diagonal where the data say nothing.
-        mu_max: peak adhesion, eq. 6.
-        mu_max_std: its standard deviation; inf where unknown.
-        lambda_m: optimal slip ratio, eq. 6.
-        lambda_m_std: its standard deviation; inf where unknown.
-        noise_std: of adhesion around the curve.
-        samples: number that the estimate rests on.
-        identifiable: whether the peak can be told from them.
-        surface_since_us: when the present surface was first seen, µs.
-        change_probability: that the surface changed within the last update, 0..1.
-        per_axle: (μ_max, λ_m) of single axles where an estimator tells them apart.
-        mu_max_interval: 90 % interval of μ_max; unbounded where an estimator states none.
-        lambda_m_interval: likewise of λ_m.
-
-    """
-
-    c1: float
-    c2: float
-    c3: float
-    covariance: Array
-    mu_max: float
-    mu_max_std: float
-    lambda_m: float
-    lambda_m_std: float
-    noise_std: float
-    samples: int
-    identifiable: Identifiable
-    surface_since_us: int
-    change_probability: float = 0.0
-    per_axle: Mapping[int, tuple[float, float]] = field(default_factory=dict)
-    mu_max_interval: tuple[float, float] = (-inf, inf)
-    lambda_m_interval: tuple[float, float] = (-inf, inf)
-
-    @property
-    def theta(self) -> tuple[float, float, float]:
-        """(c1, c2, c3)."""
-        return (self.c1, self.c2, self.c3)

@@ -7,7 +7,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 
 GRAVITY = 9.80665
 """Standard gravity, m/s²."""

@@ -1,20 +1,16 @@
 """Recordings of any format as frames, and files that appear whole or not at all."""
 
-import errno
-import gzip
-import io
 from collections.abc import Iterator
-from contextlib import ExitStack, closing, contextmanager
-from hashlib import sha256
+from contextlib import closing
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
 
 import can
 
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import LONGEST, Frame, Mark, to_us
-from adhesion_can.errors import InputError, RecordingError
+from adhesion_can.errors import RecordingError
+from adhesion_can.files import file_sha256
 from adhesion_can.recordings.candump import (
     DIFFERENCES,
     HEAD_LINES,
@@ -31,7 +27,6 @@ from adhesion_can.recordings.mf4 import NotInColumnsError, mf4_blocks, open_mf4
 from adhesion_can.recordings.reader_losses import lost_lines, python_can_told
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _ROWS = 50_000  # of a block of a format that is read frame by frame
 
 
@@ -284,55 +279,3 @@ def to_message(frame: Frame) -> can.Message:
         is_rx=False,
         check=False,
     )
-
-
-def file_sha256(path: Path) -> str:
-    """Hash of a file's bytes, hex."""
-    digest = sha256()
-    with path.open("rb") as file:
-        while block := file.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
-
-
-@contextmanager
-def whole_file(path: Path, mode: str = "w", *, keep_part: bool = False) -> Iterator[Any]:
-    """Write a file under a temporary name; it gets its own when all is written, else vanishes.
-
-    Args:
-        path: of the finished file; a suffix .gz compresses it.
-        mode: 'w' or 'wb'.
-        keep_part: leave what was written until an exception under the name with .part: a recording
-            cannot be made again.
-
-    Raises:
-        InputError: the folder does not exist or cannot be written to, or the disk is full.
-
-    """
-    part = path.with_name(path.name + ".part")
-    if path.is_dir():
-        raise InputError(str(path), "is a folder", "name a file")
-    try:
-        raw: BinaryIO = part.open("wb")
-    except OSError as error:
-        raise InputError(
-            str(path), error.strerror or "cannot be written", "name a folder that can be written to"
-        ) from error
-    try:
-        with ExitStack() as stack:
-            file: Any = stack.enter_context(raw)
-            if path.suffix == ".gz":
-                packed = gzip.GzipFile(path.stem, "wb", fileobj=raw, mtime=0)
-                file = stack.enter_context(packed)
-            if "b" not in mode:
-                text = io.TextIOWrapper(file, encoding="utf-8", newline="")
-                file = stack.enter_context(text)
-            yield file
-        part.replace(path)
-    except BaseException as error:
-        if not keep_part:
-            part.unlink(missing_ok=True)
-        if isinstance(error, OSError) and error.errno in _FULL:
-            reason = error.strerror or "cannot be written"
-            raise InputError(str(path), reason, "make room, or name another disk") from error
-        raise

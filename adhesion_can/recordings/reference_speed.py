@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.errors import TableError
-from adhesion_can.physics.burckhardt import Array
 
 
 def reference_path(option: str) -> tuple[Path, str | None]:

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.errors import TableError
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.samples import Samples
 
 FORCE, LOAD = "longitudinal_force_N", "normal_load_N"

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 
 Trace = dict[str, Any]
 

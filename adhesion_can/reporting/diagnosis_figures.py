@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.formatting import channel_name, short, unit_text
 from adhesion_can.diagnosis.result import CurveData, Gain, Picture, Profile, Surface
-from adhesion_can.physics.burckhardt import Array, adhesion
-from adhesion_can.physics.samples import Estimate
+from adhesion_can.physics.burckhardt import adhesion
+from adhesion_can.physics.estimate import Estimate
 from adhesion_can.reporting.charts import (
     AT_MOST,
     DARK,

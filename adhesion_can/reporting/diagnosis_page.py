@@ -8,7 +8,7 @@ from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.base import Parameter
 from adhesion_can.physics.effects.empirical import Empirical
-from adhesion_can.physics.samples import Estimate
+from adhesion_can.physics.estimate import Estimate
 from adhesion_can.reporting.diagnosis import (
     CHANNEL_COLUMNS,
     EVIDENCE_COLUMNS,

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.registry import DEFAULT
 from adhesion_can.experiments.figures_of_merit import (
     Merit,
@@ -18,7 +19,6 @@ from adhesion_can.experiments.figures_of_merit import (
     rms,
 )
 from adhesion_can.experiments.runs import MU_MAX, QUANTITIES, SURFACES, with_peak
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.reporting.experiment_figures import PAPERS_OWN, figures
 from adhesion_can.reporting.page import Page, Section, Table, Text
 

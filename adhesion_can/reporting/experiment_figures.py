@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adhesion_can.arrays import Array
 from adhesion_can.experiments.figures_of_merit import Outcome, Result, merit, quartiles, rms
 from adhesion_can.experiments.runs import MU_MAX, QUANTITIES, world
-from adhesion_can.physics.burckhardt import Array, adhesion
+from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.reporting.charts import (
     DARK,
     MARGINS,

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from adhesion_can.errors import InputError
-from adhesion_can.recordings.recording import whole_file
+from adhesion_can.files import whole_file
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ from typing import Any
 
 from adhesion_can import __version__
 from adhesion_can.config import Configuration
-from adhesion_can.physics.samples import Estimate
-from adhesion_can.recordings.recording import file_sha256
+from adhesion_can.files import file_sha256
+from adhesion_can.physics.estimate import Estimate
 
 
 def provenance(configuration: Configuration, inputs: Sequence[Path] = ()) -> dict[str, Any]:

@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.physics.burckhardt import Array
-from adhesion_can.physics.samples import Role, Samples
+from adhesion_can.arrays import Array
+from adhesion_can.physics.readings import Role
+from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.column_history import NEVER, ColumnTrack, Stamps
 from adhesion_can.sampling.equations import (
     COVARIATES,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 
 Stamps = NDArray[np.int64]
 NEVER = np.iinfo(np.int64).max

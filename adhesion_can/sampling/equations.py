@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.kinematics import (
     V_MIN,
@@ -22,7 +22,7 @@ from adhesion_can.physics.kinematics import (
     slip_ratio,
     wheelset_effort,
 )
-from adhesion_can.physics.samples import Direction, Role
+from adhesion_can.physics.readings import Direction, Role
 from adhesion_can.physics.vehicle import Locomotive
 
 TRAVEL = "travel"

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.physics.instruments import PERFECT, Instruments
-from adhesion_can.physics.samples import Reading, Role, Sample
+from adhesion_can.physics.readings import Reading, Role
+from adhesion_can.physics.samples import Sample
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.equations import (
     COVARIATES,

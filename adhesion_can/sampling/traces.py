@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

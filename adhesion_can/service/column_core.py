@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from adhesion_can.bus.block import Block, Kind, clamped
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Received
-from adhesion_can.physics.samples import Role
+from adhesion_can.physics.readings import Role
 from adhesion_can.service.speaker import REQUIRED, STALE_CYCLES, Moment, Speaker
 
 Stamps = NDArray[np.int64]

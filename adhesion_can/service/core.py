@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from adhesion_can.bus.e2e import Rejection
 from adhesion_can.bus.frame import Frame
-from adhesion_can.physics.samples import Reading, Role, Samples
+from adhesion_can.physics.readings import Reading, Role
+from adhesion_can.physics.samples import Samples
 from adhesion_can.service.speaker import REQUIRED, STALE_CYCLES, Moment, Speaker
 
 

@@ -14,7 +14,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import BoundMessage
 from adhesion_can.errors import ConfigError, DatabaseError
 from adhesion_can.physics.burckhardt import slip_at_share
-from adhesion_can.physics.samples import Estimate
+from adhesion_can.physics.estimate import Estimate
 from adhesion_can.service.states import Status
 
 AXLE_FRAMES = 6

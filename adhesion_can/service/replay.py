@@ -5,7 +5,7 @@ In blocks as fast as it goes, or frame by frame at the speed of the recording; b
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,9 +13,6 @@ from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.frame import ADVANCE, Frame, Mark
-from adhesion_can.errors import RecordingError
-from adhesion_can.recordings.candump import ReadReport
-from adhesion_can.recordings.recording import Recording
 from adhesion_can.service.column_core import ColumnCore
 from adhesion_can.service.core import ServiceCore
 
@@ -40,139 +37,6 @@ class ReplaySummary:
     first_us: int | None = None
     last_us: int | None = None
     kinds: Counter[str] = field(default_factory=Counter)
-
-
-STRAY_US = 60_000_000
-"""A stamp this far ahead, taken back by the next one, is a broken stamp and not a hole in time."""
-
-
-class _Strays:
-    """Finds frames with a broken stamp far ahead, which would hold up all that follow.
-
-    Args:
-        report: of the recording, where they are counted.
-
-    """
-
-    def __init__(self, report: ReadReport) -> None:
-        self._report = report
-        self._last: int | None = None
-        self._held: int | None = None
-
-    def take(self, t_us: int) -> tuple[bool, bool]:
-        """Take the next stamp: whether the one that is held is good, and whether this one is."""
-        held_is_good = False
-        if self._held is not None:
-            held_is_good = t_us > self._held - STRAY_US
-            if held_is_good:
-                self._last = self._held
-            else:
-                self._count(self._held)
-            self._held = None
-        if self._last is not None and t_us - self._last > STRAY_US:
-            self._held = t_us
-            return held_is_good, False
-        self._last = t_us
-        return held_is_good, True
-
-    def steady(self, t_us: NDArray[np.int64]) -> bool:
-        """Take stamps with no such leap at all; False, and nothing taken, where there is one."""
-        last = int(t_us[0]) if self._last is None else self._last
-        if self._held is not None or (np.diff(t_us, prepend=last) > STRAY_US).any():
-            return False
-        self._last = int(t_us[-1])
-        return True
-
-    def _count(self, t_us: int) -> None:
-        self._report.kinds["stray"] += 1
-        if self._report.kinds["stray"] == 1:
-            self._report.notes.append(
-                "frames with a broken stamp far ahead are left out, the first of "
-                f"{t_us / 1e6:.6f} s"
-            )
-
-
-def _without_strays(items: Iterable[Frame | Mark], report: ReadReport) -> Iterator[Frame | Mark]:
-    strays = _Strays(report)
-    held: Frame | Mark | None = None
-    for item in items:
-        held_is_good, good = strays.take(item.t_us)
-        if held is not None and held_is_good:
-            yield held
-        held = None if good else item
-        if good:
-            yield item
-    if held is not None:
-        yield held
-
-
-def _blocks_without_strays(blocks: Iterable[Block], report: ReadReport) -> Iterator[Block]:
-    strays = _Strays(report)
-    held: Block | None = None
-    for block in blocks:
-        if not len(block):
-            continue
-        if held is None and strays.steady(block.t_us):
-            yield block
-            continue
-        rows = block if held is None else Block.concatenate([held, block])
-        skip = 0 if held is None else 1  # the held row was taken with its own block
-        keep = np.zeros(len(rows), dtype=np.bool_)
-        for place, t_us in enumerate(rows.t_us.tolist()[skip:], start=skip):
-            held_is_good, keep[place] = strays.take(t_us)
-            if place and not keep[place - 1]:
-                keep[place - 1] = held_is_good
-        held = None if keep[-1] else rows.select(slice(len(rows) - 1, None))
-        if keep.any():
-            yield rows.select(keep)
-    if held is not None:
-        yield held
-
-
-def in_sequence(recordings: Sequence[Recording]) -> Iterator[Frame | Mark]:
-    """Recordings one after another.
-
-    Raises:
-        RecordingError: one begins before the one in front of it ended.
-
-    """
-    last = None
-    for recording in recordings:
-        begins = True
-        for item in _without_strays(recording, recording.report):
-            if begins and last is not None and item.t_us < last:
-                raise _out_of_order(recording)
-            begins = False
-            last = item.t_us if last is None else max(last, item.t_us)
-            yield item
-
-
-def blocks_in_sequence(recordings: Sequence[Recording]) -> Iterator[Block]:
-    """Recordings one after another, in blocks.
-
-    Raises:
-        RecordingError: one begins before the one in front of it ended.
-
-    """
-    last: int | None = None
-    for recording in recordings:
-        begins = True
-        for block in _blocks_without_strays(recording.blocks(), recording.report):
-            t_us = block.t_us
-            if begins and last is not None and t_us[0] < last:
-                raise _out_of_order(recording)
-            begins = False
-            latest = int(t_us.max())
-            last = latest if last is None else max(last, latest)
-            yield block
-
-
-def _out_of_order(recording: Recording) -> RecordingError:
-    return RecordingError(
-        str(recording.path),
-        "begins before the recording in front of it ends",
-        "name the recordings in the order of their times, or replay them one by one",
-    )
 
 
 def replay_blocks(

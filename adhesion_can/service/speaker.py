@@ -15,14 +15,9 @@ from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.extended.estimator import ExtendedEstimator
-from adhesion_can.physics.samples import (
-    CHANGED,
-    Estimate,
-    Identifiable,
-    Role,
-    Samples,
-    SpeedSource,
-)
+from adhesion_can.physics.estimate import CHANGED, Estimate, Identifiable
+from adhesion_can.physics.readings import Role, SpeedSource
+from adhesion_can.physics.samples import Samples
 from adhesion_can.service.outputs import Health, OutputMessages, Outputs, outputs_of, target_slip
 from adhesion_can.service.states import VALUES, Conditions, Status, Values, status_of
 

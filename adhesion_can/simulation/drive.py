@@ -11,7 +11,7 @@ from enum import Enum, auto
 
 import numpy as np
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,8 @@ from math import pi, sin
 
 import numpy as np
 
-from adhesion_can.physics.burckhardt import SLIP_MAX, Array, Surface, adhesion, adhesion_slope
+from adhesion_can.arrays import Array
+from adhesion_can.physics.burckhardt import SLIP_MAX, Surface, adhesion, adhesion_slope
 from adhesion_can.physics.effects import (
     ActiveEffect,
     Contact,

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.bus.codec import MessagePlan
 from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase, e2e_data_id
 from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame, to_us
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.instruments import PERFECT, Instruments
-from adhesion_can.physics.samples import Direction, SpeedSource
+from adhesion_can.physics.readings import Direction, SpeedSource
 from adhesion_can.simulation.surroundings import CALM, Conditions
 
 SLOT_US = 250

@@ -10,7 +10,7 @@ from math import pi, sin
 
 import numpy as np
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.roles import SignalChoice, bind, contract_choices, cycles_of
 from adhesion_can.errors import ConfigError
-from adhesion_can.physics.samples import Reading, Role
+from adhesion_can.physics.readings import Reading, Role
 from tests.bus.bus_helpers import payload_of, sealed
 
 RADII = (0.625,) * 6

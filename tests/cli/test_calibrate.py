@@ -17,7 +17,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.config.calibrated_file import Correction, with_correction
-from adhesion_can.physics.samples import Role
+from adhesion_can.physics.readings import Role
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.simulation.run import RunSettings, Simulation

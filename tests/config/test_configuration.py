@@ -13,7 +13,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import AdhesionCanError, ConfigError, DatabaseError, InputError
-from adhesion_can.physics.samples import Role
+from adhesion_can.physics.readings import Role
 
 DATA = Path(__file__).parent / "data"
 OWN_DBC = Path(__file__).parents[1] / "dbc" / "adhesion.dbc"

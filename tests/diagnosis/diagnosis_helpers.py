@@ -10,7 +10,8 @@ import numpy as np
 from adhesion_can.cli.main import main
 from adhesion_can.diagnosis.drive.from_table import course_of_table
 from adhesion_can.diagnosis.drive.from_traces import course_of
-from adhesion_can.physics.samples import Role, Samples
+from adhesion_can.physics.readings import Role
+from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.traces import Trace
 

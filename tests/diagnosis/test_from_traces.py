@@ -18,7 +18,7 @@ from adhesion_can.diagnosis.drive.smoothing import (
     smoothed,
 )
 from adhesion_can.physics.instruments import PERFECT, Instruments
-from adhesion_can.physics.samples import Reading, Role
+from adhesion_can.physics.readings import Reading, Role
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.former import SampleFormer
 from adhesion_can.sampling.traces import Trace

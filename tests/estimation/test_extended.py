@@ -20,15 +20,10 @@ from adhesion_can.estimation.extended.estimator import ExtendedEstimator, Extend
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.instruments import PERFECT, Instruments
-from adhesion_can.physics.samples import (
-    Direction,
-    Estimate,
-    Identifiable,
-    Reading,
-    Role,
-    Samples,
-)
+from adhesion_can.physics.readings import Direction, Reading, Role
+from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.former import SampleFormer
 

@@ -28,7 +28,7 @@ from adhesion_can.experiments.runs import (
     with_peak,
     world,
 )
-from adhesion_can.physics.samples import Estimate, Identifiable
+from adhesion_can.physics.estimate import Estimate, Identifiable
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)
 SEED = 5

@@ -12,7 +12,8 @@ from adhesion_can.config import load_configuration
 from adhesion_can.errors import RecordingError
 from adhesion_can.offline.extract_samples import UPDATE_US, Extraction, samples_of
 from adhesion_can.offline.load_traces import hear
-from adhesion_can.physics.samples import Role, Samples, SpeedSource
+from adhesion_can.physics.readings import Role, SpeedSource
+from adhesion_can.physics.samples import Samples
 from tests.service.test_column_core import blocks_of, spoiled
 
 CONFIG = load_configuration()

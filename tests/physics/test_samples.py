@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.physics.burckhardt import adhesion
-from adhesion_can.physics.samples import Identifiable, Role, Sample, Samples
+from adhesion_can.physics.estimate import Identifiable
+from adhesion_can.physics.readings import Role
+from adhesion_can.physics.samples import Sample, Samples
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=50)
 INTEGERS = ("t_us", "axle", "speed_us")

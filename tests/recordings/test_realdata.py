@@ -9,7 +9,7 @@ import pytest
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import load_configuration
-from adhesion_can.physics.samples import Role
+from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sample_table import is_table, read_table
 from tests.bus.bus_helpers import DATA, real_data

@@ -32,7 +32,7 @@ from adhesion_can.diagnosis.result import (
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
-from adhesion_can.physics.samples import Estimate, Identifiable
+from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.reporting.charts import broken, thinned
 from adhesion_can.reporting.diagnosis import Source, diagnosis_json, terminal, verdict_sentences
 from adhesion_can.reporting.diagnosis_page import page

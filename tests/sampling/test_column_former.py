@@ -8,7 +8,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.physics.instruments import PERFECT, Instruments
-from adhesion_can.physics.samples import Reading, Role, Samples
+from adhesion_can.physics.readings import Reading, Role
+from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.sampling.column_former import ColumnFormer
 from adhesion_can.sampling.column_history import ColumnTrack

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.physics.samples import Direction, Reading, Role, Sample
+from adhesion_can.physics.readings import Direction, Reading, Role
+from adhesion_can.physics.samples import Sample
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.sampling.equations import SamplingSettings, Sensors
 from adhesion_can.sampling.former import SampleFormer, common_load_std

@@ -13,7 +13,8 @@ from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
-from adhesion_can.physics.samples import Estimate, Identifiable, Samples
+from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.candump import ReadReport
 from adhesion_can.service.column_core import ColumnCore
 from adhesion_can.service.core import ServiceCore

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from adhesion_can.bus.frame import Frame
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
-from adhesion_can.physics.samples import Estimate, Identifiable
+from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.states import TRANSITIONS, Conditions, Status, status_of
 from tests.wire import DBC, INPUTS, REQUIRED, Bench, decoded, seal_ok, sealed, values

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.kinematics import Rows, Source, TableSource
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.kinematics import adhesion_coefficient, creep_speed
 

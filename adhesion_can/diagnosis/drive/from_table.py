@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import Course
 from adhesion_can.diagnosis.drive.kinematics import TableSource
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.samples import Samples
 
 PAUSE_S = 1.0

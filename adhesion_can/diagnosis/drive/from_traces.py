@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DELAY_MAX, Course
 from adhesion_can.diagnosis.drive.kinematics import Signals, Source
 from adhesion_can.diagnosis.drive.smoothing import (
@@ -18,9 +19,8 @@ from adhesion_can.diagnosis.drive.smoothing import (
     rough,
     smoothed,
 )
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.kinematics import slip_ratio
-from adhesion_can.physics.samples import Direction, Role
+from adhesion_can.physics.readings import Direction, Role
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.equations import COVARIATES
 from adhesion_can.sampling.traces import Trace

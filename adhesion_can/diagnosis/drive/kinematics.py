@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.smoothing import Smooth
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.vehicle import Locomotive
 
 Rows = NDArray[np.bool_] | slice

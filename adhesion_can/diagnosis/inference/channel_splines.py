@@ -11,8 +11,8 @@ from enum import Enum
 import numpy as np
 from scipy.interpolate import BSpline
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.regression.model import Evaluation, Study
-from adhesion_can.physics.burckhardt import Array
 
 FEW, MANY = 6, 14
 """Columns of a channel's spline; of time and position, along which more may happen."""

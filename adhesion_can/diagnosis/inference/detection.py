@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.regression.gram_matrices import Ledger, solve
-from adhesion_can.physics.burckhardt import Array
 
 FLIPS = 1999
 NOTHING = 1e-9

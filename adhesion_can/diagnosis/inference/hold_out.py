@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.residual_channels import Left
 from adhesion_can.diagnosis.regression.gram_matrices import solve
 from adhesion_can.diagnosis.regression.model import Model, curve_slopes, evaluate
 from adhesion_can.diagnosis.regression.whitened_regression import Stage, fit
 from adhesion_can.diagnosis.result import Gain
-from adhesion_can.physics.burckhardt import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.stats import t as student
 from scipy.stats import wilcoxon
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.detection import Detection, detect
 from adhesion_can.diagnosis.regression.gram_matrices import solve
 from adhesion_can.diagnosis.regression.model import Candidate, Model, evaluate
 from adhesion_can.diagnosis.regression.whitened_regression import Fit, Stage, fit
-from adhesion_can.physics.burckhardt import Array
 
 SURE = 0.05
 """Level at which a difference between two models counts."""

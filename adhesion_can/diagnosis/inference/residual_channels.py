@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import welch
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import Course
 from adhesion_can.diagnosis.inference.channel_splines import Channel, Kind
 from adhesion_can.diagnosis.inference.model_selection import detection_of
 from adhesion_can.diagnosis.regression.gram_matrices import solve
 from adhesion_can.diagnosis.regression.model import Evaluation, Model, evaluate
 from adhesion_can.diagnosis.regression.whitened_regression import Fit, Stage
-from adhesion_can.physics.burckhardt import Array
 
 WAVES_M = np.geomspace(6.0, 300.0, 500)
 """Lengths of waves along the rail that are looked for, m."""

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import Course
 from adhesion_can.diagnosis.formatting import effect_name
 from adhesion_can.physics import burckhardt
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import (
     EFFECTS,
     ActiveEffect,

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.channel_splines import channels_of
 from adhesion_can.diagnosis.regression.gram_matrices import solve
 from adhesion_can.diagnosis.regression.model import (
@@ -17,7 +18,7 @@ from adhesion_can.diagnosis.regression.model import (
 )
 from adhesion_can.diagnosis.regression.whitened_regression import Fit, Stage, fit
 from adhesion_can.diagnosis.regression.whitening import Stretches, Whitener
-from adhesion_can.physics.burckhardt import Array, adhesion_slope
+from adhesion_can.physics.burckhardt import adhesion_slope
 
 FLAT = 2.0
 """Slope dμ/dλ below which the slip's errors say little: the noise of the effort is read there."""

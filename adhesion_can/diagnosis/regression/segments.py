@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import Course
 from adhesion_can.diagnosis.regression.gram_matrices import solve
 from adhesion_can.diagnosis.regression.model import (
@@ -26,7 +27,6 @@ from adhesion_can.diagnosis.regression.model import (
 )
 from adhesion_can.estimation.batch_fit import SegmentationSettings, change_points, fit
 from adhesion_can.physics import burckhardt
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.samples import Samples
 
 SETTINGS = SegmentationSettings(chunk_s=0.2, shortest_s=6.0, penalty=4.0, noise_gain=0.05)

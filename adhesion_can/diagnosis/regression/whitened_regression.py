@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.regression.gram_matrices import Ledger, solve
 from adhesion_can.diagnosis.regression.model import (
     CHORD_STEP,
@@ -21,7 +22,6 @@ from adhesion_can.diagnosis.regression.model import (
     without,
 )
 from adhesion_can.diagnosis.regression.whitening import Whitener, fitted
-from adhesion_can.physics.burckhardt import Array
 
 ITERATIONS = 10
 SETTLED = 1e-5

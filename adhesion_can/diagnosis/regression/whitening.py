@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 
 NUGGET = 1.0
 """Share of white noise that is put on every residual's variance: a slow noise would be differenced

@@ -21,7 +21,8 @@ from adhesion_can.estimation.differential_evolution import (
 )
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess
 from adhesion_can.estimation.likelihood import innovation, sensitivity, sum_of_squares
-from adhesion_can.physics.samples import Estimate, Samples
+from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.samples import Samples
 
 BlockFit = Callable[[Samples, Estimate | None], Estimate]
 """Fit of one block, given the estimate of the block before."""

@@ -15,7 +15,8 @@ import numpy as np
 from adhesion_can.estimation.baselines.forgetting import Memory, peak_errors, usable
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
-from adhesion_can.physics.samples import Estimate, Samples
+from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.samples import Samples
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,11 @@ from math import hypot, inf, sqrt
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
-from adhesion_can.physics.burckhardt import Array, peak, peak_gradient
-from adhesion_can.physics.samples import Estimate, Identifiable, Samples
+from adhesion_can.physics.burckhardt import peak, peak_gradient
+from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.former import common_load_std
 
 BINS = 500

@@ -11,13 +11,15 @@ from math import inf
 import numpy as np
 from scipy.special import chdtri
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.baselines.block_fit import fit_from
 from adhesion_can.estimation.baselines.forgetting import UNKNOWN, usable
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.likelihood import innovation
-from adhesion_can.physics.burckhardt import Array, adhesion_slope
-from adhesion_can.physics.samples import Estimate, Identifiable, Samples
+from adhesion_can.physics.burckhardt import adhesion_slope
+from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.samples import Samples
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,11 +12,13 @@ from math import hypot, inf, sqrt
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.baselines.forgetting import Memory, decay, usable
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.likelihood import innovation
-from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Array, Surface, peak
-from adhesion_can.physics.samples import Estimate, Samples
+from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Surface, peak
+from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.samples import Samples
 
 EDGES = 0.005 * 2.0 ** np.arange(7)
 """Of the bins of slip, narrow where curves are steep."""

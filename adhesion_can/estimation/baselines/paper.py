@@ -15,6 +15,7 @@ from math import hypot, inf
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.differential_evolution import (
     EvolutionSettings,
     Search,
@@ -23,8 +24,9 @@ from adhesion_can.estimation.differential_evolution import (
 )
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess
 from adhesion_can.estimation.likelihood import innovation
-from adhesion_can.physics.burckhardt import Array, adhesion_slope
-from adhesion_can.physics.samples import Estimate, Identifiable, Samples
+from adhesion_can.physics.burckhardt import adhesion_slope
+from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.samples import Samples
 
 MOST_SEARCHES = 6
 SETTLED = 1e-3

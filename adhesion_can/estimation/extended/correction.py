@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.errors import ConfigError, InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import ActiveEffect, Contact, Memory, change_of
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import PERFECT, Instruments

@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from adhesion_can.physics.burckhardt import Array, adhesion
+from adhesion_can.arrays import Array
+from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.effects import ActiveEffect, Contact, Memory, change_of
-from adhesion_can.physics.samples import Estimate
+from adhesion_can.physics.estimate import Estimate
 
 POINTS = 96
 """Of the slip grid, evenly in its logarithm."""

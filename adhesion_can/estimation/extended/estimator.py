@@ -6,14 +6,15 @@ from math import hypot
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.extended.correction import contact_of, corrected, without_effects
 from adhesion_can.estimation.extended.current_curve import Held, Latest, Peaks, Present, peaks_of
 from adhesion_can.estimation.extended.model import ExtendedModel, Matrix
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import Memory
-from adhesion_can.physics.samples import Estimate, Identifiable, Samples
+from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.samples import Samples
 
 __all__ = ["ExtendedEstimator", "ExtendedModel", "Matrix", "corrected"]
 

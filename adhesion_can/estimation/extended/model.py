@@ -8,8 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker.curve_sums import Theta
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.effects import ActiveEffect, Parameter, acts_in_contact, instruments_of
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import Instruments

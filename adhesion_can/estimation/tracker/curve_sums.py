@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 
 C2_RANGE = (2.0, 500.0)
 NODES = 40

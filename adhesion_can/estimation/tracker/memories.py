@@ -9,11 +9,11 @@ from math import exp, expm1, log
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker import curve_sums as segments
 from adhesion_can.estimation.tracker.curve_sums import COUNT, DOF, HISTOGRAM, LENGTH, NODES
 from adhesion_can.estimation.tracker.posterior import Curves, Noise, draw, log_weights, normalised
 from adhesion_can.estimation.tracker.prior import Prior
-from adhesion_can.physics.burckhardt import Array
 
 LEAST_DENSITY = exp(-3.0)
 """Least factor by which one update can change the trust: no single one decides."""

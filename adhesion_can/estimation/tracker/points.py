@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker.curve_sums import Points
-from adhesion_can.physics.burckhardt import Array
 from adhesion_can.physics.samples import Samples
 
 ADHESION_MAX = 5.0

@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr, ndtri
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker import curve_sums as segments
 from adhesion_can.estimation.tracker.curve_sums import DOF, X_RANGE, coefficients, interpolation
 from adhesion_can.estimation.tracker.prior import C1_MAX, Prior, shape_coordinates
-from adhesion_can.physics.burckhardt import Array, peak
+from adhesion_can.physics.burckhardt import peak
 
 GRID = 48
 DEPTH = 14.0

@@ -11,8 +11,9 @@ from math import gamma, log, pi
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker.curve_sums import C2_RANGE, Theta
-from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Array, Surface
+from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Surface
 
 C1_MAX = 2.0
 """No adhesion between a wheel and what it rolls on is larger."""

@@ -16,10 +16,10 @@ from math import exp, inf, log, sqrt
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker import curve_sums as segments
 from adhesion_can.estimation.tracker.curve_sums import DOF, LENGTH, X_NODES, Z
 from adhesion_can.estimation.tracker.prior import Prior
-from adhesion_can.physics.burckhardt import Array
 
 _MEAN, _STD = np.array([0.3, 0.15]), np.array([0.4, 0.4])
 """Of (c1, c3) of a rail not seen yet."""

@@ -19,6 +19,7 @@ from math import exp, hypot, inf, sqrt
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations, AxleSettings
 from adhesion_can.estimation.tracker.curve_sums import (
@@ -51,8 +52,9 @@ from adhesion_can.estimation.tracker.prior import (
     shape_coordinates,
 )
 from adhesion_can.estimation.tracker.run_length import Contenders, RunLengthSettings
-from adhesion_can.physics.burckhardt import Array, adhesion
-from adhesion_can.physics.samples import CHANGED, Estimate, Identifiable, Samples
+from adhesion_can.physics.burckhardt import adhesion
+from adhesion_can.physics.estimate import CHANGED, Estimate, Identifiable
+from adhesion_can.physics.samples import Samples
 
 MIXED_FROM = 0.05
 """Probability from which a hypothesis enters the estimate."""

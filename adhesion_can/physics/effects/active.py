@@ -7,7 +7,7 @@ from typing import TypeGuard
 
 import numpy as np
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 from adhesion_can.physics.effects.base import (
     Change,
     Contact,

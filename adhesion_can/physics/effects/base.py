@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 from adhesion_can.physics.effects.memory import Memory
 from adhesion_can.physics.instruments import Instruments
 

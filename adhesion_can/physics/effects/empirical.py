@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import BSpline
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
 from adhesion_can.physics.effects.memory import Memory
 

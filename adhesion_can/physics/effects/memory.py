@@ -5,7 +5,7 @@ from math import expm1, inf
 
 import numpy as np
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 
 PAUSE_S = 1.0
 """After a pause this long in an axle's samples, what lags behind begins anew."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from adhesion_can.physics.burckhardt import Array
+from adhesion_can.arrays import Array
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
 from adhesion_can.physics.effects.memory import Memory
 

@@ -1,0 +1,65 @@
+"""Readings: one signal of one accepted frame, in SI units, with the role that it plays."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Role(StrEnum):
+    """What a signal means to the service; the SI unit of its readings stands beside it."""
+
+    WHEEL_SPEED = "wheel_speed"  # rad/s, an axle each
+    VEHICLE_SPEED = "vehicle_speed"  # m/s
+    TRACTIVE_EFFORT = "tractive_effort"  # N, an axle each
+    AXLE_LOAD = "axle_load"  # N, an axle each
+    SPEED_SOURCE = "vehicle_speed_source"
+    DIRECTION = "direction"
+    AMBIENT_TEMPERATURE = "ambient_temperature"  # degC
+    RAIL_TEMPERATURE = "rail_temperature"  # degC
+    HUMIDITY = "relative_humidity"  # %
+    SANDING = "sanding_active"
+    RAIN = "rain"
+    GRADIENT = "gradient"  # m/m
+    CURVATURE = "curvature"  # 1/m
+
+    @property
+    def per_axle(self) -> bool:
+        """Whether each axle has a signal of its own."""
+        return self in PER_AXLE
+
+
+PER_AXLE = frozenset({Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT, Role.AXLE_LOAD})
+
+
+def role_name(role: Role, axle: int) -> str:
+    """Role as configurations and reports spell it: `wheel_speed.1`, `vehicle_speed`."""
+    return f"{role}.{axle}" if axle else str(role)
+
+
+class SpeedSource:
+    """Values of `Role.SPEED_SOURCE`."""
+
+    UNKNOWN, RADAR, GNSS, TRAILING_AXLE, DRIVEN_AXLES = range(5)
+
+
+class Direction:
+    """Values of `Role.DIRECTION`."""
+
+    UNKNOWN, FORWARD, REVERSE, NOT_AVAILABLE = range(4)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One signal of one accepted frame.
+
+    Attributes:
+        t_us: time stamp, µs.
+        role: what it is.
+        axle: 1.. for roles per axle, else 0.
+        value: in SI units; None where the sender says 'not available'.
+
+    """
+
+    t_us: int
+    role: Role
+    axle: int
+    value: float | None
