@@ -12,9 +12,9 @@ from adhesion_can.physics.effects import (
     ActiveEffect,
     Contact,
     Effect,
-    Memory,
+    LagStates,
     Parameter,
-    change_of,
+    compute_change,
     effect_by_id,
 )
 from adhesion_can.physics.vehicle import Locomotive
@@ -126,7 +126,7 @@ def _require_some_adhesion(active: ActiveEffect, vehicle: Locomotive, where: str
             "curvature_per_m": every(0.0),
         },
     )
-    if np.min(change_of([active], common, Memory()).factor) <= LEAST:
+    if np.min(compute_change([active], common, LagStates()).factor) <= LEAST:
         raise InputError(where, "leaves no adhesion on a common rail", "give a smaller size")
 
 

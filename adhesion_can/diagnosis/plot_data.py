@@ -10,7 +10,7 @@ from adhesion_can.diagnosis.inference.channel_splines import Channel, Kind
 from adhesion_can.diagnosis.regression.model import EXCLUDED, Model, Study, Theta, evaluate
 from adhesion_can.diagnosis.result import CurveData, Picture, Profile
 from adhesion_can.physics import burckhardt
-from adhesion_can.physics.effects import instruments_of
+from adhesion_can.physics.effects import build_instruments
 from adhesion_can.physics.effects.curve_creep import ANGLE, CURVATURE
 
 BINS = 24
@@ -124,7 +124,7 @@ def simulated(course: Course, rows: np.ndarray, model: Model, surface: int) -> A
     Linearly implicit in ω, since the contact is stiff. Beyond the peak the wheel is unstable, and
     any simulation leaves the measurement there: so it begins anew from it at times.
     """
-    instruments = instruments_of(model.actives)
+    instruments = build_instruments(model.actives)
     seen = course.observe(instruments)
     study = Study((course,), np.zeros(len(course), dtype=np.int64), 1)
     theta = Theta(model.theta.values[[surface]])

@@ -15,8 +15,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from adhesion_can.arrays import Array
 from adhesion_can.config import Configuration
@@ -29,7 +29,7 @@ from adhesion_can.estimation.batch_fit import (
 )
 from adhesion_can.estimation.extended.correction import without_effects
 from adhesion_can.estimation.likelihood import innovation, sensitivity
-from adhesion_can.physics.effects import Memory
+from adhesion_can.physics.effects import LagStates
 from adhesion_can.physics.samples import Samples
 
 SMOOTH_US = 50_000
@@ -94,7 +94,7 @@ class CurveFit:
         self._actives = () if model is None else model.in_contact
         self._axles = configuration.vehicle.axles
         self._slip_max = configuration.identifiability.slip_max
-        self._memory = Memory()
+        self._memory = LagStates()
         self._waiting: list[Samples] = []
         self._count = 0
         self._origin_us: int | None = None
@@ -190,7 +190,7 @@ def _left(rows: _Rows) -> Array:
     h, z = base.folded()
     # To the base curve's points without weights, which is near; then as they were measured.
     start = np.clip(np.array(fit(base).theta), 1.001 * LOWER + 1e-6, 0.999 * UPPER)
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         lambda theta: factor * innovation(theta, h, z),
         start,
         jac=lambda theta: -factor[:, None] * sensitivity(theta, h),

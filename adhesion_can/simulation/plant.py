@@ -19,8 +19,8 @@ from adhesion_can.physics.effects import (
     ActiveEffect,
     Contact,
     ContactEffect,
-    Memory,
-    change_of,
+    LagStates,
+    compute_change,
 )
 from adhesion_can.physics.vehicle import GRAVITY, Locomotive
 from adhesion_can.simulation.surroundings import Conditions, Surroundings
@@ -107,7 +107,7 @@ class Plant:
         self.load: Array = np.array(vehicle.axle_load)
         self._effects = tuple(a for a in effects if isinstance(a.effect, ContactEffect))
         self._channels = {name for a in self._effects for name in a.effect.needs}
-        self._memory = Memory()
+        self._lags = LagStates()
         self._follows = False
         self._axle = np.arange(1.0, vehicle.axles + 1)
         self._surroundings = surroundings or Surroundings()
@@ -170,7 +170,7 @@ class Plant:
         self.position += dt * (before + self.speed) / 2
         self.time_s += dt
         if contact is not None and self._follows:
-            change_of(self._effects, replace(contact, slip=self.slip), self._memory)
+            compute_change(self._effects, replace(contact, slip=self.slip), self._lags)
 
     def _answer(self, contact: Contact, theta: Curves) -> tuple[Array, Array]:
         """Adhesion at the end of a step in which the slip stays, and its slope over that slip.
@@ -178,16 +178,16 @@ class Plant:
         Both of shape (axles,). A contact that follows the slip moves only a part of the way within
         the step, so its slope is that part of the curve's.
         """
-        slip, after = contact.slip, self._memory.copy()
-        change = change_of(self._effects, contact, after)
+        slip, after = contact.slip, self._lags.copy()
+        change = compute_change(self._effects, contact, after)
         mu = _curve(change.slip, theta) * change.factor
         if change.slip is slip:
-            self._memory = after
+            self._lags = after
             return mu, adhesion_slope(slip, *theta) * change.factor
         # What follows the slip is led to its end once that is known.
         self._follows = True
         moved = replace(contact, slip=slip + NUDGE)
-        nudged = change_of(self._effects, moved, self._memory.copy())
+        nudged = compute_change(self._effects, moved, self._lags.copy())
         return mu, (_curve(nudged.slip, theta) * nudged.factor - mu) / NUDGE
 
     def _contact(self, slip: Array, v: float, dt: float) -> Contact:
@@ -217,7 +217,7 @@ def _curve(slip: Array, theta: Curves) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class TrackSection:
     """A surface and when the leading axle enters it.
 
     Attributes:
@@ -234,16 +234,16 @@ class Track:
     """Surfaces along the track: an axle finds the change where the leading axle found it.
 
     Args:
-        stretches: in the order of their times, the first from 0.
+        sections: in the order of their times, the first from 0.
         behind: distance of each axle behind the leading one, m; zeros change all axles at once.
 
     """
 
-    def __init__(self, stretches: Sequence[Stretch], behind: Array) -> None:
-        self._stretches = list(stretches)
+    def __init__(self, sections: Sequence[TrackSection], behind: Array) -> None:
+        self._sections = list(sections)
         self._behind = behind
         self._entered_m = [-np.inf]
-        self._curves = np.array([s.surface.theta for s in self._stretches])
+        self._curves = np.array([s.surface.theta for s in self._sections])
         self._settled: Curves | None = None
 
     def under(self, time_s: float, position: float) -> Curves:
@@ -255,7 +255,7 @@ class Track:
 
         """
         count = len(self._entered_m)
-        if count < len(self._stretches) and time_s >= self._stretches[count].from_s:
+        if count < len(self._sections) and time_s >= self._sections[count].from_s:
             self._entered_m.append(position)
             self._settled = None
         if self._settled is None:

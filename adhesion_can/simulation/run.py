@@ -10,7 +10,7 @@ from adhesion_can.bus.codec import MessagePlan
 from adhesion_can.bus.database import CanDatabase
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.errors import InputError
-from adhesion_can.physics.effects import ActiveEffect, instruments_of
+from adhesion_can.physics.effects import ActiveEffect, build_instruments
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.drive import Drive, DriveSettings
 from adhesion_can.simulation.plant import Plant, Track
@@ -64,7 +64,7 @@ class Simulation:
 
     def __init__(self, settings: RunSettings, database: CanDatabase) -> None:
         self.settings = settings
-        scenario, instruments = settings.scenario, instruments_of(settings.effects)
+        scenario, instruments = settings.scenario, build_instruments(settings.effects)
         vehicle = instruments.vehicle(settings.vehicle)
         if not vehicle.wheelset_inertia > 0:
             raise InputError(
@@ -80,8 +80,8 @@ class Simulation:
             gradient=scenario.profile,
             surroundings=scenario.surroundings,
         )
-        self.stretches = scenario.stretches(settings.duration_s)
-        self._track = Track(self.stretches, axles_behind(vehicle, along=settings.along_track))
+        self.sections = scenario.sections(settings.duration_s)
+        self._track = Track(self.sections, axles_behind(vehicle, along=settings.along_track))
         self._drive = Drive(vehicle.axles, settings.drive, scenario.pattern, settings.obey)
         rng = np.random.default_rng(settings.seed)
         self._sensors = Sensors(database, settings.noise, rng, instruments)
@@ -141,23 +141,23 @@ class Simulation:
         what the real ones differ.
         """
         settings = self.settings
-        ends = [stretch.from_s for stretch in self.stretches[1:]] + [settings.duration_s]
+        ends = [section.from_s for section in self.sections[1:]] + [settings.duration_s]
         return {
             "scenario": settings.scenario.name,
             "seed": settings.seed,
             "vehicle": asdict(settings.vehicle),
             "surfaces": [
                 {
-                    "from_s": stretch.from_s,
+                    "from_s": section.from_s,
                     "to_s": end,
-                    "name": stretch.surface.name,
-                    "c1": stretch.surface.c1,
-                    "c2": stretch.surface.c2,
-                    "c3": stretch.surface.c3,
-                    "mu_max": stretch.surface.mu_max,
-                    "lambda_m": stretch.surface.lambda_m,
+                    "name": section.surface.name,
+                    "c1": section.surface.c1,
+                    "c2": section.surface.c2,
+                    "c3": section.surface.c3,
+                    "mu_max": section.surface.mu_max,
+                    "lambda_m": section.surface.lambda_m,
                 }
-                for stretch, end in zip(self.stretches, ends, strict=True)
+                for section, end in zip(self.sections, ends, strict=True)
             ],
             "effects": [
                 {

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from adhesion_can.physics.burckhardt import RAIL, Surface
 from adhesion_can.simulation.drive import Pattern
-from adhesion_can.simulation.plant import Profile, Stretch
+from adhesion_can.simulation.plant import Profile, TrackSection
 from adhesion_can.simulation.surroundings import Curve, Surroundings, Wave
 
 _BY_NAME = {surface.name: surface for surface in RAIL}
@@ -48,11 +48,11 @@ class Scenario:
             return Profile(self.speed, rise=0.005)
         return Profile(self.speed, rise=0.02, swing=self.speed_swing, period_s=SPEED_PERIOD_S)
 
-    def stretches(self, duration_s: float) -> list[Stretch]:
+    def sections(self, duration_s: float) -> list[TrackSection]:
         """Surfaces with the times at which they begin."""
         share = duration_s / len(self.surfaces)
         return [
-            Stretch(round(i * share, 6), surface_by_name(name))
+            TrackSection(round(i * share, 6), surface_by_name(name))
             for i, name in enumerate(self.surfaces)
         ]
 

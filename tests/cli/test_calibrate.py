@@ -106,7 +106,7 @@ def test_the_written_configuration_mends_the_slip_and_the_peak(worn, found, tmp_
     _, out = found
     written = load_configuration(out)
     assert written.vehicle.wheel_radius == pytest.approx(WORN, rel=1e-3)
-    true = SWEEP.stretches(1.0)[0].surface
+    true = SWEEP.sections(1.0)[0].surface
     first = tmp_path / "first.log"
     with worn.open() as file, first.open("w") as head:
         head.writelines(islice(file, 30_000))

@@ -13,11 +13,11 @@ from adhesion_can.physics.effects import (
     Contact,
     ContactEffect,
     InstrumentEffect,
-    Memory,
+    LagStates,
     acts_in_contact,
-    change_of,
+    build_instruments,
+    compute_change,
     effect_by_id,
-    instruments_of,
 )
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.vehicle import Locomotive
@@ -74,7 +74,7 @@ def typical(effect, size=None):
 
 
 def changed(name, at, *values, form=""):
-    return effect_by_id(name, form).change(at, values, Memory())
+    return effect_by_id(name, form).change(at, values, LagStates())
 
 
 def factor_of(name, at, *values, form=""):
@@ -139,7 +139,7 @@ def test_only_the_wheel_radius_is_of_one_axle():
 @pytest.mark.parametrize("n", [1, 6, 180])
 def test_size_zero_changes_nothing_in_the_contact(effect, n):
     at = contact(n=n)
-    change = effect.change(at, typical(effect, 0.0), Memory())
+    change = effect.change(at, typical(effect, 0.0), LagStates())
     assert change.slip == pytest.approx(at.slip, abs=1e-15)
     assert np.broadcast_to(change.factor, (n,)) == pytest.approx(np.ones(n), abs=1e-15)
 
@@ -160,7 +160,7 @@ def test_typical_size_is_seen_and_leaves_its_inputs_alone(effect):
     kept = [getattr(at, field.name) for field in fields(Contact) if field.name != "covariates"]
     kept += at.covariates.values()
     copies = [array.copy() for array in kept]
-    change = effect.change(at, typical(effect), Memory())
+    change = effect.change(at, typical(effect), LagStates())
     moved = np.abs(change.slip - at.slip).max() + np.abs(np.asarray(change.factor) - 1.0).max()
     assert moved > 1e-3
     assert all(np.array_equal(a, b) for a, b in zip(kept, copies, strict=True))
@@ -181,7 +181,7 @@ def test_typical_size_is_an_error_of_its_own_field(effect):
 def test_no_size_within_its_bounds_turns_adhesion_round(effect, bound):
     at = contact()
     values = tuple(getattr(p, bound) for p in effect.parameters)
-    change = change_of([ActiveEffect(effect, values)], at, Memory())
+    change = compute_change([ActiveEffect(effect, values)], at, LagStates())
     factor = np.broadcast_to(change.factor, at.slip.shape)
     assert np.isfinite(change.slip).all()
     assert np.isfinite(factor).all()
@@ -343,7 +343,7 @@ def test_effects_follow_each_other_and_multiply():
         ActiveEffect(effect_by_id("sanding"), (0.3,)),
         ActiveEffect(effect_by_id("traction_braking_asymmetry"), (-0.2,)),
     ]
-    both = change_of(actives, at, Memory())
+    both = compute_change(actives, at, LagStates())
     lagging = changed("creep_relaxation", at, 0.8).slip
     for k in range(180):
         whole = math.hypot(lagging[k], 4.0 * at.covariates[CURVE][k])
@@ -356,7 +356,7 @@ def test_effects_follow_each_other_and_multiply():
 def test_without_effects_in_the_contact_nothing_changes():
     at = contact()
     for actives in ([], [ActiveEffect(effect_by_id("effort_bias"), (3e3,))]):
-        change = change_of(actives, at, Memory())
+        change = compute_change(actives, at, LagStates())
         assert change.slip is at.slip
         assert change.factor == 1.0
 
@@ -373,13 +373,13 @@ def test_errors_of_the_instruments_add_up():
         ActiveEffect(effect_by_id("effort_bias"), (-500.0,)),
         ActiveEffect(effect_by_id("sanding"), (0.3,)),  # nothing in the instruments
     ]
-    found = instruments_of(given)
+    found = build_instruments(given)
     assert dict(found.radius_error) == pytest.approx({3: 0.03, 6: -0.01})
     assert found.radius_factor(6) == pytest.approx([1, 1, 1.03, 1, 1, 0.99])
     assert (found.inertia_error, found.speed_error) == (150.0, 0.03)
     assert (found.speed_delay, found.effort_delay, found.effort_bias) == (0.1, 0.02, -500.0)
-    assert instruments_of(given[4:5], found).speed_error == pytest.approx(0.06)
+    assert build_instruments(given[4:5], found).speed_error == pytest.approx(0.06)
     real = found.vehicle(Locomotive())
     assert real.wheel_radius == pytest.approx((0.625, 0.625, 0.64375, 0.625, 0.625, 0.61875))
     assert real.wheelset_inertia == 350.0
-    assert instruments_of([]) == PERFECT
+    assert build_instruments([]) == PERFECT

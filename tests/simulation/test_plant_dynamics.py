@@ -13,8 +13,8 @@ from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.simulation.plant import (
     Plant,
-    Stretch,
     Track,
+    TrackSection,
     running_resistance,
 )
 
@@ -329,9 +329,9 @@ def test_load_transfer_moves_the_loads_only_where_asked_for():
 
 
 STRETCHES = (
-    Stretch(0.0, Surface("a", 0.4, 60.0, 0.3, "")),
-    Stretch(5.0, Surface("b", 0.3, 50.0, 0.2, "")),
-    Stretch(6.0, Surface("c", 0.2, 40.0, 0.1, "")),
+    TrackSection(0.0, Surface("a", 0.4, 60.0, 0.3, "")),
+    TrackSection(5.0, Surface("b", 0.3, 50.0, 0.2, "")),
+    TrackSection(6.0, Surface("c", 0.2, 40.0, 0.1, "")),
 )
 
 

@@ -57,7 +57,7 @@ def test_scenario_names_its_surfaces_in_order(name):
     if name != "sweep":
         assert "-".join(scenario.surfaces) == name
     assert scenario.meaning
-    starts = [stretch.from_s for stretch in scenario.stretches(60.0)]
+    starts = [section.from_s for section in scenario.sections(60.0)]
     assert starts == pytest.approx([60.0 / len(starts) * k for k in range(len(starts))], abs=1e-6)
 
 
@@ -69,13 +69,13 @@ def test_every_scenario_runs_for_its_duration_and_shows_the_whole_curve(name):
         slips.append(simulation.plant.slip)
         speeds.append(simulation.plant.speed)
     assert simulation.now_us == 24_000_000
-    slips, share = np.array(slips), 24.0 / len(simulation.stretches)
+    slips, share = np.array(slips), 24.0 / len(simulation.sections)
     assert np.isfinite(slips).all()
     assert min(speeds) > 1.0
     assert max(speeds) < 35.0
-    for k, stretch in enumerate(simulation.stretches):
+    for k, section in enumerate(simulation.sections):
         part = np.abs(slips[round(500 * k * share) : round(500 * (k + 1) * share)])
-        assert (part > 1.2 * stretch.surface.lambda_m).any(axis=0).all()
+        assert (part > 1.2 * section.surface.lambda_m).any(axis=0).all()
     if scenario_by_name(name).pattern is Pattern.SWEEP:
         assert slips.min() < -0.1
 
@@ -239,7 +239,7 @@ def test_samples_without_noise_lie_on_the_true_curve(name):
     # Loads come at 5 Hz: where they move, samples are off the curve by what they moved since.
     still = replace(scenario_by_name(name), load_transfer=False)
     samples, simulation = run_samples(name, 12.0, noise=SILENT, scenario=still)
-    theta = simulation.stretches[0].surface.theta
+    theta = simulation.sections[0].surface.theta
     c1, c2, c3 = theta
     h, z = samples.folded()
     error = z - (c1 - c1 * np.exp(-c2 * h) - c3 * h)
@@ -256,7 +256,7 @@ def test_batch_fit_of_a_run_with_noise_finds_the_true_peak(transfer):
     samples, simulation = run_samples("dry", 12.0, load_transfer=transfer)
     result = identify(samples)
     assert len(result.segments) == 1
-    e, true = result.whole, simulation.stretches[0].surface
+    e, true = result.whole, simulation.sections[0].surface
     assert e.identifiable.both
     assert e.mu_max == pytest.approx(true.mu_max, rel=0.01)
     assert e.lambda_m == pytest.approx(true.lambda_m, rel=0.1)
@@ -267,8 +267,8 @@ def test_batch_fit_finds_the_stretches_of_a_changing_rail():
     result = identify(samples)
     starts = [s.from_us / 1e6 for s in result.segments]
     assert starts == pytest.approx([0, 10, 20, 30], abs=0.25)
-    for segment, stretch in zip(result.segments, simulation.stretches, strict=True):
-        mu = float(peak(*stretch.surface.theta).mu_max)
+    for segment, section in zip(result.segments, simulation.sections, strict=True):
+        mu = float(peak(*section.surface.theta).mu_max)
         assert segment.estimate.mu_max == pytest.approx(mu, rel=0.03)
 
 

@@ -22,11 +22,11 @@ from adhesion_can.physics.effects import (
     ActiveEffect,
     Contact,
     Effect,
-    Memory,
+    LagStates,
     Parameter,
     acts_in_contact,
-    change_of,
-    instruments_of,
+    build_instruments,
+    compute_change,
 )
 
 SLOPE_STEP, CHORD_STEP, FAR_STEP = 0.01, 0.3, 3.0
@@ -193,7 +193,7 @@ def evaluate(
 def _contact(
     course: Course, actives: Sequence[ActiveEffect], shift: Array | None
 ) -> tuple[Array, Array, Array]:
-    seen = course.observe(instruments_of(actives))
+    seen = course.observe(build_instruments(actives))
     contact = Contact(
         slip=seen.slip if shift is None else seen.slip + shift,
         creep_speed=seen.creep_speed if shift is None else seen.creep_speed + shift * seen.speed,
@@ -205,7 +205,7 @@ def _contact(
         adhesion=seen.adhesion,
         covariates=course.covariates,
     )
-    change = change_of(actives, contact, Memory())
+    change = compute_change(actives, contact, LagStates())
     return seen.adhesion, change.slip, np.broadcast_to(change.factor, change.slip.shape)
 
 

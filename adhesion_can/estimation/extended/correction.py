@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.errors import ConfigError, InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
-from adhesion_can.physics.effects import ActiveEffect, Contact, Memory, change_of
+from adhesion_can.physics.effects import ActiveEffect, Contact, LagStates, compute_change
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.samples import Samples
@@ -83,7 +83,7 @@ def channels_used(active: ActiveEffect) -> set[str]:
     }
 
     def outcome(contact: Contact) -> Array:
-        change = change_of([active], contact, Memory())
+        change = compute_change([active], contact, LagStates())
         return np.concatenate([change.slip, np.broadcast_to(change.factor, (2,))])
 
     base = outcome(plain)
@@ -146,11 +146,15 @@ def corrected(samples: Samples, model: ExtendedModel, axles: int) -> Corrected:
     actives = model.in_contact
     if not actives or not len(samples):
         return Corrected(samples, np.ones(len(samples), dtype=np.bool_), Counter())
-    return without_effects(samples, actives, int(samples.t_us[0]), axles, Memory())
+    return without_effects(samples, actives, int(samples.t_us[0]), axles, LagStates())
 
 
 def without_effects(
-    samples: Samples, actives: tuple[ActiveEffect, ...], origin_us: int, axles: int, memory: Memory
+    samples: Samples,
+    actives: tuple[ActiveEffect, ...],
+    origin_us: int,
+    axles: int,
+    memory: LagStates,
 ) -> Corrected:
     """Samples without effects in the contact, for a whole drive or a step of it.
 
@@ -171,7 +175,7 @@ def without_effects(
         samples = samples.select(kept)
     if not len(samples):
         return Corrected(samples, kept, left_out)
-    change = change_of(actives, contact_of(samples, origin_us, axles), memory)
+    change = compute_change(actives, contact_of(samples, origin_us, axles), memory)
     factor = np.broadcast_to(change.factor, change.slip.shape)
     good = np.isfinite(change.slip) & (factor >= USABLE)
     if not good.all():

@@ -9,7 +9,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import adhesion
-from adhesion_can.physics.effects import ActiveEffect, Contact, Memory, change_of
+from adhesion_can.physics.effects import ActiveEffect, Contact, LagStates, compute_change
 from adhesion_can.physics.estimate import Estimate
 
 POINTS = 96
@@ -21,7 +21,7 @@ PULLING = 0.01
 """Mean adhesion from which axles pull or brake; below it they do as before."""
 
 
-class Latest(Memory):
+class Latest(LagStates):
     """A memory that also tells its latest states, by lag and axle."""
 
     def __init__(self) -> None:
@@ -37,14 +37,14 @@ class Latest(Memory):
         rate: Array | float,
         start: float | None = None,
     ) -> Array:
-        """See `Memory.follow`."""
+        """See `LagStates.follow`."""
         x = super().follow(name, axle, time_s, target, rate, start)
         for number, state in zip(axle.tolist(), x.tolist(), strict=True):
             self.states[name, int(number)] = state
         return x
 
 
-class Held(Memory):
+class Held(LagStates):
     """A memory for a curve at the present moment.
 
     What follows its target has come up to it, as it does in a slip that is kept; what gathers from
@@ -68,7 +68,7 @@ class Held(Memory):
         rate: Array | float,
         start: float | None = None,
     ) -> Array:
-        """See `Memory.follow`."""
+        """See `LagStates.follow`."""
         del time_s, rate
         if start is None:
             return target
@@ -141,7 +141,7 @@ def peaks_of(
     estimate: Estimate,
     actives: Sequence[ActiveEffect],
     present: Present,
-    held: Memory,
+    held: LagStates,
     slip_max: float,
 ) -> Peaks:
     """Peaks of factor · curve(slip') over the slip, in the present condition.
@@ -164,7 +164,7 @@ def peaks_of(
 
     slip = np.tile(present.sign * grid, axles)
     speed = wide(contact.speed)
-    change = change_of(
+    change = compute_change(
         actives,
         Contact(
             slip=slip,

@@ -12,7 +12,7 @@ from adhesion_can.estimation.extended.correction import contact_of, corrected, w
 from adhesion_can.estimation.extended.current_curve import Held, Latest, Peaks, Present, peaks_of
 from adhesion_can.estimation.extended.model import ExtendedModel, Matrix
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
-from adhesion_can.physics.effects import Memory
+from adhesion_can.physics.effects import LagStates
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 
@@ -96,7 +96,7 @@ class ExtendedEstimator:
         mu_doubt, lambda_doubt = self._doubt.stds
         return scaled(base, peaks, mu_doubt, lambda_doubt, self._settings)
 
-    def _slopes(self, base: Estimate, present: Present, held: Memory, at: Peaks) -> Array:
+    def _slopes(self, base: Estimate, present: Present, held: LagStates, at: Peaks) -> Array:
         """Changes of (ln μ_max, ln λ_m) with each direction of doubt, a std long; shape (k, 2)."""
         rows = []
         for place, directions in enumerate(self._directions):

@@ -10,7 +10,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker.curve_sums import Theta
-from adhesion_can.physics.effects import ActiveEffect, Parameter, acts_in_contact, instruments_of
+from adhesion_can.physics.effects import ActiveEffect, Parameter, acts_in_contact, build_instruments
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import Instruments
 
@@ -64,7 +64,7 @@ class ExtendedModel:
     @property
     def instruments(self) -> Instruments:
         """What the sensors and the vehicle's data get wrong."""
-        return instruments_of(self.effects)
+        return build_instruments(self.effects)
 
     @property
     def actives(self) -> tuple[ActiveEffect, ...]:

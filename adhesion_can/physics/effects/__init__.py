@@ -8,8 +8,8 @@ from adhesion_can.physics.effects.active import (
     LEAST,
     ActiveEffect,
     acts_in_contact,
-    change_of,
-    instruments_of,
+    build_instruments,
+    compute_change,
 )
 from adhesion_can.physics.effects.adhesion_recovery import AdhesionRecovery
 from adhesion_can.physics.effects.base import (
@@ -26,8 +26,8 @@ from adhesion_can.physics.effects.effort_bias import EffortBias
 from adhesion_can.physics.effects.effort_delay import EffortDelay
 from adhesion_can.physics.effects.falling_friction import FallingFriction, PolachFriction
 from adhesion_can.physics.effects.humidity import Humidity
+from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.effects.load_dependence import LoadDependence, LoadPower
-from adhesion_can.physics.effects.memory import Memory
 from adhesion_can.physics.effects.rail_cleaning import RailCleaning
 from adhesion_can.physics.effects.rail_temperature import RailTemperature
 from adhesion_can.physics.effects.sanding import Sanding
@@ -72,12 +72,12 @@ __all__ = [
     "ContactEffect",
     "Effect",
     "InstrumentEffect",
-    "Memory",
+    "LagStates",
     "Parameter",
     "acts_in_contact",
-    "change_of",
+    "compute_change",
     "effect_by_id",
-    "instruments_of",
+    "build_instruments",
 ]
 
 

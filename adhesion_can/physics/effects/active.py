@@ -15,7 +15,7 @@ from adhesion_can.physics.effects.base import (
     Effect,
     InstrumentEffect,
 )
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.instruments import PERFECT, Instruments
 
 LEAST = 0.01
@@ -30,7 +30,7 @@ class ActiveEffect:
     values: tuple[float, ...]
 
 
-def instruments_of(actives: Iterable[ActiveEffect], given: Instruments = PERFECT) -> Instruments:
+def build_instruments(actives: Iterable[ActiveEffect], given: Instruments = PERFECT) -> Instruments:
     """The instruments with the errors that effects put on them."""
     for active in actives:
         if isinstance(active.effect, InstrumentEffect):
@@ -38,7 +38,7 @@ def instruments_of(actives: Iterable[ActiveEffect], given: Instruments = PERFECT
     return given
 
 
-def change_of(actives: Iterable[ActiveEffect], contact: Contact, memory: Memory) -> Change:
+def compute_change(actives: Iterable[ActiveEffect], contact: Contact, lags: LagStates) -> Change:
     """What effects in the contact change together: each is entered with the slip of the one before.
 
     Args:
@@ -50,7 +50,7 @@ def change_of(actives: Iterable[ActiveEffect], contact: Contact, memory: Memory)
     factor: Array | float | None = None
     for active in actives:
         if acts_in_contact(active.effect):
-            change = active.effect.change(contact, active.values, memory)
+            change = active.effect.change(contact, active.values, lags)
             if change.slip is not contact.slip:
                 contact = replace(contact, slip=change.slip)
             factor = change.factor if factor is None else factor * change.factor

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,9 +22,9 @@ class AdhesionRecovery:
     literature: str = "Meierhofer et al., Proc. IMechE F 228 (2014); Voltr and Lata 2015"
     needs: tuple[str, ...] = ()
 
-    def change(self, contact: Contact, values: tuple[float, ...], memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         gain, time = values
         power = np.abs(contact.adhesion * contact.load * contact.creep_speed)
-        work = memory.follow(self.id, contact.axle, contact.time_s, power * time, 1.0 / time, 0.0)
+        work = lags.follow(self.id, contact.axle, contact.time_s, power * time, 1.0 / time, 0.0)
         return Change(contact.slip, 1.0 + gain * work)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 from adhesion_can.arrays import Array
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.instruments import Instruments
 
 
@@ -118,7 +118,7 @@ class Described(Protocol):
 class ContactEffect(Described, Protocol):
     """A mechanism in the contact."""
 
-    def change(self, contact: Contact, values: tuple[float, ...], memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], lags: LagStates) -> Change:
         """What it changes.
 
         Args:

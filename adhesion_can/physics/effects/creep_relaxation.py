@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 
 _SHORTEST = 1e-6  # m; no contact is as short, and a length of 0 is a rate that is not finite
 
@@ -21,11 +21,11 @@ class CreepRelaxation:
     literature: str = "Pacejka, Tire and Vehicle Dynamics, 3rd ed. 2012, ch. 7; Kalker 1990"
     needs: tuple[str, ...] = ()
 
-    def change(self, contact: Contact, values: tuple[float, ...], memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         if values[0] == 0.0:
             return Change(contact.slip)
         rate = contact.speed / max(values[0], _SHORTEST)
         return Change(
-            memory.follow(self.id, contact.axle, contact.time_s, contact.slip, rate),
+            lags.follow(self.id, contact.axle, contact.time_s, contact.slip, rate),
         )

@@ -6,7 +6,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 
 CURVATURE, ANGLE = "curvature_per_m", "slip_angle_deg"
 
@@ -38,7 +38,7 @@ class CurveCreep:
     literature: str = "Kalker 1990; Burckhardt 1993 on combined slip"
     needs: tuple[str, ...] = (CURVATURE, ANGLE)
 
-    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         if values[0] == 0.0:
             return Change(contact.slip)

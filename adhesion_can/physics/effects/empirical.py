@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 
 DEGREE = 3
 CHANNELS = ("speed", "slip", "creep_speed", "load", "time_s", "axle")
@@ -84,7 +84,7 @@ class Empirical:
         """The channel, where it is a covariate."""
         return () if self.channel in CHANNELS else (self.channel,)
 
-    def change(self, contact: Contact, _values: tuple[float, ...], _memory: Memory) -> Change:
+    def change(self, contact: Contact, _values: tuple[float, ...], _lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         if self.channel in CHANNELS:
             x = np.asarray(getattr(contact, self.channel), dtype=np.float64)
@@ -102,5 +102,9 @@ class Empirical:
 
 
 @lru_cache(maxsize=64)
-def _spline(knots: tuple[float, ...], coefficients: tuple[float, ...]) -> BSpline:
-    return BSpline(np.array(knots), np.array(coefficients), DEGREE, extrapolate=False)
+def _spline(
+    knots: tuple[float, ...], coefficients: tuple[float, ...]
+) -> "scipy.interpolate.BSpline":
+    return scipy.interpolate.BSpline(
+        np.array(knots), np.array(coefficients), DEGREE, extrapolate=False
+    )

@@ -6,7 +6,7 @@ import numpy as np
 
 from adhesion_can.physics.burckhardt import falling_factor
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 
 _ID, _TITLE = "falling_friction", "adhesion falls with creep speed"
 
@@ -24,7 +24,7 @@ class FallingFriction:
     literature: str = "Burckhardt 1993, eq. 4 of He et al. 2018"
     needs: tuple[str, ...] = ()
 
-    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         return Change(contact.slip, falling_factor(contact.creep_speed, values[0]))
 
@@ -43,7 +43,7 @@ class PolachFriction:
     literature: str = "Polach, Wear 258 (2005) 992-1000"
     needs: tuple[str, ...] = ()
 
-    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         rate, left = values
         return Change(

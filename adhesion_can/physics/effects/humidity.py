@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 
 CHANNEL = "relative_humidity_percent"
 REFERENCE = 60.0
@@ -23,6 +23,6 @@ class Humidity:
     literature: str = "Olofsson and Sundvall, Proc. IMechE F 218 (2004) 301-310"
     needs: tuple[str, ...] = (CHANNEL,)
 
-    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         return Change(contact.slip, 1.0 + values[0] * (contact.covariates[CHANNEL] - REFERENCE))

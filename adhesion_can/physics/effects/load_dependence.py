@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from adhesion_can.physics.burckhardt import load_factor
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 
 _ID, _TITLE = "load_dependence", "adhesion changes with wheel load"
 REFERENCE = 100e3
@@ -25,7 +25,7 @@ class LoadDependence:
     literature: str = "Burckhardt 1993, eq. 4 of He et al. 2018"
     needs: tuple[str, ...] = ()
 
-    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         return Change(contact.slip, load_factor(contact.load, values[0]))
 
@@ -43,6 +43,6 @@ class LoadPower:
     literature: str = "Popov, Contact Mechanics and Friction, 2nd ed. 2017, on the load's power law"
     needs: tuple[str, ...] = ()
 
-    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         return Change(contact.slip, (contact.load / REFERENCE) ** -values[0])

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +19,6 @@ class RailCleaning:
     literature: str = "Voltr and Lata, Vehicle System Dynamics 53 (2015) 605-618"
     needs: tuple[str, ...] = ()
 
-    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         return Change(contact.slip, 1.0 + values[0] * (contact.place - 1.0))

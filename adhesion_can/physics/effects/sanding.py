@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 
 CHANNEL = "sanding_active"
 
@@ -21,6 +21,6 @@ class Sanding:
     literature: str = "Arias-Cuevas et al., Wear 268 (2010) 543-551"
     needs: tuple[str, ...] = (CHANNEL,)
 
-    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         return Change(contact.slip, 1.0 + values[0] * contact.covariates[CHANNEL])

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 
 LEAST = 0.1
 """A drift goes on no further than to this share of the adhesion."""
@@ -24,6 +24,6 @@ class SlowDrift:
     literature: str = "Beagley and Pritchard, Wear 35 (1975) 299-313, on drying rails"
     needs: tuple[str, ...] = ()
 
-    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         return Change(contact.slip, np.maximum(1.0 + values[0] * contact.time_s, LEAST))

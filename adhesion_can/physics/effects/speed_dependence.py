@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 
 
 def curtius_kniffler(speed: Array) -> Array:
@@ -25,6 +25,6 @@ class SpeedDependence:
     literature: str = "Curtius and Kniffler, Elektrische Bahnen 21 (1950) 201-210"
     needs: tuple[str, ...] = ()
 
-    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         return Change(contact.slip, 1.0 + values[0] * (curtius_kniffler(contact.speed) - 1.0))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adhesion_can.physics.effects.base import Change, Contact, Parameter
-from adhesion_can.physics.effects.memory import Memory
+from adhesion_can.physics.effects.lag_states import LagStates
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +21,6 @@ class TractionBrakingAsymmetry:
     literature: str = "Kalker, Three-Dimensional Elastic Bodies in Rolling Contact, 1990, ch. 5"
     needs: tuple[str, ...] = ()
 
-    def change(self, contact: Contact, values: tuple[float, ...], _memory: Memory) -> Change:
+    def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """See `ContactEffect.change`."""
         return Change(contact.slip, np.where(contact.slip < 0, 1.0 + values[0], 1.0))

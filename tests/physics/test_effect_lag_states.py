@@ -7,16 +7,16 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete, lfilter, lfiltic
 
-from adhesion_can.physics.effects import Memory
-from adhesion_can.physics.effects.memory import FEW, PAUSE_S
+from adhesion_can.physics.effects import LagStates
+from adhesion_can.physics.effects.lag_states import FEW, PAUSE_S
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)
 ONE = np.ones
 
 
-def follow(memory, times, target, rate, start=None, axle=None):
+def follow(lags, times, target, rate, start=None, axle=None):
     axle = ONE(len(times)) if axle is None else axle
-    return memory.follow("lag", axle, times, target, rate, start)
+    return lags.follow("lag", axle, times, target, rate, start)
 
 
 def drive(n, seed=1, dt=0.01):
@@ -34,7 +34,7 @@ def test_a_constant_rate_is_a_digital_filter(n, rate, start):
     first = u[0] if start is None else start
     zi = lfiltic(b.ravel(), a, y=[first], x=[u[0]])
     wanted = np.concatenate([[first], lfilter(b.ravel(), a, u[1:], zi=zi)[0]])
-    assert follow(Memory(), times, u, rate, start) == pytest.approx(wanted, abs=1e-9)
+    assert follow(LagStates(), times, u, rate, start) == pytest.approx(wanted, abs=1e-9)
 
 
 @pytest.mark.parametrize("n", [40, 120])
@@ -42,7 +42,7 @@ def test_a_varying_rate_and_uneven_steps_are_what_an_integrator_gives(n):
     rng = np.random.default_rng(5)
     times = np.cumsum(rng.uniform(0.001, 0.2, n))
     u, rates = rng.standard_normal(n), rng.uniform(0.2, 60.0, n)
-    x = follow(Memory(), times, u, rates)
+    x = follow(LagStates(), times, u, rates)
     state = u[0]
     for k in range(1, n):
         span = (times[k - 1], times[k])
@@ -68,11 +68,11 @@ def test_batch_by_batch_is_the_whole(n, cuts, axles, seed, start):
     steps = rng.choice([0.0, 0.01, 0.02, 0.5, PAUSE_S + 0.01], n, p=[0.1, 0.4, 0.3, 0.15, 0.05])
     times, axle = np.cumsum(steps), rng.integers(1, axles + 1, n).astype(float)
     u, rates = rng.standard_normal(n), 10.0 ** rng.uniform(-3, 4, n)
-    whole = follow(Memory(), times, u, rates, start, axle)
-    memory, parts = Memory(), []
+    whole = follow(LagStates(), times, u, rates, start, axle)
+    lags, parts = LagStates(), []
     edges = [0, *sorted({c for c in cuts if c < n}), n]
     for a, b in zip(edges, edges[1:], strict=False):
-        parts.append(follow(memory, times[a:b], u[a:b], rates[a:b], start, axle[a:b]))
+        parts.append(follow(lags, times[a:b], u[a:b], rates[a:b], start, axle[a:b]))
     assert np.concatenate(parts) == pytest.approx(whole, rel=1e-9, abs=1e-9)
     # x is a mean of the past: it never leaves what it has seen.
     reach = max(np.abs(u).max(), abs(start or 0.0))
@@ -84,15 +84,15 @@ def test_axles_know_nothing_of_each_other(n):
     times, _ = drive(n)
     us = [drive(n, seed)[1] for seed in (1, 2, 3)]
     axle = np.tile([1.0, 2.0, 3.0], n)
-    mixed = follow(Memory(), np.repeat(times, 3), np.stack(us, axis=1).ravel(), 5.0, axle=axle)
+    mixed = follow(LagStates(), np.repeat(times, 3), np.stack(us, axis=1).ravel(), 5.0, axle=axle)
     for k, u in enumerate(us):
-        assert mixed[k::3] == pytest.approx(follow(Memory(), times, u, 5.0), abs=1e-12)
+        assert mixed[k::3] == pytest.approx(follow(LagStates(), times, u, 5.0), abs=1e-12)
 
 
 def test_names_know_nothing_of_each_other():
-    memory, (times, u) = Memory(), drive(20)
-    one = memory.follow("one", ONE(20), times, u, 5.0)
-    other = memory.follow("other", ONE(20), times, u, 5.0)
+    lags, (times, u) = LagStates(), drive(20)
+    one = lags.follow("one", ONE(20), times, u, 5.0)
+    other = lags.follow("other", ONE(20), times, u, 5.0)
     assert np.array_equal(one, other)
 
 
@@ -102,8 +102,8 @@ def test_names_know_nothing_of_each_other():
 def test_after_a_pause_it_begins_anew(n, start, way):
     times, u = drive(2 * n)
     times[n:] += way
-    x = follow(Memory(), times, u, 2.0, start)
-    fresh = follow(Memory(), times[n:], u[n:], 2.0, start)
+    x = follow(LagStates(), times, u, 2.0, start)
+    fresh = follow(LagStates(), times[n:], u[n:], 2.0, start)
     assert x[n:] == pytest.approx(fresh, abs=1e-12)
     assert x[n] == (u[n] if start is None else start)
 
@@ -113,7 +113,7 @@ def test_a_gap_shorter_than_a_pause_is_one_long_step(n):
     times, u = np.arange(n) * 0.01, np.zeros(n)
     times[n // 2 :] += 0.9
     u[0] = 1.0
-    x = follow(Memory(), times, u, 1.5)
+    x = follow(LagStates(), times, u, 1.5)
     # From the first step's end on the target is 0: what is left dies away as e^(-rate t).
     decayed = x[1] * np.exp(-1.5 * (times[1:] - times[1]))
     assert x[1:] == pytest.approx(decayed, rel=1e-9)
@@ -122,21 +122,23 @@ def test_a_gap_shorter_than_a_pause_is_one_long_step(n):
 @pytest.mark.parametrize("n", [10, 200])
 def test_a_rate_of_zero_holds_and_a_huge_one_follows(n):
     times, u = drive(n)
-    assert follow(Memory(), times, u, 0.0) == pytest.approx(np.full(n, u[0]), abs=1e-12)
-    assert follow(Memory(), times, u, 1e9) == pytest.approx(u, abs=0.1 * np.abs(np.diff(u)).max())
-    assert np.isfinite(follow(Memory(), times, u, np.full(n, 1e300))).all()
+    assert follow(LagStates(), times, u, 0.0) == pytest.approx(np.full(n, u[0]), abs=1e-12)
+    assert follow(LagStates(), times, u, 1e9) == pytest.approx(
+        u, abs=0.1 * np.abs(np.diff(u)).max()
+    )
+    assert np.isfinite(follow(LagStates(), times, u, np.full(n, 1e300))).all()
 
 
 def test_a_copy_goes_its_own_way():
-    memory, (times, u) = Memory(), drive(40)
-    follow(memory, times[:20], u[:20], 3.0)
-    other = memory.copy()
+    lags, (times, u) = LagStates(), drive(40)
+    follow(lags, times[:20], u[:20], 3.0)
+    other = lags.copy()
     disturbed = follow(other, times[20:], u[20:] + 1.0, 3.0)
-    rest = follow(memory, times[20:], u[20:], 3.0)
-    assert rest == pytest.approx(follow(Memory(), times, u, 3.0)[20:], abs=1e-12)
+    rest = follow(lags, times[20:], u[20:], 3.0)
+    assert rest == pytest.approx(follow(LagStates(), times, u, 3.0)[20:], abs=1e-12)
     assert np.abs(disturbed - rest).min() > 1e-3
 
 
 def test_nothing_comes_of_nothing():
     none = np.zeros(0)
-    assert len(Memory().follow("lag", none, none, none, none)) == 0
+    assert len(LagStates().follow("lag", none, none, none, none)) == 0

@@ -15,7 +15,7 @@ _RANGE = 300.0
 """Exponents that stay finite, and with room for the products with them."""
 
 
-class Memory:
+class LagStates:
     """Stamps, states and targets of first-order lags, by name and axle."""
 
     def __init__(self) -> None:
@@ -71,9 +71,9 @@ class Memory:
             self._states[key] = (float(times[-1]), state, before)
         return x
 
-    def copy(self) -> "Memory":
+    def copy(self) -> "LagStates":
         """The same states, which then go a way of their own."""
-        other = Memory()
+        other = LagStates()
         other._states = dict(self._states)
         return other
 
@@ -105,7 +105,7 @@ class Memory:
 
 
 def _lag(target: Array, before: float, exponent: Array, state: float) -> Array:
-    """The lag's exact answer to straight lines between its targets, in stretches of one sum each.
+    """The lag's exact answer to straight lines between its targets, in pieces of one sum each.
 
     x_n = a x_(n-1) + b_n with a = e^(−E), b_n = u_n − a u_(n-1) − (u_n − u_(n-1)) (1 − a)/E. With S
     the running sum of the exponents E, x_n e^(S_n) is a running sum of b_n e^(S_n).
