@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from adhesion_can.diagnosis.drive.drive_data import Course
 from adhesion_can.diagnosis.extended_model import extension, spline_of, surfaces_of, with_spline
-from adhesion_can.diagnosis.findings import Findings
 from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.channel_splines import Channel, channels_of
-from adhesion_can.diagnosis.inference.hold_out import gain_of, held_out
-from adhesion_can.diagnosis.inference.residual_channels import Left
+from adhesion_can.diagnosis.inference.find_residual_channels import Left
+from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.hold_out_gain import gain_of, held_out
 from adhesion_can.diagnosis.plot_data import curve_data, pictures_of, profile_of, shown_channel
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
@@ -20,7 +20,7 @@ from adhesion_can.diagnosis.regression.model import (
     Study,
     evaluate,
 )
-from adhesion_can.diagnosis.regression.prepare import Prepared
+from adhesion_can.diagnosis.regression.prepare_regression import Prepared
 from adhesion_can.diagnosis.regression.whitened_regression import Fit, fit
 from adhesion_can.diagnosis.result import (
     Cause,

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from adhesion_can.diagnosis.conclusion import conclude, empty
 from adhesion_can.diagnosis.drive.drive_data import Course
-from adhesion_can.diagnosis.findings import Findings
 from adhesion_can.diagnosis.inference.candidates import (
     LEAST_ROWS,
     candidates_of,
@@ -25,18 +24,19 @@ from adhesion_can.diagnosis.inference.candidates import (
     too_little,
 )
 from adhesion_can.diagnosis.inference.channel_splines import channels_of
-from adhesion_can.diagnosis.inference.model_selection import detection_of, name
-from adhesion_can.diagnosis.inference.residual_channels import (
+from adhesion_can.diagnosis.inference.find_residual_channels import (
     Left,
     left_over,
     line,
     pinned,
     wave_channel,
 )
+from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.select_effects import detection_of, name
+from adhesion_can.diagnosis.regression.find_surface_changes import changes, start_of, study_of
 from adhesion_can.diagnosis.regression.gram_matrices import blocks_of
 from adhesion_can.diagnosis.regression.model import Candidate, Study, curve_slopes, evaluate
-from adhesion_can.diagnosis.regression.prepare import block_seconds, prepare
-from adhesion_can.diagnosis.regression.segments import changes, start_of, study_of
+from adhesion_can.diagnosis.regression.prepare_regression import block_seconds, prepare
 from adhesion_can.diagnosis.regression.whitened_regression import Fit, Stage
 from adhesion_can.diagnosis.result import Diagnosis, Untested
 

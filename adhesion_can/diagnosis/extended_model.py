@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import Course
-from adhesion_can.diagnosis.inference.residual_channels import Left
+from adhesion_can.diagnosis.inference.find_residual_channels import Left
 from adhesion_can.diagnosis.regression.model import Evaluation, Model, Study, evaluate
-from adhesion_can.diagnosis.regression.prepare import Prepared
+from adhesion_can.diagnosis.regression.prepare_regression import Prepared
 from adhesion_can.diagnosis.regression.whitened_regression import Fit, fit
 from adhesion_can.diagnosis.result import Surface
 from adhesion_can.estimation.batch_fit import fit as fit_curve

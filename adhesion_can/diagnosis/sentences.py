@@ -6,7 +6,7 @@ import numpy as np
 
 from adhesion_can.diagnosis.formatting import channel_name, measured, short, unit_text
 from adhesion_can.diagnosis.inference.channel_splines import Channel
-from adhesion_can.diagnosis.inference.residual_channels import Left, Line
+from adhesion_can.diagnosis.inference.find_residual_channels import Left, Line
 from adhesion_can.diagnosis.result import Cause, Gain, Profile
 
 SHOWN: Mapping[str, str] = {

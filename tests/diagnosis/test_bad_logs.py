@@ -7,8 +7,8 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from tests.criticism.bad_logs import CYCLE_S, MISSING, readings, write
-from tests.criticism.criticism_helpers import diagnosed
+from tests.diagnosis.bad_logs import CYCLE_S, MISSING, readings, write
+from tests.diagnosis.diagnosis_helpers import diagnosed
 
 PLAIN = readings()
 

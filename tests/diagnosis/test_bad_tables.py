@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.criticism.criticism_helpers import burckhardt, diagnosed, sweeps, write_table
+from tests.diagnosis.diagnosis_helpers import burckhardt, diagnosed, sweeps, write_table
 
 N = 4000
 

@@ -5,7 +5,7 @@ import pytest
 
 from adhesion_can.diagnosis.extended_model import _surface
 from adhesion_can.diagnosis.regression.model import Evaluation
-from tests.criticism.criticism_helpers import burckhardt, table_course
+from tests.diagnosis.diagnosis_helpers import burckhardt, table_course
 
 
 def surface_of(factor):

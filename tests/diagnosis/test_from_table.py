@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.physics.instruments import Instruments
-from tests.criticism.criticism_helpers import burckhardt, table_course
+from tests.diagnosis.diagnosis_helpers import burckhardt, table_course
 
 N = 600
 

@@ -22,7 +22,7 @@ from adhesion_can.physics.readings import Reading, Role
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.former import SampleFormer
 from adhesion_can.sampling.traces import Trace
-from tests.criticism.criticism_helpers import N0, SLIP_MAX, V_MIN, Drive, J, R
+from tests.diagnosis.diagnosis_helpers import N0, SLIP_MAX, V_MIN, Drive, J, R
 
 # --- smoothing
 

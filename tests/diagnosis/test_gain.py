@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from adhesion_can.diagnosis.inference.hold_out import Held, gain_of, held_out, interval
+from adhesion_can.diagnosis.inference.hold_out_gain import Held, gain_of, held_out, interval
 from adhesion_can.diagnosis.regression.model import Candidate, Model, Study, Theta
 from adhesion_can.diagnosis.regression.whitened_regression import Stage, fit
 from adhesion_can.diagnosis.regression.whitening import Stretches, Whitener
 from adhesion_can.physics.effects import effect_by_id
-from tests.criticism.criticism_helpers import burckhardt, table_course
+from tests.diagnosis.diagnosis_helpers import burckhardt, table_course
 
 
 def residuals(rng, units, rows, effect, memory, spread):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 from scipy.stats import binomtest, kstest
 
-from adhesion_can.diagnosis.inference.detection import FLIPS, detect
+from adhesion_can.diagnosis.inference.detect_effects import FLIPS, detect
 from adhesion_can.diagnosis.regression.gram_matrices import Ledger, blocks_of, solve
 
 # --- ledger

@@ -7,7 +7,7 @@ out right over many seeds is the hunt's business.
 import numpy as np
 import pytest
 
-from tests.criticism.criticism_helpers import diagnosed
+from tests.diagnosis.diagnosis_helpers import diagnosed
 from tests.worlds import NULLS, OUTSIDE, SINGLES, make_world
 
 SEED = 20261

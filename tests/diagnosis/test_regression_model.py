@@ -17,7 +17,7 @@ from adhesion_can.diagnosis.regression.model import (
 from adhesion_can.diagnosis.regression.whitened_regression import Stage, fit
 from adhesion_can.diagnosis.regression.whitening import Stretches, Whitener
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
-from tests.criticism.criticism_helpers import C1, C2, C3, Drive, burckhardt, table_course
+from tests.diagnosis.diagnosis_helpers import C1, C2, C3, Drive, burckhardt, table_course
 
 CURVE = np.array([[C1, np.log(C2), C3]])
 COVARIATES = {

@@ -8,14 +8,14 @@ import pytest
 from adhesion_can.config import load_configuration
 from adhesion_can.diagnosis.drive.from_traces import course_of
 from adhesion_can.diagnosis.inference.candidates import candidates_of
+from adhesion_can.diagnosis.regression.find_surface_changes import AROUND_S, changes, study_of
 from adhesion_can.diagnosis.regression.model import EXCLUDED
-from adhesion_can.diagnosis.regression.segments import AROUND_S, changes, study_of
 from adhesion_can.diagnosis.sentences import separating
 from adhesion_can.offline.load_traces import hear
 from adhesion_can.physics.effects import EFFECTS
 from adhesion_can.recordings.recording import Recording
-from tests.criticism.bad_logs import write
-from tests.criticism.criticism_helpers import SLIP_MAX, V_MIN, Drive
+from tests.diagnosis.bad_logs import write
+from tests.diagnosis.diagnosis_helpers import SLIP_MAX, V_MIN, Drive
 from tests.worlds.plant import drive
 from tests.worlds.world import _World
 

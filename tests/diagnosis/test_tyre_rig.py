@@ -5,7 +5,7 @@ import gzip
 
 import pytest
 
-from tests.criticism.criticism_helpers import diagnosed
+from tests.diagnosis.diagnosis_helpers import diagnosed
 
 STRAIGHT_DEG = 0.5
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs, savgol_filter
 
 from adhesion_can.arrays import Array
 from adhesion_can.sampling.traces import Trace
@@ -63,9 +63,9 @@ def smoothed(
         value, rate = np.full(len(raw), np.nan), np.full(len(raw), np.nan)
         for part in parts:
             if len(part) >= points:
-                value[part] = savgol_filter(raw[part], points, 2)
-                rate[part] = savgol_filter(raw[part], points, 2, deriv=1, delta=cycle)
-        centre = float(savgol_coeffs(points, 2)[points // 2])
+                value[part] = scipy.signal.savgol_filter(raw[part], points, 2)
+                rate[part] = scipy.signal.savgol_filter(raw[part], points, 2, deriv=1, delta=cycle)
+        centre = float(scipy.signal.savgol_coeffs(points, 2)[points // 2])
         error = float(np.nanmean((raw - value) ** 2))
         unseen = error / (1.0 - centre) ** 2
         if best is None or unseen < best[0]:
@@ -96,7 +96,7 @@ def rough(trace: Trace, origin_us: int) -> list[tuple[Array, Array]]:
     cycle = float(np.median(np.diff(t)))
     points = max(round(ROUGH_S / cycle / 2) * 2 + 1, 5)
     return [
-        (t[part], value[part] - savgol_filter(value[part], points, 2))
+        (t[part], value[part] - scipy.signal.savgol_filter(value[part], points, 2))
         for part in _stretches(t, cycle)
         if len(part) > points
     ]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.regression.model import Evaluation, Study
@@ -81,7 +81,7 @@ class Channel:
         else:
             knots = self.knots
             inside = np.clip(self.values, knots[0], knots[-1])
-            columns = BSpline.design_matrix(inside, knots, 3).toarray()
+            columns = scipy.interpolate.BSpline.design_matrix(inside, knots, 3).toarray()
         return np.asarray(columns * self.weight(at)[:, None])
 
     def weight(self, at: Evaluation) -> Array:

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.regression.gram_matrices import Ledger, solve
@@ -136,7 +136,7 @@ def _weights(square: Array, doubt: Array, used: NDArray[np.bool_]) -> Array:
     level = np.array([float(np.mean(square[part])) for part in parts])
     at = np.array([float(np.mean(doubt[part])) for part in parts])
     matrix = np.column_stack([np.ones_like(at), at]) / level[:, None]
-    (base, growth), _ = nnls(matrix, np.ones_like(level))
+    (base, growth), _ = scipy.optimize.nnls(matrix, np.ones_like(level))
     variance = np.maximum(base + growth * doubt, 1e-3 * level.min())
     return np.asarray(1.0 / np.sqrt(variance))
 

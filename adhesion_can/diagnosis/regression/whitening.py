@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 from adhesion_can.arrays import Array
 
@@ -66,7 +65,7 @@ class Whitener:
         """Columns whitened, shape as theirs (n, ..); zero in the rows that have no past."""
         if self.order == 0 or columns.size == 0:
             return columns
-        out = np.asarray(lfilter(self.taps, [1.0], columns, axis=0))
+        out = np.asarray(scipy.signal.lfilter(self.taps, [1.0], columns, axis=0))
         out[self.without_past] = 0.0
         return out
 
@@ -96,7 +95,7 @@ def fitted(residual: Array, stretches: Stretches) -> Whitener:
             break
         column = covariance[: order + 1].copy()
         column[0] *= 1.0 + NUGGET
-        weights = solve_toeplitz(column[:order], column[1:]) if order else np.empty(0)
+        weights = scipy.linalg.solve_toeplitz(column[:order], column[1:]) if order else np.empty(0)
         variance = max(float(column[0] - weights @ column[1:]), 1e-300)
         cost = effective * np.log(variance) + order * np.log(max(effective, 2.0))
         if cost < least:

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import welch
+import scipy
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import Course
 from adhesion_can.diagnosis.inference.channel_splines import Channel, Kind
-from adhesion_can.diagnosis.inference.model_selection import detection_of
+from adhesion_can.diagnosis.inference.select_effects import detection_of
 from adhesion_can.diagnosis.regression.gram_matrices import solve
 from adhesion_can.diagnosis.regression.model import Evaluation, Model, evaluate
 from adhesion_can.diagnosis.regression.whitened_regression import Fit, Stage
@@ -176,7 +176,7 @@ def line(course: Course) -> Line | None:
     if not stretches:
         return None
     rate = 1.0 / float(np.median(np.diff(stretches[0][0])))
-    spectra = [welch(fast, rate, nperseg=SEGMENT) for _, fast in stretches]
+    spectra = [scipy.signal.welch(fast, rate, nperseg=SEGMENT) for _, fast in stretches]
     frequency = spectra[0][0]
     lengths = [len(t_s) for t_s, _ in stretches]
     mean = np.average([power for _, power in spectra], axis=0, weights=lengths)

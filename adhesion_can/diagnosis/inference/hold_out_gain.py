@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.inference.residual_channels import Left
+from adhesion_can.diagnosis.inference.find_residual_channels import Left
 from adhesion_can.diagnosis.regression.gram_matrices import solve
 from adhesion_can.diagnosis.regression.model import Model, curve_slopes, evaluate
 from adhesion_can.diagnosis.regression.whitened_regression import Stage, fit
@@ -80,7 +80,7 @@ def interval(before: Array, after: Array, unit: NDArray[np.int64]) -> tuple[floa
     share = a / a.sum() - b / b.sum()
     spread = float(np.sqrt(units / (units - 1) * np.sum(share**2)))
     middle = float(np.log(a.sum() / b.sum()))
-    reach = float(student.ppf(0.975, units - 1)) * spread
+    reach = float(scipy.stats.t.ppf(0.975, units - 1)) * spread
     low, high = (100.0 * (1.0 - np.exp((middle + side * reach) / 2)) for side in (1.0, -1.0))
     return float(low), float(high)
 

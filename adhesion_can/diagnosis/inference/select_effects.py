@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import t as student
-from scipy.stats import wilcoxon
+import scipy
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.inference.detection import Detection, detect
+from adhesion_can.diagnosis.inference.detect_effects import Detection, detect
 from adhesion_can.diagnosis.regression.gram_matrices import solve
 from adhesion_can.diagnosis.regression.model import Candidate, Model, evaluate
 from adhesion_can.diagnosis.regression.whitened_regression import Fit, Stage, fit
@@ -274,7 +273,7 @@ def _worse(best: Scored, other: Scored) -> bool:
     if blocks < 2:
         return False
     spread = float(each.std(ddof=1)) / np.sqrt(blocks)
-    return bool(each.mean() > student.ppf(1.0 - SURE, blocks - 1) * spread)
+    return bool(each.mean() > scipy.stats.t.ppf(1.0 - SURE, blocks - 1) * spread)
 
 
 def _chance(small: Fit, large: Fit) -> float:
@@ -288,8 +287,8 @@ def _chance(small: Fit, large: Fit) -> float:
     spread = float(each.std(ddof=1)) / np.sqrt(blocks) if blocks > 1 else 0.0
     if spread == 0.0:
         return 1.0
-    by_mean = float(student.sf(each.mean() / spread, blocks - 1))
-    by_rank = float(wilcoxon(each, alternative="greater").pvalue)
+    by_mean = float(scipy.stats.t.sf(each.mean() / spread, blocks - 1))
+    by_rank = float(scipy.stats.wilcoxon(each, alternative="greater").pvalue)
     return min(1.0, 2.0 * min(by_mean, by_rank))
 
 

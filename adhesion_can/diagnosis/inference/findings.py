@@ -7,11 +7,11 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.channel_splines import channels_of
-from adhesion_can.diagnosis.inference.model_selection import SECOND_WORTH, Naming
-from adhesion_can.diagnosis.inference.residual_channels import LINE_SIZE, Left, Line
+from adhesion_can.diagnosis.inference.find_residual_channels import LINE_SIZE, Left, Line
+from adhesion_can.diagnosis.inference.select_effects import SECOND_WORTH, Naming
 from adhesion_can.diagnosis.regression.gram_matrices import solve
 from adhesion_can.diagnosis.regression.model import Candidate, curve_slopes, evaluate
-from adhesion_can.diagnosis.regression.prepare import Prepared
+from adhesion_can.diagnosis.regression.prepare_regression import Prepared
 
 NOISELESS = 1e-6
 """RMSE of the adhesion below which there is nothing to explain: no sensor is as good."""
