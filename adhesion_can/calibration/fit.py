@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from math import inf, sqrt
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from adhesion_can.arrays import Array
 from adhesion_can.calibration.coasting import (
@@ -184,7 +184,7 @@ class _Fit:
 
     def quantity(self, i: int) -> Quantity:
         value, std = float(self.values[i]), float(self.stds[i])
-        reach = float(stdtrit(self.freedom[i], 0.975)) * std
+        reach = float(scipy.special.stdtrit(self.freedom[i], 0.975)) * std
         return Quantity(value, std, (value - reach, value + reach))
 
 

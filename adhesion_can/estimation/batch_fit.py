@@ -10,8 +10,8 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess
@@ -83,7 +83,7 @@ def fit(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Es
     h, z = samples.folded()
     step = max(len(h) // SCAN_SAMPLES, 1)
     start = np.clip(_scan(h[::step], z[::step]), 1.001 * LOWER + 1e-6, 0.999 * UPPER)
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         lambda theta: innovation(theta, h, z),
         start,
         jac=lambda theta: -sensitivity(theta, h),

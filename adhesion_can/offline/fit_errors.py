@@ -93,7 +93,7 @@ class CurveFit:
         model = configuration.model
         self._actives = () if model is None else model.in_contact
         self._axles = configuration.vehicle.axles
-        self._slip_max = configuration.identifiability.slip_max
+        self._slip_max = configuration.estimators.identifiability.slip_max
         self._memory = LagStates()
         self._waiting: list[Samples] = []
         self._count = 0

@@ -20,7 +20,7 @@ SHORTEST = 8
 """Readings; fewer are no signal."""
 
 
-class Smooth(NamedTuple):
+class SmoothedSignal(NamedTuple):
     """A signal smoothed: stamps, s, value, rate of change, std of the value, gaps, window, s."""
 
     t_s: Array
@@ -31,9 +31,9 @@ class Smooth(NamedTuple):
     window_s: float = 0.0
 
 
-def smoothed(
+def smooth_signal(
     trace: Trace, origin_us: int, windows_s: Sequence[float], known: Array | None = None
-) -> Smooth | None:
+) -> SmoothedSignal | None:
     """A trace smoothed by local parabolas, stretch by stretch; None where too little is there.
 
     Of several windows the one is taken that predicts best what it has not seen: each reading from
@@ -53,7 +53,7 @@ def smoothed(
     if len(t) < SHORTEST:
         return None
     cycle = float(np.median(np.diff(t)))
-    parts = _stretches(t, cycle)
+    parts = _find_runs(t, cycle)
     longest = max(len(part) for part in parts)
     counts = sorted({max(round(window / cycle / 2) * 2 + 1, 5) for window in windows_s})
     best: tuple[float, Array, Array, float, float] | None = None
@@ -79,7 +79,7 @@ def smoothed(
     after = np.flatnonzero(np.diff(kept) > GAP_CYCLES * cycle) + 1
     breaks = np.stack([kept[after - 1], kept[after]], axis=1)
     whole = value[there] + part_known[there]
-    return Smooth(kept, whole, rate[there] + rise, std, breaks, window_s)
+    return SmoothedSignal(kept, whole, rate[there] + rise, std, breaks, window_s)
 
 
 def rough(trace: Trace, origin_us: int) -> list[tuple[Array, Array]]:
@@ -97,17 +97,17 @@ def rough(trace: Trace, origin_us: int) -> list[tuple[Array, Array]]:
     points = max(round(ROUGH_S / cycle / 2) * 2 + 1, 5)
     return [
         (t[part], value[part] - scipy.signal.savgol_filter(value[part], points, 2))
-        for part in _stretches(t, cycle)
+        for part in _find_runs(t, cycle)
         if len(part) > points
     ]
 
 
-def _stretches(t_s: Array, cycle: float) -> list[NDArray[np.int64]]:
+def _find_runs(t_s: Array, cycle: float) -> list[NDArray[np.int64]]:
     """Readings that follow each other without a gap."""
     return np.split(np.arange(len(t_s)), np.flatnonzero(np.diff(t_s) > GAP_CYCLES * cycle) + 1)
 
 
-def pulled(trace: Trace, origin_us: int, efforts: Sequence[Smooth]) -> Array | None:
+def predict_speed_from_efforts(trace: Trace, origin_us: int, efforts: Sequence[SmoothedSignal]) -> Array | None:
     """What the efforts explain of a vehicle speed: their impulse over the train's mass.
 
     A train is heavy: its speed is what pulled it, and something slower. So the smoothing is left
@@ -135,7 +135,7 @@ def pulled(trace: Trace, origin_us: int, efforts: Sequence[Smooth]) -> Array | N
     return per_mass * impulse
 
 
-def covers(smooth: Smooth, from_s: Array, to_s: Array) -> NDArray[np.bool_]:
+def is_covered(smooth: SmoothedSignal, from_s: Array, to_s: Array) -> NDArray[np.bool_]:
     """Whether a signal is there without a gap from one time to another, for each pair."""
     if not len(smooth.t_s):
         return np.zeros(len(from_s), dtype=np.bool_)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import differential_evolution, least_squares
+import scipy
 
 from adhesion_can.estimation.baselines.forgetting import usable
 from adhesion_can.estimation.batch_fit import fit
@@ -120,7 +120,7 @@ def scipy_evolution_estimator(
         del last
         h, z = block.folded()
         objective = Objective(h, z)
-        found = differential_evolution(
+        found = scipy.optimize.differential_evolution(
             lambda columns: objective(columns.T),
             bounds,
             # SciPy's population is a multiple of the three parameters.
@@ -186,7 +186,7 @@ def _refined(
     """Trust-region least squares (`scipy.optimize.least_squares`) within the search range."""
     h, z = samples.folded()
     theta = np.clip(start.theta, settings.lower, settings.upper)
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         lambda theta: innovation(theta, h, z),
         theta,
         jac=lambda theta: -sensitivity(theta, h),

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
-from scipy.special import chdtri
+import scipy
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.baselines.block_fit import fit_from
@@ -132,7 +132,7 @@ class WindowEstimator:
 
     def _contradicts(self, squares: Array) -> bool:
         n, settings = len(squares), self._settings
-        limit = max(chdtri(n, settings.false_alarm) / n, settings.ratio**2)
+        limit = max(scipy.special.chdtri(n, settings.false_alarm) / n, settings.ratio**2)
         return bool(squares.mean() > limit)
 
     def _is_due(self) -> bool:

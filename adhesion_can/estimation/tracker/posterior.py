@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, ndtr, ndtri
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker import curve_sums as segments
@@ -257,17 +257,19 @@ def _draw_level_and_fall(
     every = 8 if float(np.median(m3 / std3)) > FALL_TOLD else 2
     by_shape = np.arange(len(c2)) % every == 0
     # Normal density cut off at c3 = 0.
-    floor = ndtr(-m3 / std3)
-    c3_free = m3 + std3 * ndtri(np.clip(floor + (1 - floor) * first, 1e-300, 1 - 1e-16))
+    floor = scipy.special.ndtr(-m3 / std3)
+    c3_free = m3 + std3 * scipy.special.ndtri(
+        np.clip(floor + (1 - floor) * first, 1e-300, 1 - 1e-16)
+    )
     c3_free = np.maximum(np.where(np.isfinite(c3_free), c3_free, 0.0), 1e-12)
-    c1_free = m1 - b / a * (c3_free - m3) + std1 * ndtri(second)
+    c1_free = m1 - b / a * (c3_free - m3) + std1 * scipy.special.ndtri(second)
     ratio = c2 * np.exp(-np.exp(_shape_quantile(prior, first)))
     std_shaped, mean_shaped = _level_given_ratio(sums, noise_var, w, ratio)
-    c1_shaped = mean_shaped + std_shaped * ndtri(second)
+    c1_shaped = mean_shaped + std_shaped * scipy.special.ndtri(second)
     c1 = np.where(by_shape, c1_shaped, c1_free)
     c3 = np.where(by_shape, np.maximum(c1_shaped, 1e-12) * ratio, c3_free)
     # Density of the mixture of both ways, whichever way a curve came.
-    log_free = _log_normal(c3, m3, std3) - log_ndtr(m3 / std3)
+    log_free = _log_normal(c3, m3, std3) - scipy.special.log_ndtr(m3 / std3)
     log_free += _log_normal(c1, m1 - b / a * (c3 - m3), std1)
     peaked = (c1 > 0) & (c3 > 0) & (c1 * c2 > c3)
     ratio = np.where(peaked, c3 / np.where(peaked, c1, 1.0), 1e-3)
