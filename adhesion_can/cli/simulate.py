@@ -26,26 +26,23 @@ from adhesion_can.config import Configuration
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.estimation.extended.correction import require_axles, require_channels
 from adhesion_can.files import whole_file
+from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.recording import from_message, to_message
 from adhesion_can.reporting.provenance import provenance
-from adhesion_can.sampling.equations import COVARIATES
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
 
 
-def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
     names = "\n".join(f"  {s.name:20}{s.meaning}" for s in SCENARIOS)
-    parser = commands.add_parser(
-        "simulate",
-        help="a simulated locomotive, to a log or on a bus",
-        description=f"Scenarios:\n{names}\n\nEffects, with what --effect NAME alone takes:\n"
-        f"{effects_help()}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser.description = (
+        f"Scenarios:\n{names}\n\nEffects, with what --effect NAME alone takes:\n{effects_help()}"
     )
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--scenario", required=True, metavar="NAME")
     parser.add_argument("--duration", type=float, default=60.0, metavar="S", help="default 60")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the noise (default 1)")

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.column_history import NEVER, ColumnTrack, Stamps
 from adhesion_can.sampling.equations import (
-    COVARIATES,
     TRAVEL,
     TRAVEL_OF,
     Forming,

@@ -28,16 +28,6 @@ from adhesion_can.physics.vehicle import Locomotive
 TRAVEL = "travel"
 """Covariate: 1 forwards and as long as nobody tells, -1 in reverse."""
 
-COVARIATES: Mapping[Role, str] = {
-    Role.AMBIENT_TEMPERATURE: "ambient_temperature_degC",
-    Role.RAIL_TEMPERATURE: "rail_temperature_degC",
-    Role.HUMIDITY: "relative_humidity_percent",
-    Role.SANDING: "sanding_active",
-    Role.RAIN: "rain",
-    Role.GRADIENT: "gradient",
-    Role.CURVATURE: "curvature_per_m",
-}
-
 
 @dataclass(frozen=True, slots=True)
 class Sensors:

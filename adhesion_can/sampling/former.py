@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.readings import Reading, Role
 from adhesion_can.physics.samples import Sample
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.equations import (
-    COVARIATES,
     TRAVEL,
     TRAVEL_OF,
     Forming,

@@ -9,7 +9,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import load_database
 from adhesion_can.config import load_configuration
 from adhesion_can.offline.extract_samples import samples_of
-from adhesion_can.sampling.equations import COVARIATES
+from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.simulation.plant import Plant, Profile
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
