@@ -45,17 +45,15 @@ _NOT_RISING = (
 )
 
 
-def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "convert",
-        help="any recording with any database to columns",
-        description="Decodes recordings with a CAN database and writes the signals as columns for "
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
+    parser.description = (
+        "Decodes recordings with a CAN database and writes the signals as columns for "
         "the tools that people plot with. CSV and Parquet get a row a frame, in the order of the "
         "recording; MF4 gets a channel group a message, and its time begins at the recording's "
         "first frame. Frames whose checksum, counter, length or "
         "multiplexer is wrong are left out and counted. Values that a database names 'not "
-        "available' and the like stand in the columns as their numbers.",
+        "available' and the like stand in the columns as their numbers."
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG", help="one after the other")
     parser.add_argument(
@@ -93,7 +91,9 @@ def run(options: argparse.Namespace) -> int:
     database = load_database(options.dbc)
     chosen = _Chosen(database, options.signals)
     recordings = open_recordings(options.log)
-    origin = provenance(Configuration(Locomotive(), database, ()), options.log)
+    origin = provenance(
+        Configuration(vehicle=Locomotive(), database=database, choices=()), options.log
+    )
     conversion = _Conversion(database, chosen if options.signals else None, options.channel)
     with (
         reading("converting", recordings) as watched,

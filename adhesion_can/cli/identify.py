@@ -41,13 +41,11 @@ from adhesion_can.reporting.provenance import estimate_json, provenance
 from adhesion_can.reporting.text import console, plus_minus, table
 
 
-def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "identify",
-        help="one batch fit with standard errors",
-        description="Fits the adhesion curve to recordings or tables of samples, a curve for each "
-        "stretch of constant rail, and says what the data can tell.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
+    parser.description = (
+        "Fits the adhesion curve to recordings or tables of samples, a curve for each "
+        "stretch of constant rail, and says what the data can tell."
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
     add_model(parser, "its effects are taken out, and its base curve is what is fitted")
@@ -68,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         samples, problems, left_out = _from_logs(options.inputs, config)
         labels = None
-    result = identify(samples, config.identifiability, labels=labels)
+    result = identify(samples, config.estimators.identifiability, labels=labels)
     if result is None:
         raise InputError(
             ", ".join(map(str, options.inputs)),

@@ -37,13 +37,11 @@ QUIET_US = 1_000_000
 """Between two lines about the same status."""
 
 
-def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "run",
-        help="the service on a bus",
-        description="Reads the bus, identifies the adhesion curve and sends the setpoints, until "
-        "it is interrupted (Ctrl-C, SIGTERM) or the duration is over.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
+    parser.description = (
+        "Reads the bus, identifies the adhesion curve and sends the setpoints, until "
+        "it is interrupted (Ctrl-C, SIGTERM) or the duration is over."
     )
     parser.add_argument(
         "--log", type=Path, metavar="F", help="write what was heard and sent, for replay"
@@ -134,13 +132,16 @@ def _resumed(config: Configuration, path: Path) -> Configuration:
         kept = json.loads(path.read_text(encoding="utf-8"))
         c1, c2, c3 = (float(kept[name]["value"]) for name in ("c1", "c2", "c3"))
         known = all(kept["identifiable"].values())
-        search = config.evolution
+        settings = config.estimators
+        search = settings.evolution
         theta0 = tuple(np.clip((c1, c2, c3), search.lower, search.upper).tolist())
-        return replace(
-            config,
+        surfaces = ((c1, c2, c3),) if known and c1 * c2 > c3 > 0 else ()
+        settings = replace(
+            settings,
             evolution=replace(search, theta0=theta0),
-            met=((c1, c2, c3),) if known and c1 * c2 > c3 > 0 else (),
+            tracker=replace(settings.tracker, known_surfaces=surfaces),
         )
+        return replace(config, estimators=settings)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"--state {path}", f"not a kept estimate ({error})", "delete it to begin afresh"

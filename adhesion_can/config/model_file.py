@@ -8,14 +8,12 @@
 """
 
 import json
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from adhesion_can.config.toml_tables import no_more, section, table_of, typed
+from adhesion_can.config.toml_tables import load_toml, no_more, section, table_of, typed
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.extended.model import (
     ExtendedModel,
@@ -49,19 +47,8 @@ def read_model(path: Path) -> ExtendedModel:
         ConfigError: it cannot be read, or says what nobody understands.
 
     """
-    try:
-        content = path.read_bytes()
-        document = tomllib.loads(content.decode("utf-8"))
-    except OSError as error:
-        raise ConfigError(
-            str(path), error.strerror or "cannot be read", "check the path"
-        ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(
-            str(path), f"not TOML ({error})", "mend the line that it names"
-        ) from error
-    model = _model(document, path.name)
-    return replace(model, where=str(path), sha256=sha256(content).hexdigest())
+    document, sha256 = load_toml(path)
+    return replace(_model(document, path.name), where=str(path), sha256=sha256)
 
 
 def _model(document: dict[str, Any], where: str) -> ExtendedModel:

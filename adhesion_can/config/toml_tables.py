@@ -1,47 +1,165 @@
-"""A strict reader of TOML tables: every key is known, every value of its type, or an error."""
+"""Strict reading of TOML: every key must be known and every value of its type.
 
-from collections.abc import Mapping
-from dataclasses import fields
+Dataclasses are the one listing of sections and keys. A field is a key of its class's section; a
+field whose default is another dataclass of settings is a section of its own.
+"""
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import Field, fields, is_dataclass
+from hashlib import sha256
 from math import isfinite
+from pathlib import Path
 from types import UnionType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 from adhesion_can.errors import ConfigError
 
 
+class TomlFile(NamedTuple):
+    """Content of a TOML file.
+
+    Attributes:
+        document: Tables and values by key.
+        sha256: SHA-256 of the file's bytes, hex.
+
+    """
+
+    document: dict[str, Any]
+    sha256: str
+
+
+def load_toml(path: Path) -> TomlFile:
+    """Content of a TOML file.
+
+    Raises:
+        ConfigError: The file cannot be read, or is not TOML.
+
+    """
+    try:
+        content = path.read_bytes()
+        document = tomllib.loads(content.decode("utf-8"))
+    except OSError as error:
+        raise ConfigError(
+            str(path), error.strerror or "cannot be read", "check the path"
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(
+            str(path), f"not TOML ({error})", "mend the line that it names"
+        ) from error
+    return TomlFile(document, sha256(content).hexdigest())
+
+
 def table_of(value: object, where: str) -> dict[str, Any]:
-    """A copy of a TOML table; ConfigError where the value is none."""
+    """Copy of a TOML table; ConfigError where the value is not a table."""
     if not isinstance(value, dict):
         raise ConfigError(where, "not a table", "write it as [section] with keys below")
     return dict(value)
 
 
 def no_more(rest: Mapping[str, Any], where: str, known: tuple[str, ...]) -> None:
-    """ConfigError where keys are left that nobody took."""
+    """ConfigError where keys are left over that are not known."""
     if rest:
         key = next(iter(rest))
         dot = "." if ": " in where else ": "
         raise ConfigError(f"{where}{dot}{key}", "unknown key", f"known: {', '.join(known)}")
 
 
-def section(kind: type, value: object, where: str) -> Any:
-    """A frozen dataclass from a table whose keys are its fields."""
-    table = table_of(value, where)
+# ------------------------------------------------------------------------- tables as dataclasses
+
+
+def arguments_from(
+    kind: type, table: Mapping[str, Any], where: str, names: Mapping[str, str]
+) -> dict[str, Any]:
+    """Arguments of a dataclass from a table, each value checked against the type of its field.
+
+    Args:
+        kind: Dataclass.
+        table: TOML table.
+        where: File and section, for errors.
+        names: Field name of each key that the table may have.
+
+    """
     hints = get_type_hints(kind)
-    names = tuple(f.name for f in fields(kind))
     arguments: dict[str, Any] = {}
-    for key, given in table.items():
+    for key, value in table.items():
         if key not in names:
             raise ConfigError(f"{where}.{key}", "unknown key", f"known: {', '.join(names)}")
-        arguments[key] = typed(given, hints[key], f"{where}.{key}")
+        arguments[names[key]] = typed(value, hints[names[key]], f"{where}.{key}")
+    return arguments
+
+
+def section(kind: type, value: object, where: str, **others: Any) -> Any:
+    """Dataclass from a table whose keys are its fields.
+
+    Args:
+        kind: Dataclass.
+        value: TOML table.
+        where: File and section, for errors.
+        others: Values of the fields that are not keys of the table.
+
+    """
+    names = {key: key for key in section_keys(kind)}
+    arguments = arguments_from(kind, table_of(value, where), where, names)
     try:
-        return kind(**arguments)
+        return kind(**arguments, **others)
     except ValueError as error:
         raise ConfigError(where, str(error), "mend the value") from error
 
 
+def section_keys(kind: type) -> tuple[str, ...]:
+    """Keys of the section that a dataclass describes: its fields that hold plain values."""
+    return tuple(
+        f.name for f in fields(kind) if not nested_class(f) and f.metadata.get("toml", True)
+    )
+
+
+def nested_class(field: Field[Any]) -> type | None:
+    """Class of the settings that a field holds; None: the field is a value."""
+    factory: Any = field.default_factory
+    return factory if isinstance(factory, type) and is_dataclass(factory) else None
+
+
+def nested_sections(kind: type) -> Iterator[tuple[str, type]]:
+    """Section name and class of all settings within a dataclass, in the order of their fields.
+
+    A class without keys of its own is no section: it only holds others.
+    """
+    for field in fields(kind):
+        inner = nested_class(field)
+        if inner is None:
+            continue
+        if section_keys(inner):
+            yield field.name, inner
+        yield from nested_sections(inner)
+
+
+def nested_settings(kind: type, tables: Mapping[str, object], where: str) -> dict[str, Any]:
+    """Values of those fields of a dataclass that hold settings, each from its section.
+
+    Args:
+        kind: Dataclass.
+        tables: TOML tables by section name; a section that is missing has its defaults.
+        where: File, for errors.
+
+    """
+    return {
+        field.name: section(
+            inner,
+            tables.get(field.name, {}),
+            f"{where}: {field.name}",
+            **nested_settings(inner, tables, where),
+        )
+        for field in fields(kind)
+        if (inner := nested_class(field)) is not None
+    }
+
+
+# ----------------------------------------------------------------------------------------- values
+
+
 def typed(value: Any, wanted: Any, where: str) -> Any:
-    """A TOML value as the type of a field."""
+    """TOML value as the type of a field; ConfigError where it is of another type."""
     origin = get_origin(wanted)
     if origin is UnionType:
         return typed(value, get_args(wanted)[0], where)

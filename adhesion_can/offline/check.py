@@ -102,7 +102,7 @@ def message_json(record: MessageRecord) -> dict[str, Any]:
         "id": record.message.plan.frame_id,
         "frames": record.frames,
         "accepted": record.accepted,
-        "lost": record.supervision.lost,
+        "lost": record.lost,
         "rejected": {str(reason): count for reason, count in record.rejected.items()},
         "cycle_ms": mean_cycle_ms(record),
         "nominal_cycle_ms": record.message.cycle_us and record.message.cycle_us / 1e3,
@@ -166,8 +166,8 @@ def _judge_messages(result: CheckResult) -> None:
             continue
         for reason, count in record.rejected.items():
             result.failures.append(f"{name}: {count} of {record.frames} frames rejected: {reason}")
-        if record.supervision.lost:
-            result.failures.append(f"{name}: {record.supervision.lost} frames lost by its counter")
+        if record.lost:
+            result.failures.append(f"{name}: {record.lost} frames lost by its counter")
         if record.late:
             at = (record.gap_at_us or 0) / 1e6
             result.failures.append(
@@ -216,7 +216,7 @@ def _judge_excitation(result: CheckResult, configuration: Configuration) -> None
         reasons = ", ".join(f"{why} ({n})" for why, n in result.dropped.items()) or "no data"
         result.failures.append(f"not one sample could be formed: {reasons}")
         return
-    fitted = identify(result.samples, configuration.identifiability)
+    fitted = identify(result.samples, configuration.estimators.identifiability)
     if fitted is None:
         result.failures.append("every sample lies outside the slips that the curve is valid for")
         return

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.bus.e2e import Rejection
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
+from adhesion_can.bus.rejection import Rejection
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import AdhesionCanError, ConfigError, DatabaseError, InputError
 from adhesion_can.physics.readings import Role
 
-DATA = Path(__file__).parent / "data"
-OWN_DBC = Path(__file__).parents[1] / "dbc" / "adhesion.dbc"
+DATA = Path(__file__).parents[1] / "data"
+OWN_DBC = Path(__file__).parents[2] / "dbc" / "adhesion.dbc"
 SPEED = "VehicleSpeed.VehicleSpeed"
 
 
@@ -260,12 +260,12 @@ def test_settings_arrive(tmp_path):
     assert configuration.service.change_s == 5.0
     assert configuration.sampling.v_min == 2.0
     assert configuration.sensors.effort_std == 100.0
-    assert configuration.evolution.lower == (0.0, 1.0, 0.0)
-    assert configuration.evolution.seed == 7
-    assert configuration.evolution.start == "uniform"
-    assert configuration.evolution.factor == 0.8
-    assert configuration.identifiability.reach == 0.1
-    assert configuration.change.ratio == 2.0
+    assert configuration.estimators.evolution.lower == (0.0, 1.0, 0.0)
+    assert configuration.estimators.evolution.seed == 7
+    assert configuration.estimators.evolution.start == "uniform"
+    assert configuration.estimators.evolution.factor == 0.8
+    assert configuration.estimators.identifiability.reach == 0.1
+    assert configuration.estimators.change.ratio == 2.0
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from adhesion_can.estimation.tracker.curve_sums import Points, increment
 from adhesion_can.estimation.tracker.memories import Memories, MemorySettings
 from adhesion_can.estimation.tracker.posterior import Noise
 from adhesion_can.estimation.tracker.prior import Prior, PriorSettings
-from adhesion_can.estimation.tracker.tracker import Tracker, TrackerParts
+from adhesion_can.estimation.tracker.tracker import Tracker, TrackerSettings
 from adhesion_can.physics.burckhardt import RAIL, adhesion, adhesion_slope, peak
 from adhesion_can.physics.samples import Samples
 
@@ -183,8 +183,10 @@ def test_a_rail_that_drifts_is_no_other_rail():
 def test_a_rail_that_drifts_is_followed():
     # Told that it is one rail, so that nothing but the memories follows it.
     chosen = {"seconds": 600, "period": 1.0, "seed": 2}
-    errors, _ = follow(Tracker(told_us=[]), drying, **chosen)
-    alone, _ = follow(Tracker(TrackerParts(memory=ONE_MEMORY), told_us=[]), drying, **chosen)
+    errors, _ = follow(Tracker(known_changes_us=[]), drying, **chosen)
+    alone, _ = follow(
+        Tracker(TrackerSettings(memory=ONE_MEMORY), known_changes_us=[]), drying, **chosen
+    )
     late = slice(120, None)
     assert rms(errors[late]) < 0.5 * rms(alone[late])
     assert rms(errors[late]) < 0.02
@@ -195,7 +197,7 @@ def test_a_constant_rail_is_not_estimated_worse_for_it():
     for seed in range(3):
         chosen = {"seconds": 3, "period": 0.02, "seed": seed}
         ours.append(follow(Tracker(), lambda _: DRY, **chosen)[0])
-        one = Tracker(TrackerParts(memory=ONE_MEMORY))
+        one = Tracker(TrackerSettings(memory=ONE_MEMORY))
         alone.append(follow(one, lambda _: DRY, **chosen)[0])
     late = slice(20, None)
     ours, alone = (np.concatenate([e[late] for e in errors]) for errors in (ours, alone))

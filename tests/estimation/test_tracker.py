@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.estimation.tracker.prior import Prior, PriorSettings
-from adhesion_can.estimation.tracker.tracker import Tracker, TrackerParts, TrackerSettings
+from adhesion_can.estimation.tracker.tracker import Tracker, TrackerSettings
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, adhesion, peak
 from adhesion_can.physics.samples import Samples
 
@@ -171,7 +171,7 @@ def test_no_belief_keeps_the_estimate_from_the_data(theta):
         narrow_std=(0.01, 0.01, 0.01),
         library=False,
     )
-    tracker, rng = Tracker(TrackerParts(prior=sure)), np.random.default_rng(1)
+    tracker, rng = Tracker(TrackerSettings(prior=sure)), np.random.default_rng(1)
     top = peak(*theta, slip_max=SLIP_MAX)
     reach = min(3 * float(top.lambda_m), 0.5)
     e = feed(tracker, (update(k, theta, rng, sd=0.005, top=reach) for k in range(100)))[-1]
@@ -221,7 +221,7 @@ def measured(k, rng, *, wheel=WHEEL_STD, vehicle=VEHICLE_STD, sd=0.005, top=0.08
 def scores(seeds, count, *, weigh=True, **errors):
     """Relative errors of the slope at zero, and z-scores of (μ_max, λ_m, slope)."""
     top, slope = peak(*DRY), DRY[0] * DRY[1] - DRY[2]
-    parts = TrackerParts(tracker=TrackerSettings(errors_in_variables=weigh))
+    parts = TrackerSettings(errors_in_variables=weigh)
     biases, told = [], []
     for seed in seeds:
         rng = np.random.default_rng(seed)
@@ -468,7 +468,7 @@ def test_an_earlier_rail_is_known_again():
     std = []
     for learns in (True, False):
         rng = np.random.default_rng(4)
-        tracker = Tracker(TrackerParts(prior=PriorSettings(library=False)))
+        tracker = Tracker(TrackerSettings(prior=PriorSettings(library=False)))
         if not learns:
             tracker._learn = lambda _: None
         updates = (update(k, rail, rng, sd=0.01, top=0.25) for k, rail in enumerate(rails))
@@ -480,14 +480,14 @@ def test_an_earlier_rail_is_known_again():
 
 
 def test_nothing_is_learned_where_nothing_is_to_be():
-    tracker = Tracker(TrackerParts(prior=PriorSettings(learned=0)))
+    tracker = Tracker(TrackerSettings(prior=PriorSettings(learned=0)))
     for k in range(5):
         tracker._learn((0.1 * (k + 1), 30.0, 0.1))
     assert tracker._learned == []
 
 
 def test_learned_surfaces_are_few_and_each_once():
-    tracker = Tracker(TrackerParts(prior=PriorSettings(learned=3)))
+    tracker = Tracker(TrackerSettings(prior=PriorSettings(learned=3)))
     for k in range(10):
         tracker._learn((0.1 * (k + 1), 30.0, 0.1))
         tracker._learn((0.1 * (k + 1) * 1.01, 30.3, 0.1))
@@ -502,10 +502,10 @@ def test_told_changes_are_believed_and_no_others():
     rng = np.random.default_rng(1)
     rails = [DRY] * 30 + [GREASY] * 30 + [WET] * 30
     updates = [update(k, rail, rng) for k, rail in enumerate(rails)]
-    estimates = feed(Tracker(told_us=[60 * PERIOD_US, 30 * PERIOD_US]), updates)
+    estimates = feed(Tracker(known_changes_us=[60 * PERIOD_US, 30 * PERIOD_US]), updates)
     changed = [k for k, e in enumerate(estimates) if e.change_probability >= 0.5]
     assert changed == [30, 60]
-    untold = feed(Tracker(told_us=[]), updates)
+    untold = feed(Tracker(known_changes_us=[]), updates)
     assert all(e.change_probability == 0 for e in untold)
     assert untold[-1].surface_since_us == 0
 

@@ -10,7 +10,7 @@ from _report import over_cores
 
 from adhesion_can.estimation.registry import ESTIMATORS, oracle
 from adhesion_can.estimation.tracker.memories import MemorySettings
-from adhesion_can.estimation.tracker.tracker import Tracker, TrackerParts
+from adhesion_can.estimation.tracker.tracker import Tracker, TrackerSettings
 from adhesion_can.experiments.figures_of_merit import merit, outcome, rms
 from adhesion_can.experiments.runs import (
     EXPERIMENTS,
@@ -91,7 +91,7 @@ def one_drift(task):
     found = {}
     for name, times_s in MEMORIES.items():
         memory = MemorySettings() if times_s is None else MemorySettings(times_s=times_s)
-        estimates = list(feed(Tracker(TrackerParts(memory=memory)), samples, SLOW_UPDATE))
+        estimates = list(feed(Tracker(TrackerSettings(memory=memory)), samples, SLOW_UPDATE))
         declared = sum(e.change_probability >= DECLARED for e in estimates)
         found[name] = np.array([e.mu_max for e in estimates]) - truth, declared
     return found

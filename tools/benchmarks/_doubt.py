@@ -9,7 +9,7 @@ from _data import POOLED, SLIP_MAX, feed, points
 from _report import over_cores
 
 from adhesion_can.estimation.tracker.prior import Prior, PriorSettings
-from adhesion_can.estimation.tracker.tracker import Tracker, TrackerParts, TrackerSettings
+from adhesion_can.estimation.tracker.tracker import Tracker, TrackerSettings
 from adhesion_can.experiments.runs import SLIP_MAX as RANGE
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, adhesion, peak
 from adhesion_can.physics.samples import Samples
@@ -57,7 +57,7 @@ def one_speed(seed, task):
     samples = measured(np.random.default_rng([seed, run]), speed, UPDATES)
     found = []
     for weigh in (True, False):
-        parts = TrackerParts(tracker=TrackerSettings(errors_in_variables=weigh))
+        parts = TrackerSettings(errors_in_variables=weigh)
         *_, last = feed(Tracker(parts), samples)
         gradient = np.array([last.c2, last.c1, -1.0])
         slope_std = float(np.sqrt(gradient @ last.covariance @ gradient))

@@ -16,6 +16,7 @@ What comes out is the median over all of them, with standard deviations and 90 %
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import exp, hypot, inf, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,7 +53,7 @@ from adhesion_can.estimation.tracker.prior import (
     shape_coordinates,
 )
 from adhesion_can.estimation.tracker.run_length import Contenders, RunLengthSettings
-from adhesion_can.physics.burckhardt import adhesion
+from adhesion_can.physics.burckhardt import CurveParameters, adhesion
 from adhesion_can.physics.estimate import CHANGED, Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 
@@ -73,59 +74,82 @@ WORTH_A_CORRECTION = 0.001
 """Likewise of the wheel speed's, from which the weights must not go with it."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerSettings:
-    """Of the tracker.
+    """Settings of the tracker, with those of its parts.
 
     Attributes:
-        curves: number of curves that stand for the posterior, per memory.
-        noise_std: of adhesion, where the samples do not bring a variance of their own.
-        errors_in_variables: whether the errors of the slips are weighed.
+        curves: Number of weighted curves that represent the posterior of each fading memory; even,
+            at least 64. More curves: smoother intervals, proportionally more CPU.
+        noise_std: Standard deviation of the adhesion noise before the first samples, where these
+            carry no variance of their own, 1. It is then estimated; a larger value only makes the
+            first updates less certain.
+        errors_in_variables: Whether the variances of the slips are used (generalised least squares
+            with corrected scores); False takes the slips as exact, which biases the peak where
+            their errors are large.
+        run_length: Settings of the detection of surface changes, section `[run_length]`.
+        memory: Settings of the fading memories, section `[memory]`.
+        prior: Settings of the prior of a new surface, section `[prior]`.
+        axles: Settings of the deviations of single axles, section `[axles]`.
+        known_surfaces: (c1, c2, c3) of surfaces that an earlier run identified; they enter the
+            prior from the start. Not a key of the configuration file.
 
     """
 
     curves: int = 384
     noise_std: float = 0.003
     errors_in_variables: bool = True
+    run_length: RunLengthSettings = field(default_factory=RunLengthSettings)
+    memory: MemorySettings = field(default_factory=MemorySettings)
+    prior: PriorSettings = field(default_factory=PriorSettings)
+    axles: AxleSettings = field(default_factory=AxleSettings)
+    known_surfaces: tuple[CurveParameters, ...] = field(default=(), metadata={"toml": False})
 
     def __post_init__(self) -> None:
         if self.curves < 64 or self.curves % 2 or not self.noise_std > 0:
             raise ValueError("curves must be even and at least 64, noise_std positive")
 
 
-@dataclass(frozen=True, slots=True)
-class TrackerParts:
-    """Settings of the tracker and of its parts; see there.
+class _Parts(NamedTuple):
+    """Settings by the part that they are for."""
 
-    Attributes:
-        met: (c1, c2, c3) of surfaces that an earlier run met: part of the prior from the start.
-
-    """
-
-    tracker: TrackerSettings = field(default_factory=TrackerSettings)
-    run_length: RunLengthSettings = field(default_factory=RunLengthSettings)
-    memory: MemorySettings = field(default_factory=MemorySettings)
-    prior: PriorSettings = field(default_factory=PriorSettings)
-    axles: AxleSettings = field(default_factory=AxleSettings)
-    identifiability: IdentifiabilitySettings = field(default_factory=IdentifiabilitySettings)
-    met: tuple[Theta, ...] = ()
+    tracker: TrackerSettings
+    run_length: RunLengthSettings
+    memory: MemorySettings
+    prior: PriorSettings
+    axles: AxleSettings
+    identifiability: IdentifiabilitySettings
 
 
 class Tracker:
     """Follows the curve through a stream of samples; see the module.
 
     Args:
-        parts: settings.
-        told_us: stamps from which on the rail is another one, for an oracle; None: found out.
+        settings: Settings of the tracker and of its parts; None: the defaults.
+        identifiability: Limits from which the peak counts as identifiable; None: the defaults.
+        known_changes_us: Stamps from which on the surface is another one, µs, for a reference that
+            need not detect them; None: changes are detected from the samples.
 
     """
 
     def __init__(
-        self, parts: TrackerParts | None = None, told_us: Iterable[int] | None = None
+        self,
+        settings: TrackerSettings | None = None,
+        identifiability: IdentifiabilitySettings | None = None,
+        *,
+        known_changes_us: Iterable[int] | None = None,
     ) -> None:
-        self._parts = parts = parts or TrackerParts()
-        self._told = None if told_us is None else sorted(told_us)
-        self._learned: list[Theta] = list(parts.met)
+        settings = settings or TrackerSettings()
+        self._parts = parts = _Parts(
+            tracker=settings,
+            run_length=settings.run_length,
+            memory=settings.memory,
+            prior=settings.prior,
+            axles=settings.axles,
+            identifiability=identifiability or IdentifiabilitySettings(),
+        )
+        self._told = None if known_changes_us is None else sorted(known_changes_us)
+        self._learned: list[Theta] = list(settings.known_surfaces)
         prior = Prior(parts.prior, self._learned)
         slip_max, size = parts.identifiability.slip_max, parts.tracker.curves
         own = Noise(parts.tracker.noise_std**2, 1.0)

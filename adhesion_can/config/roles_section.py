@@ -1,0 +1,126 @@
+"""Section `[roles]` of the configuration file: which signal of the bus has which meaning."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from adhesion_can.bus.roles import PROTECTIONS, SignalChoice
+from adhesion_can.config.toml_tables import section, table_of
+from adhesion_can.errors import ConfigError
+from adhesion_can.physics.readings import Role
+
+
+@dataclass(frozen=True, slots=True)
+class _RoleTable:
+    """Table of one role in the file.
+
+    Attributes:
+        signal: Signal as `Message.Signal`.
+        channel: CAN channel on which the message is received; '' for any.
+        unit: Unit of the signal's values; '?' for the unit of the database.
+        factor: Factor on the value after the conversion of its unit, 1.
+        sign: 1, or -1 where the signal counts the other way.
+        offset: Zero error in the role's SI unit, subtracted last.
+        protection: Protection of the message, one of `PROTECTIONS`; '' for that of the database.
+        data_id: Data ID of the protection, 0..65535; None: that of the database.
+        cycle_ms: Cycle of the message, ms; 0 for that of the database.
+        not_available: Whether a raw value of all ones means that the signal is not available.
+
+    """
+
+    signal: str
+    channel: str = ""
+    unit: str = "?"
+    factor: float = 1.0
+    sign: int = 1
+    offset: float = 0.0
+    protection: str = ""
+    data_id: int | None = None
+    cycle_ms: float = 0.0
+    not_available: bool = True
+
+
+def load_roles(value: object, where: str) -> tuple[SignalChoice, ...]:
+    """Signals of the roles from the section `[roles]`.
+
+    Args:
+        value: TOML table.
+        where: File, for errors.
+
+    Raises:
+        ConfigError: A role is unknown or named twice, or one of its values is wrong.
+
+    """
+    table = table_of(value, f"{where}: roles")
+    choices: list[SignalChoice] = []
+    for name, role_value in _flattened(table):
+        place = f"{where}: roles.{name}"
+        role, axle = _role(name, place)
+        if any((choice.role, choice.axle) == (role, axle) for choice in choices):
+            raise ConfigError(place, "named twice", "keep one of them")
+        role_table = (
+            {"signal": role_value} if isinstance(role_value, str) else table_of(role_value, place)
+        )
+        if "signal" not in role_table:
+            raise ConfigError(place, "names no signal", 'write signal = "Message.Signal"')
+        row: _RoleTable = section(_RoleTable, role_table, place)
+        message, dot, signal = row.signal.rpartition(".")
+        if not dot:
+            raise ConfigError(place, f"{row.signal!r} is not Message.Signal", "name both")
+        if row.sign not in (-1, 1):
+            raise ConfigError(f"{place}.sign", f"{row.sign}", "write 1 or -1")
+        if row.protection not in ("", *PROTECTIONS):
+            raise ConfigError(
+                f"{place}.protection",
+                f"{row.protection!r}",
+                f"write one of {', '.join(PROTECTIONS)}",
+            )
+        if row.factor == 0:
+            raise ConfigError(f"{place}.factor", "0 makes every value 0", "write the factor")
+        if row.data_id is not None and not 0 <= row.data_id <= 0xFFFF:
+            raise ConfigError(f"{place}.data_id", f"{row.data_id}", "write 0 to 65535")
+        if not 0 <= row.cycle_ms < 1e6:
+            raise ConfigError(f"{place}.cycle_ms", f"{row.cycle_ms}", "write milliseconds")
+        choices.append(
+            SignalChoice(
+                role,
+                axle,
+                message,
+                signal,
+                channel=row.channel or None,
+                unit=None if row.unit == "?" else row.unit,
+                factor=row.factor,
+                sign=row.sign,
+                offset=row.offset,
+                protection=row.protection or None,  # type: ignore[arg-type]
+                data_id=row.data_id,
+                cycle_us=round(row.cycle_ms * 1000) or None,
+                not_available=row.not_available,
+            )
+        )
+    return tuple(choices)
+
+
+def _flattened(table: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """(role, value) of a table; TOML reads an unquoted `wheel_speed.1` as a table in a table."""
+    rows: list[tuple[str, Any]] = []
+    for name, value in table.items():
+        if isinstance(value, dict) and value and all(key[:1].isdigit() for key in value):
+            rows += [(f"{name}.{axle}", inner) for axle, inner in value.items()]
+        else:
+            rows.append((name, value))
+    return rows
+
+
+def _role(name: str, place: str) -> tuple[Role, int]:
+    base, _, axle = name.partition(".")
+    known = ", ".join(f"{role}.AXLE" if role.per_axle else str(role) for role in Role)
+    try:
+        role = Role(base)
+    except ValueError as error:
+        raise ConfigError(place, "unknown role", f"known: {known}") from error
+    if role.per_axle is not bool(re.fullmatch("[1-9][0-9]{0,3}", axle)):
+        mend = f"write {base}.1, {base}.2, .." if role.per_axle else f"write {base}"
+        raise ConfigError(place, "axle missing" if role.per_axle else "has no axles", mend)
+    return role, int(axle or 0)

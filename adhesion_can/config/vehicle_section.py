@@ -1,0 +1,88 @@
+"""Section `[vehicle]` of the configuration file: the locomotive's data, with units in the keys.
+
+The defaults are those of `Locomotive` and `Geometry`; only the names are mapped here.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from adhesion_can.config.toml_tables import arguments_from, no_more, table_of, typed
+from adhesion_can.errors import ConfigError
+from adhesion_can.physics.vehicle import Geometry, Locomotive
+
+PER_AXLE: Mapping[str, str] = {"wheel_radius_m": "wheel_radius", "axle_load_N": "axle_load"}
+"""Field of `Locomotive` by key, for values that are given once for all axles or once for each."""
+
+WHOLE_VEHICLE: Mapping[str, str] = {
+    "wheelset_inertia_kgm2": "wheelset_inertia",
+    "train_mass_kg": "train_mass",
+    "load_std": "load_std",
+}
+"""Field of `Locomotive` by key, for single values."""
+
+GEOMETRY: Mapping[str, str] = {
+    "axles_per_bogie": "axles_per_bogie",
+    "pivot_distance_m": "pivot_distance",
+    "axle_spacing_m": "axle_spacing",
+    "coupler_height_m": "coupler_height",
+    "traction_height_m": "traction_height",
+}
+"""Field of `Geometry` by key of `[vehicle.geometry]`."""
+
+
+def load_vehicle(value: object, where: str) -> Locomotive:
+    """Locomotive from the section `[vehicle]`.
+
+    Args:
+        value: TOML table; an empty one gives the defaults.
+        where: File, for errors.
+
+    Raises:
+        ConfigError: A key is unknown, a value is wrong, or lists differ in length.
+
+    """
+    place = f"{where}: vehicle"
+    table = table_of(value, place)
+    known = ("axles", *PER_AXLE, *WHOLE_VEHICLE)
+    unknown = {key: v for key, v in table.items() if key not in (*known, "geometry")}
+    no_more(unknown, place, (*sorted(known), "geometry"))
+    default = Locomotive()
+    number = typed(table["axles"], int, f"{place}.axles") if "axles" in table else None
+    stated = {} if number is None else {"axles": number}
+    values: dict[str, tuple[float, ...] | float] = {}
+    for key in PER_AXLE:
+        if key not in table:
+            values[key] = getattr(default, PER_AXLE[key])[0]
+        elif isinstance(table[key], list):
+            values[key] = each = typed(table[key], tuple[float, ...], f"{place}.{key}")
+            stated[key] = len(each)
+        else:
+            values[key] = typed(table[key], float, f"{place}.{key}")
+    if len(set(stated.values())) > 1:
+        raise ConfigError(place, "lists of different length", "give one value for each axle")
+    axles = next(iter(stated.values()), default.axles)
+    single = {key: table[key] for key in WHOLE_VEHICLE if key in table}
+    geometry = _geometry(table.get("geometry"), axles, place)
+    per_axle: dict[str, Any] = {
+        PER_AXLE[key]: one if isinstance(one, tuple) else (one,) * axles
+        for key, one in values.items()
+    }
+    try:
+        return Locomotive(
+            **per_axle,
+            **arguments_from(Locomotive, single, place, WHOLE_VEHICLE),
+            geometry=None if geometry is None else Geometry(**geometry),
+        )
+    except ValueError as error:
+        raise ConfigError(place, str(error), "mend the value") from error
+
+
+def _geometry(value: object, axles: int, where: str) -> dict[str, Any] | None:
+    """Arguments of the geometry; without the sub-section the default if its axles match, else None.
+
+    Without a geometry no load transfer is computed.
+    """
+    if value is None:
+        return {} if sum(Geometry().axles_per_bogie) == axles else None
+    place = f"{where}.geometry"
+    return arguments_from(Geometry, table_of(value, place), place, GEOMETRY)
