@@ -82,6 +82,17 @@ class Block:
             channels=self.channels,
         )
 
+    def payload_words(self, rows: NDArray[np.int64], size: int) -> NDArray[np.uint64]:
+        """Payloads of some rows as far as a message of `size` bytes reaches, shape (n, w).
+
+        Where every payload of the block is shorter than the message, zeros stand behind its end.
+        """
+        needed = 1 if size <= 8 else 8
+        width = self.words.shape[1]
+        if width == needed:
+            return self.words.take(rows, axis=0)
+        return _widened(self.words[:, :needed].take(rows, axis=0), needed)
+
     def items(self) -> Iterator[Frame | Mark]:
         """Rows one by one, as a reader of frames gives them."""
         payload = self.payload
@@ -183,6 +194,8 @@ def clamped(t_us: NDArray[np.int64], now_us: int) -> tuple[NDArray[np.int64], ND
 
 
 def _widened(words: NDArray[np.uint64], width: int) -> NDArray[np.uint64]:
+    if words.shape[1] == width:
+        return words
     return np.pad(words, ((0, 0), (0, width - words.shape[1])))
 
 

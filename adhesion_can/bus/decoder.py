@@ -12,27 +12,13 @@ import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
-from adhesion_can.bus.block import EXTENDED, Block, Kind, to_micros
+from adhesion_can.bus.acceptance import CONVERT_POLICY, MessageAcceptance
+from adhesion_can.bus.acceptance_columns import DecodedRows, accept_rows
+from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.database import CanDatabase, e2e_data_id
-from adhesion_can.bus.e2e import (
-    REJECTION_CODE,
-    REJECTIONS,
-    CounterSupervision,
-    Rejection,
-    checksums_ok,
-    counts_of,
-)
 from adhesion_can.bus.id_codes import UNSEEN, KeyCodes
+from adhesion_can.bus.rejection import REJECTIONS, Rejection
 from adhesion_can.bus.signal_columns import MessageSignals, SignalColumn
-
-REASONS = (*(str(rejection) for rejection in REJECTIONS), "multiplexer")
-"""Why a row was not decoded: its outcome is 1 + the place here. 'multiplexer': its selector has a
-value that the database does not know."""
-
-_LENGTH = REJECTION_CODE[Rejection.LENGTH]
-_CHECKSUM = REJECTION_CODE[Rejection.CHECKSUM]
-_MULTIPLEXER = len(REASONS)
-_Outcomes = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -44,7 +30,7 @@ class MessageColumns:
         rows: places in the block, ascending, shape (n,).
         t_ns: stamps, ns, shape (n,).
         words: payloads as `Block.words` has them, as far as the message reaches, shape (n, w).
-        outcome: 0 where decoded, else 1 + place of the reason in `REASONS`, shape (n,).
+        outcome: 0 where decoded, else the code of the rejection, shape (n,).
         signals: by name, those wanted; what they say in rows not decoded means nothing.
 
     """
@@ -74,7 +60,7 @@ class MessageCount:
 
     frames: int = 0
     decoded: int = 0
-    rejected: Counter[str] = field(default_factory=Counter)
+    rejected: Counter[Rejection] = field(default_factory=Counter)
     lost: int = 0
 
     def plus(self, other: "MessageCount") -> "MessageCount":
@@ -211,11 +197,11 @@ class Decoder:
         count.lost += lost
         for code, number in enumerate(np.bincount(rejected).tolist()):
             if number:
-                count.rejected[REASONS[code - 1]] += number
+                count.rejected[REJECTIONS[code - 1]] += number
 
 
 class _MessageDecoder:
-    """One message: judges its frames and decodes them."""
+    """Checks and decodes the frames of one message."""
 
     def __init__(
         self,
@@ -225,76 +211,26 @@ class _MessageDecoder:
     ) -> None:
         self.message = message
         self.signals = MessageSignals(message, wanted, left_out)
-        self._size = message.length
-        self._data_id = e2e_data_id(message)
-        if self._data_id is not None and self._size < 2:
-            left_out[f"{message.name}.E2EDataId"] = f"no room for it in {self._size} bytes"
-            self._data_id = None
-        self._cycle_us = (message.cycle_time or 0) * 1000 or None
-        self._supervisions: dict[str, CounterSupervision] = {}
+        data_id = e2e_data_id(message)
+        if data_id is not None and message.length < 2:
+            left_out[f"{message.name}.E2EDataId"] = f"no room for it in {message.length} bytes"
+            data_id = None
+        cycle_us = (message.cycle_time or 0) * 1000 or None
+        self._acceptance = MessageAcceptance(CONVERT_POLICY, message.length, data_id, cycle_us)
 
     def decode(self, block: Block, rows: NDArray[np.int64]) -> tuple[MessageColumns, int]:
-        """Columns of the rows of a block that are of this message, and how many were lost."""
+        """Columns of the message's rows in a block, and the number of lost frames."""
+        before = self._acceptance.lost
+        found = accept_rows(self._acceptance, block, rows, self._decode)
         t_ns = block.t_ns.take(rows)
-        words = self._words(block, rows)
-        length = block.length.take(rows)
-        lost = 0
-        if self._data_id is None:
-            outcome = (length < self._size) * np.uint8(_LENGTH)
-        else:
-            outcome = self._check(words, length, self._data_id)
-            lost = self._supervise(block, rows, t_ns, words, outcome)
-        signals, unknown = self.signals.decode(words)
-        if unknown is not None:
-            outcome[unknown & (outcome == 0)] = _MULTIPLEXER
-        return MessageColumns(self.message, rows, t_ns, words, outcome, signals), lost
+        columns = MessageColumns(
+            self.message, rows, t_ns, found.words, found.outcome, found.columns
+        )
+        return columns, self._acceptance.lost - before
 
-    def _words(self, block: Block, rows: NDArray[np.int64]) -> NDArray[np.uint64]:
-        needed = 1 if self._size <= 8 else 8
-        width = block.words.shape[1]
-        if width == needed:
-            return block.words.take(rows, axis=0)
-        words = block.words[:, :needed][rows]
-        # No payload of this block reaches the message's length: its rows will be rejected.
-        return np.pad(words, ((0, 0), (0, needed - width))) if width < needed else words
-
-    def _check(
-        self, words: NDArray[np.uint64], length: NDArray[np.uint8], data_id: int
-    ) -> _Outcomes:
-        # A checksum is over a payload of the message's length, and of no other.
-        outcome = ~checksums_ok(words, self._size, data_id) * np.uint8(_CHECKSUM)
-        outcome[length != self._size] = _LENGTH
-        return outcome
-
-    def _supervise(
-        self,
-        block: Block,
-        rows: NDArray[np.int64],
-        t_ns: NDArray[np.int64],
-        words: NDArray[np.uint64],
-        outcome: _Outcomes,
-    ) -> int:
-        """Judge the counters of the rows that passed so far, and write it into their outcome."""
-        counts = counts_of(words)
-        t_us = to_micros(t_ns)
-        sound = outcome == 0
-        if len(block.channels) == 1:
-            codes, lost = self._supervision(block.channels[0]).accept_all(counts, t_us, sound)
-            np.maximum(outcome, codes, out=outcome)
-            return int(lost.sum())
-        channel, total = block.channel.take(rows), 0
-        for place in np.flatnonzero(np.bincount(channel)).tolist():
-            here = np.flatnonzero(channel == place)
-            supervision = self._supervision(block.channels[place])
-            codes, lost = supervision.accept_all(counts[here], t_us[here], sound[here])
-            outcome[here] = np.maximum(outcome[here], codes)
-            total += int(lost.sum())
-        return total
-
-    def _supervision(self, channel: str) -> CounterSupervision:
-        if channel not in self._supervisions:
-            self._supervisions[channel] = CounterSupervision(self._cycle_us)
-        return self._supervisions[channel]
+    def _decode(self, words: NDArray[np.uint64]) -> DecodedRows[dict[str, SignalColumn]]:
+        columns, unknown = self.signals.decode(words)
+        return DecodedRows(columns, unknown_selector=unknown)
 
 
 def _key_of(message: Message) -> int:

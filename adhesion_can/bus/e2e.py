@@ -5,13 +5,14 @@ the payload from byte 1 on. Counter: byte 1, low nibble, 0..14; 15 is never sent
 """
 
 from dataclasses import dataclass, field
-from enum import StrEnum
 from functools import cache
 
 import numpy as np
 from e2e.crc import calculate_crc8
 from e2e.p01 import e2e_p01_protect
 from numpy.typing import NDArray
+
+from adhesion_can.bus.rejection import REJECTION_CODE, Rejection
 
 COUNTS = 15
 """The counter runs 0..14."""
@@ -73,8 +74,8 @@ def checksums_ok(words: NDArray[np.uint64], size: int, data_id: int) -> NDArray[
     return np.asarray(left == ids)
 
 
-def counts_of(words: NDArray[np.uint64]) -> NDArray[np.uint8]:
-    """Counters that payloads carry, as `Block.words` has them, shape (n, w): 0..15, shape (n,)."""
+def counter_column(words: NDArray[np.uint64]) -> NDArray[np.uint8]:
+    """Counters 0..15, shape (n,), of payloads of shape (n, w) in the layout of `Block.words`."""
     return ((words[:, 0] >> np.uint64(8)) & np.uint64(0x0F)).astype(np.uint8)
 
 
@@ -100,23 +101,6 @@ def _after_zeros(count: int) -> list[NDArray[np.uint8]]:
     while len(found) < count:
         found.append(step[found[-1]])
     return found
-
-
-class Rejection(StrEnum):
-    """Why a frame was not taken."""
-
-    LENGTH = "length"
-    CHECKSUM = "checksum"
-    RANGE = "range"
-    REPEAT = "repeat"
-    ORDER = "order"
-
-
-REJECTIONS = tuple(Rejection)
-"""In the order of their codes: a row rejected by `REJECTIONS[i]` has the outcome i + 1."""
-
-REJECTION_CODE = {rejection: code for code, rejection in enumerate(REJECTIONS, start=1)}
-"""Outcome of a rejected row."""
 
 
 @dataclass(slots=True)

@@ -2,7 +2,6 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from adhesion_can.cli.common import (
     add_configuration,
@@ -22,13 +21,11 @@ from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 
 
-def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "check",
-        help="is this recording usable",
-        description="Goes through recordings as the service would: signals, rates, gaps, checksum "
-        "and counter faults, excitation. Exit status 1 where something is wrong.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
+    parser.description = (
+        "Goes through recordings as the service would: signals, rates, gaps, checksum "
+        "and counter faults, excitation. Exit status 1 where something is wrong."
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
     add_json(parser)
@@ -75,7 +72,7 @@ def _print(result: CheckResult) -> None:
                 "-" if nominal is None else f"{nominal / 1e3:.0f} ms",
                 f"{record.longest_gap_us / 1e3:.0f} ms",
                 str(sum(record.rejected.values())),
-                str(record.supervision.lost),
+                str(record.lost),
                 str(record.not_available),
             )
         )

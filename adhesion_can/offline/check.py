@@ -8,7 +8,8 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.bus.block import Block
-from adhesion_can.bus.receiver import MessageRecord, Receiver
+from adhesion_can.bus.message_record import MessageRecord
+from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import identify
 from adhesion_can.offline.extract_samples import Extraction

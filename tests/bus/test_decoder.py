@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import CanDatabase, e2e_data_id, load_database
-from adhesion_can.bus.decoder import REASONS, Decoder
+from adhesion_can.bus.decoder import Decoder
 from adhesion_can.bus.frame import MARKS, Frame, Mark
+from adhesion_can.bus.rejection import REJECTIONS
 from adhesion_can.recordings.recording import Recording
 from tests.bus.bus_helpers import DATA, DBC, real_data, sealed
 
@@ -95,7 +96,7 @@ def check_block(known, decoder, items):
         columns = keys[key]
         assert columns.rows.tolist() == [place for place, _ in results]
         assert columns.t_ns.tolist() == [1000 * items[place].t_us for place, _ in results]
-        reasons = [REASONS[code - 1] if code else None for code in columns.outcome.tolist()]
+        reasons = [REJECTIONS[code - 1] if code else None for code in columns.outcome.tolist()]
         assert reasons == [r if isinstance(r, str) else None for _, r in results]
         assert set(columns.signals) == {s.name for s in columns.message.signals}
         for name, column in columns.signals.items():
@@ -349,7 +350,7 @@ def test_j1939_pages_by_hand():
     number = known.db.get_message_by_name("Tree").frame_id
     items = [Frame(i, number, bytes.fromhex(p), is_extended=True) for i, p in enumerate(payloads)]
     (tree,) = Decoder(known).decode(Block.of(items))
-    assert tree.outcome.tolist() == [0, 0, 0, 1 + REASONS.index("multiplexer")]
+    assert tree.outcome.tolist() == [0, 0, 0, 1 + REJECTIONS.index("multiplexer")]
     present = {name: column.present for name, column in tree.signals.items()}
     assert present["Group"] is None
     assert {n: p[:3].tolist() for n, p in present.items() if p is not None} == {

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from adhesion_can.bus.block import EXTENDED, Block
 from adhesion_can.bus.codec import MessagePlan
 from adhesion_can.bus.database import CanDatabase, e2e_data_id, load_database
-from adhesion_can.bus.decoder import REASONS, Decoder
-from adhesion_can.bus.e2e import Rejection
+from adhesion_can.bus.decoder import Decoder
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.bus.id_codes import UNSEEN, KeyCodes
 from adhesion_can.bus.receiver import Receiver
+from adhesion_can.bus.rejection import REJECTIONS, Rejection
 from adhesion_can.bus.roles import bind, contract_choices
 from tests.bus.bus_helpers import DBC, sealed
 
@@ -81,11 +81,11 @@ def test_faults_are_judged_as_frame_by_frame(seed, size):
         reasons = [None] * len(part)
         for columns in decoder.decode(Block.of(part)):
             for row, code in zip(columns.rows.tolist(), columns.outcome.tolist(), strict=True):
-                reasons[row] = REASONS[code - 1] if code else None
+                reasons[row] = REJECTIONS[code - 1] if code else None
         found += reasons
     assert found == wanted
-    assert {r.value for r in Rejection} - {"range"} <= set(wanted)
-    lost = {r.message.plan.name: r.supervision.lost for r in receiver.records}
+    assert {r.value for r in Rejection} - {"range", "multiplexer"} <= set(wanted)
+    lost = {r.message.plan.name: r.lost for r in receiver.records}
     assert sum(lost.values()) > 0
     counts = decoder.report.messages
     assert {name: count.lost for name, count in counts.items()} == lost
@@ -117,7 +117,7 @@ def test_each_channel_has_counters_of_its_own():
 def test_a_protected_frame_that_is_too_long_is_refused_and_an_open_one_is_decoded():
     long = sealed(0x101, 0, bytes(8)) + bytes(4)
     (columns,) = Decoder(OWN).decode(Block.of([Frame(0, 0x101, long, is_fd=True)]))
-    assert [REASONS[code - 1] for code in columns.outcome] == ["length"]
+    assert [REJECTIONS[code - 1] for code in columns.outcome] == ["length"]
     known = database(Message(1, "Open", 2, [Signal("S", 0, 16, byte_order="little_endian")]))
     (columns,) = Decoder(known).decode(Block.of([Frame(0, 1, b"\x01\x02" + bytes(10), is_fd=True)]))
     assert columns.outcome.tolist() == [0]
@@ -130,7 +130,7 @@ def test_a_long_message_in_short_frames_is_refused(others):
     known = database(Message(1, "Long", 64, signals, is_fd=True))
     items = [*others, Frame(0, 1, b"\x07\x01"), Frame(0, 1, bytes(8))]
     (columns,) = Decoder(known).decode(Block.of(items))
-    assert [REASONS[code - 1] for code in columns.outcome] == ["length", "length"]
+    assert [REJECTIONS[code - 1] for code in columns.outcome] == ["length", "length"]
     assert columns.words.shape == (2, 8)
     assert columns.signals.keys() == {"First", "Last", "Across"}
 
@@ -197,7 +197,7 @@ def test_a_row_of_unknown_selector_keeps_its_counter():
     decoder = Decoder(OWN)
     (columns,) = decoder.decode(Block.of(frames))
     assert columns.message is message
-    assert [REASONS[code - 1] if code else None for code in columns.outcome] == [
+    assert [REJECTIONS[code - 1] if code else None for code in columns.outcome] == [
         None, None, "multiplexer", None,
     ]  # fmt: skip
     assert decoder.report.messages["AxleSetpoint"].rejected == {"multiplexer": 1}

@@ -10,13 +10,12 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.bus.e2e import (
-    REJECTIONS,
     CounterSupervision,
-    Rejection,
     checksum_ok,
     checksums_ok,
     protect,
 )
+from adhesion_can.bus.rejection import REJECTIONS, Rejection
 from tests.bus.bus_helpers import crc8_bitwise, e2e_checksum, sealed
 
 payloads = st.binary(min_size=2, max_size=64)

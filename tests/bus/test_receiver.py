@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import CanDatabase, load_database
-from adhesion_can.bus.e2e import Rejection
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
+from adhesion_can.bus.rejection import Rejection
 from adhesion_can.bus.roles import SignalChoice, bind, contract_choices, cycles_of
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.readings import Reading, Role

@@ -1,0 +1,89 @@
+"""Statistics of one received message: accepted, rejected and lost frames, gaps, readings."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.bus.acceptance import SERVICE_POLICY, MessageAcceptance
+from adhesion_can.bus.rejection import Rejection
+from adhesion_can.bus.roles import BoundMessage
+
+LATE_CYCLES = 3
+"""A gap between two accepted frames is late where it is longer than this number of cycles."""
+
+
+@dataclass(slots=True)
+class MessageRecord:
+    """State and statistics of one received message.
+
+    Attributes:
+        message: Message with the signals that have a role.
+        acceptance: Protection of the message and state of its counter.
+        frames: Number of received frames, rejected ones included.
+        accepted: Number of accepted frames.
+        rejected: Number of rejected frames by reason.
+        first_us: Time stamp of the first accepted frame, µs; None before it.
+        last_us: Time stamp of the last accepted frame, µs; None before the first.
+        longest_gap_us: Longest time between two accepted frames, µs.
+        gap_at_us: Time stamp at which the longest gap begins, µs; None without a gap.
+        late: Number of gaps of more than three cycles.
+        not_available: Number of readings with the raw value for 'not available'.
+        readings: Number of readings of all signals.
+
+    """
+
+    message: BoundMessage
+    acceptance: MessageAcceptance
+    frames: int = 0
+    accepted: int = 0
+    rejected: Counter[Rejection] = field(default_factory=Counter)
+    first_us: int | None = None
+    last_us: int | None = None
+    longest_gap_us: int = 0
+    gap_at_us: int | None = None
+    late: int = 0
+    not_available: int = 0
+    readings: int = 0
+
+    @classmethod
+    def begin(cls, message: BoundMessage) -> "MessageRecord":
+        """Empty record of a message, with the checks of the service."""
+        size, data_id, cycle_us = message.plan.size, message.data_id, message.cycle_us
+        return cls(message, MessageAcceptance(SERVICE_POLICY, size, data_id, cycle_us))
+
+    @property
+    def lost(self) -> int:
+        """Number of lost frames, by the counter."""
+        return self.acceptance.lost
+
+    def add(self, t_us: int) -> None:
+        """Count an accepted frame with its time stamp, µs."""
+        self.accepted += 1
+        if self.first_us is None or self.last_us is None:
+            self.first_us = t_us
+        else:
+            gap = t_us - self.last_us
+            if gap > self.longest_gap_us:
+                self.longest_gap_us, self.gap_at_us = gap, self.last_us
+            if self.message.cycle_us and gap > LATE_CYCLES * self.message.cycle_us:
+                self.late += 1
+        self.last_us = t_us
+
+    def add_all(self, t_us: NDArray[np.int64]) -> None:
+        """Count consecutive accepted frames with their time stamps, µs, shape (n,)."""
+        if not len(t_us):
+            return
+        self.accepted += len(t_us)
+        start = int(t_us[0])
+        gaps = np.diff(t_us, prepend=start if self.last_us is None else self.last_us)
+        if self.first_us is None:
+            self.first_us = start
+        longest = int(np.argmax(gaps))
+        if int(gaps[longest]) > self.longest_gap_us:
+            self.longest_gap_us = int(gaps[longest])
+            self.gap_at_us = int(t_us[longest]) - self.longest_gap_us
+        if self.message.cycle_us:
+            self.late += int((gaps > LATE_CYCLES * self.message.cycle_us).sum())
+        self.last_us = int(t_us[-1])
