@@ -42,3 +42,7 @@ class TableError(InputError):
 
 class BusError(InputError):
     """A bus that does not exist or cannot be opened."""
+
+
+class PluginError(InputError):
+    """An installed extension that cannot be loaded, or that is no effect or estimator."""

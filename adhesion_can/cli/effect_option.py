@@ -7,7 +7,6 @@ import numpy as np
 
 from adhesion_can.errors import InputError
 from adhesion_can.physics.effects import (
-    EFFECTS,
     LEAST,
     ActiveEffect,
     Contact,
@@ -16,15 +15,17 @@ from adhesion_can.physics.effects import (
     Parameter,
     compute_change,
     effect_by_id,
+    known_effects,
 )
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.simulation.surroundings import CALM
 
 SYNTAX = "NAME[:FORM][=SIZE[,PARAMETER=VALUE]..]"
 
 
 def effects_help() -> str:
     """Every effect with its parameters, a line each, for the help of a command."""
-    return "\n".join(f"  {_full_name(e):28}{_described(e)}" for e in EFFECTS)
+    return "\n".join(f"  {_full_name(e):28}{_described(e)}" for e in known_effects())
 
 
 def parse_effects(texts: Iterable[str], vehicle: Locomotive) -> tuple[ActiveEffect, ...]:
@@ -72,9 +73,9 @@ def _parse(text: str, vehicle: Locomotive) -> ActiveEffect:
 
 def _effect(name: str, where: str) -> Effect:
     effect_id, _, form = name.partition(":")
-    forms = [e.form for e in EFFECTS if e.id == effect_id]
+    forms = [e.form for e in known_effects() if e.id == effect_id]
     if not forms:
-        known = ", ".join(dict.fromkeys(e.id for e in EFFECTS))
+        known = ", ".join(dict.fromkeys(e.id for e in known_effects()))
         raise InputError(where, f"no effect {effect_id!r}", f"known: {known}")
     try:
         return effect_by_id(effect_id, form)
@@ -119,12 +120,7 @@ def _require_some_adhesion(active: ActiveEffect, vehicle: Locomotive, where: str
         axle=axle,
         place=axle,
         adhesion=every(0.2),
-        covariates={
-            "relative_humidity_percent": every(60.0),
-            "rail_temperature_degC": every(20.0),
-            "sanding_active": every(1.0),
-            "curvature_per_m": every(0.0),
-        },
+        covariates={name: every(value) for name, value in CALM.covariates(gradient=0.0).items()},
     )
     if np.min(compute_change([active], common, LagStates()).factor) <= LEAST:
         raise InputError(where, "leaves no adhesion on a common rail", "give a smaller size")

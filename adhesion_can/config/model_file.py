@@ -22,7 +22,7 @@ from adhesion_can.estimation.extended.model import (
     require_value,
 )
 from adhesion_can.files import whole_file
-from adhesion_can.physics.effects import EFFECTS, ActiveEffect, Effect
+from adhesion_can.physics.effects import ActiveEffect, Effect, known_effects
 from adhesion_can.physics.effects.empirical import Empirical
 
 _KEYS = ("base", "effect", "spline", "provenance")
@@ -127,9 +127,9 @@ def _definition(table: dict[str, Any], where: str) -> Effect:
         raise ConfigError(f"{where}.id", "missing", "write the id of the effect")
     name = typed(table["id"], str, f"{where}.id")
     form = typed(table.get("form", ""), str, f"{where}.form")
-    forms = [effect for effect in EFFECTS if effect.id == name]
+    forms = [effect for effect in known_effects() if effect.id == name]
     if not forms:
-        known = ", ".join(dict.fromkeys(effect.id for effect in EFFECTS))
+        known = ", ".join(dict.fromkeys(effect.id for effect in known_effects()))
         raise ConfigError(f"{where}.id", f"no effect {name!r}", f"known: {known}")
     for effect in forms:
         if effect.form == form:

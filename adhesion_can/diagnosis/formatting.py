@@ -4,7 +4,7 @@ from math import floor, isfinite, log10
 
 import numpy as np
 
-from adhesion_can.physics.effects import EFFECTS
+from adhesion_can.physics.effects import known_effects
 
 LEAST_P = 1e-3
 """A p-value below this is told as being below it."""
@@ -17,30 +17,7 @@ def effect_name(effect: str, form: str = "", axle: int = 0) -> str:
 
 def title(effect: str) -> str:
     """What an effect is, a clause; its id where the library does not have it."""
-    return next((known.title for known in EFFECTS if known.id == effect), effect)
-
-
-def channel_name(channel: str) -> str:
-    """A channel as a sentence has it; a column of a TABLE keeps its name."""
-    return _CHANNELS.get(channel, channel)
-
-
-_CHANNELS = {
-    "speed": "vehicle speed",
-    "slip": "slip ratio",
-    "signed_slip": "slip ratio with its sign",
-    "slip_rate": "rate of change of the slip",
-    "creep_speed": "creep speed",
-    "tractive_effort": "tractive effort",
-    "axle_load": "axle load",
-    "axle": "number of the axle",
-    "position": "position along the rail",
-    "ambient_temperature_degC": "ambient temperature",
-    "rail_temperature_degC": "rail temperature",
-    "relative_humidity_percent": "relative humidity",
-    "sanding_active": "sanding",
-    "curvature_per_m": "curvature",
-}
+    return next((known.title for known in known_effects() if known.id == effect), effect)
 
 
 def unit_text(unit: str) -> str:

@@ -5,37 +5,51 @@ from collections.abc import Sequence
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.drive.drive_data import Course
-from adhesion_can.diagnosis.inference.channel_splines import Channel, Kind
-from adhesion_can.diagnosis.regression.model import EXCLUDED, Model, Study, Theta, evaluate
-from adhesion_can.diagnosis.result import CurveData, Picture, Profile
+from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind
+from adhesion_can.diagnosis.regression.model import (
+    EXCLUDED,
+    Model,
+    RegressionData,
+    SegmentCurves,
+    evaluate_model,
+)
+from adhesion_can.diagnosis.result import CurveData, Profile, SimulationPlot
 from adhesion_can.physics import burckhardt
-from adhesion_can.physics.effects import build_instruments
-from adhesion_can.physics.effects.curve_creep import ANGLE, CURVATURE
+from adhesion_can.physics.channels import channel_unit
+from adhesion_can.physics.effects import Effect, build_instruments
 
 BINS = 24
 WINDOW_S, RESTART_S = 20.0, 0.2
 POINTS = 4000
 
 
-def shown_channel(study: Study, name: str, channels: Sequence[Channel]) -> Channel | None:
-    """A channel by name, also those that are only shown; None where the data do not have it."""
-    for channel in channels:
-        if channel.name == name:
+def find_plotted_channel(
+    data: RegressionData, effect: Effect, channels: Sequence[Channel]
+) -> Channel | None:
+    """The channel over which an effect is plotted; None where the data do not have it."""
+    by_name = {channel.name: channel for channel in channels}
+    for name in (effect.observability.channel, *effect.requires.covariates):
+        channel = by_name.get(name) or _build_derived_channel(data, name)
+        if channel is not None:
             return channel
-    seen = [course.observe() for course in study.courses]
-    if name == CURVATURE:
-        return next((channel for channel in channels if channel.name == ANGLE), None)
-    if name == "creep_speed":
-        creep = np.abs(np.concatenate([one.creep_speed for one in seen]))
-        return Channel(name, "m/s", Kind.FACTOR, creep)
-    if name == "signed_slip":
-        return Channel(name, "1", Kind.OFFSET, np.concatenate([one.slip for one in seen]))
     return None
 
 
-def profile_of(
-    study: Study, channel: Channel, before: Array, after: Array, change: Array, predicted: Array
+def _build_derived_channel(data: RegressionData, name: str) -> Channel | None:
+    """A channel that is plotted and never tested; None where there is none of that name."""
+    seen = [drive.observe() for drive in data.drives]
+    if name == "creep_speed":
+        values = np.abs(np.concatenate([one.creep_speed for one in seen]))
+        return Channel(name, channel_unit(name), ChannelKind.FACTOR, values)
+    if name == "signed_slip":
+        values = np.concatenate([one.slip for one in seen])
+        return Channel(name, channel_unit(name), ChannelKind.OFFSET, values)
+    return None
+
+
+def build_profile(
+    data: RegressionData, channel: Channel, before: Array, after: Array, change: Array, predicted: Array
 ) -> Profile:
     """Mean residuals over bins of a channel.
 
@@ -48,9 +62,9 @@ def profile_of(
         predicted: adhesion, for the direction of the effort.
 
     """
-    used = study.surface != EXCLUDED
+    used = data.surface != EXCLUDED
     values = channel.values[used]
-    sign = np.copysign(1.0, predicted[used]) if channel.kind is not Kind.OFFSET else 1.0
+    sign = np.copysign(1.0, predicted[used]) if channel.kind is not ChannelKind.OFFSET else 1.0
     levels = np.unique(values)
     if len(levels) <= BINS:
         number = np.searchsorted(levels, values)
@@ -58,7 +72,7 @@ def profile_of(
         edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
         number = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     # Rows of one second at one axle are no independent evidence: the error counts seconds.
-    second = np.floor(study.column("t_s")[used]).astype(np.int64)
+    second = np.floor(data.column("t_s")[used]).astype(np.int64)
     count = np.maximum(np.bincount(number), 1)
     kept = np.bincount(number) > 0
 
@@ -71,12 +85,12 @@ def profile_of(
 
     (was, was_std), (left, left_std) = mean(before), mean(after)
     at = (np.bincount(number, values) / count)[kept]
-    fitted = mean(change)[0]
+    fit_whitener = mean(change)[0]
     name = "place within the wave" if channel.period else channel.name
-    return Profile(name, channel.unit, at, was, left, was_std, left_std, fitted)
+    return Profile(name, channel.unit, at, was, left, was_std, left_std, fit_whitener)
 
 
-def pictures_of(course: Course, surface: int, plain: Model, extended: Model) -> list[Picture]:
+def build_simulation_plots(drive: DriveData, surface: int, plain: Model, extended: Model) -> list[SimulationPlot]:
     """The stretch of a recording in which the extension changes most, for the axle concerned.
 
     Args:
@@ -86,30 +100,30 @@ def pictures_of(course: Course, surface: int, plain: Model, extended: Model) -> 
         extended: with effects.
 
     """
-    if not len(course) or course.table:
+    if not len(drive) or drive.table:
         return []
-    study = Study((course,), np.zeros(len(course), dtype=np.int64), 1)
-    before = evaluate(study, Theta(plain.theta.values[[surface]]), plain.actives)
-    after = evaluate(study, Theta(extended.theta.values[[surface]]), extended.actives)
+    data = RegressionData((drive,), np.zeros(len(drive), dtype=np.int64), 1)
+    before = evaluate_model(data, SegmentCurves(plain.curves.values[[surface]]), plain.active_effects)
+    after = evaluate_model(data, SegmentCurves(extended.curves.values[[surface]]), extended.active_effects)
     change = np.abs(before.residual - after.residual)
-    axles = np.unique(course.axle)
-    axle = int(max(axles, key=lambda i: float(np.mean(change[course.axle == i] ** 2))))
-    own = np.flatnonzero(course.axle == axle)
-    second = np.floor(course.t_s[own] / (WINDOW_S / 2)).astype(np.int64)
+    axles = np.unique(drive.axle)
+    axle = int(max(axles, key=lambda i: float(np.mean(change[drive.axle == i] ** 2))))
+    own = np.flatnonzero(drive.axle == axle)
+    second = np.floor(drive.t_s[own] / (WINDOW_S / 2)).astype(np.int64)
     starts = np.unique(second)
     power = [float(np.sum(change[own][second == s] ** 2)) for s in starts]
     start_s = float(starts[int(np.argmax(power))]) * WINDOW_S / 2
-    rows = own[(course.t_s[own] >= start_s) & (course.t_s[own] < start_s + WINDOW_S)]
+    rows = own[(drive.t_s[own] >= start_s) & (drive.t_s[own] < start_s + WINDOW_S)]
     if len(rows) < 10:
         return []
     return [
-        Picture(
-            recording=course.name,
+        SimulationPlot(
+            recording=drive.name,
             axle=axle,
-            time_s=course.t_s[rows] + course.first_us / 1e6,
-            wheel_speed=course.source(0.0, 0.0).wheel_speed[rows],
-            simulated_before=simulated(course, rows, plain, surface),
-            simulated_after=simulated(course, rows, extended, surface),
+            time_s=drive.t_s[rows] + drive.first_us / 1e6,
+            wheel_speed=drive.kinematics(0.0, 0.0).wheel_speed[rows],
+            simulated_before=simulate_wheel_speed(drive, rows, plain, surface),
+            simulated_after=simulate_wheel_speed(drive, rows, extended, surface),
             adhesion=before.adhesion[rows],
             predicted_before=before.predicted[rows],
             predicted_after=after.predicted[rows],
@@ -118,27 +132,27 @@ def pictures_of(course: Course, surface: int, plain: Model, extended: Model) -> 
     ]
 
 
-def simulated(course: Course, rows: np.ndarray, model: Model, surface: int) -> Array:
+def simulate_wheel_speed(drive: DriveData, rows: np.ndarray, model: Model, surface: int) -> Array:
     """Wheel speed from measured effort and vehicle speed, rad/s: J dω/dt = r (F − μ(λ) N).
 
     Linearly implicit in ω, since the contact is stiff. Beyond the peak the wheel is unstable, and
     any simulation leaves the measurement there: so it begins anew from it at times.
     """
-    instruments = build_instruments(model.actives)
-    seen = course.observe(instruments)
-    study = Study((course,), np.zeros(len(course), dtype=np.int64), 1)
-    theta = Theta(model.theta.values[[surface]])
-    at = evaluate(study, theta, model.actives)
-    c1, log_c2, c3 = theta.values[0]
+    instruments = build_instruments(model.active_effects)
+    seen = drive.observe(instruments)
+    data = RegressionData((drive,), np.zeros(len(drive), dtype=np.int64), 1)
+    curves = SegmentCurves(model.curves.values[[surface]])
+    at = evaluate_model(data, curves, model.active_effects)
+    c1, log_c2, c3 = curves.values[0]
     c2 = float(np.exp(log_c2))
-    radii = course.radius * instruments.radius_factor(len(course.radius))
-    radius = float(radii[course.axle[rows[0]] - 1])
-    inertia = max(course.inertia + instruments.inertia_error, 1.0)
-    effort = course.effort[rows] - instruments.effort_bias
+    radii = drive.radius * instruments.radius_factor(len(drive.radius))
+    radius = float(radii[drive.axle[rows[0]] - 1])
+    inertia = max(drive.inertia + instruments.inertia_error, 1.0)
+    effort = drive.effort[rows] - instruments.effort_bias
     speed, load = seen.speed[rows], seen.load[rows]
-    shift, factor = (at.slip - seen.slip)[rows], at.factor[rows]
+    slip_correction, factor = (at.slip - seen.slip)[rows], at.factor[rows]
     true_slip = seen.slip[rows]
-    t_s = course.t_s[rows]
+    t_s = drive.t_s[rows]
     slip = np.empty(len(rows))
     restarted = t_s[0]
     slip[0] = true_slip[0]
@@ -149,7 +163,7 @@ def simulated(course: Course, rows: np.ndarray, model: Model, surface: int) -> A
             continue
         omega = (1.0 + slip[i - 1]) * speed[i - 1] / radius
         here = omega * radius / speed[i] - 1.0
-        inside = here + shift[i]
+        inside = here + slip_correction[i]
         mu = factor[i] * float(burckhardt.adhesion(inside, c1, c2, c3))
         slope = factor[i] * float(burckhardt.adhesion_slope(inside, c1, c2, c3))
         stiff = max(slope, 0.0) * load[i] * radius / speed[i]
@@ -159,14 +173,14 @@ def simulated(course: Course, rows: np.ndarray, model: Model, surface: int) -> A
     return np.asarray((1.0 + slip) * speed / radius)
 
 
-def curve_data(study: Study, number: int, extended: Model) -> CurveData | None:
+def build_curve_data(data: RegressionData, number: int, extended: Model) -> CurveData | None:
     """Some rows of one surface, as they are and as the extension corrects them."""
-    rows = np.flatnonzero(study.surface == number)
+    rows = np.flatnonzero(data.surface == number)
     if not len(rows):
         return None
     rows = rows[:: max(len(rows) // POINTS, 1)]
-    plain = evaluate(study, extended.theta)
-    after = evaluate(study, extended.theta, extended.actives)
+    plain = evaluate_model(data, extended.curves)
+    after = evaluate_model(data, extended.curves, extended.active_effects)
     factor = np.where(np.abs(after.factor) > 1e-3, after.factor, np.nan)
     sign = np.copysign(1.0, plain.slip)
     turned = np.copysign(1.0, after.slip)

@@ -1,100 +1,33 @@
 """What was found, in plain sentences with sizes and units."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from adhesion_can.diagnosis.formatting import channel_name, measured, short, unit_text
-from adhesion_can.diagnosis.inference.channel_splines import Channel
-from adhesion_can.diagnosis.inference.find_residual_channels import Left, Line
+from adhesion_can.diagnosis.formatting import measured, short, unit_text
+from adhesion_can.diagnosis.inference.find_residual_channels import (
+    DriveTrainOscillation,
+    ResidualChannel,
+)
+from adhesion_can.diagnosis.regression.channel_splines import Channel
 from adhesion_can.diagnosis.result import Cause, Gain, Profile
-
-SHOWN: Mapping[str, str] = {
-    "speed_dependence": "speed",
-    "load_dependence": "axle_load",
-    "falling_friction": "creep_speed",
-    "wheelset_inertia": "slip_rate",
-    "wheel_radius": "axle",
-    "speed_scale": "signed_slip",
-    "speed_delay": "slip_rate",
-    "effort_delay": "slip_rate",
-    "effort_bias": "signed_slip",
-    "creep_relaxation": "slip_rate",
-    "curve_creep": "curvature_per_m",
-    "rail_cleaning": "axle",
-    "adhesion_recovery": "slip",
-    "humidity": "relative_humidity_percent",
-    "rail_temperature": "rail_temperature_degC",
-    "sanding": "sanding_active",
-    "slow_drift": "time",
-    "traction_braking_asymmetry": "signed_slip",
-}
-"""Channel against which an effect is shown."""
-
-_GOES_WITH: Mapping[str, str] = {
-    "speed_dependence": "the speed",
-    "load_dependence": "the axle load",
-    "falling_friction": "creep speed beyond the peak",
-    "wheelset_inertia": "the acceleration of spinning wheels",
-    "wheel_radius": "coasting of the axle beside the others",
-    "speed_scale": "coasting at several speeds",
-    "speed_delay": "acceleration of the vehicle",
-    "effort_delay": "quick changes of effort at a steady creep",
-    "effort_bias": "coasting and braking",
-    "creep_relaxation": "quick changes of creep at low and at high speed",
-    "curve_creep": "lateral creep",
-    "rail_cleaning": "which axle leads",
-    "adhesion_recovery": "how long a creep is held",
-    "humidity": "the humidity",
-    "rail_temperature": "the rail's temperature",
-    "sanding": "sanding",
-    "slow_drift": "time",
-    "traction_braking_asymmetry": "traction and braking at the same creep",
-}
-_SEPARATE: Mapping[frozenset[str], str] = {
-    frozenset({"effort_delay", "creep_relaxation"}): (
-        "the same creep sweep at a third and at three times the speed: a delay stays the same in "
-        "seconds, a relaxation length in metres"
-    ),
-    frozenset({"effort_bias", "traction_braking_asymmetry"}): (
-        "coasting, where a bias stays and an asymmetry has nothing to act on, and braking and "
-        "traction at small and at large creep"
-    ),
-    frozenset({"effort_bias", "speed_scale"}): (
-        "coasting at several speeds: a bias is a force, a scale error a share of the speed"
-    ),
-    frozenset({"speed_scale", "traction_braking_asymmetry"}): (
-        "coasting, and braking beyond the peak, where a small error of the slip does nothing"
-    ),
-    frozenset({"speed_dependence", "falling_friction"}): (
-        "creep swept beyond the peak at low and at high speed: one falls with the speed at the "
-        "same slip, the other with creep speed alone"
-    ),
-    frozenset({"adhesion_recovery", "falling_friction"}): (
-        "the same creep held for seconds and passed quickly: recovery needs time"
-    ),
-    frozenset(
-        {"humidity", "slow_drift"}
-    ): "a longer drive, in which humidity comes back to where it was",
-    frozenset({"rail_temperature", "slow_drift"}): (
-        "a longer drive, in which the rail's temperature comes back to where it was"
-    ),
-    frozenset({"rail_cleaning", "load_dependence"}): (
-        "a drive in reverse: the leading axle is another one then, its load is not"
-    ),
-    frozenset({"rail_cleaning", "wheel_radius"}): "a drive in reverse, and coasting of every axle",
-}
+from adhesion_can.physics.channels import channel_label
+from adhesion_can.physics.effects import Effect, effect_by_id
 
 
-def separating(effect: str, rivals: Sequence[str]) -> str:
-    """Which manoeuvre or signal would tell an effect from its rivals."""
-    words = [_SEPARATE.get(frozenset({effect, rival})) or _apart(effect, rival) for rival in rivals]
-    return f"to tell {effect} from {', '.join(rivals)}: " + "; ".join(dict.fromkeys(words))
+def separation_sentence(effect: str, rivals: Sequence[str]) -> str:
+    """Manoeuvres or signals that would separate an effect from its rivals, all by their ids."""
+    ways = [_separation(effect_by_id(effect), effect_by_id(rival)) for rival in rivals]
+    return f"to tell {effect} from {', '.join(rivals)}: " + "; ".join(dict.fromkeys(ways))
 
 
-def _apart(effect: str, rival: str) -> str:
-    """A manoeuvre in general: what each of two effects goes with, without the other."""
-    mine, theirs = _GOES_WITH.get(effect, effect), _GOES_WITH.get(rival, rival)
+def _separation(effect: Effect, rival: Effect) -> str:
+    """A manoeuvre that one of two effects states, or else one in general."""
+    for one, other in ((effect, rival), (rival, effect)):
+        for separation in one.observability.separations:
+            if separation.rival == other.id:
+                return separation.manoeuvre
+    mine, theirs = (one.observability.excitation or one.id for one in (effect, rival))
     return f"a drive in which {mine} and {theirs} vary independently of each other"
 
 
@@ -120,31 +53,32 @@ def where_sentence(profile: Profile, gain: Gain) -> str:
     much = "too little" if profile.before[best] > 0 else "too much"
     at = f"{short(float(profile.at[best]))} {unit_text(profile.unit)}".strip()
     return (
-        f"{lead}. It is worst where {channel_name(profile.channel)} is about {at}: "
+        f"{lead}. It is worst where {channel_label(profile.channel)} is about {at}: "
         f"{size[best]:.4f} {much} there."
     )
 
 
-def channel_label(channel: Channel) -> str:
+def name_with_wave(channel: Channel) -> str:
     """Name of a channel, with the length of a wave in it."""
     return f"{channel.name}, wave of {channel.period:.1f} m" if channel.period else channel.name
 
 
-def channel_sentence(left: Left) -> str:
+def channel_sentence(residual_channel: ResidualChannel) -> str:
     """What an unexplained residual depends on."""
-    share = f"{100 * left.gain:.1f} % of the error (rms) on the data that decided"
-    if left.channel.period:
+    channel = residual_channel.channel
+    share = f"{100 * residual_channel.gain:.1f} % of the error (rms) on the data that decided"
+    if channel.period:
         return (
-            f"The adhesion varies along the rail in a wave of {left.channel.period:.1f} m, as no "
+            f"The adhesion varies along the rail in a wave of {channel.period:.1f} m, as no "
             f"known effect does it: {share}."
         )
     return (
-        f"The adhesion depends on {channel_name(left.channel.name)} in a way that no known effect "
+        f"The adhesion depends on {channel_label(channel.name)} in a way that no known effect "
         f"describes: {share}."
     )
 
 
-def line_sentence(line: Line) -> str:
+def line_sentence(line: DriveTrainOscillation) -> str:
     """An oscillation of the drive train."""
     return (
         f"The wheel speeds swing at {line.frequency:.1f} Hz by about {line.amplitude:.3f} rad/s: a "

@@ -106,7 +106,7 @@ class Plant:
         self.force: Array = np.zeros(vehicle.axles)
         self.load: Array = np.array(vehicle.axle_load)
         self._effects = tuple(a for a in effects if isinstance(a.effect, ContactEffect))
-        self._channels = {name for a in self._effects for name in a.effect.needs}
+        self._channels = {name for a in self._effects for name in a.effect.requires.covariates}
         self._lags = LagStates()
         self._follows = False
         self._axle = np.arange(1.0, vehicle.axles + 1)
@@ -196,8 +196,7 @@ class Plant:
         def every(value: float) -> Array:
             return np.full(len(slip), value)
 
-        conditions, gradient = self.conditions, self.gradient
-        known = {name: conditions.covariate(name, gradient) for name in self._channels}
+        known = self.conditions.covariates(self.gradient) if self._channels else {}
         return Contact(
             slip=slip,
             creep_speed=slip * v,
@@ -207,7 +206,7 @@ class Plant:
             axle=self._axle,
             place=self._axle,  # the simulated locomotive runs forward
             adhesion=self.force / self.load,
-            covariates={name: every(x) for name, x in known.items() if x is not None},
+            covariates={name: every(x) for name, x in known.items() if name in self._channels},
         )
 
 

@@ -11,6 +11,8 @@ from math import pi, sin
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.physics.channels import COVARIATES
+from adhesion_can.physics.readings import Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,17 +36,23 @@ class Conditions:
     rain: float = 0.0
     curvature: float = 0.0
 
-    def covariate(self, name: str, gradient: float) -> float | None:
-        """Value under the name that samples carry it by; None: there is no such channel here."""
-        return {
-            "ambient_temperature_degC": self.ambient_temperature,
-            "rail_temperature_degC": self.rail_temperature,
-            "relative_humidity_percent": self.humidity,
-            "sanding_active": self.sanding,
-            "rain": self.rain,
-            "gradient": gradient,
-            "curvature_per_m": self.curvature,
-        }.get(name)
+    def covariates(self, gradient: float) -> dict[str, float]:
+        """Values by the names of the covariates.
+
+        Args:
+            gradient: Gradient of the track, m/m, positive uphill.
+
+        """
+        values = {
+            Role.AMBIENT_TEMPERATURE: self.ambient_temperature,
+            Role.RAIL_TEMPERATURE: self.rail_temperature,
+            Role.HUMIDITY: self.humidity,
+            Role.SANDING: self.sanding,
+            Role.RAIN: self.rain,
+            Role.GRADIENT: gradient,
+            Role.CURVATURE: self.curvature,
+        }
+        return {COVARIATES[role]: value for role, value in values.items()}
 
 
 CALM = Conditions()

@@ -10,7 +10,7 @@ from adhesion_can.diagnosis.drive.from_traces import course_of
 from adhesion_can.diagnosis.inference.candidates import candidates_of
 from adhesion_can.diagnosis.regression.find_surface_changes import AROUND_S, changes, study_of
 from adhesion_can.diagnosis.regression.model import EXCLUDED
-from adhesion_can.diagnosis.sentences import separating
+from adhesion_can.diagnosis.sentences import separation_sentence
 from adhesion_can.offline.load_traces import hear
 from adhesion_can.physics.effects import EFFECTS
 from adhesion_can.recordings.recording import Recording
@@ -74,7 +74,7 @@ def test_rows_beside_a_change_belong_to_no_surface():
 
 @pytest.mark.parametrize("effect", IDS)
 def test_for_every_rival_there_is_something_to_do(effect):
-    said = {rival: separating(effect, [rival]) for rival in IDS if rival != effect}
+    said = {rival: separation_sentence(effect, [rival]) for rival in IDS if rival != effect}
     for rival, words in said.items():
         told = words.removeprefix(f"to tell {effect} from {rival}: ")
         assert words != told
@@ -84,7 +84,7 @@ def test_for_every_rival_there_is_something_to_do(effect):
 
 def test_no_two_are_to_vary_independently_of_themselves():
     for one, other in permutations(IDS, 2):
-        told = separating(one, [other]).split(": ", 1)[1]
+        told = separation_sentence(one, [other]).split(": ", 1)[1]
         if "independently" in told:
             what = told.removeprefix("a drive in which ").split(" vary independently")[0]
             words = what.split(" and ")
@@ -94,6 +94,6 @@ def test_no_two_are_to_vary_independently_of_themselves():
 
 def test_of_several_rivals_none_is_forgotten():
     """Words are known for a pair of them: the others need some as well."""
-    told = separating("effort_delay", ["creep_relaxation", "speed_delay"])
+    told = separation_sentence("effort_delay", ["creep_relaxation", "speed_delay"])
     assert "third" in told
-    assert len(told) > len(separating("effort_delay", ["creep_relaxation"])) + 20
+    assert len(told) > len(separation_sentence("effort_delay", ["creep_relaxation"])) + 20

@@ -255,7 +255,7 @@ def test_a_channel_changes_adhesion_in_a_straight_line(name, size, channel, refe
     at = contact()
     wanted = [1 + size * (x - reference) for x in at.covariates[channel]]
     assert factor_of(name, at, size) == pytest.approx(wanted, rel=1e-12)
-    assert channel in effect_by_id(name).needs
+    assert channel in effect_by_id(name).requires.covariates
 
 
 def test_slow_drift_goes_by_the_time_since_the_recording_began():

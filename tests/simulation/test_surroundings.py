@@ -9,7 +9,6 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import load_database
 from adhesion_can.config import load_configuration
 from adhesion_can.offline.extract_samples import samples_of
-from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.simulation.plant import Plant, Profile
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
@@ -67,13 +66,12 @@ def test_sand_is_strewn_at_the_end_of_each_period():
 
 def test_conditions_go_by_the_names_that_samples_carry():
     there = Conditions(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-    values = {name: there.covariate(name, 7.0) for name in COVARIATES.values()}
+    values = there.covariates(7.0)
     assert values == {
         "ambient_temperature_degC": 1.0, "rail_temperature_degC": 2.0,
         "relative_humidity_percent": 3.0, "sanding_active": 4.0, "rain": 5.0, "gradient": 7.0,
         "curvature_per_m": 6.0,
     }  # fmt: skip
-    assert there.covariate("slip_angle_deg", 0.0) is None
 
 
 def test_a_profile_lets_its_speed_swing():

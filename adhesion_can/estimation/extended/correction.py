@@ -41,7 +41,7 @@ def require_channels(model: ExtendedModel, available: Iterable[str], giver: str,
     """
     present = set(available)
     for active in model.in_contact:
-        needs = active.effect.needs
+        needs = active.effect.requires.covariates
         if needs and present.isdisjoint(needs):
             what = f"{active.effect.id} needs {' or '.join(needs)}, which {giver} does not give"
             raise ConfigError(model.where, what, mend)
@@ -49,13 +49,14 @@ def require_channels(model: ExtendedModel, available: Iterable[str], giver: str,
 
 def require_axles(model: ExtendedModel, axles: int) -> None:
     """ConfigError where a model speaks of an axle that the vehicle does not have."""
-    beyond = [axle for axle in model.instruments.radius_error if axle > axles]
-    if beyond:
-        raise ConfigError(
-            f"{model.where}: wheel_radius",
-            f"axle {beyond[0]} of a vehicle with {axles}",
-            "mend the axle, or the vehicle's axles",
-        )
+    for active in model.effects:
+        for parameter, value in zip(active.effect.parameters, active.values, strict=True):
+            if parameter.axle and value > axles:
+                raise ConfigError(
+                    f"{model.where}: {active.effect.id}",
+                    f"axle {value:g} of a vehicle with {axles}",
+                    "mend the axle, or the vehicle's axles",
+                )
 
 
 def channels_used(active: ActiveEffect) -> set[str]:
@@ -64,7 +65,7 @@ def channels_used(active: ActiveEffect) -> set[str]:
         known = {"speed": "speed", "creep_speed": "speed", "load": "load", "axle": "place"}
         return {known[active.effect.channel]} if active.effect.channel in known else set()
     rows = np.ones(2)
-    covariates = dict.fromkeys(active.effect.needs, rows)
+    covariates = dict.fromkeys(active.effect.requires.covariates, rows)
     plain = Contact(
         slip=np.array([0.02, 0.03]),
         creep_speed=np.array([0.2, 0.3]),
@@ -203,7 +204,7 @@ def _known(
     if not kept.all():
         left_out["speed or load not finite"] += int((~kept).sum())
     for active in actives:
-        needs = active.effect.needs
+        needs = active.effect.requires.covariates
         if not needs:
             continue
         columns = [samples.covariates[name] for name in needs if name in samples.covariates]

@@ -16,7 +16,6 @@ from adhesion_can.physics.instruments import Instruments
 
 Matrix = tuple[tuple[float, ...], ...]
 
-SLOW = frozenset({"slow_drift"})
 _NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
@@ -82,11 +81,7 @@ class ExtendedModel:
 
         A tracker follows a slow drift itself, and from a moment of its own.
         """
-        return tuple(
-            active
-            for active in self.in_contact
-            if active.effect.id not in SLOW and active.effect.form != "time_s"
-        )
+        return tuple(active for active in self.in_contact if not active.effect.observability.drift)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Effects with values: what several of them together change."""
+"""Effects with values, and their joint change of contacts and instruments."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -19,12 +19,18 @@ from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.instruments import PERFECT, Instruments
 
 LEAST = 0.01
-"""Factor below which effects do not take adhesion together: a rail does not drive the wheel."""
+"""Smallest factor of effects together: the adhesion never changes its sign."""
 
 
 @dataclass(frozen=True, slots=True)
 class ActiveEffect:
-    """An effect with the values of its parameters."""
+    """An effect with the values of its parameters.
+
+    Attributes:
+        effect: Definition of the effect.
+        values: Values of its parameters, in their order.
+
+    """
 
     effect: Effect
     values: tuple[float, ...]
@@ -33,18 +39,18 @@ class ActiveEffect:
 def build_instruments(actives: Iterable[ActiveEffect], given: Instruments = PERFECT) -> Instruments:
     """The instruments with the errors that effects put on them."""
     for active in actives:
-        if isinstance(active.effect, InstrumentEffect):
+        if _acts_on_instruments(active.effect):
             given = active.effect.amend(given, active.values)
     return given
 
 
 def compute_change(actives: Iterable[ActiveEffect], contact: Contact, lags: LagStates) -> Change:
-    """What effects in the contact change together: each is entered with the slip of the one before.
+    """Change by effects together: each is entered with the slip of the one before.
 
     Args:
-        actives: effects; those of the instruments change nothing here.
-        contact: see there.
-        memory: see `ContactEffect.change`.
+        actives: Effects; those of the instruments change nothing here.
+        contact: State of the contacts; rows of one axle in the order of time.
+        lags: Lagging states, carried from call to call; fresh for a whole drive.
 
     """
     factor: Array | float | None = None
@@ -59,9 +65,13 @@ def compute_change(actives: Iterable[ActiveEffect], contact: Contact, lags: LagS
 
 def acts_in_contact(effect: Effect) -> TypeGuard[ContactEffect]:
     """Whether an effect is one in the contact; as `isinstance`, which is slow on protocols."""
-    return _has_change(type(effect))
+    return _has_method(type(effect), "change")
+
+
+def _acts_on_instruments(effect: Effect) -> TypeGuard[InstrumentEffect]:
+    return _has_method(type(effect), "amend")
 
 
 @cache
-def _has_change(kind: type) -> bool:
-    return hasattr(kind, "change")
+def _has_method(kind: type, name: str) -> bool:
+    return hasattr(kind, name)

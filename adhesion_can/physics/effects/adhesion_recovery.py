@@ -4,7 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+    Separation,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 
@@ -20,10 +27,20 @@ class AdhesionRecovery:
         Parameter("time", "s", 3.0, 0.3, 30.0, "after which it is lost again"),
     )
     literature: str = "Meierhofer et al., Proc. IMechE F 228 (2014); Voltr and Lata 2015"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = Requirements(speed=True)
+    observability: Observability = Observability(
+        channel="slip",
+        excitation="how long a creep is held",
+        separations=(
+            Separation(
+                "falling_friction",
+                "the same creep held for seconds and passed quickly: recovery needs time",
+            ),
+        ),
+    )
 
     def change(self, contact: Contact, values: tuple[float, ...], lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         gain, time = values
         power = np.abs(contact.adhesion * contact.load * contact.creep_speed)
         work = lags.follow(self.id, contact.axle, contact.time_s, power * time, 1.0 / time, 0.0)

@@ -1,8 +1,8 @@
-"""What an effect is: an id, parameters, literature, and what it changes.
+"""The definition of an effect: parameters, what it changes, what it requires, how it shows.
 
 There are two kinds. An effect in the contact changes the slip with which the curve is entered, or
-multiplies the adhesion that the curve gives: μ = factor · curve(slip). An effect of the instruments
-changes what the readings mean. Simulation, identification and criticism use the same definitions.
+multiplies the adhesion of the curve: μ = factor · curve(slip). An effect of the instruments changes
+what the readings mean. Simulation, estimation and diagnosis use the same definition.
 """
 
 from collections.abc import Mapping
@@ -19,13 +19,13 @@ class Parameter:
     """One number of an effect.
 
     Attributes:
-        name: as in the literature.
-        unit: SI.
-        typical: size taken where none is given.
-        lower: smallest value that makes sense.
-        upper: largest value that makes sense.
-        meaning: one line for an engineer.
-        axle: whether it is the number of an axle, found by trying each.
+        name: Name as in the literature.
+        unit: SI unit; '1' for a ratio.
+        typical: Value where none is given.
+        lower: Smallest value that makes sense.
+        upper: Largest value that makes sense.
+        meaning: Meaning in one line.
+        axle: Whether the value is the number of an axle; the diagnosis tries each axle.
 
     """
 
@@ -39,19 +39,74 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
-    """The state of contacts that an effect may depend on: arrays of one shape, SI units.
+class Requirements:
+    """Data without which an effect cannot be identified.
 
     Attributes:
-        slip: slip ratio λ with its sign.
-        creep_speed: r ω − v, m/s.
-        speed: vehicle speed, m/s.
-        load: wheelset load, N.
-        time_s: time since the recording began, s.
-        axle: number of the axle, 1...
-        place: of the axle, counted from the leading one in the direction of travel, 1...
-        adhesion: force over load in the contact, as measured or as it was a step ago.
-        covariates: other channels, by name.
+        covariates: Names of channels of which at least one must be recorded and vary; () for none.
+        wheel_speed: Whether the wheel speeds are required; a TABLE has slip and adhesion alone.
+        several_axles: Whether data of more than one axle are required.
+        speed: Whether the vehicle speed must be recorded.
+        load: Whether the axle loads must be measured.
+
+    """
+
+    covariates: tuple[str, ...] = ()
+    wheel_speed: bool = False
+    several_axles: bool = False
+    speed: bool = False
+    load: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """A manoeuvre that separates an effect from a rival with a similar signature.
+
+    Attributes:
+        rival: Id of the other effect.
+        manoeuvre: Drive in which the two differ, a noun phrase.
+
+    """
+
+    rival: str
+    manoeuvre: str
+
+
+@dataclass(frozen=True, slots=True)
+class Observability:
+    """How an effect shows in data.
+
+    Attributes:
+        channel: Name of the channel over which residuals are plotted: one of the catalogue
+            `physics.channels`, or a column of a TABLE.
+        excitation: What must vary for the effect to show, a noun phrase.
+        separations: Manoeuvres that separate the effect from particular rivals. For other rivals
+            the two excitations must vary independently of each other.
+        drift: Whether the effect depends on time alone: an online estimator follows such a change
+            by itself, and the diagnosis prefers a cause that was measured.
+
+    """
+
+    channel: str = "slip"
+    excitation: str = ""
+    separations: tuple[Separation, ...] = ()
+    drift: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """State of contacts on which an effect may depend; arrays of one shape (n,).
+
+    Attributes:
+        slip: Slip ratio λ with its sign.
+        creep_speed: Creep speed r·ω − v, m/s.
+        speed: Vehicle speed, m/s.
+        load: Wheelset load, N.
+        time_s: Time since the recording began, s.
+        axle: Number of the axle, from 1.
+        place: Place of the axle counted from the leading one in the direction of travel, from 1.
+        adhesion: Force over load, as measured or as it was a step ago.
+        covariates: Values of other channels by name.
 
     """
 
@@ -68,11 +123,11 @@ class Contact:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What effects change in contacts: μ = factor · curve(slip).
+    """Change of contacts by effects: μ = factor · curve(slip).
 
     Attributes:
-        slip: with which the curve is entered; shape of the contact's.
-        factor: of the adhesion; shape of the contact's, or a number.
+        slip: Slip ratio with which the curve is entered; shape (n,).
+        factor: Factor of the adhesion; shape (n,), or one number.
 
     """
 
@@ -80,17 +135,17 @@ class Change:
     factor: Array | float = 1.0
 
 
-class Described(Protocol):
-    """What every effect says of itself."""
+class EffectDefinition(Protocol):
+    """What both kinds of effects declare."""
 
     @property
     def id(self) -> str:
-        """Fixed name, as reports and `--effect` use it."""
+        """Fixed name in reports, model files and `--effect`."""
         ...
 
     @property
     def form(self) -> str:
-        """Which of several forms of one mechanism; '' where there is one."""
+        """Name of the form, where a mechanism has several; else ''."""
         ...
 
     @property
@@ -100,42 +155,53 @@ class Described(Protocol):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Its numbers; the first is the size: nothing changes where it is 0."""
+        """The numbers of the effect. The first one is its size: nothing changes where it is 0."""
         ...
 
     @property
     def literature(self) -> str:
-        """Where it is described."""
+        """Reference."""
         ...
 
     @property
-    def needs(self) -> tuple[str, ...]:
-        """Covariates of which one must be known for the effect to be told; (): none."""
+    def requires(self) -> Requirements:
+        """Data without which the effect cannot be identified."""
+        ...
+
+    @property
+    def observability(self) -> Observability:
+        """How the effect shows in data, and what separates it from others."""
         ...
 
 
 @runtime_checkable
-class ContactEffect(Described, Protocol):
+class ContactEffect(EffectDefinition, Protocol):
     """A mechanism in the contact."""
 
     def change(self, contact: Contact, values: tuple[float, ...], lags: LagStates) -> Change:
-        """What it changes.
+        """Change of contacts.
 
         Args:
-            contact: state of the contacts; rows of one axle in the order of time.
-            values: of `parameters`, in their order.
-            memory: what lags behind, carried from call to call; fresh for a whole drive.
+            contact: State of the contacts; rows of one axle in the order of time.
+            values: Values of `parameters`, in their order.
+            lags: Lagging states, carried from call to call; fresh for a whole drive.
 
         """
         ...
 
 
 @runtime_checkable
-class InstrumentEffect(Described, Protocol):
+class InstrumentEffect(EffectDefinition, Protocol):
     """An error of sensors or of the vehicle's data."""
 
     def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
+        """Instruments with this error in addition.
+
+        Args:
+            instruments: Instruments with the errors of other effects.
+            values: Values of `parameters`, in their order.
+
+        """
         ...
 
 

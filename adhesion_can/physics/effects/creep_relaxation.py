@@ -2,7 +2,13 @@
 
 from dataclasses import dataclass
 
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 _SHORTEST = 1e-6  # m; no contact is as short, and a length of 0 is a rate that is not finite
@@ -19,10 +25,13 @@ class CreepRelaxation:
         Parameter("length", "m", 0.5, 0.0, 10.0, "way over which the contact follows"),
     )
     literature: str = "Pacejka, Tire and Vehicle Dynamics, 3rd ed. 2012, ch. 7; Kalker 1990"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = Requirements(speed=True)
+    observability: Observability = Observability(
+        channel="slip_rate", excitation="quick changes of creep at low and at high speed"
+    )
 
     def change(self, contact: Contact, values: tuple[float, ...], lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         if values[0] == 0.0:
             return Change(contact.slip)
         rate = contact.speed / max(values[0], _SHORTEST)

@@ -5,7 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 CURVATURE, ANGLE = "curvature_per_m", "slip_angle_deg"
@@ -36,10 +42,11 @@ class CurveCreep:
         ),
     )
     literature: str = "Kalker 1990; Burckhardt 1993 on combined slip"
-    needs: tuple[str, ...] = (CURVATURE, ANGLE)
+    requires: Requirements = Requirements(covariates=(CURVATURE, ANGLE))
+    observability: Observability = Observability(channel=CURVATURE, excitation="lateral creep")
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         if values[0] == 0.0:
             return Change(contact.slip)
         lateral = values[0] * lateral_channel(contact)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from adhesion_can.physics.effects.base import Parameter
+from adhesion_can.physics.effects.base import Observability, Parameter, Requirements, Separation
 from adhesion_can.physics.instruments import Instruments
 
 
@@ -17,8 +17,23 @@ class EffortBias:
         Parameter("bias", "N", 3000.0, -50e3, 50e3, "by how much it reads high"),
     )
     literature: str = "Kiencke and Nielsen, Automotive Control Systems, 2nd ed. 2005"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = Requirements()
+    observability: Observability = Observability(
+        channel="signed_slip",
+        excitation="coasting and braking",
+        separations=(
+            Separation(
+                "traction_braking_asymmetry",
+                "coasting, where a bias stays and an asymmetry has nothing to act on, and "
+                "braking and traction at small and at large creep",
+            ),
+            Separation(
+                "speed_scale",
+                "coasting at several speeds: a bias is a force, a scale error a share of the speed",
+            ),
+        ),
+    )
 
     def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """See `InstrumentEffect.amend`."""
+        """Instruments with this error in addition."""
         return replace(instruments, effort_bias=instruments.effort_bias + values[0])

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from adhesion_can.physics.effects.base import Parameter
+from adhesion_can.physics.effects.base import Observability, Parameter, Requirements, Separation
 from adhesion_can.physics.instruments import Instruments
 
 
@@ -17,8 +17,19 @@ class EffortDelay:
         Parameter("delay", "s", 0.05, 0.0, 0.5, "age of the effort at its stamp"),
     )
     literature: str = "Ljung, System Identification, 2nd ed. 1999, sec. 14.3"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = Requirements()
+    observability: Observability = Observability(
+        channel="slip_rate",
+        excitation="quick changes of effort at a steady creep",
+        separations=(
+            Separation(
+                "creep_relaxation",
+                "the same creep sweep at a third and at three times the speed: a delay stays "
+                "the same in seconds, a relaxation length in metres",
+            ),
+        ),
+    )
 
     def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """See `InstrumentEffect.amend`."""
+        """Instruments with this error in addition."""
         return replace(instruments, effort_delay=instruments.effort_delay + values[0])

@@ -1,6 +1,6 @@
-"""An effect that nobody can name: adhesion over some channel, as a spline found from data.
+"""An effect without a known mechanism: adhesion over some channel, as a spline found from data.
 
-It is not one of `EFFECTS`: it explains nothing, it only says what was seen.
+It is not one of `EFFECTS`: it describes what was observed and explains nothing.
 """
 
 from dataclasses import dataclass
@@ -10,12 +10,19 @@ import numpy as np
 import scipy
 
 from adhesion_can.arrays import Array
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.channels import CHANNELS
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 DEGREE = 3
-CHANNELS = ("speed", "slip", "creep_speed", "load", "time_s", "axle")
-"""Channels that every contact has; slip and creep speed by their size."""
+CONTACT_CHANNELS = tuple(channel.contact for channel in CHANNELS if channel.contact)
+"""Channels of every contact, by their attribute of `Contact`; slip and creep speed as magnitude."""
 KINDS = ("factor",)
 
 
@@ -24,10 +31,10 @@ class Empirical:
     """Factor 1 + s(x) with a cubic B-spline s; beyond its knots x counts as at the last of them.
 
     Attributes:
-        channel: x: one of `CHANNELS`, or a covariate by name.
-        kind: what it changes; 'factor' is all there is.
-        knots: not descending, the first four alike and the last four alike.
-        coefficients: of the B-splines, four fewer than the knots.
+        channel: Name of x: one of `CONTACT_CHANNELS`, or a covariate.
+        kind: What the spline changes: 'factor', the adhesion.
+        knots: Knots in ascending order, the first four alike and the last four alike.
+        coefficients: Coefficients of the B-splines, four fewer than the knots.
 
     """
 
@@ -56,17 +63,17 @@ class Empirical:
 
     @property
     def id(self) -> str:
-        """Of every spline."""
+        """Fixed name of all splines."""
         return "spline"
 
     @property
     def form(self) -> str:
-        """Its channel."""
+        """Name of the channel."""
         return self.channel
 
     @property
     def title(self) -> str:
-        """See `Described.title`."""
+        """What happens, a clause."""
         return f"adhesion changes with {self.channel} in a way that no known effect describes"
 
     @property
@@ -76,17 +83,22 @@ class Empirical:
 
     @property
     def literature(self) -> str:
-        """See `Described.literature`."""
+        """Reference."""
         return "Brynjarsdottir and O'Hagan, Inverse Problems 30 (2014) 114007"
 
     @property
-    def needs(self) -> tuple[str, ...]:
+    def requires(self) -> Requirements:
         """The channel, where it is a covariate."""
-        return () if self.channel in CHANNELS else (self.channel,)
+        return _requirements(self.channel)
+
+    @property
+    def observability(self) -> Observability:
+        """The channel; over the time a spline is a drift."""
+        return Observability(self.channel, self.channel, drift=self.channel == "time_s")
 
     def change(self, contact: Contact, _values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
-        if self.channel in CHANNELS:
+        """Change of the contacts."""
+        if self.channel in CONTACT_CHANNELS:
             x = np.asarray(getattr(contact, self.channel), dtype=np.float64)
             if self.channel in {"slip", "creep_speed"}:
                 x = np.abs(x)
@@ -99,6 +111,11 @@ class Empirical:
         inside = np.clip(x, self.knots[0], self.knots[-1])
         spline = _spline(self.knots, self.coefficients)
         return np.asarray(spline(inside), dtype=np.float64)
+
+
+@lru_cache(maxsize=64)
+def _requirements(channel: str) -> Requirements:
+    return Requirements(covariates=() if channel in CONTACT_CHANNELS else (channel,))
 
 
 @lru_cache(maxsize=64)

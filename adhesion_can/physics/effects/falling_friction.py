@@ -5,10 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from adhesion_can.physics.burckhardt import falling_factor
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 _ID, _TITLE = "falling_friction", "adhesion falls with creep speed"
+_REQUIRES = Requirements(speed=True)
+_OBSERVABILITY = Observability(channel="creep_speed", excitation="creep speed beyond the peak")
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,10 +30,11 @@ class FallingFriction:
         Parameter("c4", "s/m", 0.1, 0.0, 2.0, "fall of adhesion per m/s of creep, for small creep"),
     )
     literature: str = "Burckhardt 1993, eq. 4 of He et al. 2018"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = _REQUIRES
+    observability: Observability = _OBSERVABILITY
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         return Change(contact.slip, falling_factor(contact.creep_speed, values[0]))
 
 
@@ -41,10 +50,11 @@ class PolachFriction:
         Parameter("A", "1", 0.4, 0.0, 0.95, "share of it that is left at high creep speed"),
     )
     literature: str = "Polach, Wear 258 (2005) 992-1000"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = _REQUIRES
+    observability: Observability = _OBSERVABILITY
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         rate, left = values
         return Change(
             contact.slip, 1.0 + (1.0 - left) * np.expm1(-rate * np.abs(contact.creep_speed))

@@ -2,7 +2,14 @@
 
 from dataclasses import dataclass
 
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+    Separation,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 CHANNEL = "relative_humidity_percent"
@@ -21,8 +28,17 @@ class Humidity:
         Parameter("slope", "1/%", -0.003, -0.01, 0.01, "share of adhesion per % of humidity"),
     )
     literature: str = "Olofsson and Sundvall, Proc. IMechE F 218 (2004) 301-310"
-    needs: tuple[str, ...] = (CHANNEL,)
+    requires: Requirements = Requirements(covariates=(CHANNEL,))
+    observability: Observability = Observability(
+        channel=CHANNEL,
+        excitation="the humidity",
+        separations=(
+            Separation(
+                "slow_drift", "a longer drive, in which humidity comes back to where it was"
+            ),
+        ),
+    )
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         return Change(contact.slip, 1.0 + values[0] * (contact.covariates[CHANNEL] - REFERENCE))

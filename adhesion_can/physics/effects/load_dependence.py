@@ -3,10 +3,18 @@
 from dataclasses import dataclass
 
 from adhesion_can.physics.burckhardt import load_factor
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 _ID, _TITLE = "load_dependence", "adhesion changes with wheel load"
+_REQUIRES = Requirements(load=True)
+_OBSERVABILITY = Observability(channel="axle_load", excitation="the axle load")
 REFERENCE = 100e3
 """Load at which the power law changes nothing, N."""
 
@@ -23,10 +31,11 @@ class LoadDependence:
         Parameter("c5", "1/N^2", 4e-12, 0.0, 1e-6, "share of adhesion lost per squared load"),
     )
     literature: str = "Burckhardt 1993, eq. 4 of He et al. 2018"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = _REQUIRES
+    observability: Observability = _OBSERVABILITY
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         return Change(contact.slip, load_factor(contact.load, values[0]))
 
 
@@ -41,8 +50,9 @@ class LoadPower:
         Parameter("exponent", "1", 0.5, -3.0, 3.0, "adhesion falls with this power of the load"),
     )
     literature: str = "Popov, Contact Mechanics and Friction, 2nd ed. 2017, on the load's power law"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = _REQUIRES
+    observability: Observability = _OBSERVABILITY
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         return Change(contact.slip, (contact.load / REFERENCE) ** -values[0])

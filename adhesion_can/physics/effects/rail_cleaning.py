@@ -2,7 +2,14 @@
 
 from dataclasses import dataclass
 
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+    Separation,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 
@@ -17,8 +24,19 @@ class RailCleaning:
         Parameter("gain", "1", 0.02, -0.1, 0.2, "share of adhesion gained from axle to axle"),
     )
     literature: str = "Voltr and Lata, Vehicle System Dynamics 53 (2015) 605-618"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = Requirements(several_axles=True)
+    observability: Observability = Observability(
+        channel="axle",
+        excitation="which axle leads",
+        separations=(
+            Separation(
+                "load_dependence",
+                "a drive in reverse: the leading axle is another one then, its load is not",
+            ),
+            Separation("wheel_radius", "a drive in reverse, and coasting of every axle"),
+        ),
+    )
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         return Change(contact.slip, 1.0 + values[0] * (contact.place - 1.0))

@@ -2,7 +2,14 @@
 
 from dataclasses import dataclass
 
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+    Separation,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 CHANNEL = "rail_temperature_degC"
@@ -21,8 +28,18 @@ class RailTemperature:
         Parameter("slope", "1/K", 0.005, -0.02, 0.02, "share of adhesion per K"),
     )
     literature: str = "Lyu et al., Tribology International 90 (2015) 1-8"
-    needs: tuple[str, ...] = (CHANNEL,)
+    requires: Requirements = Requirements(covariates=(CHANNEL,))
+    observability: Observability = Observability(
+        channel=CHANNEL,
+        excitation="the rail's temperature",
+        separations=(
+            Separation(
+                "slow_drift",
+                "a longer drive, in which the rail's temperature comes back to where it was",
+            ),
+        ),
+    )
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         return Change(contact.slip, 1.0 + values[0] * (contact.covariates[CHANNEL] - REFERENCE))

@@ -2,7 +2,13 @@
 
 from dataclasses import dataclass
 
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 CHANNEL = "sanding_active"
@@ -19,8 +25,9 @@ class Sanding:
         Parameter("gain", "1", 0.2, -0.5, 2.0, "share of adhesion gained under sand"),
     )
     literature: str = "Arias-Cuevas et al., Wear 268 (2010) 543-551"
-    needs: tuple[str, ...] = (CHANNEL,)
+    requires: Requirements = Requirements(covariates=(CHANNEL,))
+    observability: Observability = Observability(channel=CHANNEL, excitation="sanding")
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         return Change(contact.slip, 1.0 + values[0] * contact.covariates[CHANNEL])

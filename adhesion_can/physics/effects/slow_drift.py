@@ -4,7 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 LEAST = 0.1
@@ -22,8 +28,9 @@ class SlowDrift:
         Parameter("rate", "1/s", -5e-4, -0.01, 0.01, "share of adhesion per second"),
     )
     literature: str = "Beagley and Pritchard, Wear 35 (1975) 299-313, on drying rails"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = Requirements()
+    observability: Observability = Observability(channel="time", excitation="time", drift=True)
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         return Change(contact.slip, np.maximum(1.0 + values[0] * contact.time_s, LEAST))

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from adhesion_can.physics.effects.base import Parameter
+from adhesion_can.physics.effects.base import Observability, Parameter, Requirements
 from adhesion_can.physics.instruments import Instruments
 
 
@@ -17,8 +17,11 @@ class SpeedDelay:
         Parameter("delay", "s", 0.2, 0.0, 1.0, "age of the speed at its stamp"),
     )
     literature: str = "Ljung, System Identification, 2nd ed. 1999, sec. 14.3"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = Requirements(wheel_speed=True)
+    observability: Observability = Observability(
+        channel="slip_rate", excitation="acceleration of the vehicle"
+    )
 
     def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """See `InstrumentEffect.amend`."""
+        """Instruments with this error in addition."""
         return replace(instruments, speed_delay=instruments.speed_delay + values[0])

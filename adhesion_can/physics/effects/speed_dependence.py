@@ -3,7 +3,14 @@
 from dataclasses import dataclass
 
 from adhesion_can.arrays import Array
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+    Separation,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 
@@ -23,8 +30,19 @@ class SpeedDependence:
         Parameter("share", "1", 1.0, -1.0, 3.0, "fall with speed; 1 is Curtius and Kniffler's"),
     )
     literature: str = "Curtius and Kniffler, Elektrische Bahnen 21 (1950) 201-210"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = Requirements(speed=True)
+    observability: Observability = Observability(
+        channel="speed",
+        excitation="the speed",
+        separations=(
+            Separation(
+                "falling_friction",
+                "creep swept beyond the peak at low and at high speed: one falls with the speed "
+                "at the same slip, the other with creep speed alone",
+            ),
+        ),
+    )
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         return Change(contact.slip, 1.0 + values[0] * (curtius_kniffler(contact.speed) - 1.0))

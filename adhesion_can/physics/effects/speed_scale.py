@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from adhesion_can.physics.effects.base import Parameter
+from adhesion_can.physics.effects.base import Observability, Parameter, Requirements, Separation
 from adhesion_can.physics.instruments import Instruments
 
 
@@ -17,8 +17,19 @@ class SpeedScale:
         Parameter("error", "1", 0.01, -0.05, 0.05, "share by which it reads high"),
     )
     literature: str = "Malvezzi et al., Proc. IMechE F 228 (2014), on odometry"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = Requirements()
+    observability: Observability = Observability(
+        channel="signed_slip",
+        excitation="coasting at several speeds",
+        separations=(
+            Separation(
+                "traction_braking_asymmetry",
+                "coasting, and braking beyond the peak, where a small error of the slip does "
+                "nothing",
+            ),
+        ),
+    )
 
     def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """See `InstrumentEffect.amend`."""
+        """Instruments with this error in addition."""
         return replace(instruments, speed_error=instruments.speed_error + values[0])

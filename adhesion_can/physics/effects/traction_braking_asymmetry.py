@@ -4,7 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adhesion_can.physics.effects.base import Change, Contact, Parameter
+from adhesion_can.physics.effects.base import (
+    Change,
+    Contact,
+    Observability,
+    Parameter,
+    Requirements,
+)
 from adhesion_can.physics.effects.lag_states import LagStates
 
 
@@ -19,8 +25,11 @@ class TractionBrakingAsymmetry:
         Parameter("gain", "1", -0.1, -0.6, 1.0, "share by which adhesion in braking is higher"),
     )
     literature: str = "Kalker, Three-Dimensional Elastic Bodies in Rolling Contact, 1990, ch. 5"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = Requirements()
+    observability: Observability = Observability(
+        channel="signed_slip", excitation="traction and braking at the same creep"
+    )
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
-        """See `ContactEffect.change`."""
+        """Change of the contacts."""
         return Change(contact.slip, np.where(contact.slip < 0, 1.0 + values[0], 1.0))

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from adhesion_can.physics.effects.base import Parameter
+from adhesion_can.physics.effects.base import Observability, Parameter, Requirements
 from adhesion_can.physics.instruments import Instruments
 
 
@@ -18,10 +18,13 @@ class WheelRadius:
         Parameter("axle", "1", 1.0, 1.0, 999.0, "number of the axle", axle=True),
     )
     literature: str = "Malvezzi et al., Proc. IMechE F 228 (2014), on odometry"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = Requirements(several_axles=True)
+    observability: Observability = Observability(
+        channel="axle", excitation="coasting of the axle beside the others"
+    )
 
     def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """See `InstrumentEffect.amend`."""
+        """Instruments with this error in addition."""
         error, axle = values[0], round(values[1])
         before = instruments.radius_error.get(axle, 0.0)
         return replace(instruments, radius_error={**instruments.radius_error, axle: before + error})

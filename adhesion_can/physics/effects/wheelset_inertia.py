@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from adhesion_can.physics.effects.base import Parameter
+from adhesion_can.physics.effects.base import Observability, Parameter, Requirements
 from adhesion_can.physics.instruments import Instruments
 
 
@@ -17,8 +17,11 @@ class WheelsetInertia:
         Parameter("error", "kg m^2", 400.0, -2000.0, 5000.0, "true less configured inertia"),
     )
     literature: str = "Eq. 3 of He et al. 2018"
-    needs: tuple[str, ...] = ()
+    requires: Requirements = Requirements(wheel_speed=True)
+    observability: Observability = Observability(
+        channel="slip_rate", excitation="the acceleration of spinning wheels"
+    )
 
     def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """See `InstrumentEffect.amend`."""
+        """Instruments with this error in addition."""
         return replace(instruments, inertia_error=instruments.inertia_error + values[0])

@@ -1,0 +1,129 @@
+"""All effects: the built-in ones, and those of installed distributions.
+
+A built-in effect is a file of this folder and a line of `EFFECTS`. A distribution offers an effect
+by an entry point of the group 'adhesion_can.effects': an object with the attributes and the method
+of `ContactEffect` or `InstrumentEffect`, or its class.
+"""
+
+import re
+from functools import cache
+
+from adhesion_can.physics.effects.adhesion_recovery import AdhesionRecovery
+from adhesion_can.physics.effects.base import Effect, Observability, Parameter, Requirements
+from adhesion_can.physics.effects.creep_relaxation import CreepRelaxation
+from adhesion_can.physics.effects.curve_creep import CurveCreep
+from adhesion_can.physics.effects.effort_bias import EffortBias
+from adhesion_can.physics.effects.effort_delay import EffortDelay
+from adhesion_can.physics.effects.falling_friction import FallingFriction, PolachFriction
+from adhesion_can.physics.effects.humidity import Humidity
+from adhesion_can.physics.effects.load_dependence import LoadDependence, LoadPower
+from adhesion_can.physics.effects.rail_cleaning import RailCleaning
+from adhesion_can.physics.effects.rail_temperature import RailTemperature
+from adhesion_can.physics.effects.sanding import Sanding
+from adhesion_can.physics.effects.slow_drift import SlowDrift
+from adhesion_can.physics.effects.speed_delay import SpeedDelay
+from adhesion_can.physics.effects.speed_dependence import SpeedDependence
+from adhesion_can.physics.effects.speed_scale import SpeedScale
+from adhesion_can.physics.effects.traction_braking_asymmetry import TractionBrakingAsymmetry
+from adhesion_can.physics.effects.wheel_radius import WheelRadius
+from adhesion_can.physics.effects.wheelset_inertia import WheelsetInertia
+from adhesion_can.plugins import Plugin, load_plugins
+
+GROUP = "adhesion_can.effects"
+"""Group of the entry points."""
+
+EFFECTS: tuple[Effect, ...] = (
+    WheelsetInertia(),
+    WheelRadius(),
+    SpeedScale(),
+    SpeedDelay(),
+    EffortDelay(),
+    EffortBias(),
+    CreepRelaxation(),
+    CurveCreep(),
+    SpeedDependence(),
+    LoadDependence(),
+    LoadPower(),
+    FallingFriction(),
+    PolachFriction(),
+    RailCleaning(),
+    AdhesionRecovery(),
+    Humidity(),
+    RailTemperature(),
+    Sanding(),
+    SlowDrift(),
+    TractionBrakingAsymmetry(),
+)
+"""The built-in effects. What changes the slip stands before what multiplies the adhesion."""
+
+
+@cache
+def known_effects() -> tuple[Effect, ...]:
+    """The built-in effects, then those of installed distributions.
+
+    Two forms of one mechanism share their id.
+
+    Raises:
+        PluginError: A distribution offers something that is no effect, or an effect that is there.
+
+    """
+    effects = list(EFFECTS)
+    for plugin in load_plugins(GROUP):
+        effect = plugin.value() if isinstance(plugin.value, type) else plugin.value
+        _require_effect(effect, plugin)
+        if any((effect.id, effect.form) == (other.id, other.form) for other in effects):
+            raise plugin.error(f"there is an effect {_name(effect.id, effect.form)!r} already")
+        effects.append(effect)
+    return tuple(effects)
+
+
+def effect_by_id(effect_id: str, form: str = "") -> Effect:
+    """The effect of that id, in a form or in its first one; KeyError with the ids that exist."""
+    for effect in known_effects():
+        if effect.id == effect_id and form in {"", effect.form}:
+            return effect
+    known = ", ".join(dict.fromkeys(e.id for e in known_effects()))
+    raise KeyError(f"no effect {_name(effect_id, form)!r}; known: {known}")
+
+
+def effect_position(effect: Effect) -> int:
+    """Place of an effect among all effects, from 0: the order in which effects act."""
+    return _positions()[effect.id, effect.form]
+
+
+@cache
+def _positions() -> dict[tuple[str, str], int]:
+    return {(effect.id, effect.form): place for place, effect in enumerate(known_effects())}
+
+
+def _name(effect_id: str, form: str) -> str:
+    return f"{effect_id} {form}".strip()
+
+
+_ATTRIBUTES = {
+    "id": str,
+    "form": str,
+    "title": str,
+    "parameters": tuple,
+    "literature": str,
+    "requires": Requirements,
+    "observability": Observability,
+}
+
+
+def _require_effect(effect: object, plugin: Plugin) -> None:
+    """PluginError where an object lacks something of an effect."""
+    for attribute, kind in _ATTRIBUTES.items():
+        if not isinstance(getattr(effect, attribute, None), kind):
+            raise plugin.error(f"no effect: its {attribute!r} is no {kind.__name__}")
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", str(getattr(effect, "id", ""))):
+        raise plugin.error("no effect: its 'id' is not made of lower case letters, digits and _")
+    methods = [callable(getattr(effect, name, None)) for name in ("change", "amend")]
+    if methods.count(True) != 1:
+        raise plugin.error("no effect: it has not one of the methods 'change' and 'amend'")
+    parameters = getattr(effect, "parameters", ())
+    if not parameters or not all(isinstance(p, Parameter) for p in parameters):
+        raise plugin.error("no effect: its 'parameters' are not one Parameter or more")
+    size = parameters[0]
+    if not size.lower <= 0.0 <= size.upper:
+        raise plugin.error(f"no effect: its size, {size.name!r}, cannot be 0")
