@@ -28,13 +28,13 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.registry import ESTIMATORS, oracle
-from adhesion_can.experiments.figures_of_merit import Outcome, outcome
+from adhesion_can.experiments.figures_of_merit import NoiseLevelResult, collect_runs
 from adhesion_can.experiments.runs import (
     EXPERIMENTS,
-    Contender,
+    EstimatorRun,
     Experiment,
-    Track,
-    contenders,
+    Participant,
+    participants,
     run_once,
 )
 from adhesion_can.files import whole_file
@@ -63,15 +63,13 @@ class _Task(NamedTuple):
     names: tuple[str, ...]
 
 
-def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "experiment",
-        help="the paper's experiments, every estimator side by side",
-        description="Repeats an experiment of the paper with every estimator over the same data: "
-        "1: one surface, data in sequence; 2: the rail switches twice, ordinary differential "
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
+    parser.description = (
+        "Repeats an experiment of the paper with every estimator over the same data: "
+        "1: one surface, data in sequence; 2: the surface switches twice, ordinary differential "
         "evolution; 3: the same with the paper's two changes. Writes experiment-N.html (needs "
-        "the extra 'report'), .json and .csv.",
+        "the extra 'report'), .json and .csv."
     )
     parser.add_argument("number", type=int, choices=sorted(EXPERIMENTS), metavar="1|2|3")
     parser.add_argument(
@@ -117,8 +115,8 @@ def run(options: argparse.Namespace) -> int:
         writer.writerow(CSV_COLUMNS)
         writer.writerows(csv_rows(outcomes))
     if missing is None:
-        told = {name: str(value) for name, value in provenance.items() if value}
-        write_page(page(outcomes, told), out.with_suffix(".html"))
+        texts = {name: str(value) for name, value in provenance.items() if value}
+        write_page(page(outcomes, texts), out.with_suffix(".html"))
     write_json(options.json, numbers)
     if talk(options):
         _print(outcomes, out, missing)
@@ -151,13 +149,13 @@ def _missing_extra(page_file: Path) -> InputError | None:
     return None
 
 
-def _who(experiment: Experiment, names: Sequence[str]) -> dict[str, Contender]:
-    return contenders(experiment, {name: ESTIMATORS[name] for name in names}, oracle)
+def _participants(experiment: Experiment, names: Sequence[str]) -> dict[str, Participant]:
+    return participants(experiment, {name: ESTIMATORS[name] for name in names}, oracle)
 
 
-def _work(task: _Task) -> dict[str, Track]:
+def _work(task: _Task) -> dict[str, EstimatorRun]:
     """One run, in a worker process: estimators are made there, by name."""
-    who = _who(task.experiment, task.names)
+    who = _participants(task.experiment, task.names)
     return run_once(
         task.experiment, task.noise_std, task.run, task.seed, who, clock=time.perf_counter
     )
@@ -165,7 +163,7 @@ def _work(task: _Task) -> dict[str, Track]:
 
 def _run_all(
     experiment: Experiment, options: argparse.Namespace, names: tuple[str, ...]
-) -> list[Outcome]:
+) -> list[NoiseLevelResult]:
     """All runs over all processes; a run does not depend on which process it falls to."""
     # The first runs have the most to do: all their noise levels come first.
     tasks = [
@@ -173,7 +171,7 @@ def _run_all(
         for number in range(options.runs)
         for noise_std in experiment.noise_stds
     ]
-    done: dict[tuple[float, int], dict[str, Track]] = {}
+    done: dict[tuple[float, int], dict[str, EstimatorRun]] = {}
     jobs = min(options.jobs, len(tasks))
     with (
         _one_blas_thread(),
@@ -198,7 +196,9 @@ def _run_all(
                 worker.terminate()  # a SIGTERM, unlike Ctrl-C, did not reach them
             raise
     return [
-        outcome(experiment, sd, options.seed, [done[sd, number] for number in range(options.runs)])
+        collect_runs(
+            experiment, sd, options.seed, [done[sd, number] for number in range(options.runs)]
+        )
         for sd in experiment.noise_stds
     ]
 
@@ -234,7 +234,7 @@ def _provenance(options: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _print(outcomes: Sequence[Outcome], out: Path, missing: InputError | None) -> None:
+def _print(outcomes: Sequence[NoiseLevelResult], out: Path, missing: InputError | None) -> None:
     screen = console()
     for made in outcomes:
         shown = merit_table(made)

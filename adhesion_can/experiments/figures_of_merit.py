@@ -12,22 +12,23 @@ from adhesion_can.experiments.runs import (
     QUANTITIES,
     WITHIN_BLOCKS,
     WITHIN_SEQUENCE,
+    EstimatorRun,
     Experiment,
-    Track,
-    bound,
-    settling,
+    cramer_rao_bound,
+    updates_until_settled,
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
-    """One contender over all its runs at one noise level.
+class EstimatorResult:
+    """Results of one participant over all its runs at one noise level.
 
     Attributes:
-        name: of the contender.
-        values: shape (runs, updates, 5), as in `Track`.
-        seconds: shape (runs, updates).
-        samples_needed: shape (runs with the closer look, switches); None where there were none.
+        name: Name of the participant.
+        values: `QUANTITIES` after each update of each run, shape (runs, updates, 5).
+        seconds: Duration of each update, s, shape (runs, updates).
+        samples_needed: Number of samples after each switch until μ_max is found, shape (runs with
+            fine-grained runs, switches); None where there were none.
 
     """
 
@@ -42,21 +43,21 @@ class Result:
         return len(self.values)
 
     @property
-    def says_nothing(self) -> bool:
-        """Whether there was no estimate in any run before its last update."""
+    def is_late(self) -> bool:
+        """Whether no run has an estimate before its last update."""
         return not np.isfinite(self.values[:, :-1]).any()
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """An experiment at one noise level.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoiseLevelResult:
+    """Results of an experiment at one noise level.
 
     Attributes:
-        experiment: see there.
-        noise_std: of the noise, in adhesion.
-        seed: of all runs.
-        bound: the Cramér-Rao bound, shape (updates, 5).
-        results: one for each contender.
+        experiment: Experiment that was run.
+        noise_std: Standard deviation of the adhesion noise, 1.
+        seed: Seed of all runs.
+        bound: Cramér-Rao bound as standard deviations of `QUANTITIES`, shape (updates, 5).
+        results: Results of each participant.
 
     """
 
@@ -64,48 +65,55 @@ class Outcome:
     noise_std: float
     seed: int
     bound: Array
-    results: tuple[Result, ...]
+    results: tuple[EstimatorResult, ...]
 
     @property
     def truth(self) -> Array:
-        """True values, shape (updates, 5)."""
+        """True values of `QUANTITIES`, shape (updates, 5)."""
         return self.experiment.truth()
 
 
-def outcome(
-    experiment: Experiment, noise_std: float, seed: int, runs: Sequence[Mapping[str, Track]]
-) -> Outcome:
-    """Runs of one noise level together, at least one, in the order of their numbers."""
+def collect_runs(
+    experiment: Experiment, noise_std: float, seed: int, runs: Sequence[Mapping[str, EstimatorRun]]
+) -> NoiseLevelResult:
+    """Result of one noise level from its runs, at least one, in the order of their numbers."""
     results = []
     for name in runs[0]:
-        tracks = [run[name] for run in runs if name in run]
-        needed = [t.samples_needed for t in tracks if t.samples_needed is not None]
+        own = [run[name] for run in runs if name in run]
+        needed = [run.samples_needed for run in own if run.samples_needed is not None]
         results.append(
-            Result(
+            EstimatorResult(
                 name,
-                np.array([t.values for t in tracks]),
-                np.array([t.seconds for t in tracks]),
+                np.array([run.values for run in own]),
+                np.array([run.seconds for run in own]),
                 np.array(needed) if needed else None,
             )
         )
-    limit = bound(experiment, noise_std, seed)
-    return Outcome(experiment, noise_std, seed, limit, tuple(results))
+    return NoiseLevelResult(
+        experiment=experiment,
+        noise_std=noise_std,
+        seed=seed,
+        bound=cramer_rao_bound(experiment, noise_std, seed),
+        results=tuple(results),
+    )
 
 
 @dataclass(frozen=True)
-class Merit:
-    """Figures of merit of a set of runs; NaN where there was no estimate, inf: never.
+class FiguresOfMerit:
+    """Figures of merit of a set of runs; NaN where there was no estimate, inf for never.
 
     Attributes:
-        rmse: of `QUANTITIES`, shape (5,): over all updates; in experiment 1 at the end of the run.
-        rmse_steady: the same without the first update after each switch.
-        blocks_needed: until μ_max was within 5 % and stayed there, after each switch, shape
-            (runs, switches).
-        samples_needed: the same in samples, from the closer look; None where it was not taken.
-        slip_needed: in experiment 1, the slip at which each value was within 10 % and stayed
-            there, shape (runs, 5); empty in the others.
-        update_ms: median time of an update.
-        answered: share of the updates after which there was an estimate.
+        rmse: Root mean square errors of `QUANTITIES`, shape (5,): over all updates; in experiment 1
+            at the end of the run.
+        rmse_steady: Root mean square errors without the first update after each switch, shape (5,).
+        blocks_needed: Number of blocks after each switch until μ_max is within 5 % and stays there,
+            shape (runs, switches).
+        samples_needed: Number of samples until then, from the fine-grained runs, shape (runs,
+            switches); None where there were none.
+        slip_needed: Slip ratio of experiment 1 from which on each quantity is within 10 %, shape
+            (runs, 5); empty in the other experiments.
+        update_ms: Median duration of an update, ms.
+        answered: Share of the updates after which there was an estimate.
 
     """
 
@@ -123,11 +131,13 @@ class Merit:
         return np.array([quartiles(column) for column in self.slip_needed.T]).T
 
 
-def merit(result: Result, made: Outcome, runs: slice = slice(None)) -> Merit:
-    """Figures of merit of one contender, over all its runs or some of them."""
-    experiment, values = made.experiment, result.values[runs]
-    errors = values - made.truth
-    looked, needed = result.samples_needed, _updates_needed(values, made)
+def compute_figures(
+    result: EstimatorResult, outcome: NoiseLevelResult, runs: slice = slice(None)
+) -> FiguresOfMerit:
+    """Figures of merit of one participant, over all its runs or some of them."""
+    experiment, values = outcome.experiment, result.values[runs]
+    errors = values - outcome.truth
+    looked, needed = result.samples_needed, _updates_needed(values, outcome)
     if looked is not None:
         looked = looked[runs] if len(looked[runs]) else None
     if experiment.ramp:
@@ -139,8 +149,8 @@ def merit(result: Result, made: Outcome, runs: slice = slice(None)) -> Merit:
         kept = errors
     else:
         slips = np.empty((0, len(QUANTITIES)))
-        kept = errors[:, steady(experiment)]
-    return Merit(
+        kept = errors[:, steady_updates(experiment)]
+    return FiguresOfMerit(
         rmse=rms(errors, (0, 1)),
         rmse_steady=rms(kept, (0, 1)),
         blocks_needed=needed[:, 1:, MU_MAX],
@@ -152,7 +162,7 @@ def merit(result: Result, made: Outcome, runs: slice = slice(None)) -> Merit:
 
 
 def mean(values: Array, axis: int | tuple[int, ...]) -> Array:
-    """Mean of what there is; NaN where there is nothing."""
+    """Mean of the finite values; NaN where there are none."""
     known = np.isfinite(values)
     count = known.sum(axis)
     total = np.where(known, values, 0.0).sum(axis)
@@ -161,46 +171,48 @@ def mean(values: Array, axis: int | tuple[int, ...]) -> Array:
 
 
 def rms(errors: Array, axis: int | tuple[int, ...]) -> Array:
-    """Root mean square of what there is; NaN where there is nothing."""
+    """Root mean square of the finite values; NaN where there are none."""
     return np.sqrt(mean(errors**2, axis))
 
 
 def quartiles(values: Array) -> Array:
-    """Quartiles of what may be inf, without interpolation, shape (3,); NaN where there is none."""
+    """Quartiles without interpolation, as values may be inf, shape (3,); NaN without values."""
     if not values.size:
         return np.full(3, np.nan)
     return np.asarray(np.quantile(values, [0.25, 0.5, 0.75], method="inverted_cdf"))
 
 
-def steady(experiment: Experiment) -> Array:
-    """Numbers of the updates without the first one after each switch."""
+def steady_updates(experiment: Experiment) -> Array:
+    """Indices of the updates without the first one after each switch."""
     after = [k // experiment.update for k in experiment.switches]
     return np.setdiff1d(np.arange(experiment.updates), after)
 
 
-def _updates_needed(values: Array, made: Outcome) -> Array:
-    """Updates until each value is found and stays so, from the begin of each surface.
+def _updates_needed(values: Array, outcome: NoiseLevelResult) -> Array:
+    """Number of updates until each value is found and stays so, from the begin of each surface.
 
     Args:
-        values: shape (runs, updates, 5).
-        made: what they are of.
+        values: `QUANTITIES` after each update, shape (runs, updates, 5).
+        outcome: Result of the noise level to which they belong.
 
     Returns:
-        Shape (runs, surfaces, 5); inf: never.
+        Numbers of updates, shape (runs, surfaces, 5); inf: never.
 
     """
-    experiment, truth = made.experiment, made.truth
+    experiment, truth = outcome.experiment, outcome.truth
     share = WITHIN_SEQUENCE if experiment.ramp else WITHIN_BLOCKS
     each = experiment.updates // len(experiment.surfaces)
     needed = np.empty((len(values), len(experiment.surfaces), len(QUANTITIES)))
     for run, surface, q in np.ndindex(*needed.shape):
         k = surface * each
-        needed[run, surface, q] = settling(values[run, k : k + each, q], truth[k, q], share)
+        needed[run, surface, q] = updates_until_settled(
+            values[run, k : k + each, q], truth[k, q], share
+        )
     return needed
 
 
-def bound_slip(made: Outcome) -> Array:
+def bound_slip(outcome: NoiseLevelResult) -> Array:
     """Slip of experiment 1 at which the bound's standard deviation falls below 10 %, shape (5,)."""
-    share = made.bound / np.abs(made.truth)
-    first = [settling(1.0 + column, 1.0, WITHIN_SEQUENCE) for column in share.T]
-    return (np.array(first) - 1) * made.experiment.slip_max / (made.experiment.updates - 1)
+    share = outcome.bound / np.abs(outcome.truth)
+    first = [updates_until_settled(1.0 + column, 1.0, WITHIN_SEQUENCE) for column in share.T]
+    return (np.array(first) - 1) * outcome.experiment.slip_max / (outcome.experiment.updates - 1)

@@ -1,10 +1,10 @@
-"""The paper's three experiments: rails of known truth, and every estimator over the same data.
+"""The paper's three experiments: simulated data of known curves, all estimators over the same data.
 
 Experiment 1 has one surface and a slip that rises through the run; experiments 2 and 3 have blocks
-of data on a rail that switches suddenly, twice. The paper's N(0, 0.01) is read both ways, as a
-standard deviation and as a variance. What its Table 1 does not tell, the surfaces, are ours.
+of data on a surface that switches suddenly, twice. The paper's N(0, 0.01) is read both ways, as a
+standard deviation and as a variance. Its Table 1 is not available, so the surfaces are our choice.
 
-Nothing here touches a file or a clock: the clock that times the updates is handed in.
+Nothing here touches a file or a clock: the clock that times the updates is an argument.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,62 +26,62 @@ from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.likelihood import standard_errors
 from adhesion_can.estimation.registry import EstimatorSettings
-from adhesion_can.physics.burckhardt import adhesion, peak
+from adhesion_can.physics.burckhardt import CurveParameters, adhesion, peak
 from adhesion_can.physics.samples import Samples
 
-Theta = tuple[float, float, float]
 Clock = Callable[[], float]
-"""Seconds from any origin."""
+"""Current time in seconds, from any origin."""
 
 Factory = Callable[[EstimatorSettings], Estimator]
-ToldFactory = Callable[[EstimatorSettings, tuple[int, ...]], Estimator]
-"""Makes an estimator that is told when the rail changes: stamps of the first samples after, µs."""
+InformedFactory = Callable[[EstimatorSettings, tuple[int, ...]], Estimator]
+"""Makes an estimator that knows the changes: stamps of the first sample on each new surface, µs."""
 
 QUANTITIES = ("c1", "c2", "c3", "mu_max", "lambda_m")
-"""What is compared, in the order of the columns of every array of values."""
+"""Quantities that are compared, in the order of the columns of every array of values."""
 
 MU_MAX = QUANTITIES.index("mu_max")
-SURFACES: tuple[Theta, ...] = ((0.5, 30.0, 0.08), (0.25, 20.0, 0.10), (0.4, 40.0, 0.06))
+SURFACES: tuple[CurveParameters, ...] = ((0.5, 30.0, 0.08), (0.25, 20.0, 0.10), (0.4, 40.0, 0.06))
 SLIP_MAX = IdentifiabilitySettings().slip_max
-"""End of the range in which a peak is looked for, as estimators have it."""
+"""End of the range of slip in which a peak is looked for; the default of the estimators."""
 
 RATE_HZ = 600
-"""Samples a second: six axles, 100 Hz each."""
+"""Sampling rate, 1/s: six axles with 100 Hz each."""
 
 WITHIN_SEQUENCE, WITHIN_BLOCKS = 0.10, 0.05
-"""Shares of the truth within which a value counts as found: of experiment 1, of 2 and 3."""
+"""Relative error within which a value counts as found, in experiment 1 and in 2 and 3."""
 
 FIRST_RUNS: Mapping[str, int] = {"scipy-de": 5}
-"""Estimators that are so slow that they take part in the first runs only."""
+"""Number of runs of the estimators that are too slow for all runs."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
     """One of the paper's experiments.
 
     Attributes:
-        number: the paper's.
-        surfaces: (c1, c2, c3) of the rails, one after the other.
-        blocks: on each surface.
-        block: samples of a block.
-        slip_max: end of the slips, which are uniform in 0..slip_max or rise to it.
-        ramp: whether they rise; then estimators get single samples, else blocks.
-        theta0: where an estimator that has a start starts; None: anywhere.
-        noise_stds: standard deviations of the noise, one world each.
-        detail: samples of an update in the closer look at a switch.
-        detail_before: blocks before a switch that the closer look begins with.
-        detail_after: blocks after it that it ends with.
-        detail_runs: the first runs, which have the closer look.
+        number: Number of the experiment in the paper, 1..3.
+        surfaces: (c1, c2, c3) of the surfaces, one after the other.
+        blocks: Number of blocks on each surface.
+        block: Number of samples of a block.
+        slip_max: Largest slip ratio; slips are uniform in 0..slip_max, or rise to it.
+        ramp: Whether the slip rises through the run; estimators then get single samples, else
+            blocks.
+        theta0: (c1, c2, c3) at which estimators with a start begin; None: anywhere.
+        noise_stds: Standard deviations of the adhesion noise, one experiment each, 1.
+        detail: Number of samples per update in the fine-grained run over a switch.
+        detail_before: Number of blocks before the switch at which the fine-grained run begins.
+        detail_after: Number of blocks after the switch at which it ends.
+        detail_runs: Number of runs, from the first, that have fine-grained runs.
 
     """
 
     number: int
-    surfaces: tuple[Theta, ...]
+    surfaces: tuple[CurveParameters, ...]
     blocks: int
     block: int = 500
     slip_max: float = 0.2
     ramp: bool = False
-    theta0: Theta | None = None
+    theta0: CurveParameters | None = None
     noise_stds: tuple[float, ...] = (0.01, 0.1)
     detail: int = 12
     detail_before: int = 5
@@ -90,7 +90,7 @@ class Experiment:
 
     @property
     def update(self) -> int:
-        """Samples of an update."""
+        """Number of samples of an update."""
         return 1 if self.ramp else self.block
 
     @property
@@ -100,7 +100,7 @@ class Experiment:
 
     @property
     def switches(self) -> tuple[int, ...]:
-        """Numbers of the samples that are the first on a new surface."""
+        """Indices of the samples that are the first on a new surface."""
         return tuple(i * self.blocks * self.block for i in range(1, len(self.surfaces)))
 
     def truth(self) -> Array:
@@ -110,41 +110,41 @@ class Experiment:
 
 
 EXPERIMENTS: Mapping[int, Experiment] = {
-    1: Experiment(1, SURFACES[:1], blocks=1, slip_max=0.5, ramp=True),
-    2: Experiment(2, SURFACES, blocks=50, theta0=SURFACES[0]),
-    3: Experiment(3, SURFACES, blocks=50, theta0=SURFACES[0]),
+    1: Experiment(number=1, surfaces=SURFACES[:1], blocks=1, slip_max=0.5, ramp=True),
+    2: Experiment(number=2, surfaces=SURFACES, blocks=50, theta0=SURFACES[0]),
+    3: Experiment(number=3, surfaces=SURFACES, blocks=50, theta0=SURFACES[0]),
 }
 
 
 def with_peak(theta: Array) -> Array:
-    """(c1, c2, c3) rows with their peak beside them (eq. 6): shape (n, 5) from (n, 3)."""
+    """Rows (c1, c2, c3, μ_max, λ_m) from rows (c1, c2, c3) by eq. 6; shape (n, 5) from (n, 3)."""
     c1, c2, c3 = theta.T
     top = peak(c1, c2, c3, SLIP_MAX)
     return np.column_stack([theta, top.mu_max, top.lambda_m])
 
 
-@dataclass(frozen=True, slots=True)
-class World:
-    """Data of one run.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimentData:
+    """Simulated data of one run.
 
     Attributes:
-        samples: in their order, `RATE_HZ` a second.
-        block: samples of a block.
-        theta0: true or not, where an estimator that has a start starts.
-        changes_us: stamps of the first sample on each new surface, µs.
-        seed: for estimators that draw random numbers.
+        samples: Samples in the order of their stamps, `RATE_HZ` per second.
+        block: Number of samples of a block.
+        theta0: (c1, c2, c3) at which estimators with a start begin, right or wrong; None: anywhere.
+        changes_us: Stamps of the first sample on each new surface, µs.
+        seed: Seed for estimators that draw random numbers.
 
     """
 
     samples: Samples
     block: int
-    theta0: Theta | None
+    theta0: CurveParameters | None
     changes_us: tuple[int, ...]
     seed: int
 
 
-def world(experiment: Experiment, noise_std: float, run: int, seed: int) -> World:
-    """Data of a run; slips and noise are the same for every noise level, but for its size."""
+def simulate_data(experiment: Experiment, noise_std: float, run: int, seed: int) -> ExperimentData:
+    """Data of a run; slips and scaled noise are the same at every noise level."""
     rng = np.random.default_rng([seed, run])
     n = len(experiment.surfaces) * experiment.blocks * experiment.block
     if experiment.ramp:
@@ -154,7 +154,7 @@ def world(experiment: Experiment, noise_std: float, run: int, seed: int) -> Worl
     theta = np.repeat(np.array(experiment.surfaces), n // len(experiment.surfaces), axis=0)
     z = adhesion(h, *theta.T) + noise_std * rng.standard_normal(n)
     stamps = np.round(np.arange(n) * (1e6 / RATE_HZ)).astype(np.int64)
-    return World(
+    return ExperimentData(
         samples=Samples.curve(h, z, stamps),
         block=experiment.block,
         theta0=experiment.theta0,
@@ -163,48 +163,52 @@ def world(experiment: Experiment, noise_std: float, run: int, seed: int) -> Worl
     )
 
 
-# ------------------------------------------------------------------------- who takes part
+# -------------------------------------------------------------------------- participants
 
-Follow = Callable[[World, int, Clock], tuple[Array, Array]]
-"""Runs over the samples of a world in updates of a size: values (updates, 5), NaN where there is no
-estimate, and the seconds of each update (updates,)."""
+RunEstimator = Callable[[ExperimentData, int, Clock], tuple[Array, Array]]
+"""Runs an estimator over data in updates of a given number of samples.
+
+Returns the values after each update, shape (updates, 5), NaN without an estimate, and the duration
+of each update, s, shape (updates,).
+"""
 
 
 @dataclass(frozen=True, slots=True)
-class Contender:
-    """One that takes part.
+class Participant:
+    """An estimator that takes part in an experiment.
 
     Attributes:
-        follow: see there.
-        streams: whether it takes updates of any size, so that the closer look can be taken.
-        first_runs: takes part in so many runs only.
+        run: Function that runs it over the data of a run.
+        streams: Whether it accepts updates of any size, so that fine-grained runs are possible.
+        first_runs: Number of runs, from the first, in which it takes part.
 
     """
 
-    follow: Follow
+    run: RunEstimator
     streams: bool = True
     first_runs: float = inf
 
 
-def contenders(
-    experiment: Experiment, estimators: Mapping[str, Factory], oracle: ToldFactory | None = None
-) -> dict[str, Contender]:
-    """Everyone who takes part, by name: estimators, the bare paper, and who is told the changes.
+def participants(
+    experiment: Experiment, estimators: Mapping[str, Factory], oracle: InformedFactory | None = None
+) -> dict[str, Participant]:
+    """All participants by name: estimators, the bare algorithm of the paper, and the oracle.
 
     Args:
-        experiment: see there.
-        estimators: by name.
-        oracle: our estimator, told when the rail changes; it shows what not knowing costs.
+        experiment: Experiment in which they take part.
+        estimators: Factories of the estimators by name.
+        oracle: Factory of an estimator that knows when the surface changes; its lead over the same
+            estimator without that knowledge is the cost of detection.
 
     """
     found = {
-        name: Contender(online(factory), first_runs=FIRST_RUNS.get(name, inf))
+        name: Participant(streaming(factory), first_runs=FIRST_RUNS.get(name, inf))
         for name, factory in estimators.items()
     }
     if oracle is not None and not experiment.ramp:
-        found["oracle"] = Contender(partial(_follow_online, oracle))
+        found["oracle"] = Participant(partial(_run_streaming, oracle))
     for name, changes in _BARE[experiment.number].items():
-        found[name] = Contender(partial(_follow_bare, changes), streams=False)
+        found[name] = Participant(partial(_run_bare, changes), streams=False)
     return found
 
 
@@ -218,38 +222,38 @@ _BARE: Mapping[int, Mapping[str, Mapping[str, Any]]] = {
         "paper (sum)": {"innovation": "sum"},
     },
 }
-"""The paper's algorithm alone, without a service's doubt around it: settings of the search."""
+"""Settings of the search for the paper's bare algorithm, without verdicts or change detection."""
 
 
-def online(factory: Factory) -> Follow:
-    """How an estimator behind the protocol follows a world."""
-    return partial(_follow_online, lambda settings, _: factory(settings))
+def streaming(factory: Factory) -> RunEstimator:
+    """Function that runs an `Estimator` over the data of a run."""
+    return partial(_run_streaming, lambda settings, _: factory(settings))
 
 
-def _follow_online(
-    factory: ToldFactory, world: World, size: int, clock: Clock
+def _run_streaming(
+    factory: InformedFactory, data: ExperimentData, size: int, clock: Clock
 ) -> tuple[Array, Array]:
-    search = EvolutionSettings(theta0=world.theta0, seed=world.seed, block=world.block)
-    estimator = factory(EstimatorSettings(evolution=search), world.changes_us)
-    starts = range(0, len(world.samples), size)
+    search = EvolutionSettings(theta0=data.theta0, seed=data.seed, block=data.block)
+    estimator = factory(EstimatorSettings(evolution=search), data.changes_us)
+    starts = range(0, len(data.samples), size)
     values, seconds = np.full((len(starts), len(QUANTITIES)), np.nan), np.empty(len(starts))
     for i, start in enumerate(starts):
-        part = world.samples.select(slice(start, start + size))
+        part = data.samples.select(slice(start, start + size))
         began = clock()
-        e = estimator.update(part, int(part.t_us[-1]))
+        estimate = estimator.update(part, int(part.t_us[-1]))
         seconds[i] = clock() - began
-        if e is not None:
-            values[i] = (*e.theta, e.mu_max, e.lambda_m)
+        if estimate is not None:
+            values[i] = (*estimate.theta, estimate.mu_max, estimate.lambda_m)
     return values, seconds
 
 
-def _follow_bare(
-    changes: Mapping[str, Any], world: World, size: int, clock: Clock
+def _run_bare(
+    changes: Mapping[str, Any], data: ExperimentData, size: int, clock: Clock
 ) -> tuple[Array, Array]:
-    settings = EvolutionSettings(theta0=world.theta0, seed=world.seed, block=size, **changes)
+    settings = EvolutionSettings(theta0=data.theta0, seed=data.seed, block=size, **changes)
     identify = identify_sequence if size == 1 else identify_blocks
     began = clock()
-    theta = identify(*world.samples.folded(), settings)
+    theta = identify(*data.samples.folded(), settings)
     mean = (clock() - began) / len(theta)
     return with_peak(theta), np.full(len(theta), mean)
 
@@ -258,14 +262,14 @@ def _follow_bare(
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
-    """What one contender made of one world.
+class EstimatorRun:
+    """Results of one participant over the data of one run.
 
     Attributes:
-        values: of `QUANTITIES` after each update, shape (updates, 5); NaN without an estimate.
-        seconds: that each update took, shape (updates,).
-        samples_needed: after each switch, until μ_max was found, shape (switches,); inf: not
-            within the closer look. None where that was not taken.
+        values: `QUANTITIES` after each update, shape (updates, 5); NaN without an estimate.
+        seconds: Duration of each update, s, shape (updates,).
+        samples_needed: Number of samples after each switch until μ_max is found, shape (switches,);
+            inf: not within the fine-grained run. None where there was no such run.
 
     """
 
@@ -279,67 +283,74 @@ def run_once(
     noise_std: float,
     run: int,
     seed: int,
-    who: Mapping[str, Contender],
+    who: Mapping[str, Participant],
     clock: Clock,
-) -> dict[str, Track]:
-    """One run: all contenders over the same data.
+) -> dict[str, EstimatorRun]:
+    """One run: all participants over the same data.
 
     Args:
-        experiment: see there.
-        noise_std: standard deviation of the noise, in adhesion.
-        run: its number, from 0.
-        seed: of all runs.
-        who: takes part, by name.
-        clock: times the updates.
+        experiment: Experiment of which this is a run.
+        noise_std: Standard deviation of the adhesion noise, 1.
+        run: Number of the run, from 0.
+        seed: Seed of all runs.
+        who: Participants by name.
+        clock: Clock that times the updates.
 
     """
-    data = world(experiment, noise_std, run, seed)
-    tracks = {}
-    for name, contender in who.items():
-        if run >= contender.first_runs:
+    data = simulate_data(experiment, noise_std, run, seed)
+    runs = {}
+    for name, participant in who.items():
+        if run >= participant.first_runs:
             continue
-        values, seconds = contender.follow(data, experiment.update, clock)
+        values, seconds = participant.run(data, experiment.update, clock)
         needed = None
-        if contender.streams and experiment.switches and run < experiment.detail_runs:
-            looks = [_closer(experiment, data, contender, i, clock) for i in _switches(experiment)]
-            needed = np.array(looks)
-        tracks[name] = Track(values, seconds, needed)
-    return tracks
+        if participant.streams and experiment.switches and run < experiment.detail_runs:
+            needed = np.array(
+                [
+                    _samples_needed(experiment, data, participant, switch, clock)
+                    for switch in range(len(experiment.switches))
+                ]
+            )
+        runs[name] = EstimatorRun(values, seconds, needed)
+    return runs
 
 
-def _switches(experiment: Experiment) -> range:
-    return range(len(experiment.switches))
-
-
-def _closer(
-    experiment: Experiment, data: World, contender: Contender, switch: int, clock: Clock
+def _samples_needed(
+    experiment: Experiment,
+    data: ExperimentData,
+    participant: Participant,
+    switch: int,
+    clock: Clock,
 ) -> float:
-    """Samples after a switch until μ_max is within reach of the truth and stays there."""
+    """Samples after a switch until μ_max is within 5 % of the truth and stays there.
+
+    The participant runs anew over the blocks around the switch, in updates of few samples.
+    """
     at, size = experiment.switches[switch], experiment.detail
     begin = max(at - experiment.detail_before * experiment.block, 0)
     cut = slice(begin, at + experiment.detail_after * experiment.block)
-    part = World(
-        data.samples.select(cut),
-        data.block,
-        None if data.theta0 is None else experiment.surfaces[switch],
-        (data.changes_us[switch],),
-        data.seed,
+    part = ExperimentData(
+        samples=data.samples.select(cut),
+        block=data.block,
+        theta0=None if data.theta0 is None else experiment.surfaces[switch],
+        changes_us=(data.changes_us[switch],),
+        seed=data.seed,
     )
-    values, _ = contender.follow(part, size, clock)
+    values, _ = participant.run(part, size, clock)
     # The first update that ends behind the switch.
     first = (at - begin) // size
     truth = with_peak(np.array(experiment.surfaces[switch + 1 : switch + 2]))[0, MU_MAX]
-    updates = settling(values[first:, MU_MAX], truth, WITHIN_BLOCKS)
+    updates = updates_until_settled(values[first:, MU_MAX], truth, WITHIN_BLOCKS)
     return (first + updates) * size - (at - begin)
 
 
-def settling(values: Array, truth: float, share: float) -> float:
+def updates_until_settled(values: Array, truth: float, share: float) -> float:
     """Number of updates until a value is within a share of the truth and stays there; inf: never.
 
     Args:
-        values: after each update, shape (n,); NaN is not within.
-        truth: the true value.
-        share: of it.
+        values: Values after each update, shape (n,); NaN counts as outside.
+        truth: True value.
+        share: Largest relative error.
 
     """
     outside = np.flatnonzero(~(np.abs(values - truth) <= share * abs(truth)))
@@ -347,17 +358,18 @@ def settling(values: Array, truth: float, share: float) -> float:
     return last + 2 if last + 1 < len(values) else inf
 
 
-def bound(experiment: Experiment, noise_std: float, seed: int) -> Array:
+def cramer_rao_bound(experiment: Experiment, noise_std: float, seed: int) -> Array:
     """Cramér-Rao bound of all samples since the last switch, as standard deviations.
 
-    No unbiased estimator that is told the changes has a smaller variance; one that begins near the
+    No unbiased estimator that knows the changes has a smaller variance; one that begins near the
     truth may.
 
     Returns:
-        Of `QUANTITIES`, with the slips of the first run: shape (updates, 5), inf where unknown.
+        Standard deviations of `QUANTITIES` for the slips of the first run, shape (updates, 5); inf
+        where the samples do not determine a quantity.
 
     """
-    h, _ = world(experiment, noise_std, 0, seed).samples.folded()
+    h, _ = simulate_data(experiment, noise_std, 0, seed).samples.folded()
     edges = (0, *experiment.switches, len(h))
     rows = []
     for theta, (begin, end) in zip(experiment.surfaces, pairwise(edges), strict=True):

@@ -9,12 +9,12 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.registry import DEFAULT
 from adhesion_can.experiments.figures_of_merit import (
-    Merit,
-    Outcome,
-    Result,
+    EstimatorResult,
+    FiguresOfMerit,
+    NoiseLevelResult,
     bound_slip,
+    compute_figures,
     mean,
-    merit,
     quartiles,
     rms,
 )
@@ -25,39 +25,39 @@ from adhesion_can.reporting.page import Page, Section, Table, Text
 BOUND = "Cramér-Rao bound"
 TITLES: Mapping[int, str] = {
     1: "one surface, data in sequence",
-    2: "a rail that switches, ordinary differential evolution",
-    3: "a rail that switches, the paper's modified differential evolution",
+    2: "a surface that switches, ordinary differential evolution",
+    3: "a surface that switches, the paper's modified differential evolution",
 }
-"""What each experiment is, as its page's title says it."""
+"""Title of each experiment's page."""
 
 CSV_COLUMNS = ("estimator", "noise_std", "run", "quantity", "value")
 ORDINARY, SUMMED = "paper (ordinary)", "paper (sum)"
 
 
-def merit_table(made: Outcome) -> Table:
-    """Everyone side by side at one noise level, the smallest error of μ_max first."""
-    return _sequence_table(made) if made.experiment.ramp else _block_table(made)
+def merit_table(outcome: NoiseLevelResult) -> Table:
+    """Table of all estimators at one noise level, the smallest error of μ_max first."""
+    return _sequence_table(outcome) if outcome.experiment.ramp else _block_table(outcome)
 
 
-def _ranked(made: Outcome) -> list[tuple[Result, Merit]]:
-    pairs = [(r, merit(r, made)) for r in made.results if not r.says_nothing]
+def _ranked(outcome: NoiseLevelResult) -> list[tuple[EstimatorResult, FiguresOfMerit]]:
+    pairs = [(r, compute_figures(r, outcome)) for r in outcome.results if not r.is_late]
     return sorted(pairs, key=lambda pair: (pair[1].rmse[MU_MAX], pair[0].name))
 
 
-def silent(made: Outcome) -> str:
-    """Sentence about those who gave no estimate before the end; empty where all did."""
-    names = [r.name for r in made.results if r.says_nothing]
+def late_estimators(outcome: NoiseLevelResult) -> str:
+    """Sentence on the estimators without an estimate before the end; empty where there are none."""
+    names = [r.name for r in outcome.results if r.is_late]
     if not names:
         return ""
-    return f"No estimate before the end of the {made.experiment.updates} updates: " + ", ".join(
+    return f"No estimate before the end of the {outcome.experiment.updates} updates: " + ", ".join(
         names
     )
 
 
-def _block_table(made: Outcome) -> Table:
-    bound = rms(made.bound, 0)
+def _block_table(outcome: NoiseLevelResult) -> Table:
+    experiment, bound = outcome.experiment, rms(outcome.bound, 0)
     rows = [(bound[MU_MAX], (BOUND, "-", *map(_sig, bound), "-", "-", "-", "-"))]
-    for result, m in _ranked(made):
+    for result, m in _ranked(outcome):
         samples = m.samples_needed
         cells = (
             result.name,
@@ -70,24 +70,25 @@ def _block_table(made: Outcome) -> Table:
         )
         rows.append((m.rmse[MU_MAX], cells))
     return Table(
-        f"Experiment {made.experiment.number}, noise sd {made.noise_std:g}: root mean square "
+        f"Experiment {experiment.number}, noise sd {outcome.noise_std:g}: root mean square "
         "error over all blocks and runs",
         ("estimator", "runs", *QUANTITIES, "mu_max*", "blocks", "samples", "ms"),
         [cells for _, cells in sorted(rows, key=lambda row: row[0])],
-        "oracle: the tracker, told when the rail changes. mu_max*: without the first block after "
-        "each switch. blocks, samples: after a switch "
+        "oracle: the tracker that knows when the surface changes. mu_max*: without the first block "
+        "after each switch. blocks, samples: after a switch "
         "until mu_max is within 5 % and stays there, median over runs and switches; samples with "
-        f"updates of {made.experiment.detail}, until {made.experiment.detail_after} blocks after "
-        f"the switch, in the first {made.experiment.detail_runs} runs. ms: median time of an "
-        f"update of {made.experiment.block} samples, measured in these runs, the machine's noise "
+        f"updates of {experiment.detail}, until {experiment.detail_after} blocks after "
+        f"the switch, in the first {experiment.detail_runs} runs. ms: median time of an "
+        f"update of {experiment.block} samples, measured in these runs, the machine's noise "
         f"in it. {BOUND}: of all samples since the last switch.",
     )
 
 
-def _sequence_table(made: Outcome) -> Table:
-    end, slips = made.bound[-1], bound_slip(made)
+def _sequence_table(outcome: NoiseLevelResult) -> Table:
+    experiment, end = outcome.experiment, outcome.bound[-1]
+    slips = bound_slip(outcome)
     rows = [(end[MU_MAX], (BOUND, "-", *map(_slip, slips), _sig(end[MU_MAX]), "-"))]
-    for result, m in _ranked(made):
+    for result, m in _ranked(outcome):
         low, middle, high = m.slip_quartiles
         cells = [
             _slip(middle[q]) if q >= 3 else _with_quartiles(low[q], middle[q], high[q])
@@ -100,10 +101,10 @@ def _sequence_table(made: Outcome) -> Table:
         "runs; an open quartile: never. "
         "end: root mean square error of mu_max after the last sample. ms: median time of an "
         f"update of one sample, the machine's noise in it. {BOUND}: where its standard deviation "
-        f"falls below 10 %. {silent(made)}"
+        f"falls below 10 %. {late_estimators(outcome)}"
     )
     return Table(
-        f"Experiment {made.experiment.number}, noise sd {made.noise_std:g}: slip at which the "
+        f"Experiment {experiment.number}, noise sd {outcome.noise_std:g}: slip at which the "
         "values are found",
         ("estimator", "runs", *QUANTITIES, "end", "ms"),
         [cells for _, cells in sorted(rows, key=lambda row: row[0])],
@@ -114,17 +115,17 @@ def _sequence_table(made: Outcome) -> Table:
 # ------------------------------------------------------------------------------------ verdict
 
 
-def verdict(made: Outcome) -> list[str]:
-    """What came out at one noise level, a sentence each."""
-    merits = {r.name: m for r, m in _ranked(made)}
-    own = PAPERS_OWN[made.experiment.number]
+def verdict(outcome: NoiseLevelResult) -> list[str]:
+    """Main results at one noise level, one sentence each."""
+    merits = {r.name: m for r, m in _ranked(outcome)}
+    own = PAPERS_OWN[outcome.experiment.number]
     others = [name for name in merits if name != "oracle"]
     if not others:
         return []
-    best, level = others[0], f"Noise sd {made.noise_std:g}"
+    best, level = others[0], f"Noise sd {outcome.noise_std:g}"
     errors = {name: m.rmse[MU_MAX] for name, m in merits.items()}
-    limit = made.bound[-1, MU_MAX] if made.experiment.ramp else rms(made.bound, 0)[MU_MAX]
-    when = "at the end " if made.experiment.ramp else ""
+    limit = outcome.bound[-1, MU_MAX] if outcome.experiment.ramp else rms(outcome.bound, 0)[MU_MAX]
+    when = "at the end " if outcome.experiment.ramp else ""
     first = (
         f"{level}: {best} has the smallest error of the maximum adhesion {when}"
         f"(RMSE {_sig(errors[best])}; {BOUND} {_sig(limit)})"
@@ -136,7 +137,7 @@ def verdict(made: Outcome) -> list[str]:
     if DEFAULT in errors and best != DEFAULT:
         first += f"; {DEFAULT}, the default, has {_sig(errors[DEFAULT])}"
     found = [first + "."]
-    if made.experiment.ramp and own in merits:
+    if outcome.experiment.ramp and own in merits:
         c1, c2, c3, mu, _ = merits[own].slip_quartiles[1]
         found.append(
             f"{level}: slip at which {own} has found a value, median: c1 {_slip(c1)}, "
@@ -144,7 +145,7 @@ def verdict(made: Outcome) -> list[str]:
             "about 0.1 for c1 and c2, 0.4 for c3)."
         )
     if {own, ORDINARY, SUMMED} <= errors.keys() and own != ORDINARY:
-        told = "; ".join(
+        comparison = "; ".join(
             f"{what} {_sig(errors[name])} and {_sig(merits[name].rmse[0])}"
             for what, name in (
                 ("ordinary algorithm", ORDINARY),
@@ -152,36 +153,38 @@ def verdict(made: Outcome) -> list[str]:
                 ("both changes, summed innovation", SUMMED),
             )
         )
-        found.append(f"{level}: the paper's own, RMSE of the maximum adhesion and of c1: {told}.")
+        found.append(
+            f"{level}: the paper's own, RMSE of the maximum adhesion and of c1: {comparison}."
+        )
     return found
 
 
 # --------------------------------------------------------------------------------------- page
 
 
-def page(outcomes: Sequence[Outcome], provenance: Mapping[str, str]) -> Page:
-    """The page of an experiment: one section for each noise level."""
+def page(outcomes: Sequence[NoiseLevelResult], provenance: Mapping[str, str]) -> Page:
+    """Page of an experiment, with one section for each noise level."""
     number = outcomes[0].experiment.number
     sections = []
-    for made in outcomes:
-        parts: list[Any] = [merit_table(made)]
-        if silent(made) and not made.experiment.ramp:
-            parts.append(Text(silent(made) + "."))
-        parts += figures(made)
-        sections.append(Section(f"Noise sd {made.noise_std:g}", parts))
+    for outcome in outcomes:
+        parts: list[Any] = [merit_table(outcome)]
+        if late_estimators(outcome) and not outcome.experiment.ramp:
+            parts.append(Text(late_estimators(outcome) + "."))
+        parts += figures(outcome)
+        sections.append(Section(f"Noise sd {outcome.noise_std:g}", parts))
     return Page(
         title=f"Experiment {number}: {TITLES[number]}",
         lead=_lead(outcomes[0]),
-        verdict=[sentence for made in outcomes for sentence in verdict(made)],
+        verdict=[sentence for outcome in outcomes for sentence in verdict(outcome)],
         sections=sections,
         provenance=provenance,
     )
 
 
-def _lead(made: Outcome) -> str:
-    experiment = made.experiment
-    runs = max(r.runs for r in made.results)
-    rails = " → ".join("({:g}, {:g}, {:g})".format(*theta) for theta in experiment.surfaces)
+def _lead(outcome: NoiseLevelResult) -> str:
+    experiment = outcome.experiment
+    runs = max(r.runs for r in outcome.results)
+    surfaces = " → ".join("({:g}, {:g}, {:g})".format(*theta) for theta in experiment.surfaces)
     data = (
         f"{experiment.updates} samples in sequence, the slip rising from 0 to "
         f"{experiment.slip_max:g}, a start anywhere in the search range"
@@ -191,7 +194,7 @@ def _lead(made: Outcome) -> str:
     )
     count = "one run" if runs == 1 else f"{runs} runs"
     return (
-        f"After He et al., IEEE Access 6 (2018). Curve (c1, c2, c3): {rails}; {data}; {count}. "
+        f"After He et al., IEEE Access 6 (2018). Curve (c1, c2, c3): {surfaces}; {data}; {count}. "
         "All estimators get the same data. The paper's noise N(0, 0.01) is read as a "
         "standard deviation of 0.01 and as a variance of 0.01 (sd 0.1)."
     )
@@ -200,8 +203,8 @@ def _lead(made: Outcome) -> str:
 # ------------------------------------------------------------------------------- JSON and CSV
 
 
-def document(outcomes: Sequence[Outcome], provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """All numbers, for `--json`."""
+def document(outcomes: Sequence[NoiseLevelResult], provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """Document of all numbers, for `--json`."""
     experiment = outcomes[0].experiment
     surfaces = with_peak(np.array(experiment.surfaces)).tolist()
     return {
@@ -209,32 +212,32 @@ def document(outcomes: Sequence[Outcome], provenance: Mapping[str, Any]) -> dict
         "surfaces": [dict(zip(QUANTITIES, row, strict=True)) for row in surfaces],
         "noise_levels": [
             {
-                "noise_std": made.noise_std,
+                "noise_std": outcome.noise_std,
                 "cramer_rao": {
-                    "rmse": _named(_bound_rmse(made)),
-                    "by_update": _columns(made.bound),
+                    "rmse": _named(_bound_rmse(outcome)),
+                    "by_update": _columns(outcome.bound),
                 },
-                "estimators": [_result_json(result, made) for result in made.results],
-                "verdict": verdict(made),
+                "estimators": [_result_json(result, outcome) for result in outcome.results],
+                "verdict": verdict(outcome),
             }
-            for made in outcomes
+            for outcome in outcomes
         ],
         **provenance,
     }
 
 
-def _result_json(result: Result, made: Outcome) -> dict[str, Any]:
-    m = merit(result, made)
-    errors = result.values - made.truth
+def _result_json(result: EstimatorResult, outcome: NoiseLevelResult) -> dict[str, Any]:
+    m = compute_figures(result, outcome)
+    errors = result.values - outcome.truth
     found: dict[str, Any] = {
         "name": result.name,
         "runs": result.runs,
-        "silent_before_the_end": result.says_nothing,
+        "silent_before_the_end": result.is_late,
         "answered": m.answered,
         "rmse": _named(m.rmse),
         "update_ms": m.update_ms,
     }
-    if made.experiment.ramp:
+    if outcome.experiment.ramp:
         found["slip_needed"] = {
             name: _spread(column) for name, column in zip(QUANTITIES, m.slip_needed.T, strict=True)
         }
@@ -248,23 +251,23 @@ def _result_json(result: Result, made: Outcome) -> dict[str, Any]:
     return found
 
 
-def csv_rows(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, ...]]:
-    """Rows under `CSV_COLUMNS`: a figure of merit each, of each run and of all together.
+def csv_rows(outcomes: Sequence[NoiseLevelResult]) -> Iterator[tuple[str, ...]]:
+    """Rows under `CSV_COLUMNS`: one figure of merit of one run, or of all runs together.
 
-    A value is empty where there is none: no estimate, never found, or not measured.
+    A value is empty where there is no estimate, where it was never found, or not measured.
     """
-    for made in outcomes:
-        level = f"{made.noise_std:g}"
-        for name, value in zip(QUANTITIES, _bound_rmse(made), strict=True):
+    for outcome in outcomes:
+        level = f"{outcome.noise_std:g}"
+        for name, value in zip(QUANTITIES, _bound_rmse(outcome), strict=True):
             yield (BOUND, level, "all", f"rmse_{name}", _number(value))
-        for result in made.results:
+        for result in outcome.results:
             runs = [(str(run + 1), slice(run, run + 1)) for run in range(result.runs)]
             for run, part in (("all", slice(None)), *runs):
-                for quantity, value in _quantities(merit(result, made, part)):
+                for quantity, value in _quantities(compute_figures(result, outcome, part)):
                     yield (result.name, level, run, quantity, _number(value))
 
 
-def _quantities(m: Merit) -> Iterator[tuple[str, float]]:
+def _quantities(m: FiguresOfMerit) -> Iterator[tuple[str, float]]:
     """Figures of merit by name; medians over the runs where there are several."""
     for q, name in enumerate(QUANTITIES):
         yield f"rmse_{name}", m.rmse[q]
@@ -284,8 +287,8 @@ def _quantities(m: Merit) -> Iterator[tuple[str, float]]:
 # ------------------------------------------------------------------------------- ingredients
 
 
-def _bound_rmse(made: Outcome) -> Array:
-    return made.bound[-1] if made.experiment.ramp else rms(made.bound, 0)
+def _bound_rmse(outcome: NoiseLevelResult) -> Array:
+    return outcome.bound[-1] if outcome.experiment.ramp else rms(outcome.bound, 0)
 
 
 def _named(values: Array) -> dict[str, float]:
@@ -301,7 +304,7 @@ def _median(values: Array) -> float:
 
 
 def _spread(values: Array) -> dict[str, Any]:
-    """Quartiles, and how often it was never found."""
+    """Quartiles, and the share of runs in which the value was never found."""
     low, middle, high = quartiles(values.ravel()).tolist()
     return {"median": middle, "quartiles": [low, high], "never": float(np.isinf(values).mean())}
 

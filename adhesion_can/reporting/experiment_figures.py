@@ -7,8 +7,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adhesion_can.arrays import Array
-from adhesion_can.experiments.figures_of_merit import Outcome, Result, merit, quartiles, rms
-from adhesion_can.experiments.runs import MU_MAX, QUANTITIES, world
+from adhesion_can.experiments.figures_of_merit import (
+    EstimatorResult,
+    NoiseLevelResult,
+    compute_figures,
+    quartiles,
+    rms,
+)
+from adhesion_can.experiments.runs import MU_MAX, QUANTITIES, simulate_data
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.reporting.charts import (
     DARK,
@@ -27,10 +33,10 @@ from adhesion_can.reporting.charts import (
 from adhesion_can.reporting.page import Figure
 
 PAPERS_OWN: Mapping[int, str] = {1: "paper (sequence)", 2: "paper (ordinary)", 3: "paper (mean)"}
-"""The entry that is the paper's own, of each experiment."""
+"""Name of the paper's own algorithm in each experiment."""
 
 SHOWN = ("oracle", "tracker", "paper", "de")
-"""Drawn from the begin, with the paper's own; the others on a click in the legend."""
+"""Estimators visible at first, with the paper's own; the others on a click in the legend."""
 
 NAMES = dict(
     zip(
@@ -57,51 +63,54 @@ COLOURS = {
 MORE = ("#4aa8d8", "#7d8794", "#10a5a0", "#9aa31a", "#d86fb0", "#8c564b", "#5b6ee1", "#3d7a3d")
 CLOUD = "#9aa5b1"
 BINS = (12, 60)
-"""Of a histogram: fewest and most, one for each 8 values between."""
+"""Smallest and largest number of bins of a histogram; between them one for each 8 values."""
 
 
-def in_order(made: Outcome) -> list[Result]:
-    """Results that say something before the end: those drawn from the begin, then by name."""
-    first = (PAPERS_OWN[made.experiment.number], *SHOWN)
+def in_order(outcome: NoiseLevelResult) -> list[EstimatorResult]:
+    """Results with estimates before the end: the visible ones first, then by name."""
+    first = (PAPERS_OWN[outcome.experiment.number], *SHOWN)
     return sorted(
-        (r for r in made.results if not r.says_nothing),
+        (r for r in outcome.results if not r.is_late),
         key=lambda r: (first.index(r.name) if r.name in first else len(first), r.name),
     )
 
 
-def _is_shown(made: Outcome, name: str) -> bool:
-    return name in SHOWN or name == PAPERS_OWN[made.experiment.number]
+def _is_shown(outcome: NoiseLevelResult, name: str) -> bool:
+    return name in SHOWN or name == PAPERS_OWN[outcome.experiment.number]
 
 
-def _style(made: Outcome, result: Result, *, first: bool = True) -> Trace:
-    """What the traces of one contender share."""
-    rest = sorted(r.name for r in made.results if r.name not in COLOURS)
+def _style(outcome: NoiseLevelResult, result: EstimatorResult, *, first: bool = True) -> Trace:
+    """Common part of the traces of one estimator."""
+    rest = sorted(r.name for r in outcome.results if r.name not in COLOURS)
     colour = COLOURS.get(result.name) or MORE[rest.index(result.name) % len(MORE)]
     return {
         "name": result.name,
         "legendgroup": result.name,
         "showlegend": first,
-        "visible": True if _is_shown(made, result.name) else "legendonly",
+        "visible": True if _is_shown(outcome, result.name) else "legendonly",
         "line": {"color": colour, "width": 1.6},
     }
 
 
-def figures(made: Outcome) -> list[Figure]:
-    """Every figure of one noise level."""
+def figures(outcome: NoiseLevelResult) -> list[Figure]:
+    """All figures of one noise level."""
     return [
-        curves(made),
-        over_updates(made, QUANTITIES[:3]),
-        over_updates(made, ("mu_max",)),
-        error_over_updates(made),
-        histograms(made),
-        slips_needed(made) if made.experiment.ramp else accuracy(made),
+        curves(outcome),
+        over_updates(outcome, QUANTITIES[:3]),
+        over_updates(outcome, ("mu_max",)),
+        error_over_updates(outcome),
+        histograms(outcome),
+        slips_needed(outcome) if outcome.experiment.ramp else accuracy(outcome),
     ]
 
 
-def curves(made: Outcome) -> Figure:
+def curves(outcome: NoiseLevelResult) -> Figure:
     """Characteristic curves at the end of each surface, with the data of the last block there."""
-    experiment, each = made.experiment, made.experiment.updates // len(made.experiment.surfaces)
-    h, z = world(experiment, made.noise_std, 0, made.seed).samples.folded()
+    experiment, each = (
+        outcome.experiment,
+        outcome.experiment.updates // len(outcome.experiment.surfaces),
+    )
+    h, z = simulate_data(experiment, outcome.noise_std, 0, outcome.seed).samples.folded()
     ends = (*experiment.switches, len(h))
     last = np.concatenate([np.arange(end - experiment.block, end) for end in ends])
     slip = np.linspace(0.0, experiment.slip_max, 121)
@@ -122,16 +131,18 @@ def curves(made: Outcome) -> Figure:
             "hoverinfo": "skip",
         }
     ]
-    for result in in_order(made):
+    for result in in_order(outcome):
         thetas = result.values[0, each - 1 :: each, :3]
-        data.append({"type": "scatter", "mode": "lines", **_style(made, result), **lines(thetas)})
+        data.append(
+            {"type": "scatter", "mode": "lines", **_style(outcome, result), **lines(thetas)}
+        )
     data.append(_truth(**lines(experiment.surfaces)))
     middle = max(float(adhesion(experiment.slip_max, *theta)) for theta in experiment.surfaces)
     layout = {
         "xaxis": {"title": {"text": "slip ratio λ"}, "range": [0, experiment.slip_max]},
         "yaxis": {
             "title": {"text": "adhesion coefficient μ"},
-            "range": [min(0.0, -1.5 * made.noise_std), middle + 0.06 + 3 * made.noise_std],
+            "range": [min(0.0, -1.5 * outcome.noise_std), middle + 0.06 + 3 * outcome.noise_std],
         },
     }
     what = "the run" if experiment.ramp else "each surface"
@@ -142,20 +153,20 @@ def curves(made: Outcome) -> Figure:
     return Figure(caption, data, layout, 430)
 
 
-def over_updates(made: Outcome, quantities: Sequence[str]) -> Figure:
+def over_updates(outcome: NoiseLevelResult, quantities: Sequence[str]) -> Figure:
     """Values over the blocks, or over the slip in experiment 1: mean and spread over the runs."""
-    x = _abscissa(made)
+    x = _abscissa(outcome)
     data: list[Trace] = []
     axes: list[Trace] = []
     for row, name in enumerate(quantities):
         q, here = QUANTITIES.index(name), place(row)
-        truth = made.truth[:, q]
+        truth = outcome.truth[:, q]
         spans = [truth]
-        for result in in_order(made):
+        for result in in_order(outcome):
             values = result.values[..., q]
             mean, low, high = spread(values)
-            style = _style(made, result, first=row == 0)
-            if _is_shown(made, result.name):
+            style = _style(outcome, result, first=row == 0)
+            if _is_shown(outcome, result.name):
                 spans += [low, high]
             known = np.isfinite(low)
             band = {
@@ -175,34 +186,34 @@ def over_updates(made: Outcome, quantities: Sequence[str]) -> Figure:
         data.append(_truth(x=x, y=truth, showlegend=row == 0) | here)
         axes.append({"title": {"text": NAMES[name]}, "range": value_range(spans, truth)})
     what = "maximum adhesion" if tuple(quantities) == ("mu_max",) else "parameters"
-    where = "slip reached" if made.experiment.ramp else "blocks"
+    where = "slip reached" if outcome.experiment.ramp else "blocks"
     caption = (
         f"The {what} over the {where}: mean over the runs (line) and 5 to 95 % of them (band)."
     )
     height = 340 if len(axes) == 1 else 210 * len(axes)
-    layout = rows(axes, _abscissa_title(made), height)
+    layout = rows(axes, _abscissa_title(outcome), height)
     return Figure(caption, data, layout, height)
 
 
-def error_over_updates(made: Outcome) -> Figure:
+def error_over_updates(outcome: NoiseLevelResult) -> Figure:
     """Root mean square error of the maximum adhesion over the runs, and the bound."""
-    x = _abscissa(made)
+    x = _abscissa(outcome)
     data: list[Trace] = []
-    for result in in_order(made):
-        errors = rms(result.values[..., MU_MAX] - made.truth[:, MU_MAX], 0)
-        line = {"type": "scatter", "mode": "lines", **_style(made, result)}
+    for result in in_order(outcome):
+        errors = rms(result.values[..., MU_MAX] - outcome.truth[:, MU_MAX], 0)
+        line = {"type": "scatter", "mode": "lines", **_style(outcome, result)}
         data.append(line | {"x": x, "y": np.where(errors > 0, errors, np.nan)})
     bound = {
         "type": "scatter",
         "mode": "lines",
         "name": "Cramér-Rao bound",
         "x": x,
-        "y": made.bound[:, MU_MAX],
+        "y": outcome.bound[:, MU_MAX],
         "line": {"color": DARK, "width": 1.4, "dash": "dot"},
     }
-    finite = made.bound[:, MU_MAX][np.isfinite(made.bound[:, MU_MAX])]
+    finite = outcome.bound[:, MU_MAX][np.isfinite(outcome.bound[:, MU_MAX])]
     layout = {
-        "xaxis": {"title": {"text": _abscissa_title(made)}},
+        "xaxis": {"title": {"text": _abscissa_title(outcome)}},
         "yaxis": {
             "title": {"text": "RMSE of μ<sub>m</sub>"},
             "type": "log",
@@ -212,15 +223,15 @@ def error_over_updates(made: Outcome) -> Figure:
     }
     caption = (
         "Error of the maximum adhesion, beside the smallest that the samples since the last switch "
-        "allow: Cramér-Rao bound, for an unbiased estimator that knows when the rail changed. "
-        "Below it: a start near the truth, or a search range, which tell more than the samples."
+        "allow: Cramér-Rao bound, for an unbiased estimator that knows when the surface changed. "
+        "Below it: a start near the truth, or a search range, which add information."
     )
     return Figure(caption, [*data, bound], layout, 360)
 
 
-def histograms(made: Outcome) -> Figure:
+def histograms(outcome: NoiseLevelResult) -> Figure:
     """Distribution of the maximum adhesion on each surface, over runs and blocks."""
-    experiment = made.experiment
+    experiment = outcome.experiment
     each = experiment.updates // len(experiment.surfaces)
     data: list[Trace] = []
     layout: dict[str, Any] = {}
@@ -228,17 +239,17 @@ def histograms(made: Outcome) -> Figure:
     height = 340 if count == 1 else 220 * count
     for row, domain in enumerate(domains(count, height, gap=66)):
         part = slice(experiment.updates - 1 if experiment.ramp else row * each, (row + 1) * each)
-        truth = float(made.truth[row * each, MU_MAX])
-        found = {r.name: r.values[:, part, MU_MAX].ravel() for r in in_order(made)}
-        half = _half_width([v - truth for n, v in found.items() if _is_shown(made, n)])
+        truth = float(outcome.truth[row * each, MU_MAX])
+        found = {r.name: r.values[:, part, MU_MAX].ravel() for r in in_order(outcome)}
+        half = _half_width([v - truth for n, v in found.items() if _is_shown(outcome, n)])
         bins = np.clip(max((len(v) for v in found.values()), default=0) // 8, *BINS)
         edges = truth + half * np.linspace(-1.0, 1.0, int(bins) + 1)
         middles = 0.5 * (edges[1:] + edges[:-1])
-        for result in in_order(made):
+        for result in in_order(outcome):
             values = found[result.name]
             values = values[np.isfinite(values)]
             counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
-            style = _style(made, result, first=row == 0)
+            style = _style(outcome, result, first=row == 0)
             colour = style["line"]["color"]
             data.append(
                 style
@@ -276,10 +287,10 @@ def histograms(made: Outcome) -> Figure:
     return Figure(caption, data, layout, height)
 
 
-def accuracy(made: Outcome) -> Figure:
-    """Errors of peak and place, and time of an update, one under the other."""
+def accuracy(outcome: NoiseLevelResult) -> Figure:
+    """Errors of μ_max and λ_m, and duration of an update, one below the other."""
     ranked = sorted(
-        ((r, merit(r, made)) for r in made.results if not r.says_nothing),
+        ((r, compute_figures(r, outcome)) for r in outcome.results if not r.is_late),
         key=lambda pair: -pair[1].rmse[MU_MAX],
     )
     names = [r.name for r, _ in ranked]
@@ -288,11 +299,11 @@ def accuracy(made: Outcome) -> Figure:
             f"RMSE of {symbol}",
             [m.rmse[q] for _, m in ranked],
             [m.rmse_steady[q] for _, m in ranked],
-            float(rms(made.bound[:, q], 0)),
+            float(rms(outcome.bound[:, q], 0)),
         )
         for symbol, q in (("μ<sub>m</sub>", MU_MAX), ("λ<sub>m</sub>", MU_MAX + 1))
     ]
-    size = made.experiment.block
+    size = outcome.experiment.block
     panels.append(
         (f"ms for an update of {size} samples", [m.update_ms for _, m in ranked], None, None)
     )
@@ -333,14 +344,14 @@ def accuracy(made: Outcome) -> Figure:
     return Figure(caption, data, layout, height)
 
 
-def slips_needed(made: Outcome) -> Figure:
-    """Experiment 1: where each value came within 10 % of the truth and stayed there."""
-    shown = [(r.name, merit(r, made).slip_needed) for r in reversed(in_order(made))]
+def slips_needed(outcome: NoiseLevelResult) -> Figure:
+    """Slip in experiment 1 from which on each value is within 10 % of the truth."""
+    shown = [(r.name, compute_figures(r, outcome).slip_needed) for r in reversed(in_order(outcome))]
     data: list[Trace] = []
     for q, colour in enumerate(("#0b5fa5", "#d55e00", "#2e8b57", "#8e5aa8")):
         found = np.array([quartiles(slips[:, q]) for _, slips in shown])
         low, middle, high = np.where(np.isfinite(found), found, np.nan).T
-        end = np.where(np.isnan(high), made.experiment.slip_max, high)
+        end = np.where(np.isnan(high), outcome.experiment.slip_max, high)
         data.append(
             {
                 "type": "scatter",
@@ -363,7 +374,7 @@ def slips_needed(made: Outcome) -> Figure:
     layout = {
         "xaxis": {
             "title": {"text": "slip ratio λ reached"},
-            "range": [0, 1.02 * made.experiment.slip_max],
+            "range": [0, 1.02 * outcome.experiment.slip_max],
         },
         "yaxis": {"type": "category"},
     }
@@ -382,20 +393,20 @@ def _truth(**rest: Any) -> Trace:
     return {"type": "scatter", "mode": "lines", "name": "truth", "line": line, **rest}
 
 
-def _abscissa(made: Outcome) -> Array:
-    experiment = made.experiment
+def _abscissa(outcome: NoiseLevelResult) -> Array:
+    experiment = outcome.experiment
     if experiment.ramp:
         return np.linspace(0.0, experiment.slip_max, experiment.updates)
     return np.arange(1.0, experiment.updates + 1)
 
 
-def _abscissa_title(made: Outcome) -> str:
-    if made.experiment.ramp:
+def _abscissa_title(outcome: NoiseLevelResult) -> str:
+    if outcome.experiment.ramp:
         return "slip ratio λ reached"
-    return f"block k, of {made.experiment.block} samples"
+    return f"block k, of {outcome.experiment.block} samples"
 
 
 def _half_width(errors: Sequence[Array]) -> float:
-    """Half the width of a histogram: holds 98 % of the widest that is shown from the begin."""
+    """Half the width of a histogram: 98 % of the widest distribution visible at first fits in."""
     sizes = [np.abs(e[np.isfinite(e)]) for e in errors]
     return max((float(np.quantile(s, 0.98)) for s in sizes if len(s)), default=0.0) or 0.01

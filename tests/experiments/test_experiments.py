@@ -15,18 +15,24 @@ from adhesion_can.estimation.differential_evolution import (
     identify_sequence,
 )
 from adhesion_can.estimation.registry import ESTIMATORS
-from adhesion_can.experiments.figures_of_merit import bound_slip, merit, outcome, quartiles, rms
+from adhesion_can.experiments.figures_of_merit import (
+    bound_slip,
+    collect_runs,
+    compute_figures,
+    quartiles,
+    rms,
+)
 from adhesion_can.experiments.runs import (
     EXPERIMENTS,
     MU_MAX,
     QUANTITIES,
     SURFACES,
-    bound,
-    contenders,
+    cramer_rao_bound,
+    participants,
     run_once,
-    settling,
+    simulate_data,
+    updates_until_settled,
     with_peak,
-    world,
 )
 from adhesion_can.physics.estimate import Estimate, Identifiable
 
@@ -63,7 +69,7 @@ def estimate(theta):
 
 
 class Fixed:
-    """Says the same whatever comes."""
+    """Gives the same estimate whatever the samples."""
 
     def __init__(self, theta, silent=0):
         self.theta, self.silent, self.sizes = theta, silent, []
@@ -74,8 +80,8 @@ class Fixed:
         return estimate(self.theta) if len(self.sizes) > self.silent else None
 
 
-class Told:
-    """Knows the surfaces; says each so many samples after its first one."""
+class Informed:
+    """Knows the surfaces; gives each one so many samples after its first sample."""
 
     def __init__(self, changes_us, theta0, late=0):
         self.late_us = late * 1e6 / 600
@@ -88,14 +94,14 @@ class Told:
         return estimate(SURFACES[self.before + passed])
 
 
-def told(late):
-    return lambda settings, changes: Told(changes, settings.evolution.theta0, late)
+def informed(late):
+    return lambda settings, changes: Informed(changes, settings.evolution.theta0, late)
 
 
 def outcome_of(experiment, estimators, runs=2, oracle=None, clock=lambda: 0.0, noise=0.01):
-    who = contenders(experiment, estimators, oracle)
+    who = participants(experiment, estimators, oracle)
     tracks = [run_once(experiment, noise, run, SEED, who, clock) for run in range(runs)]
-    made = outcome(experiment, noise, SEED, tracks)
+    made = collect_runs(experiment, noise, SEED, tracks)
     return made, {result.name: result for result in made.results}
 
 
@@ -106,7 +112,7 @@ def outcome_of(experiment, estimators, runs=2, oracle=None, clock=lambda: 0.0, n
 @pytest.mark.parametrize("sd", [0.01, 0.1])
 def test_data_are_the_curve_and_the_noise(number, sd):
     experiment = EXPERIMENTS[number]
-    data = world(experiment, sd, 0, SEED)
+    data = simulate_data(experiment, sd, 0, SEED)
     h, z = data.samples.slip, data.samples.adhesion
     each = len(h) // len(experiment.surfaces)
     noise = np.concatenate(
@@ -123,13 +129,13 @@ def test_data_are_the_curve_and_the_noise(number, sd):
 
 
 def test_experiment_1_rises_and_the_others_switch_at_blocks_50_and_100():
-    ramp = world(EXPERIMENTS[1], 0.01, 0, SEED).samples
+    ramp = simulate_data(EXPERIMENTS[1], 0.01, 0, SEED).samples
     assert len(ramp) == 500
     assert (np.diff(ramp.slip) > 0).all()
     assert ramp.slip[-1] == 0.5
     for number in (2, 3):
         experiment = EXPERIMENTS[number]
-        data = world(experiment, 0.01, 0, SEED)
+        data = simulate_data(experiment, 0.01, 0, SEED)
         assert len(data.samples) == 150 * 500
         assert experiment.switches == (50 * 500, 100 * 500)
         assert data.theta0 == (0.5, 30.0, 0.08)
@@ -140,12 +146,12 @@ def test_experiment_1_rises_and_the_others_switch_at_blocks_50_and_100():
 
 
 def test_runs_repeat_and_differ_and_noise_levels_share_their_numbers():
-    one, same, other = (world(SMALL, 0.01, run, SEED).samples for run in (0, 0, 1))
+    one, same, other = (simulate_data(SMALL, 0.01, run, SEED).samples for run in (0, 0, 1))
     assert np.array_equal(one.adhesion, same.adhesion)
     assert not np.isin(one.slip, other.slip).any()
-    loud = world(SMALL, 0.1, 0, SEED).samples
+    loud = simulate_data(SMALL, 0.1, 0, SEED).samples
     assert np.array_equal(one.slip, loud.slip)
-    clean = world(SMALL, 0.0, 0, SEED).samples.adhesion
+    clean = simulate_data(SMALL, 0.0, 0, SEED).samples.adhesion
     assert loud.adhesion - clean == pytest.approx(10 * (one.adhesion - clean))
 
 
@@ -165,13 +171,13 @@ def test_every_registered_estimator_takes_part_besides_the_papers_own():
         (2, {"paper (ordinary)"}),
         (3, {"paper (ordinary)", "paper (mean)", "paper (sum)"}),
     ):
-        assert set(contenders(EXPERIMENTS[number], ESTIMATORS)) == set(ESTIMATORS) | own
+        assert set(participants(EXPERIMENTS[number], ESTIMATORS)) == set(ESTIMATORS) | own
 
 
 def test_estimators_get_blocks_or_single_samples():
     for experiment, size in ((SMALL, 60), (RAMP, 1)):
         stub = Fixed(SURFACES[0])
-        who = contenders(replace(experiment, detail_runs=0), {"stub": lambda _, s=stub: s})
+        who = participants(replace(experiment, detail_runs=0), {"stub": lambda _, s=stub: s})
         run_once(replace(experiment, detail_runs=0), 0.01, 0, SEED, who, lambda: 0.0)
         assert set(stub.sizes) == {size}
         assert len(stub.sizes) == experiment.updates
@@ -186,7 +192,7 @@ def test_the_start_is_told_in_experiment_3_and_drawn_in_experiment_1():
 
     for experiment in (SMALL, RAMP):
         for run in (0, 1):
-            who = contenders(experiment, {"stub": make})
+            who = participants(experiment, {"stub": make})
             run_once(replace(experiment, detail_runs=0), 0.01, run, SEED, who, lambda: 0.0)
     assert [theta0 for theta0, _ in starts] == [SURFACES[0]] * 2 + [None] * 2
     assert starts[0][1] != starts[1][1]
@@ -202,8 +208,8 @@ def test_the_start_is_told_in_experiment_3_and_drawn_in_experiment_1():
 )
 def test_the_bare_paper_is_its_block_processing(number, name, changes):
     experiment = replace(SMALL, number=number)
-    track = run_once(experiment, 0.01, 1, SEED, contenders(experiment, {}), lambda: 0.0)[name]
-    data = world(experiment, 0.01, 1, SEED)
+    track = run_once(experiment, 0.01, 1, SEED, participants(experiment, {}), lambda: 0.0)[name]
+    data = simulate_data(experiment, 0.01, 1, SEED)
     chosen = EvolutionSettings(theta0=data.theta0, seed=data.seed, block=60, **changes)
     want = identify_blocks(*data.samples.folded(), chosen)
     assert np.array_equal(track.values[:, :3], want)
@@ -212,8 +218,8 @@ def test_the_bare_paper_is_its_block_processing(number, name, changes):
 
 
 def test_the_bare_paper_takes_experiment_1_in_sequence():
-    track = run_once(RAMP, 0.01, 0, SEED, contenders(RAMP, {}), lambda: 0.0)["paper (sequence)"]
-    data = world(RAMP, 0.01, 0, SEED)
+    track = run_once(RAMP, 0.01, 0, SEED, participants(RAMP, {}), lambda: 0.0)["paper (sequence)"]
+    data = simulate_data(RAMP, 0.01, 0, SEED)
     want = identify_sequence(*data.samples.folded(), EvolutionSettings(seed=data.seed, block=1))
     assert np.array_equal(track.values[:, :3], want)
 
@@ -241,12 +247,14 @@ def test_an_estimators_error_is_not_swallowed():
 def test_settling_is_the_first_update_from_which_all_are_within(values):
     within = [abs(v - 1) <= 0.05 for v in values]
     first = next((k for k in range(len(values)) if all(within[k:])), None)
-    assert settling(np.array(values), 1.0, 0.05) == (np.inf if first is None else first + 1)
+    assert updates_until_settled(np.array(values), 1.0, 0.05) == (
+        np.inf if first is None else first + 1
+    )
 
 
 def test_errors_of_who_always_says_the_first_surface():
     made, results = outcome_of(SMALL, {"fixed": lambda _: Fixed(SURFACES[0])})
-    m = merit(results["fixed"], made)
+    m = compute_figures(results["fixed"], made)
     values = np.array([[*theta, *peak_of(*theta)] for theta in SURFACES])
     off = values - values[0]
     assert m.rmse == pytest.approx(np.sqrt((off**2).mean(0)))
@@ -260,8 +268,8 @@ def test_errors_of_who_always_says_the_first_surface():
 
 @pytest.mark.parametrize("late", [0, 1, 11, 12, 13, 59, 60, 61])
 def test_who_is_told_needs_what_it_waits(late):
-    made, results = outcome_of(SMALL, {}, oracle=told(late))
-    m = merit(results["oracle"], made)
+    made, results = outcome_of(SMALL, {}, oracle=informed(late))
+    m = compute_figures(results["oracle"], made)
     # An update is over with its last sample: that is when its estimate can be of use.
     assert m.samples_needed.shape == (2, 2)
     assert (m.samples_needed > late).all()
@@ -271,44 +279,44 @@ def test_who_is_told_needs_what_it_waits(late):
 
 def test_the_closer_look_counts_from_the_switch_where_updates_do_not_end_there():
     odd = replace(SMALL, detail=7)
-    made, results = outcome_of(odd, {}, oracle=told(0))
-    needed = merit(results["oracle"], made).samples_needed
+    made, results = outcome_of(odd, {}, oracle=informed(0))
+    needed = compute_figures(results["oracle"], made).samples_needed
     # 120 samples before the switch: the 18th update of 7 ends 6 after it.
     assert (needed == 6).all()
 
 
 def test_the_closer_look_is_taken_in_the_first_runs():
-    _, results = outcome_of(replace(SMALL, detail_runs=1), {}, runs=3, oracle=told(0))
+    _, results = outcome_of(replace(SMALL, detail_runs=1), {}, runs=3, oracle=informed(0))
     assert results["oracle"].samples_needed.shape == (1, 2)
-    _, results = outcome_of(replace(SMALL, detail_runs=0), {}, runs=2, oracle=told(0))
+    _, results = outcome_of(replace(SMALL, detail_runs=0), {}, runs=2, oracle=informed(0))
     assert results["oracle"].samples_needed is None
 
 
-def test_who_is_silent_at_first_is_judged_by_what_it_says():
+def test_updates_without_an_estimate_do_not_count_as_errors():
     made, results = outcome_of(SMALL, {"late": lambda _: Fixed(SURFACES[0], silent=4)})
-    m = merit(results["late"], made)
+    m = compute_figures(results["late"], made)
     assert m.answered == pytest.approx(8 / 12)
     off = peak_of(*SURFACES[1])[0] - peak_of(*SURFACES[0])[0]
     off2 = peak_of(*SURFACES[2])[0] - peak_of(*SURFACES[0])[0]
     assert m.rmse[MU_MAX] == pytest.approx(np.sqrt((off**2 + off2**2) / 2))
-    assert not results["late"].says_nothing
+    assert not results["late"].is_late
 
 
-def test_who_says_nothing_before_the_end_is_known():
+def test_estimators_without_an_estimate_before_the_end_are_marked_late():
     stubs = {"mute": lambda _: Fixed(SURFACES[0], 10**6), "last": lambda _: Fixed(SURFACES[0], 39)}
     made, results = outcome_of(RAMP, stubs)
-    assert results["mute"].says_nothing
-    assert results["last"].says_nothing
-    assert not results["paper (sequence)"].says_nothing
-    assert np.isnan(merit(results["mute"], made).rmse).all()
+    assert results["mute"].is_late
+    assert results["last"].is_late
+    assert not results["paper (sequence)"].is_late
+    assert np.isnan(compute_figures(results["mute"], made).rmse).all()
 
 
 def test_slip_at_which_experiment_1_finds_a_value():
     made, results = outcome_of(RAMP, {"at 10": lambda _: Fixed(SURFACES[0], silent=10)})
-    slips = merit(results["at 10"], made).slip_needed
-    assert slips == pytest.approx(world(RAMP, 0.01, 0, SEED).samples.slip[10])
+    slips = compute_figures(results["at 10"], made).slip_needed
+    assert slips == pytest.approx(simulate_data(RAMP, 0.01, 0, SEED).samples.slip[10])
     wrong, results = outcome_of(RAMP, {"wrong": lambda _: Fixed((0.5, 30.0, 0.09), silent=10)})
-    found = merit(results["wrong"], wrong).slip_needed[0]
+    found = compute_figures(results["wrong"], wrong).slip_needed[0]
     # c3 is 12.5 % off, the others are not.
     assert np.isinf(found).tolist() == [False, False, True, False, False]
 
@@ -316,9 +324,9 @@ def test_slip_at_which_experiment_1_finds_a_value():
 def test_times_are_those_of_the_clock():
     ticks = count()
     made, results = outcome_of(SMALL, {"fixed": lambda _: Fixed(SURFACES[0])}, clock=ticks.__next__)
-    assert merit(results["fixed"], made).update_ms == 1000.0
+    assert compute_figures(results["fixed"], made).update_ms == 1000.0
     # One interval for all twelve blocks.
-    assert merit(results["paper (mean)"], made).update_ms == pytest.approx(1000 / 12)
+    assert compute_figures(results["paper (mean)"], made).update_ms == pytest.approx(1000 / 12)
 
 
 def test_quartiles_keep_never_apart():
@@ -331,8 +339,8 @@ def test_quartiles_keep_never_apart():
 
 
 def test_the_bound_is_the_inverse_information_of_the_samples_since_the_switch():
-    limit = bound(SMALL, 0.1, SEED)
-    h = world(SMALL, 0.1, 0, SEED).samples.slip
+    limit = cramer_rao_bound(SMALL, 0.1, SEED)
+    h = simulate_data(SMALL, 0.1, 0, SEED).samples.slip
     for k, theta in ((0, SURFACES[0]), (3, SURFACES[0]), (4, SURFACES[1]), (11, SURFACES[2])):
         part = h[k // 4 * 240 : (k + 1) * 60]
         steps = 1e-6 * np.array(theta)
@@ -354,10 +362,10 @@ def test_the_bound_is_the_inverse_information_of_the_samples_since_the_switch():
 
 
 def test_least_squares_on_all_samples_of_a_surface_reaches_the_bound():
-    limit = bound(EXPERIMENTS[3], 0.01, SEED)[9]
+    limit = cramer_rao_bound(EXPERIMENTS[3], 0.01, SEED)[9]
     found = []
     for run in range(60):
-        samples = world(EXPERIMENTS[3], 0.01, run, SEED).samples
+        samples = simulate_data(EXPERIMENTS[3], 0.01, run, SEED).samples
         h, z = samples.slip[:5000], samples.adhesion[:5000]
         theta = least_squares(lambda t, h=h, z=z: curve(h, *t) - z, SURFACES[0], x_scale=(1, 30, 1))
         found.append([*theta.x, *peak_of(*theta.x)])
@@ -366,7 +374,7 @@ def test_least_squares_on_all_samples_of_a_surface_reaches_the_bound():
 
 
 def test_the_bound_of_experiment_1_has_found_what_the_paper_reports():
-    made = outcome(EXPERIMENTS[1], 0.01, SEED, [{}])
+    made = collect_runs(EXPERIMENTS[1], 0.01, SEED, [{}])
     c1, c2, c3, *_ = bound_slip(made)
     # The paper: c1 and c2 have converged at about 0.1, c3 at about 0.4.
     assert c1 < 0.1
@@ -381,6 +389,6 @@ def test_the_papers_changes_narrow_the_spread_of_its_parameters():
     # ordinary search ends at the optimum too.
     made, results = outcome_of(EXPERIMENTS[3], {}, runs=6)
     ordinary, modified = (
-        merit(results[name], made) for name in ("paper (ordinary)", "paper (mean)")
+        compute_figures(results[name], made) for name in ("paper (ordinary)", "paper (mean)")
     )
     assert (modified.rmse_steady[:3] < ordinary.rmse_steady[:3]).all()

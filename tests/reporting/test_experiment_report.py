@@ -7,8 +7,12 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from adhesion_can.experiments.figures_of_merit import Outcome, Result, merit
-from adhesion_can.experiments.runs import EXPERIMENTS, bound
+from adhesion_can.experiments.figures_of_merit import (
+    EstimatorResult,
+    NoiseLevelResult,
+    compute_figures,
+)
+from adhesion_can.experiments.runs import EXPERIMENTS, cramer_rao_bound
 from adhesion_can.reporting.experiment import csv_rows, document, merit_table, page, verdict
 from adhesion_can.reporting.experiment_figures import PAPERS_OWN, SHOWN, figures
 from adhesion_can.reporting.page import render
@@ -30,8 +34,14 @@ def made_of(number, names, noise=0.01, runs=6, off=0.02, seed=1):
         errors = off * (k + 1) * rng.standard_normal((runs, *truth.shape))
         needed = rng.integers(1, 999, (runs, 2)).astype(float) if len(truth) == 12 else None
         seconds = np.full((runs, len(truth)), 3.456e-5 * 2.0**k)
-        results.append(Result(name, truth * (1 + errors), seconds, needed))
-    return Outcome(experiment, noise, 1, bound(experiment, noise, 1), tuple(results))
+        results.append(EstimatorResult(name, truth * (1 + errors), seconds, needed))
+    return NoiseLevelResult(
+        experiment=experiment,
+        noise_std=noise,
+        seed=1,
+        bound=cramer_rao_bound(experiment, noise, 1),
+        results=tuple(results),
+    )
 
 
 def replaced(made, name, **changes):
@@ -54,7 +64,7 @@ def test_the_table_fits_and_the_smallest_error_comes_first(number, off):
     assert "…" not in "".join(lines)
     ranks = [row[0] for row in merit_table(made).rows if row[0] != "Cramér-Rao bound"]
     if off:
-        errors = {r.name: merit(r, made).rmse[3] for r in made.results}
+        errors = {r.name: compute_figures(r, made).rmse[3] for r in made.results}
         assert ranks == sorted(NAMES, key=errors.__getitem__)
 
 
@@ -107,7 +117,7 @@ def test_the_band_holds_nine_tenths_of_the_runs():
 
 
 @pytest.mark.parametrize("number", [1, 3])
-def test_who_says_nothing_is_named_and_not_drawn(number):
+def test_estimators_without_an_estimate_are_listed_and_not_drawn(number):
     made = made_of(number, ["tracker", "mute"])
     silent = np.full_like(made.results[1].values, np.nan)
     made = replaced(made, "mute", values=silent, samples_needed=None)
@@ -135,7 +145,7 @@ def test_gaps_at_the_begin_are_gaps():
 def test_the_verdict_names_the_best_the_papers_own_and_the_default():
     made = made_of(3, ["oracle", "window", "tracker", "paper (mean)"])
     first = verdict(made)[0]
-    errors = {r.name: merit(r, made).rmse[3] for r in made.results}
+    errors = {r.name: compute_figures(r, made).rmse[3] for r in made.results}
     assert first.startswith("Noise sd 0.01: window has the smallest error")
     assert f"{errors['paper (mean)'] / errors['window']:.1f} times as large" in first
     assert "tracker, the default, has" in first
@@ -144,7 +154,7 @@ def test_the_verdict_names_the_best_the_papers_own_and_the_default():
     assert verdict(made_of(3, [])) == []
 
 
-def test_never_is_told_as_never():
+def test_never_found_is_shown_as_never():
     made = made_of(3, ["tracker"], off=3.0)
     (row,) = (row for row in merit_table(made).rows if row[0] == "tracker")
     assert row[-3] == "never"

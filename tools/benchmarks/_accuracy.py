@@ -11,13 +11,13 @@ from _report import over_cores
 from adhesion_can.estimation.registry import ESTIMATORS, oracle
 from adhesion_can.estimation.tracker.memories import MemorySettings
 from adhesion_can.estimation.tracker.tracker import Tracker, TrackerSettings
-from adhesion_can.experiments.figures_of_merit import merit, outcome, rms
+from adhesion_can.experiments.figures_of_merit import collect_runs, compute_figures, rms
 from adhesion_can.experiments.runs import (
     EXPERIMENTS,
     MU_MAX,
     QUANTITIES,
     SURFACES,
-    contenders,
+    participants,
     run_once,
 )
 from adhesion_can.physics.burckhardt import adhesion, peak
@@ -30,7 +30,7 @@ EXPERIMENT = replace(EXPERIMENTS[3], detail_runs=0)
 
 def one_run(seed, task):
     noise_std, run = task
-    found = contenders(EXPERIMENT, {n: ESTIMATORS[n] for n in ("tracker", "window")}, oracle)
+    found = participants(EXPERIMENT, {n: ESTIMATORS[n] for n in ("tracker", "window")}, oracle)
     who = {name: found[name] for name in ("tracker", "oracle", PAPER, "window")}
     return run_once(EXPERIMENT, noise_std, run, seed, who, clock=time.perf_counter)
 
@@ -45,9 +45,9 @@ def accuracy(report, options):
     tracks = over_cores(partial(one_run, options.seed), tasks, options.jobs, "accuracy")
     for noise_std in levels:
         own = [track for task, track in zip(tasks, tracks, strict=True) if task[0] == noise_std]
-        made = outcome(EXPERIMENT, noise_std, options.seed, own)
-        rmse = {result.name: merit(result, made).rmse for result in made.results}
-        steady = {result.name: merit(result, made).rmse_steady for result in made.results}
+        made = collect_runs(EXPERIMENT, noise_std, options.seed, own)
+        rmse = {result.name: compute_figures(result, made).rmse for result in made.results}
+        steady = {result.name: compute_figures(result, made).rmse_steady for result in made.results}
         rmse["Cramér-Rao bound"] = rms(made.bound, 0)
         report.tell(f"noise sd {noise_std}: RMSE of μ_max and λ_m")
         for name, value in rmse.items():
