@@ -1,0 +1,106 @@
+"""Start-up of the commands against the imports that nothing can do without, in one run.
+
+Every figure is processor time (user and system) of a whole process, the median over rounds in which
+all candidates run in turn. `check` also works: what it takes for a second time in a process that
+has everything imported is its work, and is subtracted.
+"""
+
+import argparse
+import resource
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from statistics import median
+
+from _report import Report
+from _rows import positive
+
+from adhesion_can.bus.database import load_database
+from adhesion_can.recordings.candump import format_frame
+from adhesion_can.simulation.run import RunSettings, Simulation
+from adhesion_can.simulation.scenarios import scenario_by_name
+
+SHORT_S, FITTED_S = 0.5, 10.0
+"""Lengths of the logs for `check`, s: too short for a fit of the curve, and long enough."""
+MAIN = "import sys; from adhesion_can.cli.main import main; sys.exit(main())"
+WORK = """
+import contextlib, io, resource, sys
+from adhesion_can.cli.main import main
+def spent():
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
+with contextlib.redirect_stdout(io.StringIO()):
+    main(["check", sys.argv[1]])
+    began = spent()
+    for _ in range(5):
+        main(["check", sys.argv[1]])
+print((spent() - began) / 5)
+"""
+
+
+def processor_seconds(code, *arguments):
+    """User and system time of a Python process that runs the code."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def work_seconds(log):
+    """Processor time of `check` without its imports, s."""
+    command = [sys.executable, "-c", WORK, str(log)]
+    return float(subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout)
+
+
+def write_drive(path, duration_s):
+    """A drive on a dry surface as candump text."""
+    simulation = Simulation(RunSettings(scenario_by_name("dry"), duration_s), load_database())
+    lines = [format_frame(frame) for step in simulation.run() for frame in step]
+    path.write_text("".join(lines))
+    return path
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="tools/bench startup", description=__doc__)
+    parser.add_argument("--rounds", type=positive(int), default=9, metavar="N", help="default 9")
+    rounds = parser.parse_args().rounds
+    report = Report()
+    with tempfile.TemporaryDirectory() as folder:
+        short = write_drive(Path(folder) / "short.log", SHORT_S)
+        fitted = write_drive(Path(folder) / "fitted.log", FITTED_S)
+        candidates = {
+            "import numpy": ("import numpy",),
+            "import numpy, can, cantools": ("import numpy, can, cantools",),
+            "import adhesion_can": ("import adhesion_can",),
+            "--help": (MAIN, "--help"),
+            "--version": (MAIN, "--version"),
+            "check, short log": (MAIN, "check", short),
+            "check, log with a fit": (MAIN, "check", fitted),
+        }
+        spent = {name: [] for name in candidates}
+        for _ in range(rounds):
+            for name, words in candidates.items():
+                spent[name].append(processor_seconds(*words))
+        seconds = {name: median(values) for name, values in spent.items()}
+        for name, value in seconds.items():
+            report.tell(f"{name}: {value:.3f} s")
+        work = {
+            "check, short log": median(work_seconds(short) for _ in range(3)),
+            "check, log with a fit": median(work_seconds(fitted) for _ in range(3)),
+        }
+    light, heavy = seconds["import numpy"], seconds["import numpy, can, cantools"]
+    for name in ("--help", "--version"):
+        report.at_most(f"{name} / import numpy", seconds[name] / light, 2.0, ".2f")
+    for name, own in work.items():
+        report.tell(f"work of {name}: {own:.3f} s")
+    start = seconds["check, short log"] - work["check, short log"]
+    report.at_most("start of check / import numpy, can, cantools", start / heavy, 1.3, ".2f")
+    fit = seconds["check, log with a fit"] - work["check, log with a fit"]
+    report.tell(f"the same for a log with a fit, which loads scipy.optimize: {fit / heavy:.2f}")
+    print(f"{report.met} of {report.met + len(report.missed)} targets met")
+
+
+if __name__ == "__main__":
+    main()
