@@ -4,7 +4,6 @@ import argparse
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -42,14 +41,12 @@ from adhesion_can.reporting.text import console
 from adhesion_can.sampling.traces import Trace
 
 
-def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
     defaults = CalibrationSettings()
-    parser = commands.add_parser(
-        "calibrate",
-        help="wheel radii and speed offset from coasting",
-        description="Finds the radius of each wheel, relative to the vehicle speed, and the zero "
-        "error of the vehicle speed where axles coast, with standard errors.",
+    parser.description = (
+        "Finds the radius of each wheel, relative to the vehicle speed, and the zero "
+        "error of the vehicle speed where axles coast, with standard errors."
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
     parser.add_argument(

@@ -40,6 +40,7 @@ from adhesion_can.reporting.text import console, plus_minus, table
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.live import LiveService
 from adhesion_can.service.outputs import Outputs
+from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from adhesion_can.simulation.run import STEP_US, RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
 
@@ -54,13 +55,11 @@ REORDER_US = 500_000
 """An answer reaches the recorder after frames of a little later; it is put in its place."""
 
 
-def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "demo",
-        help="locomotive, service and creep controller on an embedded bus",
-        description="Runs a simulated locomotive across dry, wet, greasy and dry rails, with the "
-        "service and a creep controller that obeys it, on an in-process bus and in real time.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
+    parser.description = (
+        "Runs a simulated locomotive across dry, wet, greasy and dry rails, with the "
+        "service and a creep controller that obeys it, on an in-process bus and in real time."
     )
     parser.add_argument("--duration", type=float, default=40.0, metavar="S", help="default 40")
     parser.add_argument("--headless", action="store_true", help="lines instead of a live view")
@@ -156,7 +155,9 @@ class _Bench:
 
     def run(self, view: Any) -> None:
         """Run the demo to its end; errors of any party come out here."""
-        service = LiveService(self._core, self._open(), self._open, clock=self._clock)
+        service = LiveService(
+            self._core, ReconnectingBus(self._open, self._core.ids), clock=self._clock
+        )
         thread = threading.Thread(target=self._guarded, args=(service.run,), name="service")
         with whole_file(self._log) as file, self._open() as recorder_bus, self._open() as bus:
             recorder = _Recorder(file.write)

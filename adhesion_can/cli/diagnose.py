@@ -25,9 +25,9 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.config import Configuration
 from adhesion_can.config.model_file import write_model
-from adhesion_can.diagnosis.drive.drive_data import Course
-from adhesion_can.diagnosis.drive.from_table import course_of_table
-from adhesion_can.diagnosis.drive.from_traces import course_of
+from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.drive.from_table import build_drive_data_from_table
+from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
 from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
@@ -36,7 +36,7 @@ from adhesion_can.offline.load_traces import Heard, hear
 from adhesion_can.recordings.sample_table import is_table, read_table
 from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.reporting.diagnosis import (
-    Source,
+    InputFile,
     diagnosis_json,
     extends,
     terminal,
@@ -61,19 +61,17 @@ class _Read:
 
     """
 
-    source: Source
-    course: Course
+    input_file: InputFile
+    drive: DriveData
     problems: list[str]
 
 
-def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "diagnose",
-        help="what the simulation gets wrong, and why",
-        description="Holds the adhesion curve and the configured vehicle against recordings or "
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
+    parser.description = (
+        "Holds the adhesion curve and the configured vehicle against recordings or "
         "tables of samples: what they get wrong, the cause where the data can tell it, a model "
-        "extended by it, and what that gains on data that were held out.",
+        "extended by it, and what that gains on data that were held out."
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
     parser.add_argument(
@@ -100,16 +98,16 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
     _require_outputs(options, config)
-    sources = _sources(options)
+    input_files = _sources(options)
     with _stages() as show:
-        reads = _read_all(sources, config, show)
+        reads = _read_all(input_files, config, show)
         found = _diagnosed(reads, show)
     command = command_of(options)
     problems = [problem for read in reads for problem in read.problems]
     problems += [
         f"{read.source.name}: not one usable row: {_why_empty(read)}"
         for read in reads
-        if not len(read.course)
+        if not len(read.drive)
     ]
     origin = provenance(config) | {"command": command}
     del origin["inputs"]  # the diagnosis says more of them
@@ -117,11 +115,13 @@ def run(options: argparse.Namespace) -> int:
     if options.extended is not None:
         problems += _model_notes(found, options)
         if found.model is not None:
-            write_model(_with_provenance(found.model, found, sources, command), options.extended)
+            write_model(
+                _with_provenance(found.model, found, input_files, command), options.extended
+            )
             written.append(options.extended)
-    write_json(options.json, {**diagnosis_json(found, sources), "problems": problems, **origin})
+    write_json(options.json, {**diagnosis_json(found, input_files), "problems": problems, **origin})
     if options.html is not None:
-        write_page(page(found, sources, _told(origin), problems), options.html)
+        write_page(page(found, input_files, _told(origin), problems), options.html)
         written.append(options.html)
     if talk(options):
         written += [] if options.json is None else [options.json]
@@ -159,7 +159,7 @@ def _require_outputs(options: argparse.Namespace, config: Configuration) -> None
         require_extra(str(options.html))
 
 
-def _sources(options: argparse.Namespace) -> list[Source]:
+def _sources(options: argparse.Namespace) -> list[InputFile]:
     """The inputs, each a file of its own; recordings or tables, not both."""
     given = [(path, False) for path in options.inputs]
     given += [(path, True) for path in options.holdout]
@@ -171,24 +171,24 @@ def _sources(options: argparse.Namespace) -> list[Source]:
     if tables and len(tables) < len(given):
         raise InputError("diagnose", "recordings and tables together", "give one kind at a time")
     names = names_of([path for path, _ in given])
-    sources: dict[str, Source] = {}
+    input_files: dict[str, InputFile] = {}
     for name, (path, held_out) in zip(names, given, strict=True):
-        source = Source(path, name, file_sha256(path), held_out)
-        before = sources.get(source.sha256)
+        input_file = InputFile(path, name, file_sha256(path), held_out)
+        before = input_files.get(input_file.sha256)
         if before is not None:
-            raise _twice(source, before)
-        sources[source.sha256] = source
-    return list(sources.values())
+            raise _twice(input_file, before)
+        input_files[input_file.sha256] = input_file
+    return list(input_files.values())
 
 
-def _twice(source: Source, before: Source) -> InputError:
-    if source.held_out and not before.held_out:
+def _twice(input_file: InputFile, before: InputFile) -> InputError:
+    if input_file.held_out and not before.held_out:
         return InputError(
             f"--holdout {source.path}",
             f"holds the same as the input {before.path}",
             "hold out another drive, or leave --holdout away",
         )
-    return InputError(str(source.path), f"holds the same as {before.path}", "give it once")
+    return InputError(str(input_file.path), f"holds the same as {before.path}", "give it once")
 
 
 # ------------------------------------------------------------------------------------ work
@@ -212,33 +212,33 @@ def _stages() -> Iterator[Show]:
         yield lambda stage, done: bar.update(task, description=stage, completed=done)
 
 
-def _read_all(sources: Sequence[Source], config: Configuration, show: Show) -> list[_Read]:
-    tables = is_table(sources[0].path)
+def _read_all(input_files: Sequence[InputFile], config: Configuration, show: Show) -> list[_Read]:
+    tables = is_table(input_files[0].path)
     if not tables:
         config.require_identification()
     reads = []
-    for number, source in enumerate(sources):
-        show(f"reading {source.name}", number / len(sources))
-        one = _read_table(source, config) if tables else _read_log(source, config)
+    for number, input_file in enumerate(input_files):
+        show(f"reading {source.name}", number / len(input_files))
+        one = _read_table(input_file, config) if tables else _read_log(input_file, config)
         reads.append(one)
     return reads
 
 
-def _read_log(source: Source, config: Configuration) -> _Read:
-    recordings = open_recordings([source.path])
-    heard = hear(blocks_in_sequence(recordings), config, str(source.path))
-    course = course_of(
-        source.name,
+def _read_log(input_file: InputFile, config: Configuration) -> _Read:
+    recordings = open_recordings([input_file.path])
+    heard = hear(blocks_in_sequence(recordings), config, str(input_file.path))
+    drive = build_drive_data_from_traces(
+        input_file.name,
         heard.traces(),
         config.vehicle,
         config.sampling.v_min,
-        config.identifiability.slip_max,
+        config.estimators.identifiability.slip_max,
     )
-    problems = read_problems(recordings, names=[source.name])
-    return _Read(source, course, [*problems, *_heard_problems(source, heard)])
+    problems = read_problems(recordings, names=[input_file.name])
+    return _Read(input_file, drive, [*problems, *_heard_problems(input_file, heard)])
 
 
-def _heard_problems(source: Source, heard: Heard) -> list[str]:
+def _heard_problems(input_file: InputFile, heard: Heard) -> list[str]:
     problems = []
     if heard.rejected:
         problems.append(f"{source.name}: {heard.rejected} frames failed their checks")
@@ -255,38 +255,38 @@ def _heard_problems(source: Source, heard: Heard) -> list[str]:
     return problems
 
 
-def _read_table(source: Source, config: Configuration) -> _Read:
-    rows = read_table(source.path)
-    slip_max = config.identifiability.slip_max
-    course = course_of_table(source.name, rows.samples, rows.segment, slip_max)
+def _read_table(input_file: InputFile, config: Configuration) -> _Read:
+    rows = read_table(input_file.path)
+    slip_max = config.estimators.identifiability.slip_max
+    drive = build_drive_data_from_table(input_file.name, rows.samples, rows.segment, slip_max)
     problems = []
     if rows.left_out:
         problems.append(
             f"{source.name}: {rows.left_out} of {rows.rows} rows without a finite time, slip and "
             "adhesion"
         )
-    return _Read(source, course, problems)
+    return _Read(input_file, drive, problems)
 
 
 def _diagnosed(reads: Sequence[_Read], show: Show) -> Diagnosis:
     """The diagnosis of what was read."""
     from adhesion_can.diagnosis.diagnose import diagnose  # noqa: PLC0415  heavy, and here alone
 
-    parts = [[read for read in reads if read.source.held_out is held] for held in (False, True)]
+    parts = [[read for read in reads if read.input_file.held_out is held] for held in (False, True)]
     for part in parts:
-        if part and not any(len(read.course) for read in part):
+        if part and not any(len(read.drive) for read in part):
             raise InputError(
-                ", ".join(str(read.source.path) for read in part),
+                ", ".join(str(read.input_file.path) for read in part),
                 f"not one usable row: {_why_empty(part[0])}",
                 "give a drive in which the vehicle moves and its axles pull or brake",
             )
-    courses, holdout = ([read.course for read in part] for part in parts)
-    return diagnose(courses, holdout, show=show)
+    drives, holdout = ([read.drive for read in part] for part in parts)
+    return diagnose(drives, holdout, show=show)
 
 
 def _why_empty(read: _Read) -> str:
     """Why a file gave no rows."""
-    reasons = [f"{count} {reason}" for reason, count in read.course.lost.items() if count]
+    reasons = [f"{count} {reason}" for reason, count in read.drive.lost.items() if count]
     return "; ".join([*reasons, *read.problems]) or "no signal was heard"
 
 
@@ -294,12 +294,12 @@ def _why_empty(read: _Read) -> str:
 
 
 def _with_provenance(
-    model: ExtendedModel, found: Diagnosis, sources: Sequence[Source], command: str
+    model: ExtendedModel, found: Diagnosis, input_files: Sequence[InputFile], command: str
 ) -> ExtendedModel:
     inputs = {
         f"input {number}": f"{source.path} sha256 {source.sha256}"
-        + (" (held out)" if source.held_out else "")
-        for number, source in enumerate(sources, start=1)
+        + (" (held out)" if input_file.held_out else "")
+        for number, input_file in enumerate(input_files, start=1)
     }
     told = {"version": __version__, "command": command, "verdict": found.verdict.value}
     return replace(model, provenance={**told, **inputs})

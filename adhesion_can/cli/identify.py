@@ -27,9 +27,9 @@ from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.batch_fit import BatchResult, identify
 from adhesion_can.estimation.extended.correction import (
-    corrected,
+    correct_samples,
+    remove_instrument_errors,
     require_columns,
-    with_true_instruments,
 )
 from adhesion_can.estimation.extended.estimator import ExtendedModel
 from adhesion_can.offline.extract_samples import samples_of
@@ -156,8 +156,8 @@ def _without_effects(
 ) -> Table:
     """A table's rows without the model's effects: a drive of its own."""
     require_columns(model, table.samples, where)
-    samples = with_true_instruments(table.samples, model.instruments, where)
-    result = corrected(samples, model, int(samples.axle.max(initial=1)))
+    samples = remove_instrument_errors(table.samples, model.instruments, where)
+    result = correct_samples(samples, model, int(samples.axle.max(initial=1)))
     left_out.update(result.left_out)
     segment = None if table.segment is None else table.segment[result.kept]
     return replace(table, samples=result.samples, segment=segment)
@@ -170,7 +170,7 @@ def _from_logs(paths: list[Path], config: Configuration) -> tuple[Samples, list[
         samples, _ = samples_of(blocks, config, ", ".join(map(str, paths)))
     left_out: Counter[str] = Counter()
     if config.model is not None:
-        result = corrected(samples, config.model, config.vehicle.axles)
+        result = correct_samples(samples, config.model, config.vehicle.axles)
         samples, left_out = result.samples, result.left_out
     return samples, read_problems(recordings), left_out
 

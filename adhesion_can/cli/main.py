@@ -1,6 +1,7 @@
 """Entry point: parses, runs, and turns errors into one line and an exit status.
 
-0: done, whatever the verdict. 1: a check failed. 2: bad input or usage.
+0: done, whatever the verdict. 1: a check failed. 2: bad input or usage. The module of a command is
+imported when the command is called, so that no command waits for the libraries of another one.
 """
 
 import argparse
@@ -9,27 +10,28 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from adhesion_can import __version__
-from adhesion_can.cli import (
-    calibrate,
-    check,
-    convert,
-    demo,
-    diagnose,
-    experiment,
-    identify,
-    replay,
-    run,
-    simulate,
-)
 from adhesion_can.errors import AdhesionCanError
 
-COMMANDS = (demo, run, simulate, replay, identify, calibrate, diagnose, experiment, check, convert)
+COMMANDS: Mapping[str, str] = {
+    "demo": "locomotive, service and creep controller on an embedded bus",
+    "run": "the service on a bus",
+    "simulate": "a simulated locomotive, to a log or on a bus",
+    "replay": "the service over recordings",
+    "identify": "one batch fit with standard errors",
+    "calibrate": "wheel radii and speed offset from coasting",
+    "diagnose": "what the simulation gets wrong, and why",
+    "experiment": "the paper's experiments, every estimator side by side",
+    "check": "is this recording usable",
+    "convert": "any recording with any database to columns",
+}
+"""One line about each command; the command's module in this package bears its name."""
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
@@ -41,6 +43,20 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}; see '{self.prog} --help'\n")
 
 
+class _CommandParser(_Parser):
+    """Parser of one command, whose options are added when the command is called."""
+
+    command: str | None = None
+    """Command whose options have not been added yet; None: they have."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        if self.command is not None:
+            module = import_module(f"adhesion_can.cli.{self.command}")
+            self.command = None
+            module.add_arguments(self)
+        return super().parse_known_args(args, namespace)
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Parser of all commands."""
     parser = _Parser(
@@ -49,9 +65,11 @@ def build_parser() -> argparse.ArgumentParser:
         "recordings, and sends the optimal creep back to the drive.",
     )
     parser.add_argument("--version", action="version", version=f"adhesion-can {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, dest="command")
-    for module in COMMANDS:
-        module.add_to(commands)
+    commands = parser.add_subparsers(
+        metavar="COMMAND", required=True, dest="command", parser_class=_CommandParser
+    )
+    for name, line in COMMANDS.items():
+        commands.add_parser(name, help=line).command = name
     return parser
 
 

@@ -37,23 +37,19 @@ from adhesion_can.reporting.export import require_format
 from adhesion_can.reporting.provenance import estimate_json, provenance, texts
 from adhesion_can.reporting.setpoints import setpoint_table
 from adhesion_can.reporting.text import console, plus_minus, table
-from adhesion_can.service.column_core import ColumnCore
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.replay import ReplaySummary, replay, replay_blocks
-from adhesion_can.service.speaker import Speaker
 from adhesion_can.service.states import Status
 
 
-def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "replay",
-        help="the service over recordings",
-        description="Runs the service over recordings, as it would have run live. It ends with the "
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
+    parser.description = (
+        "Runs the service over recordings, as it would have run live. It ends with the "
         "RMSE of the adhesion about the curve that fits best, with the effects of --model where "
         "there is one: the share by which that is smaller than without --model is what the model "
-        "gains, and agrees with the gain that 'diagnose' tells.",
+        "gains, and agrees with the gain that 'diagnose' tells."
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
     parser.add_argument(
@@ -102,13 +98,11 @@ def run(options: argparse.Namespace) -> int:
         fit = CurveFit(config)
         watched = stack.enter_context(reading("replaying", recordings))
         span = {"from_s": options.from_s, "to_s": options.to_s}
-        core: ServiceCore | ColumnCore
+        core = ServiceCore(config, make, on_setpoint, fit.take)
         if options.realtime:
-            core = ServiceCore(config, make, on_setpoint, fit.take)
             items = channel.of(in_sequence(recordings))
             summary = replay(items, core, send, **span, realtime=True)
         else:
-            core = ColumnCore(config, make, on_setpoint, fit.take)
             blocks = watched(blocks_in_sequence(recordings))
             summary = replay_blocks(channel.of_blocks(blocks), core, send, **span)
         for recording in recordings:
@@ -174,7 +168,7 @@ class _Channel:
 
 
 def _document(
-    summary: ReplaySummary, core: Speaker, statuses: Counter[str], problems: list[str]
+    summary: ReplaySummary, core: ServiceCore, statuses: Counter[str], problems: list[str]
 ) -> dict[str, Any]:
     receiver = core.receiver
     return {
@@ -200,7 +194,7 @@ def _document(
 
 
 def _print(
-    summary: ReplaySummary, core: Speaker, statuses: Counter[str], problems: list[str]
+    summary: ReplaySummary, core: ServiceCore, statuses: Counter[str], problems: list[str]
 ) -> None:
     out = console()
     receiver = core.receiver

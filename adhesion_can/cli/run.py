@@ -32,9 +32,10 @@ from adhesion_can.reporting.text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.live import LiveService, wall_clock
 from adhesion_can.service.outputs import Outputs
+from adhesion_can.service.reconnecting_bus import ReconnectingBus
 
 QUIET_US = 1_000_000
-"""Between two lines about the same status."""
+"""Shortest time between two lines about the same status, µs."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "it is interrupted (Ctrl-C, SIGTERM) or the duration is over."
     )
     parser.add_argument(
-        "--log", type=Path, metavar="F", help="write what was heard and sent, for replay"
+        "--log", type=Path, metavar="F", help="write what was received and sent, for replay"
     )
     parser.add_argument(
         "--state", type=Path, metavar="F", help="begin from the estimate kept there, and keep it"
@@ -66,19 +67,17 @@ def run(options: argparse.Namespace) -> int:
     if options.state:
         config = _resumed(config, options.state)
     narrator = _Narrator(sys.stderr)
-    core = ServiceCore(config, on_setpoint=narrator.setpoint)
-    open_bus = bus_opener(options)
-    bus = open_bus()
-    narrator.say(f"listening on {bus.channel_info}; Ctrl-C ends")
+    core = ServiceCore(config, on_setpoint=narrator.print_setpoint)
+    bus = ReconnectingBus(bus_opener(options), core.ids, narrator.print)
+    narrator.print(f"listening on {bus.channel_info}; Ctrl-C ends")
     with ExitStack() as stack:
         log = stack.enter_context(whole_file(options.log, keep_part=True)) if options.log else None
         service = LiveService(
             core,
             bus,
-            open_bus,
             write_log=None if log is None else log.write,
             dry_run=options.dry_run,
-            tell=narrator.say,
+            notify=narrator.print,
         )
 
         def stop(_: int, __: FrameType | None) -> None:
@@ -93,11 +92,11 @@ def run(options: argparse.Namespace) -> int:
     counts = service.counts
     document = {
         "received": counts.received,
-        "sent": counts.sent,
-        "send_errors": counts.send_errors,
+        "sent": bus.sent,
+        "send_errors": bus.send_errors,
         "echoes": counts.echoes,
         "foreign_outputs": counts.foreign_outputs,
-        "reopened": counts.reopened,
+        "reopened": bus.reopened,
         "clock_offset_s": counts.clock_offset_us / 1e6,
         "frames_rejected": core.receiver.rejected,
         "frames_lost": core.receiver.lost + core.counts.receive_drops,
@@ -109,10 +108,10 @@ def run(options: argparse.Namespace) -> int:
     }
     write_json(options.json, {**document, **provenance(config)})
     if talk(options):
-        narrator.say(
+        narrator.print(
             f"{counts.received} frames received, {core.receiver.rejected} rejected, "
-            f"{core.receiver.lost + core.counts.receive_drops} lost, {counts.sent} sent, "
-            f"{counts.send_errors} not taken by the bus; {core.counts.samples} samples"
+            f"{core.receiver.lost + core.counts.receive_drops} lost, {bus.sent} sent, "
+            f"{bus.send_errors} not taken by the bus; {core.counts.samples} samples"
         )
     return 0
 
@@ -120,10 +119,11 @@ def run(options: argparse.Namespace) -> int:
 def _resumed(config: Configuration, path: Path) -> Configuration:
     """Configuration that begins from a kept estimate; nothing of it is sent before new data.
 
-    The tracker takes it as a surface it may meet again, if it was known; a search begins there.
+    For the tracker it is a surface that may come again, if it was identifiable; a search begins
+    there.
 
     Raises:
-        InputError: the file is there and is no kept estimate.
+        InputError: The file exists and is no kept estimate.
 
     """
     if not path.exists():
@@ -149,24 +149,24 @@ def _resumed(config: Configuration, path: Path) -> Configuration:
 
 
 class _Narrator:
-    """Tells a person at the bench what happens: each change of status, and once a second."""
+    """Prints what happens for a person at the bench: each change of status, and once a second."""
 
     def __init__(self, file: Any) -> None:
         self._file = file
         self._status: str | None = None
-        self._told_us = 0
+        self._printed_us = 0
 
-    def say(self, line: str) -> None:
+    def print(self, line: str) -> None:
         print(line, file=self._file, flush=True)
 
-    def setpoint(self, t_us: int, outputs: Outputs) -> None:
+    def print_setpoint(self, t_us: int, outputs: Outputs) -> None:
         changed = outputs.status.name != self._status
         # A log file wants changes alone; a person at a terminal wants to see that it lives.
-        if not changed and (not self._file.isatty() or t_us - self._told_us < QUIET_US):
+        if not changed and (not self._file.isatty() or t_us - self._printed_us < QUIET_US):
             return
-        self._status, self._told_us = outputs.status.name, t_us
+        self._status, self._printed_us = outputs.status.name, t_us
         point = outputs.setpoint
-        self.say(
+        self.print(
             f"{t_us / 1e6:.2f} {outputs.status.name:15} "
             f"mu_max {plus_minus(point.mu_max, outputs.mu_max_std)}  "
             f"lambda_m {plus_minus(point.lambda_m, outputs.lambda_m_std)}"
