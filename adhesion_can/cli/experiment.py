@@ -27,7 +27,7 @@ from adhesion_can.cli.common import (
     write_json,
 )
 from adhesion_can.errors import InputError
-from adhesion_can.estimation.registry import ESTIMATORS, oracle
+from adhesion_can.estimation.registry import estimator_by_name, known_estimators, oracle
 from adhesion_can.experiments.figures_of_merit import NoiseLevelResult, collect_runs
 from adhesion_can.experiments.runs import (
     EXPERIMENTS,
@@ -91,7 +91,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         metavar="NAME",
         help="only this one, besides the paper's own and the oracle; may be repeated: "
-        + ", ".join(ESTIMATORS),
+        + ", ".join(known_estimators()),
     )
     add_json(parser)
     parser.set_defaults(run=run)
@@ -105,7 +105,7 @@ def run(options: argparse.Namespace) -> int:
     missing = _missing_extra(out.with_suffix(".html"))
     if missing is not None:
         print(f"no page will be written, the numbers will: {missing}", file=sys.stderr)
-    names = tuple(n for n in ESTIMATORS if not options.estimator or n in options.estimator)
+    names = tuple(n for n in known_estimators() if not options.estimator or n in options.estimator)
     outcomes = _run_all(experiment, options, names)
     provenance = _provenance(options)
     numbers = document(outcomes, provenance)
@@ -130,9 +130,9 @@ def _check(options: argparse.Namespace) -> None:
     if options.seed < 0:
         raise InputError("--seed", f"{options.seed} is negative", "give 0 or more")
     for name in options.estimator or ():
-        if name not in ESTIMATORS:
+        if name not in known_estimators():
             raise InputError(
-                "--estimator", f"no estimator {name!r}", f"known: {', '.join(ESTIMATORS)}"
+                "--estimator", f"no estimator {name!r}", f"known: {', '.join(known_estimators())}"
             )
     make_folder(options.out, "--out")
     out = options.out / f"experiment-{options.number}"
@@ -150,7 +150,8 @@ def _missing_extra(page_file: Path) -> InputError | None:
 
 
 def _participants(experiment: Experiment, names: Sequence[str]) -> dict[str, Participant]:
-    return participants(experiment, {name: ESTIMATORS[name] for name in names}, oracle)
+    made = {name: estimator_by_name(name) for name in names}
+    return participants(experiment, made, oracle)
 
 
 def _work(task: _Task) -> dict[str, EstimatorRun]:

@@ -83,7 +83,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status.
 
     """
-    options = build_parser().parse_args(arguments)
+    try:
+        options = build_parser().parse_args(arguments)
+    except AdhesionCanError as error:  # of an installed extension that a help text names
+        print(f"adhesion-can: {error}", file=sys.stderr)
+        return 2
     try:
         with _terminable():
             status: int = options.run(options)

@@ -27,7 +27,7 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
-from adhesion_can.estimation.registry import ESTIMATORS
+from adhesion_can.estimation.registry import known_estimators
 from adhesion_can.files import whole_file
 from adhesion_can.offline.extract_samples import require_known
 from adhesion_can.offline.fit_errors import CurveFit, Misfit
@@ -61,7 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="OUT.csv|.parquet|.mf4",
         help="write a row a setpoint; the time of MF4 begins at the first one",
     )
-    parser.add_argument("--estimator", metavar="NAME", help=f"one of {', '.join(ESTIMATORS)}")
+    parser.add_argument(
+        "--estimator", metavar="NAME", help=f"one of {', '.join(known_estimators())}"
+    )
     span = parser.add_argument_group("part of the recording, in s after its first frame")
     span.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S")
     span.add_argument("--to", dest="to_s", type=float, metavar="S")

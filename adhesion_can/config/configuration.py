@@ -10,7 +10,12 @@ from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.extended.correction import require_axles, require_channels
 from adhesion_can.estimation.extended.estimator import ExtendedEstimator, ExtendedModel
-from adhesion_can.estimation.registry import DEFAULT, ESTIMATORS, EstimatorSettings
+from adhesion_can.estimation.registry import (
+    DEFAULT,
+    EstimatorSettings,
+    estimator_by_name,
+    known_estimators,
+)
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.instruments import PERFECT
 from adhesion_can.physics.readings import Role
@@ -68,7 +73,7 @@ class Configuration:
         sampling: Limits of the formation of samples, section `[sampling]`.
         sensors: Standard deviations of the sensors' noise, section `[sensors]`.
         estimators: Settings of all estimators, each part of them a section.
-        estimator: Name of the estimator, a key of `ESTIMATORS`.
+        estimator: Name of the estimator, a key of `known_estimators()`.
         model: Extended model whose effects are taken into account; None: the plain curve.
         where: Name of the configuration file, for errors.
         sha256: SHA-256 of that file, hex; '' for the defaults.
@@ -180,11 +185,13 @@ class Configuration:
 
         """
         wanted = name or self.estimator
-        if wanted not in ESTIMATORS:
+        try:
+            make = estimator_by_name(wanted)
+        except KeyError as error:
             where = "--estimator" if name else f"{self.where}: estimator"
-            known = ", ".join(ESTIMATORS)
-            raise ConfigError(where, f"no estimator {wanted!r}", f"known: {known}")
-        estimator = ESTIMATORS[wanted](self.estimators)
+            known = ", ".join(known_estimators())
+            raise ConfigError(where, f"no estimator {wanted!r}", f"known: {known}") from error
+        estimator = make(self.estimators)
         if self.model is None or not self.model.online:
             return estimator
         limits = self.estimators.identifiability

@@ -1,7 +1,12 @@
-"""Estimators by name, all with the interface `Estimator`, and their settings."""
+"""Estimators by name, all with the interface `Estimator`, and their settings.
+
+A distribution offers an estimator by an entry point of the group 'adhesion_can.estimators': its
+name is the estimator's, its object makes a fresh estimator from `EstimatorSettings`.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 
 from adhesion_can.estimation.baselines import BASELINES
 from adhesion_can.estimation.baselines.paper import ChangeSettings, PaperEstimator
@@ -9,8 +14,11 @@ from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.tracker.tracker import Tracker, TrackerSettings
+from adhesion_can.plugins import load_plugins
 
 DEFAULT = "tracker"
+GROUP = "adhesion_can.estimators"
+"""Group of the entry points."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,12 +53,46 @@ def oracle(settings: EstimatorSettings, changes_us: Iterable[int]) -> Tracker:
     return Tracker(settings.tracker, settings.identifiability, known_changes_us=changes_us)
 
 
-def _baseline(name: str) -> Callable[[EstimatorSettings], Estimator]:
+MakeEstimator = Callable[[EstimatorSettings], Estimator]
+"""Makes a fresh estimator."""
+
+
+def _baseline(name: str) -> MakeEstimator:
     return lambda settings: BASELINES[name](settings.evolution, settings.identifiability)
 
 
-ESTIMATORS: Mapping[str, Callable[[EstimatorSettings], Estimator]] = {
+ESTIMATORS: Mapping[str, MakeEstimator] = {
     DEFAULT: lambda s: Tracker(s.tracker, s.identifiability),
     "paper": lambda s: PaperEstimator(s.evolution, s.identifiability, s.change),
     **{name: _baseline(name) for name in BASELINES},
 }
+"""The built-in estimators."""
+
+
+@cache
+def known_estimators() -> Mapping[str, MakeEstimator]:
+    """The built-in estimators, then those of installed distributions.
+
+    Raises:
+        PluginError: A distribution offers something that makes no estimator, or takes a name that
+            is there.
+
+    """
+    known = dict(ESTIMATORS)
+    for plugin in load_plugins(GROUP):
+        if plugin.name in known:
+            raise plugin.error(f"there is an estimator {plugin.name!r} already")
+        if not callable(plugin.value):
+            raise plugin.error("its object cannot be called, and so makes no estimator")
+        known[plugin.name] = plugin.value
+    return known
+
+
+def estimator_by_name(name: str) -> MakeEstimator:
+    """What makes the estimator of that name; KeyError with the names that exist."""
+    if name in ESTIMATORS:
+        return ESTIMATORS[name]
+    known = known_estimators()
+    if name not in known:
+        raise KeyError(f"no estimator {name!r}; known: {', '.join(known)}")
+    return known[name]
