@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from adhesion_can.reporting.export import Column, Field, TableWriter, open_table
-from adhesion_can.service.outputs import AXLE_FRAMES, Outputs, Setpoint
+from adhesion_can.service.output_messages import AXLE_FRAMES
+from adhesion_can.service.outputs import Outputs, Setpoint
 from adhesion_can.service.states import Status
 
 ROWS = 10_000

@@ -2,103 +2,250 @@
 
 `feed` takes a frame, `advance` says what time it is; both return the frames that were due. The
 same sequence of both gives the same bytes, live and in replay.
+
+A message that is due at t carries what was stamped before t; a frame stamped t comes after it. At
+each due time the parts work one after the other:
+
+    FrameInputs -> InputSnapshot -> EstimationLoop -> Estimate
+    -> StatusMachine -> Status -> OutputBuilder -> Outputs -> OutputMessages -> frames
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from adhesion_can.bus.e2e import Rejection
 from adhesion_can.bus.frame import Frame
-from adhesion_can.physics.readings import Reading, Role
+from adhesion_can.bus.receiver import Receiver
+from adhesion_can.bus.rejection import Rejection
+from adhesion_can.config import Configuration
+from adhesion_can.estimation.estimator import Estimator
+from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.readings import SpeedSource
 from adhesion_can.physics.samples import Samples
-from adhesion_can.service.speaker import REQUIRED, STALE_CYCLES, Moment, Speaker
+from adhesion_can.service.estimation_loop import EstimationLoop, EstimatorFailure
+from adhesion_can.service.inputs import FrameInputs, InputSnapshot
+from adhesion_can.service.output_messages import SETPOINT, Health, OutputMessages
+from adhesion_can.service.outputs import OutputBuilder, Outputs
+from adhesion_can.service.schedule import Schedule
+from adhesion_can.service.states import StatusMachine
 
 
 @dataclass(slots=True)
-class _Input:
-    """Whether a required message still speaks."""
+class Counts:
+    """Numbers of events besides accepted and rejected frames.
 
-    timeout_us: int
-    heard_us: int
+    Attributes:
+        clamped: Number of frames stamped before the present time, and moved to it.
+        foreign: Number of frames whose id belongs to no input message.
+        restarts: Number of holes in time after which the service started anew.
+        samples: Number of samples formed.
+        receive_drops: Number of frames that a live bus lost; set by the loop that runs the core.
+
+    """
+
+    clamped: int = 0
+    foreign: int = 0
+    restarts: int = 0
+    samples: int = 0
+    receive_drops: int = 0
 
 
-class ServiceCore(Speaker):
-    """The service that takes its inputs frame by frame, as a bus gives them."""
+class ServiceCore:
+    """Identifies the adhesion curve from input frames and answers with setpoint frames.
 
-    def _begin(self) -> None:
-        super()._begin()
-        self._former = self.configuration.make_former()
-        self._inputs: dict[tuple[Role, int], _Input] = {}
-        self._watches: list[_Input] = []
-        self._speed: float | None = None
+    Args:
+        configuration: Database, roles, vehicle and settings.
+        estimator: Maker of a fresh estimator; None makes the configured one.
+        on_setpoint: Callback with due time (µs) and outputs of each setpoint message.
+        on_samples: Callback with the samples of each due time that has any.
 
-    @property
-    def dropped_samples(self) -> dict[str, int]:
-        """Wheel-speed readings that gave no sample, by reason."""
-        return dict(self._former.dropped)
+    Raises:
+        ConfigError: The roles do not suffice to estimate adhesion, or an id is used twice.
+        DatabaseError: The user's output messages lack a signal or a cycle.
+
+    """
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        estimator: Callable[[], Estimator] | None = None,
+        on_setpoint: Callable[[int, Outputs], None] | None = None,
+        on_samples: Callable[[Samples], None] | None = None,
+    ) -> None:
+        configuration.require_identification()
+        self.configuration = configuration
+        self.receiver = Receiver(configuration.messages)
+        self.messages = OutputMessages(configuration.database, configuration.messages)
+        self.schedule = Schedule(self.messages.cycles_us)
+        self.counts = Counts()
+        self.faults: list[str] = []
+        """Reasons for FAULT, oldest first, without immediate repetitions."""
+        self.outputs = Outputs()
+        """Outputs of the latest due time."""
+        self.loop_time_p99_us: float | None = None
+        """99 % quantile of the time to handle a frame, µs; set by the loop that runs the core."""
+        self.speed_derived = False
+        """Whether the vehicle speed is derived from the driven axles."""
+        self._inputs = FrameInputs(configuration, self.receiver)
+        self._estimation = EstimationLoop(estimator or configuration.make_estimator)
+        self._status = StatusMachine(configuration.service)
+        self._builder = OutputBuilder(configuration)
+        self._on_setpoint = on_setpoint
+        self._on_samples = on_samples
+        self._dropped: Mapping[str, int] = {}
+        self._now_us = 0
 
     def feed(self, frame: Frame) -> list[Frame]:
-        """Take one frame; returns what was due at or before its stamp.
+        """Process one frame; returns the frames due at or before its stamp.
 
         A frame stamped before the present time is clamped to it and counted.
         """
         if frame.t_us < self._now_us:
             self.counts.clamped += 1
             frame = frame._replace(t_us=self._now_us)
-        due = self.advance(frame.t_us)
+        frames = self.advance(frame.t_us)
         outcome = self.receiver.accept(frame)
         if outcome is None:
             self.counts.foreign += 1
         elif not isinstance(outcome, Rejection):
-            if not self._due:
-                self._start(frame.t_us)
-                due += self._emit(frame.t_us)
-            for reading in outcome:
-                self._take(reading)
-        return due
+            if not self.schedule.started:
+                self.schedule.start(frame.t_us)
+                self._inputs.start(frame.t_us)
+                frames += self.emit(frame.t_us, self._inputs.snapshot)
+            self._inputs.add(outcome)
+            self.use_speed_source(self._inputs.speed_source)
+        return frames
 
     def advance(self, t_us: int) -> list[Frame]:
-        """Bring the core to a time; returns what was due at or before it.
+        """Bring the core to a time, µs; returns the frames due at or before it.
 
         A time before the present one changes nothing. A hole longer than the configured restart
         time is not filled with messages: the service starts anew with the next input.
         """
         if t_us < self._now_us:
             return []
-        if self._due and t_us - self._now_us > self._restart_us:
-            self.counts.restarts += 1
-            self._begin()
-        frames = self._emit(t_us)
-        self._now_us = t_us
-        return frames
+        if t_us - self._now_us > self.restart_us:
+            self.restart()
+        return self.emit(t_us, self._inputs.snapshot)
 
     def second_sender(self, t_us: int) -> None:
-        """Another service sends our messages on this bus: FAULT as long as it does."""
-        self._second_sender(max(t_us, self._now_us))
+        """Report that another service sends the output messages: FAULT as long as it does."""
+        self._add_fault(max(t_us, self._now_us), "another sender of our messages on the bus")
 
-    def _start(self, t0_us: int) -> None:
-        self._due = dict.fromkeys(self._cycles, t0_us)
-        for message in self.configuration.messages:
-            timeout = STALE_CYCLES * (message.cycle_us or 0)
-            watch = _Input(timeout, t0_us)
-            for signal in message.signals:
-                if signal.role in REQUIRED:
-                    self._inputs[signal.role, signal.axle] = watch
-        self._watches = list({id(watch): watch for watch in self._inputs.values()}.values())
+    @property
+    def now_us(self) -> int:
+        """Time to which the core has been brought, µs."""
+        return self._now_us
 
-    def _take(self, reading: Reading) -> None:
-        if reading.value is not None and reading.role in REQUIRED:
-            self._inputs[reading.role, reading.axle].heard_us = reading.t_us
-        if reading.role is Role.VEHICLE_SPEED:
-            self._speed = reading.value
-        elif reading.role is Role.SPEED_SOURCE and reading.value is not None:
-            self._set_source(reading.value)
-        self._former.add(reading)
+    @property
+    def ids(self) -> list[tuple[int, bool]]:
+        """Ids of all input and output messages, each with whether it has 29 bits."""
+        return [*self.receiver.ids, *self.messages.ids]
 
-    def _moment(self, t_us: int) -> Moment:
-        return Moment(
-            samples=Samples.of(self._former.collect(t_us)),
-            stale=any(t_us - watch.heard_us > watch.timeout_us for watch in self._watches),
-            speed=self._speed,
-            rejected=self.receiver.rejected,
-            lost=self.receiver.lost,
+    @property
+    def next_due_us(self) -> int | None:
+        """Time at which the next message is due, µs; None before the first accepted input."""
+        return self.schedule.next_due_us
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """Latest estimate of the curve; None where there is none."""
+        return self._estimation.estimate
+
+    @property
+    def dropped_samples(self) -> dict[str, int]:
+        """Number of wheel-speed readings that gave no sample, by reason."""
+        return dict(self._dropped)
+
+    @property
+    def left_out_samples(self) -> dict[str, int]:
+        """Number of samples to which the extended model could not be applied, by reason."""
+        return self._estimation.left_out
+
+    @property
+    def restart_us(self) -> float:
+        """Longest hole in time that is filled with messages, µs."""
+        return self.configuration.service.restart_s * 1e6
+
+    def restart(self) -> None:
+        """Start anew after a hole in time; a core that has had no input yet stays as it is."""
+        if not self.schedule.started:
+            return
+        self.counts.restarts += 1
+        self.schedule.stop()
+        self._inputs.restart()
+        self._estimation.discard()
+        self._status.restart()
+        self._builder.restart()
+        self._dropped = {}
+        self.speed_derived = False
+
+    def use_speed_source(self, source: float) -> None:
+        """Set the source of the vehicle speed, a value of `SpeedSource`."""
+        derived = source == SpeedSource.DRIVEN_AXLES
+        if derived is not self.speed_derived:
+            # Slips from one kind of speed are no evidence about those from the other.
+            self._discard_estimate()
+        self.speed_derived = derived
+
+    def emit(self, until_us: int, snapshot: Callable[[int], InputSnapshot]) -> list[Frame]:
+        """Go from due time to due time up to a time (inclusive), and bring the core to it.
+
+        Args:
+            until_us: Time up to which messages are sent, µs.
+            snapshot: State of the inputs at a due time, which is given in µs.
+
+        Returns:
+            Frames in the order of their due times, ascending id on ties.
+
+        """
+        frames: list[Frame] = []
+        while (t_us := self.schedule.next_due_us) is not None and t_us <= until_us:
+            inputs = snapshot(t_us)
+            self._update(t_us, inputs)
+            lost = inputs.lost + self.counts.receive_drops
+            health = Health(inputs.rejected, lost, self.loop_time_p99_us)
+            for name in self.schedule.pop_due(t_us):
+                frames += self.messages.compose(name, t_us, self.outputs, health)
+                if name == SETPOINT and self._on_setpoint:
+                    self._on_setpoint(t_us, self.outputs)
+        self._now_us = until_us
+        return frames
+
+    def _update(self, t_us: int, inputs: InputSnapshot) -> None:
+        """Bring estimate, status and outputs to a due time."""
+        self._dropped = inputs.dropped
+        self._update_estimate(t_us, inputs.samples)
+        derived = self.speed_derived
+        status = self._status.update(t_us, self.estimate, stale=inputs.stale, speed_derived=derived)
+        self.outputs = self._builder.build(
+            status,
+            t_us,
+            self.estimate,
+            inputs.speed,
+            speed_derived=derived,
+            may_hold=self._status.may_hold(t_us),
         )
+
+    def _update_estimate(self, t_us: int, samples: Samples) -> None:
+        if len(samples):
+            self.counts.samples += len(samples)
+            self._status.add_sample(int(samples.t_us[-1]))
+            if self._on_samples:
+                self._on_samples(samples)
+        try:
+            is_new = self._estimation.update(samples, t_us)
+        except EstimatorFailure as failure:
+            self._add_fault(t_us, str(failure))
+            self._discard_estimate()
+            return
+        if is_new and self.estimate is not None:
+            self._status.add_estimate(t_us, self.estimate)
+
+    def _add_fault(self, t_us: int, reason: str) -> None:
+        if not self.faults or self.faults[-1] != reason:
+            self.faults.append(reason)
+        self._status.add_fault(t_us)
+
+    def _discard_estimate(self) -> None:
+        self._estimation.discard()
+        self._status.discard_estimate()

@@ -1,6 +1,7 @@
-"""The service over recordings: what it would have said.
+"""The service over recordings: the frames that it would have sent.
 
-In blocks as fast as it goes, or frame by frame at the speed of the recording; both send the same.
+`replay` is the reference: frame by frame, also at the speed of the recording. `replay_blocks` sends
+the same bytes sooner.
 """
 
 import time
@@ -13,21 +14,21 @@ from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.frame import ADVANCE, Frame, Mark
-from adhesion_can.service.column_core import ColumnCore
+from adhesion_can.service.column_replay import ColumnReplay
 from adhesion_can.service.core import ServiceCore
 
 
 @dataclass(slots=True)
 class ReplaySummary:
-    """What a replay met.
+    """Numbers of a replay.
 
     Attributes:
-        frames: of the recordings, within the times asked for.
-        own_skipped: of these, frames with the ids of our own outputs.
-        sent: frames that the service answered.
-        first_us: stamp of the first frame.
-        last_us: stamp of the last frame.
-        kinds: lines of the files by kind.
+        frames: Number of recorded frames within the times asked for.
+        own_skipped: Number of recorded frames with an id of the output messages; they are skipped.
+        sent: Number of frames that the service sent.
+        first_us: Stamp of the first recorded frame, µs; None where there is none.
+        last_us: Stamp of the last recorded frame, µs; None where there is none.
+        kinds: Number of lines or objects of the files, by kind.
 
     """
 
@@ -41,7 +42,7 @@ class ReplaySummary:
 
 def replay_blocks(
     blocks: Iterable[Block],
-    core: ColumnCore,
+    core: ServiceCore,
     send: Callable[[Frame], None],
     *,
     from_s: float = 0.0,
@@ -50,14 +51,14 @@ def replay_blocks(
     """Run recorded blocks through a core, as fast as it goes.
 
     Args:
-        blocks: in the order of the recording.
-        core: a fresh one.
-        send: takes each frame that the service sends.
-        from_s: begin so long after the first row, s.
-        to_s: end so long after the first row, s; None: at the last one.
+        blocks: Blocks in the order of the recording.
+        core: Fresh core.
+        send: Callback with each frame that the service sends.
+        from_s: Begin of the part that is replayed, s after the first row.
+        to_s: End of that part (inclusive), s after the first row; None for the last row.
 
     """
-    summary = ReplaySummary()
+    summary, columns = ReplaySummary(), ColumnReplay(core)
     own = np.array(
         [number | EXTENDED if extended else number for number, extended in core.messages.ids],
         dtype=np.uint32,
@@ -75,7 +76,7 @@ def replay_blocks(
         _count_frames(summary, rows.t_us[is_frame])
         ours = is_frame & np.isin(rows.key, own)
         summary.own_skipped += int(ours.sum())
-        for frame in core.take(rows.select(~ours)):
+        for frame in columns.process(rows.select(~ours)):
             summary.sent += 1
             send(frame)
         if end < len(block):
@@ -102,12 +103,12 @@ def replay(
     """Run recorded frames through a core.
 
     Args:
-        items: frames and marks in the order of the recording.
-        core: a fresh one.
-        send: takes each frame that the service sends.
-        from_s: begin so long after the first frame, s.
-        to_s: end so long after the first frame, s; None: at the last one.
-        realtime: at the speed of the recording, rather than as fast as it goes.
+        items: Frames and marks in the order of the recording.
+        core: Fresh core.
+        send: Callback with each frame that the service sends.
+        from_s: Begin of the part that is replayed, s after the first item.
+        to_s: End of that part (inclusive), s after the first item; None for the last item.
+        realtime: Whether to keep the speed of the recording, rather than go as fast as possible.
 
     """
     summary = ReplaySummary()

@@ -1,17 +1,31 @@
-"""The states of the service as a table.
+"""States of the service: conditions, their priorities, and the timers that they depend on.
 
-The contract orders the conditions: where several hold, the first of them is the status. So a
-status follows from the conditions alone, whatever came before it, and every state leaves to every
-other one by the same rows. `TRANSITIONS` says which condition leads where, `VALUES` what the
-setpoints carry there.
+The status follows from the conditions that hold at a due time, whatever the status was before:
+the first row of `TRANSITIONS` whose condition holds gives it. `VALUES` says what the setpoints
+carry in each status. `StatusMachine` owns the timers:
+
+| timer | started by | effect |
+|---|---|---|
+| fault hold, `FAULT_HOLD_US` | a failed estimator, a second sender | FAULT till it ends |
+| stale, `hold_s` | the first due time with a stale input | the last values are held till it ends |
+| change, `change_s` | a change of the surface | SURFACE_CHANGE till it ends or the peak is known |
+| sample age, `estimate_s` | each sample | LOW_EXCITATION once it has ended |
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
+from typing import NamedTuple
+
+from adhesion_can.config import ServiceSettings
+from adhesion_can.physics.estimate import CHANGED, Estimate
+
+FAULT_HOLD_US = 1_000_000
+"""Shortest time for which FAULT is sent, µs, so that no receiver misses it."""
 
 
 class Status(IntEnum):
-    """As `AdhesionSetpoint.Status` sends it."""
+    """Status of the service as `AdhesionSetpoint.Status` carries it."""
 
     INIT = 0
     TRACKING = 1
@@ -22,7 +36,7 @@ class Status(IntEnum):
 
 
 class Values(Enum):
-    """What the setpoints carry in a state."""
+    """Origin of the numbers in the setpoints."""
 
     CURRENT = auto()
     HELD = auto()
@@ -31,14 +45,16 @@ class Values(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What holds at a moment.
+    """Conditions that decide on the status, at one due time.
 
     Attributes:
-        fault: the estimator failed, or another service sends our messages.
-        stale: a required input has been silent for three cycles.
-        no_estimate: there is none yet.
-        surface_change: the rail has just changed.
-        low_excitation: the data do not tell the peak, or are not independent of the wheels.
+        fault: Whether the estimator failed, or another service sent the same messages, less than
+            `FAULT_HOLD_US` ago.
+        stale: Whether a required input has been silent for more than three cycles.
+        no_estimate: Whether there is no estimate yet.
+        surface_change: Whether the surface has just changed.
+        low_excitation: Whether the peak is not identifiable from the data, or the vehicle speed is
+            not independent of the driven wheels.
 
     """
 
@@ -49,14 +65,28 @@ class Conditions:
     low_excitation: bool = False
 
 
-TRANSITIONS: tuple[tuple[str, Status], ...] = (
-    ("fault", Status.FAULT),
-    ("stale", Status.STALE_INPUT),
-    ("no_estimate", Status.INIT),
-    ("surface_change", Status.SURFACE_CHANGE),
-    ("low_excitation", Status.LOW_EXCITATION),
+class Transition(NamedTuple):
+    """Row of the table of states.
+
+    Attributes:
+        condition: Predicate of the conditions at a due time.
+        status: Status where the predicate holds and no earlier row's does.
+
+    """
+
+    condition: Callable[[Conditions], bool]
+    status: Status
+
+
+TRANSITIONS: tuple[Transition, ...] = (
+    Transition(lambda now: now.fault, Status.FAULT),
+    Transition(lambda now: now.stale, Status.STALE_INPUT),
+    Transition(lambda now: now.no_estimate, Status.INIT),
+    Transition(lambda now: now.surface_change, Status.SURFACE_CHANGE),
+    Transition(lambda now: now.low_excitation, Status.LOW_EXCITATION),
+    Transition(lambda _: True, Status.TRACKING),
 )
-"""From any state: the first condition that holds leads to its status; none: TRACKING."""
+"""Table of states in descending order of priority."""
 
 VALUES: dict[Status, Values] = {
     Status.INIT: Values.NOT_AVAILABLE,
@@ -66,11 +96,86 @@ VALUES: dict[Status, Values] = {
     Status.STALE_INPUT: Values.HELD,
     Status.FAULT: Values.NOT_AVAILABLE,
 }
+"""Origin of the setpoints' numbers in each status."""
 
 
-def status_of(conditions: Conditions) -> Status:
-    """The status that follows from the conditions, by `TRANSITIONS`."""
-    for name, status in TRANSITIONS:
-        if getattr(conditions, name):
-            return status
-    return Status.TRACKING
+def select_status(conditions: Conditions) -> Status:
+    """Status by the first row of `TRANSITIONS` whose condition holds."""
+    return next(row.status for row in TRANSITIONS if row.condition(conditions))
+
+
+class StatusMachine:
+    """Status of the service, with the timers that it depends on.
+
+    Args:
+        settings: Durations of the timers.
+
+    """
+
+    def __init__(self, settings: ServiceSettings) -> None:
+        self._hold_us = settings.hold_s * 1e6
+        self._change_us = settings.change_s * 1e6
+        self._sample_age_us = settings.estimate_s * 1e6
+        self._fault_until_us = -1
+        self._stale_since_us: int | None = None
+        self._changed_at_us: int | None = None
+        self._last_sample_us: int | None = None
+
+    def restart(self) -> None:
+        """Stop all timers but the fault hold."""
+        self._stale_since_us = None
+        self._changed_at_us = None
+        self._last_sample_us = None
+
+    def add_fault(self, t_us: int) -> None:
+        """Start the fault hold."""
+        self._fault_until_us = t_us + FAULT_HOLD_US
+
+    def add_sample(self, t_us: int) -> None:
+        """Start the sample age anew, at the stamp of the latest sample."""
+        self._last_sample_us = t_us
+
+    def add_estimate(self, t_us: int, estimate: Estimate) -> None:
+        """Start the change timer with a change of the surface, and stop it with a known peak."""
+        if estimate.change_probability >= CHANGED:
+            self._changed_at_us = t_us
+        elif estimate.identifiable.both:
+            self._changed_at_us = None
+
+    def discard_estimate(self) -> None:
+        """Stop the change timer: the estimate that reported the change is gone."""
+        self._changed_at_us = None
+
+    def update(
+        self, t_us: int, estimate: Estimate | None, *, stale: bool, speed_derived: bool
+    ) -> Status:
+        """Status at a due time.
+
+        Args:
+            t_us: Due time, µs; not before that of the previous call.
+            estimate: Latest estimate of the curve; None where there is none.
+            stale: Whether a required input has been silent for more than three cycles.
+            speed_derived: Whether the vehicle speed is derived from the driven axles.
+
+        """
+        if not stale:
+            self._stale_since_us = None
+        elif self._stale_since_us is None:
+            self._stale_since_us = t_us
+        changed_us, sample_us = self._changed_at_us, self._last_sample_us
+        changing = changed_us is not None and t_us - changed_us <= self._change_us
+        silent = sample_us is None or t_us - sample_us > self._sample_age_us
+        identifiable = estimate is not None and estimate.identifiable.both
+        return select_status(
+            Conditions(
+                fault=t_us < self._fault_until_us,
+                stale=stale,
+                no_estimate=estimate is None,
+                surface_change=changing and not speed_derived,
+                low_excitation=not identifiable or speed_derived or silent,
+            )
+        )
+
+    def may_hold(self, t_us: int) -> bool:
+        """Whether the last values may still be sent at a due time with a stale input."""
+        return self._stale_since_us is not None and t_us - self._stale_since_us < self._hold_us

@@ -13,7 +13,7 @@ from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.service.core import ServiceCore
-from adhesion_can.service.states import TRANSITIONS, Conditions, Status, status_of
+from adhesion_can.service.states import TRANSITIONS, Conditions, Status, select_status
 from tests.wire import DBC, INPUTS, REQUIRED, Bench, decoded, seal_ok, sealed, values
 
 CONFIG = load_configuration()
@@ -199,8 +199,8 @@ def test_the_first_condition_that_holds_is_the_status(pattern):
     held = [bool(pattern >> i & 1) for i in range(5)]
     conditions = Conditions(**dict(zip(order, held, strict=True)))
     expected = expected_of[held.index(True)] if any(held) else "TRACKING"
-    assert status_of(conditions).name == expected
-    assert [name for name, _ in TRANSITIONS] == order
+    assert select_status(conditions).name == expected
+    assert [row.status.name for row in TRANSITIONS] == [*expected_of, "TRACKING"]
 
 
 def test_init_says_not_available():

@@ -16,14 +16,9 @@ from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.candump import ReadReport
-from adhesion_can.service.column_core import ColumnCore
+from adhesion_can.recordings.sequence import _blocks_without_strays, _without_strays
 from adhesion_can.service.core import ServiceCore
-from adhesion_can.service.replay import (
-    _blocks_without_strays,
-    _without_strays,
-    replay,
-    replay_blocks,
-)
+from adhesion_can.service.replay import replay, replay_blocks
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS
 from tests.wire import Bench
@@ -62,9 +57,9 @@ def blocks_of(items, rng, cuts):
     return [whole.select(slice(a, b)) for a, b in pairwise(places) if b > a]
 
 
-def heard(run, core_type, config, make, **how):
+def run_core(run, config, make, **how):
     setpoints, samples, sent = [], [], []
-    core = core_type(config, make, lambda t, o: setpoints.append((t, o)), samples.append)
+    core = ServiceCore(config, make, lambda t, o: setpoints.append((t, o)), samples.append)
     summary = run(core, sent.append, **how)
     return core, sent, setpoints, samples, summary
 
@@ -72,9 +67,9 @@ def heard(run, core_type, config, make, **how):
 def assert_same(items, config=CONFIG, make=Sums, cuts=5, seed=0, **how):
     rng = np.random.default_rng(seed)
     blocks = blocks_of(items, rng, cuts)
-    one, *a = heard(lambda *x, **h: replay(items, *x, **h), ServiceCore, config, make, **how)
+    one, *a = run_core(lambda *x, **h: replay(items, *x, **h), config, make, **how)
     run = lambda *x, **h: replay_blocks(blocks, *x, **h)  # noqa: E731
-    other, *b = heard(run, ColumnCore, config, make, **how)
+    other, *b = run_core(run, config, make, **how)
     assert b[0] == a[0]  # frames, 0x211 among them
     assert b[1] == a[1]  # setpoints
     assert len(a[2]) == len(b[2])
@@ -91,6 +86,8 @@ def assert_same(items, config=CONFIG, make=Sums, cuts=5, seed=0, **how):
     assert other.faults == one.faults
     assert other.dropped_samples == {k: n for k, n in one.dropped_samples.items() if n}
     assert other.left_out_samples == one.left_out_samples
+    assert (other.now_us, other.next_due_us) == (one.now_us, one.next_due_us)
+    assert (other.outputs, other.speed_derived) == (one.outputs, one.speed_derived)
     for theirs, ours in zip(one.receiver.records, other.receiver.records, strict=True):
         assert ours == theirs
     return one, a[0]

@@ -1,0 +1,172 @@
+"""Composition of the output messages: outputs to protected frames."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from cantools.database.can import Message
+
+from adhesion_can.bus.codec import MessagePlan
+from adhesion_can.bus.database import OUTPUT_MESSAGES, CanDatabase, e2e_data_id, load_database
+from adhesion_can.bus.e2e import COUNTS, protect
+from adhesion_can.bus.frame import Frame
+from adhesion_can.bus.roles import BoundMessage
+from adhesion_can.errors import ConfigError, DatabaseError
+from adhesion_can.service.outputs import Outputs, Setpoint
+
+SETPOINT = "AdhesionSetpoint"
+"""Name of the message that carries status and setpoint of all axles together."""
+AXLE_FRAMES = 6
+"""Number of frames of `AxleSetpoint` in a cycle, whatever the number of axles."""
+
+
+class Health(NamedTuple):
+    """Contents of `ServiceStatus` beside the status.
+
+    Attributes:
+        rejected: Number of frames rejected since the service began.
+        lost: Number of frames lost since the service began.
+        loop_time_p99_us: 99 % quantile of the time to handle a frame, µs; None in a replay.
+
+    """
+
+    rejected: int
+    lost: int
+    loop_time_p99_us: float | None
+
+
+class _Encoder:
+    """Encoder of one output message, with its counter and its protection."""
+
+    def __init__(self, message: Message) -> None:
+        self.plan = MessagePlan(message)
+        self.cycle_us = int(message.cycle_time or 0) * 1000
+        data_id = e2e_data_id(message)
+        self._data_id = message.frame_id if data_id is None else data_id
+        self._count = 0
+
+    def frame(self, t_us: int, values: Mapping[str, float | None]) -> Frame:
+        payload = self.plan.encode(values)
+        protect(payload, self._data_id, self._count)
+        self._count = (self._count + 1) % COUNTS
+        return Frame(t_us, self.plan.frame_id, bytes(payload), is_extended=self.plan.is_extended)
+
+
+def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
+    """Raise a DatabaseError where the user's output messages lack a signal or a cycle of ours."""
+    for name in OUTPUT_MESSAGES:
+        message = database.message(name)
+        missing = {s.name for s in own.message(name).signals} - {s.name for s in message.signals}
+        if missing:
+            raise DatabaseError(
+                f"{database.path.name}: {name}",
+                f"no signal {', '.join(sorted(missing))}",
+                "take the message over from our own database, or leave all output messages out",
+            )
+        if not message.cycle_time:
+            raise DatabaseError(
+                f"{database.path.name}: {name}", "its cycle is unknown", "state GenMsgCycleTime"
+            )
+
+
+class OutputMessages:
+    """Composes the frames of the output messages; each message has a counter of its own.
+
+    Args:
+        database: Database of the user. Its output messages are used where it defines all of them,
+            else those of the package's own database.
+        inputs: Input messages, whose ids the outputs must not share.
+
+    Raises:
+        ConfigError: An output has the id of an input.
+        DatabaseError: The user's output messages lack a signal or a cycle.
+
+    """
+
+    def __init__(self, database: CanDatabase, inputs: tuple[BoundMessage, ...]) -> None:
+        present = {message.name for message in database.db.messages}
+        source = load_database()
+        if present.issuperset(OUTPUT_MESSAGES):
+            _require_signals(database, source)
+            source = database
+        self._encoders = {name: _Encoder(source.message(name)) for name in OUTPUT_MESSAGES}
+        input_names = {(m.plan.frame_id, m.plan.is_extended): m.plan.name for m in inputs}
+        for name, encoder in self._encoders.items():
+            key = (encoder.plan.frame_id, encoder.plan.is_extended)
+            if key in input_names:
+                raise ConfigError(
+                    f"{database.path.name}: {input_names[key]}",
+                    f"has the id {key[0]:#x} of our own {name}",
+                    f"give a database that defines {', '.join(OUTPUT_MESSAGES)} with free ids",
+                )
+        self._composers: dict[str, Callable[[int, Outputs, Health], list[Frame]]] = {
+            SETPOINT: self._setpoint,
+            "AdhesionModel": self._model,
+            "AdhesionQuality": self._quality,
+            "AxleSetpoint": self._axles,
+            "ServiceStatus": self._health,
+        }
+
+    @property
+    def cycles_us(self) -> dict[str, int]:
+        """Cycle of each message by its name, µs, in ascending order of the ids."""
+        ordered = sorted(self._encoders.items(), key=lambda item: item[1].plan.frame_id)
+        return {name: encoder.cycle_us for name, encoder in ordered}
+
+    @property
+    def ids(self) -> frozenset[tuple[int, bool]]:
+        """Id of every output message, and whether it has 29 bits."""
+        return frozenset((s.plan.frame_id, s.plan.is_extended) for s in self._encoders.values())
+
+    def find_name(self, arbitration_id: int) -> str:
+        """Name of the output message with an id."""
+        return next(n for n, s in self._encoders.items() if s.plan.frame_id == arbitration_id)
+
+    def compose(self, name: str, t_us: int, outputs: Outputs, health: Health) -> list[Frame]:
+        """Frames of one message at its due time, µs."""
+        return self._composers[name](t_us, outputs, health)
+
+    def _setpoint(self, t_us: int, outputs: Outputs, _: Health) -> list[Frame]:
+        point = outputs.setpoint
+        values = {
+            "Status": float(outputs.status),
+            "MuMax": point.mu_max,
+            "LambdaM": point.lambda_m,
+            "CreepSpeedSetpoint": point.creep_speed,
+        }
+        return [self._encoders[SETPOINT].frame(t_us, values)]
+
+    def _model(self, t_us: int, outputs: Outputs, _: Health) -> list[Frame]:
+        theta = outputs.theta or (None, None, None)
+        values = dict(zip(("C1", "C2", "C3"), theta, strict=True))
+        return [self._encoders["AdhesionModel"].frame(t_us, values)]
+
+    def _quality(self, t_us: int, outputs: Outputs, _: Health) -> list[Frame]:
+        values = {
+            "MuMaxStd": outputs.mu_max_std,
+            "LambdaMStd": outputs.lambda_m_std,
+            "SurfaceAge": outputs.surface_age_s,
+        }
+        return [self._encoders["AdhesionQuality"].frame(t_us, values)]
+
+    def _axles(self, t_us: int, outputs: Outputs, _: Health) -> list[Frame]:
+        encoder = self._encoders["AxleSetpoint"]
+        frames = []
+        for axle in range(1, AXLE_FRAMES + 1):
+            point = outputs.axles.get(axle, Setpoint())
+            values = {
+                "Axle": float(axle),
+                f"MuMax_Ax{axle}": point.mu_max,
+                f"LambdaM_Ax{axle}": point.lambda_m,
+                f"CreepSpeedSetpoint_Ax{axle}": point.creep_speed,
+            }
+            frames.append(encoder.frame(t_us, values))
+        return frames
+
+    def _health(self, t_us: int, outputs: Outputs, health: Health) -> list[Frame]:
+        values = {
+            "State": float(outputs.status),
+            "FramesRejected": float(health.rejected),
+            "FramesLost": float(health.lost),
+            "LoopTimeP99": health.loop_time_p99_us,
+        }
+        return [self._encoders["ServiceStatus"].frame(t_us, values)]

@@ -1,0 +1,150 @@
+"""A python-can bus that is opened again when it goes down."""
+
+import errno
+import time
+from collections.abc import Callable, Iterable
+
+import can
+
+PAUSES_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+"""Pause before each attempt to open a lost bus again, s; the last one repeats."""
+GONE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
+"""Error codes at sending that mean that the bus is gone, and not only full."""
+
+
+class ReconnectingBus:
+    """Receives from and sends to a bus; opens it again, with growing pauses, when it goes down.
+
+    A bus that was opened again counts as back with the first frame that passes it. While the bus
+    is down, nothing is received, and frames to send are dropped.
+
+    Args:
+        open_bus: Opener of the bus; called at once, and again after each loss.
+        ids: Ids to receive, each with whether it has 29 bits; all others are filtered out.
+        notify: Callback with a line for the person at the bench.
+        clock: Monotonic clock, s.
+        sleep: Function that waits for a time, s.
+
+    """
+
+    def __init__(
+        self,
+        open_bus: Callable[[], can.BusABC],
+        ids: Iterable[tuple[int, bool]],
+        notify: Callable[[str], None] = lambda _: None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.sent = 0
+        """Number of frames that the bus took."""
+        self.send_errors = 0
+        """Number of frames that the bus did not take."""
+        self.reopened = 0
+        """Number of times that the bus came back."""
+        self._open_bus = open_bus
+        self._filters: can.typechecking.CanFilters = [
+            {"can_id": number, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
+            for number, extended in ids
+        ]
+        self._notify = notify
+        self._clock = clock
+        self._sleep = sleep
+        self._failed_attempts = 0
+        self._next_attempt_s = 0.0
+        self._reopened_unused = False
+        """Whether the bus was opened again and no frame has passed it since."""
+        self._bus: can.BusABC | None = self._open_filtered()
+
+    @property
+    def channel_info(self) -> str:
+        """Description of the bus."""
+        return "closed" if self._bus is None else str(self._bus.channel_info)
+
+    def receive(self, timeout_s: float) -> can.Message | None:
+        """Next message; None where none came in time, or the bus is down.
+
+        Args:
+            timeout_s: Longest time to wait, s.
+
+        """
+        if self._bus is None:
+            self._try_to_open(timeout_s)
+            return None
+        try:
+            message = self._bus.recv(timeout_s)
+        except (can.CanError, OSError) as error:
+            self._close_lost_bus(error)
+            return None
+        if message is not None:
+            self._note_passed_frame()
+        return message
+
+    def send(self, message: can.Message) -> bool:
+        """Send a message; returns whether the bus took it."""
+        if self._bus is None:
+            return False
+        try:
+            self._bus.send(message)
+        except (can.CanError, OSError) as error:
+            self.send_errors += 1
+            code = error.error_code if isinstance(error, can.CanError) else error.errno
+            if code in GONE:
+                self._close_lost_bus(error)
+            elif self.send_errors == 1:
+                self._notify(f"the bus does not take our frames: {error}")
+            return False
+        self.sent += 1
+        self._note_passed_frame()
+        return True
+
+    def shutdown(self) -> None:
+        """Close the bus for good."""
+        if self._bus is not None:
+            self._bus.shutdown()
+
+    def _open_filtered(self) -> can.BusABC:
+        """Open the bus, and ask the kernel or python-can for the wanted ids alone."""
+        bus = self._open_bus()
+        try:
+            bus.set_filters(self._filters)
+        except BaseException:
+            bus.shutdown()
+            raise
+        return bus
+
+    def _try_to_open(self, timeout_s: float) -> None:
+        remaining_s = self._next_attempt_s - self._clock()
+        if remaining_s > 0:
+            self._sleep(min(timeout_s, remaining_s))
+            return
+        try:
+            self._bus = self._open_filtered()
+        except (can.CanError, OSError, ValueError):
+            self._plan_next_attempt()
+        else:
+            self._reopened_unused = True
+
+    def _close_lost_bus(self, error: Exception) -> None:
+        if not self._reopened_unused:
+            self._notify(f"the bus is gone ({error}); trying to open it again")
+            self._failed_attempts = -1
+        # Else it could be opened and carried nothing: the pauses go on growing.
+        self._reopened_unused = False
+        if self._bus is not None:
+            try:
+                self._bus.shutdown()
+            except (can.CanError, OSError) as at_close:
+                self._notify(f"closing it failed as well ({at_close})")
+        self._bus = None
+        self._plan_next_attempt()
+
+    def _plan_next_attempt(self) -> None:
+        self._failed_attempts = min(self._failed_attempts + 1, len(PAUSES_S) - 1)
+        self._next_attempt_s = self._clock() + PAUSES_S[self._failed_attempts]
+
+    def _note_passed_frame(self) -> None:
+        if self._reopened_unused:
+            self._reopened_unused = False
+            self.reopened += 1
+            self._notify("the bus is back")
