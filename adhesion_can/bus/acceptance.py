@@ -88,9 +88,10 @@ class MessageAcceptance:
     def counter(self, channel: str) -> CounterSupervision:
         """Supervision of the counter on a channel."""
         key = channel if self.policy.counter_per_channel else ""
-        if key not in self._counters:
-            self._counters[key] = CounterSupervision(self.cycle_us)
-        return self._counters[key]
+        counter = self._counters.get(key)
+        if counter is None:
+            counter = self._counters[key] = CounterSupervision(self.cycle_us)
+        return counter
 
 
 def accept_frame(
@@ -107,21 +108,20 @@ def accept_frame(
         Decoded values, or the reason to reject the frame.
 
     """
-    policy, data = acceptance.policy, frame.data
+    policy, size, data_id = acceptance.policy, acceptance.size, acceptance.data_id
+    data = frame.data
     counter = acceptance.counter(frame.channel)
-    if len(data) < acceptance.size or (
-        len(data) > acceptance.size and (policy.exact_length or acceptance.data_id is not None)
-    ):
+    if len(data) != size and (len(data) < size or policy.exact_length or data_id is not None):
         counter.interrupt()
         return Rejection.LENGTH
-    if acceptance.data_id is not None and not checksum_ok(data, acceptance.data_id):
+    if data_id is not None and not checksum_ok(data, data_id):
         counter.interrupt()
         return Rejection.CHECKSUM
     decoded = decode(frame)
     if policy.check_range and not decoded.in_range:
         counter.interrupt()
         return Rejection.RANGE
-    if acceptance.data_id is not None:
+    if data_id is not None:
         rejection = counter.accept(data[1] & 0x0F, frame.t_us)
         if rejection is not None:
             return rejection

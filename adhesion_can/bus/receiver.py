@@ -73,7 +73,7 @@ class Receiver:
         else:
             record.add(frame.t_us)
             record.readings += len(outcome)
-            record.not_available += sum(reading.value is None for reading in outcome)
+            record.not_available += [reading.value for reading in outcome].count(None)
         return outcome
 
     def accept_block(self, block: Block, t_us: NDArray[np.int64]) -> ReceivedBlock:
@@ -103,6 +103,7 @@ def decode(message: BoundMessage, frame: Frame) -> DecodedFrame[list[Reading]]:
     """
     little = int.from_bytes(frame.data, "little")
     big = int.from_bytes(frame.data, "big")
+    t_us = frame.t_us
     readings: list[Reading] = []
     in_range = True
     for signal in message.signals:
@@ -111,11 +112,12 @@ def decode(message: BoundMessage, frame: Frame) -> DecodedFrame[list[Reading]]:
             continue
         raw = plan.raw(big if plan.big_endian else little)
         if raw == signal.not_available:
-            readings.append(Reading(frame.t_us, signal.role, signal.axle, None))
+            readings.append(Reading(t_us, signal.role, signal.axle, None))
             continue
         value = plan.value(raw)
         si = value * signal.scale - signal.offset
         # A number may be too large for SI alone: kN of a float signal without a range.
-        in_range = in_range and plan.in_range(value) and isfinite(si)
-        readings.append(Reading(frame.t_us, signal.role, signal.axle, si))
+        if not (plan.in_range(value) and isfinite(si)):
+            in_range = False
+        readings.append(Reading(t_us, signal.role, signal.axle, si))
     return DecodedFrame(readings, in_range)
