@@ -32,7 +32,7 @@ from adhesion_can.estimation.extended.correction import (
     require_columns,
 )
 from adhesion_can.estimation.extended.estimator import ExtendedModel
-from adhesion_can.offline.extract_samples import samples_of
+from adhesion_can.offline.extract_samples import extract_samples
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.sample_table import Table, is_table, read_table
@@ -167,7 +167,7 @@ def _from_logs(paths: list[Path], config: Configuration) -> tuple[Samples, list[
     recordings = open_recordings(paths)
     with reading("reading", recordings) as watched:
         blocks = watched(blocks_in_sequence(recordings))
-        samples, _ = samples_of(blocks, config, ", ".join(map(str, paths)))
+        samples, _ = extract_samples(blocks, config, ", ".join(map(str, paths)))
     left_out: Counter[str] = Counter()
     if config.model is not None:
         result = correct_samples(samples, config.model, config.vehicle.axles)

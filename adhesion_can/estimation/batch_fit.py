@@ -1,8 +1,9 @@
-"""One fit to all samples at once, and the moments at which the rail changed among them.
+"""Batch fit of a recording, and the changes of the surface within it.
 
-For a given c2 the model is linear in c1 and c3, so both are projected out and only c2 is searched:
-a coarse scan over its range, then least squares on all three. The same projection on sums over
-narrow bins of slip scores every possible moment of a change in one matrix product.
+For a given c2 the model is linear in c1 and c3. Both are projected out (variable projection, the
+profile likelihood of c2) and only c2 is scanned; least squares on all three parameters refine the
+result. The same projection on sums over narrow bins of slip scores every possible change point in
+one matrix product.
 """
 
 from dataclasses import dataclass, replace
@@ -20,24 +21,25 @@ from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 
 STEEPNESS = np.geomspace(2.0, 400.0, 60)
-"""Scan over c2: neighbours are 9 % apart, well within the reach of the refinement."""
+"""Values of c2 in the scan: 9 % apart, well within the convergence range of the refinement."""
 
 LOWER, UPPER = np.array([1e-6, 1.0, 0.0]), np.array([10.0, 1000.0, 10.0])
-"""Of (c1, c2, c3): wide enough never to decide where the data do."""
+"""Bounds of (c1, c2, c3), wide enough never to be active where data determine the curve."""
 
 BINS = 96
 SCAN_SAMPLES = 20_000
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentationSettings:
-    """When a change of the rail is believed.
+    """Detection of surface changes in a recording by binary segmentation.
 
     Attributes:
-        chunk_s: resolution of a change, s.
-        shortest_s: of a stretch, s.
-        penalty: gain in log likelihood that a change must bring, in units of the BIC's.
-        noise_gain: share by which it must lower the root mean square of the residual in them.
+        chunk_s: Time resolution of a change, s.
+        shortest_s: Least duration of a segment, s. Larger: fewer segments.
+        penalty: Least gain in log likelihood of a change, in units of the BIC's. Larger: fewer
+            segments, and small changes are missed.
+        noise_gain: Least relative decrease of the residuals' root mean square by a change.
 
     """
 
@@ -48,7 +50,14 @@ class SegmentationSettings:
 
 
 class Segment(NamedTuple):
-    """A stretch of constant rail: the stamps of its first and last sample, µs, and its estimate."""
+    """Span of samples on one surface.
+
+    Attributes:
+        from_us: Stamp of its first sample, µs.
+        to_us: Stamp of its last sample, µs.
+        estimate: Estimate from its samples.
+
+    """
 
     from_us: int
     to_us: int
@@ -57,12 +66,12 @@ class Segment(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class BatchResult:
-    """A batch fit.
+    """Result of a batch fit.
 
     Attributes:
-        whole: one curve for all samples; not identifiable where the rail changed among them.
-        segments: one for each stretch, at least one.
-        left_out: samples outside the model's range, or not finite.
+        whole: Estimate of one curve for all samples; not identifiable where the surface changed.
+        segments: Segments with one surface each, at least one.
+        left_out: Number of samples outside the model's range, or not finite.
 
     """
 
@@ -75,8 +84,8 @@ def fit(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Es
     """Maximum likelihood of one curve for all samples (eq. 13).
 
     Args:
-        samples: at least one, finite, |λ| within the range of `settings`.
-        settings: when the peak counts as identifiable.
+        samples: Samples, at least one, finite, |λ| within the range of `settings`.
+        settings: Limits from which the peak counts as identifiable.
 
     """
     settings = settings or IdentifiabilitySettings()
@@ -102,16 +111,17 @@ def identify(
     segmentation: SegmentationSettings | None = None,
     labels: NDArray[np.int64] | None = None,
 ) -> BatchResult | None:
-    """Batch fit of a recording: one curve, and one for each stretch of constant rail.
+    """Batch fit of a recording: one curve for all of it, and one for each segment.
 
     Args:
-        samples: in the order of their stamps.
-        settings: when the peak counts as identifiable.
-        segmentation: see there.
-        labels: segment of each sample where it is known, shape (n,); None: found from the data.
+        samples: Samples in the order of their stamps.
+        settings: Limits from which the peak counts as identifiable.
+        segmentation: Settings of the detection of surface changes.
+        labels: Number of each sample's segment where it is known, shape (n,); None: changes are
+            detected from the samples.
 
     Returns:
-        None where no sample is usable.
+        Result of the fit; None where no sample is usable.
 
     """
     settings = settings or IdentifiabilitySettings()
@@ -136,11 +146,11 @@ def identify(
 
 
 def change_points(samples: Samples, settings: SegmentationSettings) -> list[int]:
-    """Rows at which the rail changed, ascending: binary segmentation by log likelihood.
+    """Rows at which the surface changed, ascending, by binary segmentation of the likelihood.
 
     Args:
-        samples: in the order of their stamps.
-        settings: see there.
+        samples: Samples in the order of their stamps.
+        settings: Settings of the detection.
 
     """
     h, z = samples.folded()
@@ -148,7 +158,7 @@ def change_points(samples: Samples, settings: SegmentationSettings) -> list[int]
     if since[-1] <= 0 or np.any(np.diff(since) < 0):
         return []
     chunk = (since // round(settings.chunk_s * 1e6)).astype(np.int64)
-    # Empty chunks (a pause) take no room.
+    # Empty chunks (a pause) are left out.
     starts = np.flatnonzero(np.diff(chunk, prepend=-1))
     sums = _chunk_sums(h, z, starts)
     times = since[starts] * 1e-6
@@ -164,7 +174,15 @@ def change_points(samples: Samples, settings: SegmentationSettings) -> list[int]
 
 
 class _Sums(NamedTuple):
-    """Cumulative sums over chunks, a row more than chunks: counts, Σz, by bin; Σz²; bin centres."""
+    """Cumulative sums over chunks, from zero on.
+
+    Attributes:
+        counts: Number of samples by bin of slip, shape (chunks + 1, bins).
+        z: Σz by bin of slip, shape (chunks + 1, bins).
+        zz: Σz² of all bins, shape (chunks + 1,).
+        centre: Mean slip ratio of each bin, shape (bins,).
+
+    """
 
     counts: Array
     z: Array
@@ -173,7 +191,7 @@ class _Sums(NamedTuple):
 
 
 def _chunk_sums(h: Array, z: Array, starts: NDArray[np.int64]) -> _Sums:
-    # Narrow where the samples are, and where the curve is steep though samples are few.
+    # Narrow bins where the samples are, and where the curve is steep though samples are few.
     crowded = np.quantile(h, np.linspace(0, 1, BINS + 1)[1:-1])
     edges = np.unique(np.concatenate([crowded, np.geomspace(1e-3, 1.0, BINS) * max(h.max(), 1e-6)]))
     index = np.searchsorted(edges, h)
@@ -201,7 +219,7 @@ def _chunk_sums(h: Array, z: Array, starts: NDArray[np.int64]) -> _Sums:
 def _best_split(
     sums: _Sums, times: Array, first: int, last: int, settings: SegmentationSettings
 ) -> int | None:
-    """Chunk at which chunks first..last−1 are best split, None where they should not be."""
+    """Chunk at which the range first..last−1 is best split; None without a significant split."""
     inner = np.arange(first + 1, last)
     inner = inner[
         (times[inner] - times[first] >= settings.shortest_s)
@@ -219,7 +237,7 @@ def _best_split(
     cost, cost1, cost2 = (
         _projected_cost(count, z, zz, sums.centre) for count, z, zz in (whole, left, right)
     )
-    # One noise level for both sides: a change of the noise alone is no change of the rail.
+    # One noise level for both sides: a change of the noise alone is no change of the surface.
     gain = 0.5 * n * np.log(cost / (cost1 + cost2))
     best = int(np.argmax(gain))
     threshold = settings.penalty * 0.5 * 5 * np.log(n)

@@ -2,7 +2,9 @@
 
 He et al. change two things in ordinary differential evolution (Storn & Price 1997): the first
 population stands around the last estimate (eq. 16), and the variation factor follows the
-innovation (eq. 17). What the paper leaves open is a field of `EvolutionSettings` with our default.
+innovation (eq. 17). What the paper leaves open is a field of `EvolutionSettings`.
+
+R. Storn, K. Price, "Differential evolution", Journal of Global Optimization 11, 1997.
 """
 
 from dataclasses import dataclass, replace
@@ -16,24 +18,27 @@ from adhesion_can.arrays import Array
 from adhesion_can.estimation.likelihood import innovation
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EvolutionSettings:
-    """Numbers of the search; the paper's Table 2 is not in the text that we have.
+    """Settings of the search; the paper's Table 2 is not available, so defaults are our choice.
 
     Attributes:
-        population: number of individuals.
-        generations: iteration limit of one search.
-        crossover: probability CR that a gene comes from the mutant.
-        lower: search range of (c1, c2, c3).
-        upper: likewise.
-        population_std: σ of eq. 16, of (c1, c2, c3).
-        innovation: how eq. 17 takes the innovation of a block: the sum, as the paper says, which
-            for 500 samples saturates F at 1.1, or the mean of |z̃|.
-        start: 'previous' for eq. 16, 'uniform' over the range for the ordinary algorithm.
-        factor: None for eq. 17, else a fixed F.
-        theta0: first θ; None draws it from the range, as the paper's experiment 1 does.
-        block: samples of a block.
-        seed: of the random numbers.
+        population: Number of individuals, at least 4. Larger: surer to find the minimum, slower.
+        generations: Number of generations of one search. Larger: closer to the minimum, slower.
+        crossover: Crossover probability CR that a parameter comes from the mutant, in 0..1.
+        lower: Lower bounds of (c1, c2, c3), 1.
+        upper: Upper bounds of (c1, c2, c3), 1.
+        population_std: Standard deviations σ of the first population around the last estimate, of
+            (c1, c2, c3), eq. 16. Larger: wider search, slower convergence.
+        innovation: Size of a block's innovation in eq. 17: 'mean' of |z̃|, or 'sum', as the paper
+            puts it, which for 500 samples saturates F at 1.1.
+        start: First population: 'previous' around the last estimate, eq. 16, or 'uniform' over the
+            bounds, as in the ordinary algorithm.
+        factor: Fixed variation factor F; None for eq. 17.
+        theta0: First estimate of (c1, c2, c3); None draws it from the bounds, as in the paper's
+            experiment 1.
+        block: Number of samples of a block. Larger: less noise, later estimates.
+        seed: Seed of the random numbers.
 
     """
 
@@ -72,7 +77,7 @@ class EvolutionSettings:
 
 
 def variation_factor(size: ArrayLike) -> Array:
-    """F(k) = 0.3 + 0.8/(1 + e^(−10 |z̃(k)| + 2)), eq. 17, of the size of the innovation."""
+    """Variation factor F(k) = 0.3 + 0.8/(1 + e^(−10 |z̃(k)| + 2)), eq. 17, from the innovation."""
     return np.asarray(0.3 + 0.8 / (1.0 + np.exp(-10.0 * np.abs(np.asarray(size)) + 2.0)))
 
 
@@ -81,8 +86,8 @@ def first_population(
 ) -> Array:
     """First population: θ(k−1) + N(0, σ), eq. 16, or uniform; shape (population, 3).
 
-    θ(k−1) itself is its first individual, so that a search never ends worse than it began. What
-    falls outside the range is mirrored back, which piles nothing up on the bound.
+    θ(k−1) itself is its first individual, so that a search never ends worse than it began. Values
+    outside the bounds are mirrored back, so that they do not pile up on the bounds.
     """
     lower, upper = np.array(settings.lower), np.array(settings.upper)
     shape = (settings.population, 3)
@@ -123,7 +128,13 @@ class Objective:
 
 
 class Search(NamedTuple):
-    """Result of one search: θ̂ of shape (3,) and its J."""
+    """Result of one search.
+
+    Attributes:
+        theta: Best parameters (c1, c2, c3), shape (3,).
+        cost: Sum of squares J of these, eq. 13.
+
+    """
 
     theta: Array
     cost: float
@@ -139,11 +150,11 @@ def search(
     """One run of the modified differential evolution (DE/rand/1/bin) over one set of data.
 
     Args:
-        h: slip ratios, ≥ 0, shape (n,).
-        z: adhesion, shape (n,).
-        theta: θ̂(k−1), the estimate before these data.
-        settings: see there.
-        rng: random numbers.
+        h: Slip ratios, ≥ 0, shape (n,).
+        z: Adhesion coefficients, shape (n,).
+        theta: Estimate θ̂(k−1) before these data, shape (3,).
+        settings: Settings of the search.
+        rng: Generator of the random numbers.
 
     """
     objective = Objective(h, z)
@@ -153,8 +164,8 @@ def search(
     factor = settings.factor if settings.factor is not None else _factor(theta, h, z, settings)
     # All random numbers of the run at once: drawn by generation they cost more than the rest.
     partners = _three_others(settings.generations, settings.population, rng)
-    taken = _crossover(settings, rng)
-    for (a, b, c), gene in zip(partners, taken, strict=True):
+    crossed = _crossover(settings, rng)
+    for (a, b, c), gene in zip(partners, crossed, strict=True):
         mutant = people[a] + factor * (people[b] - people[c])
         trial = np.where(gene, mutant, people)
         # Halfway to the bound that was passed.
@@ -209,12 +220,12 @@ def identify_sequence(h: Array, z: Array, settings: EvolutionSettings) -> Array:
     """Sequence processing: θ̂(k) from all data up to k, with the innovation of sample k alone.
 
     Args:
-        h: slip ratios in the order of their arrival, shape (n,).
-        z: adhesion, shape (n,).
-        settings: see there.
+        h: Slip ratios in the order of their arrival, shape (n,).
+        z: Adhesion coefficients, shape (n,).
+        settings: Settings of the search.
 
     Returns:
-        θ̂(1..n), shape (n, 3).
+        Estimates θ̂(1..n), shape (n, 3).
 
     """
     rng = np.random.default_rng(settings.seed)
@@ -234,12 +245,12 @@ def identify_blocks(h: Array, z: Array, settings: EvolutionSettings) -> Array:
     """Block processing: θ̂(k) from block k alone, of `settings.block` samples each.
 
     Args:
-        h: slip ratios, shape (n,); a last, incomplete block is left out.
-        z: adhesion, shape (n,).
-        settings: see there.
+        h: Slip ratios, shape (n,); a last, incomplete block is left out.
+        z: Adhesion coefficients, shape (n,).
+        settings: Settings of the search.
 
     Returns:
-        θ̂ after each block, shape (n // block, 3).
+        Estimates θ̂ after each block, shape (n // block, 3).
 
     """
     rng = np.random.default_rng(settings.seed)

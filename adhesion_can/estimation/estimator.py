@@ -1,4 +1,4 @@
-"""What an estimator is to the service: samples in, an estimate out."""
+"""Interface of all estimators: samples in, an estimate out."""
 
 from typing import Protocol
 
@@ -7,21 +7,21 @@ from adhesion_can.physics.samples import Samples
 
 
 class Estimator(Protocol):
-    """Follows the adhesion curve through a stream of samples.
+    """Estimator of the adhesion curve from a stream of samples.
 
-    `update` is called once per setpoint cycle with whatever samples came in it, possibly none.
+    `update` is called once per setpoint cycle with the samples of that cycle, possibly none.
     An estimator is deterministic: its random numbers come from a seed in its settings.
     """
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
-        """Take samples and give the present estimate.
+        """Process new samples.
 
         Args:
-            samples: new ones, in the order of their stamps; may be empty.
-            now_us: present time, µs.
+            samples: New samples in the order of their stamps; may be empty.
+            now_us: Current time, µs.
 
         Returns:
-            The estimate; None as long as there is none.
+            Current estimate; None before the first one.
 
         """
         ...

@@ -1,4 +1,4 @@
-"""From a fit to an estimate: standard errors, and whether the samples can tell the peak at all."""
+"""Estimate from a fit: standard errors, and the verdict whether the peak is identifiable."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -13,18 +13,21 @@ from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.former import common_load_std
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class IdentifiabilitySettings:
-    """When a set of samples can tell the peak.
+    """Limits from which the peak counts as identifiable from a set of samples.
 
     Attributes:
-        mu_max_std: largest standard deviation of μ_max, as a share of it.
-        lambda_m_std: largest standard deviation of λ_m, as a share of it.
-        reach: share of the samples that must lie beyond λ̂_m for λ_m to be identifiable: the
-            curve is believed where it was seen to bend down, not where its formula says so.
-        mu_max_reach: slip, as a share of λ̂_m, that as many samples must exceed for μ_max.
-        slip_max: samples of larger |λ| are outside the model and are left out.
-        samples: fewer than so many do not even tell their own noise.
+        mu_max_std: Largest relative standard deviation of an identifiable μ_max, 1. Larger: the
+            peak counts as identifiable earlier, with a larger error.
+        lambda_m_std: Largest relative standard deviation of an identifiable λ_m, 1.
+        reach: Share of the samples that must lie beyond λ̂_m for an identifiable λ_m, so that the
+            fall of the curve is measured and not extrapolated. Larger: stricter.
+        mu_max_reach: Slip ratio that as many samples must exceed for an identifiable μ_max, as a
+            share of λ̂_m. Larger: stricter.
+        slip_max: Largest |λ| of a usable sample, and end of the range of slip in which the peak is
+            looked for. Larger: samples of slides are used, which may follow no single curve.
+        samples: Least number of samples; fewer do not even determine their own noise.
 
     """
 
@@ -48,10 +51,10 @@ def assess(
     """Estimate with standard errors from θ̂ and the samples that it was fitted to.
 
     Args:
-        theta: (c1, c2, c3).
-        cost: J(θ̂), eq. 13.
-        samples: that it was fitted to, at least one.
-        settings: see there.
+        theta: Fitted curve parameters (c1, c2, c3).
+        cost: Sum of squares J(θ̂), eq. 13.
+        samples: Samples of the fit, at least one.
+        settings: Limits from which the peak counts as identifiable.
 
     """
     h, _ = samples.folded()
@@ -64,7 +67,7 @@ def assess(
     mu_max, lambda_m = float(top.mu_max), float(top.lambda_m)
     mu_std = hypot(errors.mu_max, mu_max * common_load_std(samples.load, samples.load_std))
     reached = float(np.quantile(h, 1.0 - settings.reach))
-    # The peak may lie farther than estimated; by how much is known.
+    # The peak may lie farther out than estimated, by its standard error.
     farthest = lambda_m + (3 * errors.lambda_m if np.isfinite(errors.lambda_m) else 0.0)
     return Estimate(
         c1=c1,

@@ -48,12 +48,13 @@ def fisher_information(theta: ArrayLike, h: Array, noise_std: float) -> Array:
 
 
 class StandardErrors(NamedTuple):
-    """Covariance of (c1, c2, c3) and what follows of the peak.
+    """Standard errors of the curve parameters and of the peak.
 
     Attributes:
-        covariance: shape (3, 3); diagonal inf where the slips say nothing.
-        mu_max: standard deviation of μ_m.
-        lambda_m: standard deviation of λ_m; inf where the curve has no interior peak.
+        covariance: Covariance of (c1, c2, c3), shape (3, 3); diagonal inf where the slips do not
+            determine them.
+        mu_max: Standard deviation of μ_m, 1.
+        lambda_m: Standard deviation of λ_m, 1; inf where the curve has no interior peak.
 
     """
 
@@ -65,13 +66,13 @@ class StandardErrors(NamedTuple):
 def standard_errors(
     theta: ArrayLike, h: Array, noise_std: float, slip_max: float = SLIP_MAX
 ) -> StandardErrors:
-    """Inverse Fisher information, carried to the peak by its gradient (the Cramér-Rao bound).
+    """Cramér-Rao bound: inverse Fisher information, propagated to the peak by its gradient.
 
     Args:
-        theta: (c1, c2, c3), true or estimated.
-        h: slips, ≥ 0, shape (n,).
-        noise_std: σ of eq. 7.
-        slip_max: end of the valid range of slip.
+        theta: Curve parameters (c1, c2, c3), true or estimated.
+        h: Slip ratios, ≥ 0, shape (n,).
+        noise_std: Standard deviation σ of the adhesion noise, eq. 7.
+        slip_max: Largest slip ratio of the model.
 
     """
     theta = np.asarray(theta, dtype=np.float64)

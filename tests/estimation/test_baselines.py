@@ -20,7 +20,7 @@ from adhesion_can.estimation.baselines import (
     WindowEstimator,
     WindowSettings,
 )
-from adhesion_can.estimation.baselines.forgetting import Memory, peak_errors
+from adhesion_can.estimation.baselines.forgetting import ForgettingWindow, peak_errors
 from adhesion_can.estimation.baselines.recursive_least_squares import bounded_minimum
 from adhesion_can.estimation.batch_fit import fit
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
@@ -185,13 +185,13 @@ def test_stated_errors_of_the_peak_cover_it(name, theta):
 
 
 def test_recursive_and_block_judgement_agree():
-    # The same fit, judged by `assess` on the samples and by `Memory` on its histogram of them.
+    # The same fit, judged by `assess` on the samples and by `ForgettingWindow` on its histogram.
     for seed, (theta, top) in enumerate(
         [(DRY, 0.2), (DRY, 0.08), (DRY, 0.06), (GREASY, 0.1), (PAPER[1], 0.2), (PAPER[1], 0.3)]
     ):
         samples = stretch(theta, seed, top=top)
         want = assess(np.array(theta), BLOCK * 1e-4, samples, LIMITS)
-        memory = Memory(1.0 - 1e-9, LIMITS)
+        memory = ForgettingWindow(1.0 - 1e-9, LIMITS)
         memory.add(samples)
         errors = peak_errors(np.array(theta), want.covariance, LIMITS.slip_max)
         got = memory.estimate(np.array(theta), want.covariance, errors, want.noise_std)

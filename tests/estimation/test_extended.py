@@ -11,10 +11,10 @@ from adhesion_can.errors import ConfigError, InputError
 from adhesion_can.estimation.batch_fit import fit
 from adhesion_can.estimation.extended.correction import (
     channels_used,
-    corrected,
+    correct_samples,
+    remove_instrument_errors,
     require_channels,
     require_columns,
-    with_true_instruments,
 )
 from adhesion_can.estimation.extended.estimator import ExtendedEstimator, ExtendedModel
 from adhesion_can.estimation.tracker.tracker import Tracker
@@ -361,7 +361,7 @@ def test_two_effects_act_together():
 def test_a_batch_without_the_effect_gives_the_base_curve():
     w, adhesion = world_of(speed)
     whole = w.whole(adhesion)
-    result = corrected(whole, model_of("speed_dependence"), 6)
+    result = correct_samples(whole, model_of("speed_dependence"), 6)
     assert fit(result.samples).mu_max == pytest.approx(HEIGHT, rel=0.003)
     assert abs(fit(whole).mu_max / HEIGHT - 1) > 0.05
     assert result.kept.all()
@@ -371,7 +371,7 @@ def test_slow_drift_is_taken_out_of_a_batch_and_left_to_the_tracker_online():
     w = World()
     adhesion = (1 - 0.01 * w.t[:, None]) * rail(w.slip)
     model = ExtendedModel(BASE, effects=(ActiveEffect(effect_by_id("slow_drift"), (-0.01,)),))
-    result = corrected(w.whole(adhesion), model, 6)
+    result = correct_samples(w.whole(adhesion), model, 6)
     assert fit(result.samples).mu_max == pytest.approx(HEIGHT, rel=0.003)
     assert model.online == ()
     plain = load_configuration()
@@ -489,7 +489,7 @@ def test_samples_without_a_covariate_are_left_out_and_counted():
 def test_a_sample_of_which_little_is_left_is_left_out():
     w, adhesion = world_of(falling, seconds=1.0)
     active = ActiveEffect(effect_by_id("falling_friction", "burckhardt"), (2.0,))
-    result = corrected(w.whole(adhesion), ExtendedModel(BASE, effects=(active,)), 6)
+    result = correct_samples(w.whole(adhesion), ExtendedModel(BASE, effects=(active,)), 6)
     factor = np.exp(-2.0 * np.abs(w.slip * w.v[:, None])).ravel()
     assert result.kept.tolist() == (factor >= 0.2).tolist()
     assert sum(result.left_out.values()) == (factor < 0.2).sum() > 0
@@ -498,7 +498,7 @@ def test_a_sample_of_which_little_is_left_is_left_out():
 def test_noise_that_a_small_factor_raises_is_told_to_the_estimator():
     w, adhesion = world_of(humidity, seconds=1.0)
     whole = w.whole(adhesion)
-    result = corrected(whole, model_of("humidity"), 6).samples
+    result = correct_samples(whole, model_of("humidity"), 6).samples
     factor = np.repeat(1 - 0.003 * (w.humidity - 60), 6)
     np.testing.assert_allclose(result.adhesion, whole.adhesion / factor)
     np.testing.assert_allclose(result.adhesion_var, whole.adhesion_var / factor**2)
@@ -579,15 +579,15 @@ def test_errors_of_the_instruments_in_a_table():
     seen = (1 + slip) * v * radius / (1.02 * v) - 1
     table = replace(Samples.curve(seen, mu + 3000 / load_), speed=1.02 * v, load=load_, axle=axle)
     true = Instruments(radius_error={2: 0.01}, speed_error=0.02, effort_bias=3000.0)
-    result = with_true_instruments(table, true, "t.csv")
+    result = remove_instrument_errors(table, true, "t.csv")
     np.testing.assert_allclose(result.slip, slip, atol=1e-12)
     np.testing.assert_allclose(result.adhesion, mu, atol=1e-12)
     np.testing.assert_allclose(result.speed, v)
     np.testing.assert_allclose(result.creep_speed, slip * v, atol=1e-12)
-    assert with_true_instruments(table, PERFECT, "t.csv") is table
+    assert remove_instrument_errors(table, PERFECT, "t.csv") is table
     for late in (Instruments(speed_delay=0.1), Instruments(inertia_error=300.0)):
         with pytest.raises(InputError, match="give the recording"):
-            with_true_instruments(table, late, "t.csv")
+            remove_instrument_errors(table, late, "t.csv")
 
 
 # ----------------------------------------------------------------- instruments, in sample formation

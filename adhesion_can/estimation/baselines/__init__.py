@@ -1,4 +1,4 @@
-"""What users would otherwise pick, behind the one protocol: rivals for experiments and replay.
+"""Baseline estimators with the interface `Estimator`, for comparison in experiments and replay.
 
 Defaults are tuned on blocks of 500 samples with λ uniform in 0..0.2 and noise of 0.01 and 0.1, on
 the paper's experiments and on `burckhardt.RAIL`, with switches between surfaces.

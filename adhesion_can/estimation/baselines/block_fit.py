@@ -1,7 +1,7 @@
 """One fit per block: ordinary differential evolution, SciPy's, and bounded least squares.
 
-Each block stands alone, as in the paper's block processing: no memory between blocks but a start,
-and no watch for changes of the rail. A block that spans a change gives a mixture.
+Blocks are independent, as in the paper's block processing: nothing is kept between them but a
+start, and changes of the surface are not detected. A block that spans a change gives a mixture.
 """
 
 from collections import deque
@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from adhesion_can.estimation.baselines.forgetting import usable
+from adhesion_can.estimation.baselines.forgetting import select_usable
 from adhesion_can.estimation.batch_fit import fit
 from adhesion_can.estimation.differential_evolution import (
     EvolutionSettings,
@@ -28,17 +28,19 @@ BlockFit = Callable[[Samples, Estimate | None], Estimate]
 """Fit of one block, given the estimate of the block before."""
 
 POORER = 1.2
-"""Residual, over that of the last fit, from which a refinement is taken to have ended badly: the
-residual of 500 samples scatters by 3 %, the paper's surfaces differ by much more than noise."""
+"""Residual, over that of the last fit, from which a refinement is repeated from a scan.
+
+The residual of 500 samples scatters by 3 %; the paper's surfaces differ by much more than noise.
+"""
 
 
 class BlockEstimator:
     """Collects samples into blocks and gives the fit of the latest full one.
 
     Args:
-        block: samples of a block.
-        identifiability: for the range of slip.
-        fit_block: the fit.
+        block: Number of samples of a block.
+        identifiability: Settings with the range of slip.
+        fit_block: Fit of one block, given the estimate of the block before.
 
     """
 
@@ -49,12 +51,12 @@ class BlockEstimator:
         self._slip_max = identifiability.slip_max
         self._fit = fit_block
         self._waiting: deque[Samples] = deque()
-        self._held: Estimate | None = None
+        self._current: Estimate | None = None
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
-        """See `Estimator.update`; the estimate moves once per block of samples."""
+        """Process samples, as `Estimator.update` defines it; a new estimate once per block."""
         del now_us  # a block is a number of samples, not a time
-        new = usable(samples, self._slip_max)
+        new = select_usable(samples, self._slip_max)
         if len(new):
             self._waiting.append(new)
         while sum(map(len, self._waiting)) >= self._block:
@@ -62,13 +64,13 @@ class BlockEstimator:
             self._waiting.clear()
             if len(joined) > self._block:
                 self._waiting.append(joined.select(slice(self._block, None)))
-            self._take(joined.select(slice(self._block)))
-        return self._held
+            self._add(joined.select(slice(self._block)))
+        return self._current
 
-    def _take(self, block: Samples) -> None:
-        fresh, held = self._fit(block, self._held), self._held
-        self._held = (
-            fresh if held is None else replace(fresh, surface_since_us=held.surface_since_us)
+    def _add(self, block: Samples) -> None:
+        fresh, current = self._fit(block, self._current), self._current
+        self._current = (
+            fresh if current is None else replace(fresh, surface_since_us=current.surface_since_us)
         )
 
 
@@ -81,8 +83,8 @@ def evolution_estimator(
     without its two changes, every block searched anew from a population uniform over the range.
 
     Args:
-        settings: `start`, `factor` and `innovation` are not used.
-        identifiability: see there.
+        settings: Settings of the search; `start`, `factor` and `innovation` are not used.
+        identifiability: Limits from which the peak counts as identifiable, and range of slip.
 
     """
     ordinary = replace(settings, start="uniform", factor=0.5)
@@ -109,8 +111,9 @@ def scipy_evolution_estimator(
     for.
 
     Args:
-        settings: `crossover`, `start`, `factor` and `innovation` are not used.
-        identifiability: see there.
+        settings: Settings of the search; `crossover`, `start`, `factor` and `innovation` are not
+            used.
+        identifiability: Limits from which the peak counts as identifiable, and range of slip.
 
     """
     rng = np.random.default_rng(settings.seed)
@@ -144,8 +147,8 @@ def least_squares_estimator(
     """Bounded nonlinear least squares on each block, started from the last estimate.
 
     Args:
-        settings: only `block`, `lower` and `upper` are used.
-        identifiability: see there.
+        settings: Settings of which only `block`, `lower` and `upper` are used.
+        identifiability: Limits from which the peak counts as identifiable, and range of slip.
 
     """
 
@@ -161,13 +164,13 @@ def fit_from(
     settings: EvolutionSettings,
     identifiability: IdentifiabilitySettings,
 ) -> Estimate:
-    """Least squares from the last estimate, and from `batch.fit`'s scan where that ends badly.
+    """Least squares from the last estimate, or from a scan if the residual has grown.
 
     Args:
-        last: start; None at the first fit.
-        samples: at least one, finite, in the range of slip.
-        settings: for `lower` and `upper`.
-        identifiability: see there.
+        last: Last estimate, the start; None at the first fit.
+        samples: Samples, at least one, finite and in the range of slip.
+        settings: Settings with the search range `lower` to `upper`.
+        identifiability: Limits from which the peak counts as identifiable, and range of slip.
 
     """
     if last is not None:

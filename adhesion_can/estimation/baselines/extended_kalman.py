@@ -1,10 +1,10 @@
 """Extended Kalman filter on the curve's parameters, with a reset where its innovations grow.
 
-State x = ln(c1, c2, c3) in a random walk, one measurement μ = curve(λ; x) per sample. Logarithms,
-since all three are positive, and since a rail changes by shares of them: one walk serves surfaces
-that differ tenfold. A walk slow enough to average noise cannot follow a sudden change, so the
-filter's innovations are watched as in Gustafsson's friction estimator (Automatica 33(6), 1997),
-in the simplest form: where their normalised mean square grows, the start's covariance is back.
+The state x = ln(c1, c2, c3) follows a random walk; each sample is a measurement μ = curve(λ; x).
+The logarithms keep all three positive, and make one walk fit surfaces that differ tenfold. A walk
+slow enough to average noise cannot follow a sudden change. So the normalised innovations are
+monitored as in Gustafsson's friction estimator (Automatica 33(6), 1997), in the simplest form:
+where their mean square grows, the covariance is set back to that of the start.
 """
 
 from dataclasses import dataclass, replace
@@ -12,27 +12,35 @@ from math import exp, sqrt
 
 import numpy as np
 
-from adhesion_can.estimation.baselines.forgetting import Memory, peak_errors, usable
+from adhesion_can.estimation.baselines.forgetting import (
+    ForgettingWindow,
+    peak_errors,
+    select_usable,
+)
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EkfSettings:
     """Tuning of the filter.
 
     Attributes:
-        start: (c1, c2, c3) at the start: a wet rail.
-        start_std: of their logarithms, at the start and after a reset.
-        walk_std: of their logarithms' random walk, per sample.
-        noise_std: of adhesion, at the start; it is then estimated from the innovations.
-        noise_memory: samples that this estimate, and the record of slip, rest on.
-        window: samples that the innovations are averaged over, exponentially.
-        reset: mean of their squares over what is expected, from which the rail has changed.
-        gate: innovation, in its standard deviations, from which a sample is left out. It counts
-            as no more than that towards a reset, so that one broken sample is not enough.
+        start: (c1, c2, c3) at the start, those of a wet rail.
+        start_std: Standard deviations of ln (c1, c2, c3) at the start and after a reset, 1.
+        walk_std: Standard deviations of the random walk of ln (c1, c2, c3), per sample. Larger:
+            slow changes are followed faster, with more noise.
+        noise_std: Standard deviation of the adhesion noise at the start, 1; it is then estimated
+            from the innovations.
+        noise_memory: Length of the window for the noise estimate and for the slips, samples.
+        window: Length of the exponential average of the squared innovations, samples. Larger:
+            fewer false resets, later ones.
+        reset: Mean normalised squared innovation from which the filter is reset. Larger: fewer
+            false resets, and small changes are missed.
+        gate: Innovation from which a sample is left out, in standard deviations. It counts as no
+            more than that towards a reset, so that one outlier causes none.
 
     """
 
@@ -58,9 +66,9 @@ class EkfEstimator:
     """Extended Kalman filter as an estimator.
 
     Args:
-        settings: see there.
-        evolution: for the range of (c1, c2, c3).
-        identifiability: see there.
+        settings: Tuning of the filter.
+        evolution: Settings with the range of (c1, c2, c3).
+        identifiability: Limits from which the peak counts as identifiable, and range of slip.
 
     """
 
@@ -83,34 +91,34 @@ class EkfEstimator:
         self._noise_var = settings.noise_std**2
         self._ratio = 1.0  # mean normalised innovation squared
         self._taken = 0  # samples since the last reset
-        self._memory = Memory(1.0 - 1.0 / settings.noise_memory, limits)
-        self._held: Estimate | None = None
+        self._window = ForgettingWindow(1.0 - 1.0 / settings.noise_memory, limits)
+        self._current: Estimate | None = None
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
-        """See `Estimator.update`."""
+        """Process samples, as `Estimator.update` defines it."""
         del now_us  # the walk goes by samples, not by time
-        new = usable(samples, self._slip_max)
+        new = select_usable(samples, self._slip_max)
         if not len(new):
-            if self._held is not None:
-                self._held = replace(self._held, change_probability=0.0)
-            return self._held
+            if self._current is not None:
+                self._current = replace(self._current, change_probability=0.0)
+            return self._current
         h, z = new.folded()
         points = zip(h.tolist(), z.tolist(), new.slip_total_var.tolist(), strict=True)
         resets = [k for k, point in enumerate(points) if self._is_reset_by(*point)]
         if resets:
-            self._memory.restart()
+            self._window.restart()
             new = new.select(slice(resets[-1], None))
-        self._memory.add(new)
+        self._window.add(new)
         theta = np.exp(self._x)
         covariance = self._covariance * np.outer(theta, theta)
         errors = peak_errors(theta, covariance, self._slip_max)
-        self._held = self._memory.estimate(
+        self._current = self._window.estimate(
             theta, covariance, errors, sqrt(self._noise_var), 1.0 if resets else 0.0
         )
-        return self._held
+        return self._current
 
     def _is_reset_by(self, h: float, z: float, slip_var: float) -> bool:
-        """Take one sample; whether the filter was reset at it."""
+        """Process one sample; whether the filter was reset at it."""
         settings = self._settings
         c1, c2, c3 = np.exp(self._x).tolist()
         e = exp(-c2 * h)
@@ -135,7 +143,7 @@ class EkfEstimator:
         rest = np.eye(3) - np.outer(gain, gradient)
         self._covariance = rest @ predicted @ rest.T + noise_var * np.outer(gain, gain)
         self._taken += 1
-        # Quick at first, then the mean over the memory; never 0, which no later sample could move.
+        # Fast at first, then the mean over the window; never 0, which no later sample could change.
         share = 1.0 / min(self._taken + 20.0, settings.noise_memory)
         self._noise_var = max(self._noise_var * (1.0 + share * (squared - 1.0)), 1e-10)
         return False

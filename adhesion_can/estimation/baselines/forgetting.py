@@ -1,4 +1,4 @@
-"""What the baselines share: which samples count, and what a recursive one keeps of the past."""
+"""Common parts of the baselines: usable samples, and the exponentially forgetting window."""
 
 from dataclasses import replace
 from math import hypot, inf, sqrt
@@ -14,17 +14,17 @@ from adhesion_can.sampling.former import common_load_std
 
 BINS = 500
 UNKNOWN = np.diag([inf] * 3)
-"""Covariance of (c1, c2, c3) of which nothing is known."""
+"""Covariance of (c1, c2, c3) without any information."""
 
 
-def usable(samples: Samples, slip_max: float) -> Samples:
-    """The samples that are finite and within the model's range of slip, without covariates."""
+def select_usable(samples: Samples, slip_max: float) -> Samples:
+    """Samples that are finite and within the model's range of slip, without covariates."""
     rows = np.isfinite(samples.slip) & np.isfinite(samples.adhesion)
     rows &= np.abs(samples.slip) <= slip_max
     return replace(samples, covariates={}).select(rows)
 
 
-def decay(forgetting: float, n: int) -> Array:
+def decay_weights(forgetting: float, n: int) -> Array:
     """Weights β^(n−1)..β^0 of n samples, the latest last, shape (n,)."""
     return np.asarray(forgetting ** np.arange(n - 1.0, -1.0, -1.0))
 
@@ -33,9 +33,9 @@ def peak_errors(theta: Array, covariance: Array, slip_max: float) -> tuple[float
     """Standard deviations of μ_max and λ_m, inf where the covariance or the curve gives none.
 
     Args:
-        theta: (c1, c2, c3).
-        covariance: of them, shape (3, 3).
-        slip_max: end of the valid range of slip.
+        theta: Curve parameters (c1, c2, c3).
+        covariance: Covariance of (c1, c2, c3), shape (3, 3).
+        slip_max: Largest slip ratio of the model.
 
     """
     c1, c2, c3 = map(float, theta)
@@ -48,15 +48,15 @@ def peak_errors(theta: Array, covariance: Array, slip_max: float) -> tuple[float
     return mu_std, sqrt(max(float(lambda_row @ covariance @ lambda_row), 0.0))
 
 
-class Memory:
-    """Exponentially forgotten record of the slips seen, on which identifiability is judged.
+class ForgettingWindow:
+    """Exponentially forgetting window over the slips, from which identifiability is judged.
 
-    A histogram of slip and the loads' doubt, each sample of weight β^age, so that memory and cost
-    do not grow with the samples.
+    It holds a histogram of slip and the mean relative variance of the loads. A sample has the
+    weight β^age in samples, so that memory and cost do not grow with time.
 
     Args:
-        forgetting: β of a sample, in 0..1.
-        settings: when the peak counts as identifiable.
+        forgetting: Forgetting factor β per sample, in 0..1.
+        settings: Limits from which the peak counts as identifiable.
 
     """
 
@@ -69,14 +69,14 @@ class Memory:
 
     @property
     def samples(self) -> float:
-        """Sum of the weights: the number of samples that are remembered."""
+        """Sum of the weights, the effective number of samples."""
         return float(self._counts.sum())
 
     def add(self, samples: Samples) -> None:
-        """Take usable samples, at least one."""
+        """Add usable samples, at least one."""
         if self._since_us is None:
             self._since_us = int(samples.t_us[0])
-        weights = decay(self._forgetting, len(samples))
+        weights = decay_weights(self._forgetting, len(samples))
         bins = (np.abs(samples.slip) * (BINS / self._settings.slip_max)).astype(np.int64)
         self._counts *= self._forgetting ** len(samples)
         self._counts += np.bincount(np.minimum(bins, BINS - 1), weights, minlength=BINS)
@@ -85,7 +85,7 @@ class Memory:
         self._load_variance += share * (variance - self._load_variance)
 
     def restart(self) -> None:
-        """Forget all: the next samples are of another surface."""
+        """Empty the window: the next samples are of another surface."""
         self._counts[:] = 0.0
         self._since_us = None
 
@@ -97,14 +97,14 @@ class Memory:
         noise_std: float,
         change_probability: float = 0.0,
     ) -> Estimate:
-        """Estimate, judged as `assessment.assess` judges one; after at least one sample.
+        """Estimate with the verdict of `identifiability.assess`; after at least one sample.
 
         Args:
-            theta: (c1, c2, c3).
-            covariance: of them, shape (3, 3).
-            errors: standard deviations of μ_max and λ_m, inf where unknown.
-            noise_std: of adhesion around the curve.
-            change_probability: that the surface changed within the last update.
+            theta: Curve parameters (c1, c2, c3).
+            covariance: Covariance of (c1, c2, c3), shape (3, 3).
+            errors: Standard deviations of μ_max and λ_m, 1; inf where unknown.
+            noise_std: Standard deviation of the adhesion around the curve, 1.
+            change_probability: Probability that the surface changed within the last update.
 
         """
         limits, n = self._settings, self.samples
@@ -115,7 +115,7 @@ class Memory:
         top = peak(c1, c2, c3, limits.slip_max)
         mu_max, lambda_m = float(top.mu_max), float(top.lambda_m)
         reached = self._reached()
-        # The peak may lie farther than estimated; by how much is known.
+        # The peak may lie farther out than estimated, by its standard error.
         farthest = lambda_m + (3 * lambda_error if np.isfinite(lambda_error) else 0.0)
         return Estimate(
             c1=c1,
@@ -139,8 +139,8 @@ class Memory:
         )
 
     def _reached(self) -> float:
-        """Slip that the share `reach` of the remembered samples exceeds."""
+        """Slip ratio that the share `reach` of the window exceeds."""
         above = np.cumsum(self._counts[::-1])[::-1]
         beyond = np.flatnonzero(above >= self._settings.reach * above[0])
-        # The lower edge of the bin: nothing is claimed that was not seen.
+        # The lower edge of the bin, so that the reach is never overstated.
         return float(beyond[-1]) * self._settings.slip_max / BINS

@@ -1,8 +1,8 @@
-"""Least squares over a window that grows while one curve explains it, and begins anew after.
+"""Least squares over a window that grows while one curve explains it, and then begins anew.
 
-The window is reset where the latest samples differ from its curve by more than its own noise: a
-test of variances (chi-square), at slips that it has already seen, since beyond them a curve that
-is poorly known is no evidence of another rail.
+The window is reset where the residuals of the latest samples exceed its own noise: a chi-square
+test of the variance. Only slips within the window's range are tested, since beyond it a poorly
+known curve is no evidence of another surface.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ import scipy
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.baselines.block_fit import fit_from
-from adhesion_can.estimation.baselines.forgetting import UNKNOWN, usable
+from adhesion_can.estimation.baselines.forgetting import UNKNOWN, select_usable
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.likelihood import innovation
@@ -22,18 +22,20 @@ from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WindowSettings:
     """Growth and reset of the window.
 
     Attributes:
-        latest: samples that a reset is decided on, and that the first fit needs.
-        share: growth of the window, as a share of it, after which it is fitted again.
-        most: samples of the window; beyond, the oldest go and it slides.
-        ratio: root mean square of the latest residuals, over the window's, that a reset needs at
-            least: noise that grows a little is no other rail.
-        false_alarm: probability of a reset by Gaussian noise alone, for each test.
-        floor: noise is taken as at least this much, in adhesion: below it no sensor measures.
+        latest: Number of latest samples that are tested for a reset, and that the first fit needs.
+            Larger: smaller changes are detected, later.
+        share: Relative growth of the window after which it is fitted again. Larger: less CPU, an
+            older estimate.
+        most: Largest number of samples of the window; beyond it the oldest are dropped.
+        ratio: Least root mean square of the latest residuals, over the window's, for a reset, so
+            that a small increase of the noise is no change. Larger: fewer false alarms.
+        false_alarm: Probability of a reset by Gaussian noise alone, per test.
+        floor: Least standard deviation of the adhesion noise in the test, 1.
 
     """
 
@@ -57,13 +59,13 @@ class WindowEstimator:
     """Growing-window least squares with a reset, as an estimator.
 
     It is fitted again when it has grown by `share`, or by a block of samples, and by `latest` at
-    least. After a reset the old curve is given, with no claim left to it, until the new window
-    holds `latest` samples.
+    least. After a reset the old curve is given, as not identifiable, until the new window holds
+    `latest` samples.
 
     Args:
-        settings: see there.
-        evolution: for `block` and the search range.
-        identifiability: see there.
+        settings: Settings of the window and of its reset.
+        evolution: Settings with the block length and the search range.
+        identifiability: Limits from which the peak counts as identifiable, and range of slip.
 
     """
 
@@ -78,12 +80,12 @@ class WindowEstimator:
         self._settings = settings or WindowSettings()
         self._window = self._pending = Samples.of([])
         self._since_us = 0
-        self._held: Estimate | None = None
+        self._current: Estimate | None = None
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
-        """See `Estimator.update`."""
+        """Process samples, as `Estimator.update` defines it."""
         del now_us  # the window is a number of samples, not a time
-        new = usable(samples, self._identifiability.slip_max)
+        new = select_usable(samples, self._identifiability.slip_max)
         changed = False
         if len(new):
             self._pending = Samples.concatenate([self._pending, new])
@@ -92,17 +94,17 @@ class WindowEstimator:
                 self._since_us = int(self._pending.t_us[0])
             if self._is_due():
                 self._fit()
-        if self._held is not None:
-            self._held = replace(
-                self._held,
+        if self._current is not None:
+            self._current = replace(
+                self._current,
                 surface_since_us=self._since_us,
                 change_probability=1.0 if changed else 0.0,
             )
-        return self._held
+        return self._current
 
     def _reset_where_changed(self) -> bool:
-        """Whether the pending samples contradict the window's curve; the window ends there."""
-        if self._held is None or not len(self._window):
+        """Whether the pending samples contradict the curve; the window then begins anew."""
+        if self._current is None or not len(self._window):
             return False
         h, z = self._pending.folded()
         rows = np.flatnonzero(h <= np.abs(self._window.slip).max())
@@ -110,9 +112,9 @@ class WindowEstimator:
             return False
         h, z, slip_var = h[rows], z[rows], self._pending.slip_total_var[rows]
         # Noise in slip counts by the slope, so most where slips are small.
-        by_slip = adhesion_slope(h, *self._held.theta) ** 2 * slip_var
-        explained = max(self._held.noise_std, self._settings.floor) ** 2 + by_slip
-        squares = innovation(self._held.theta, h, z) ** 2 / explained
+        by_slip = adhesion_slope(h, *self._current.theta) ** 2 * slip_var
+        explained = max(self._current.noise_std, self._settings.floor) ** 2 + by_slip
+        squares = innovation(self._current.theta, h, z) ** 2 / explained
         latest = squares[-self._settings.latest :]
         if not (self._contradicts(latest) or self._contradicts(squares)):
             return False
@@ -121,8 +123,8 @@ class WindowEstimator:
         ]
         self._pending = self._pending.select(slice(int(first), None))
         self._window = Samples.of([])
-        self._held = replace(
-            self._held,
+        self._current = replace(
+            self._current,
             covariance=UNKNOWN,
             mu_max_std=inf,
             lambda_m_std=inf,
@@ -140,15 +142,15 @@ class WindowEstimator:
         return len(self._pending) >= max(growth, self._settings.latest)
 
     def _fit(self) -> None:
-        last = self._held if len(self._window) else None
+        last = self._current if len(self._window) else None
         joined = Samples.concatenate([self._window, self._pending])
         self._window = joined.select(slice(-self._settings.most, None))
         self._pending = Samples.of([])
-        self._held = fit_from(last, self._window, self._evolution, self._identifiability)
+        self._current = fit_from(last, self._window, self._evolution, self._identifiability)
 
 
 def _most_likely_change(squares: Array, after: float) -> int:
-    """Row from which the squared residuals' expectation is `after`, > 1, and 1 before it.
+    """Row before which the squared residuals have an expectation of 1, and `after` > 1 from it on.
 
     The log likelihood ratio of two normal variances, summed from each row on, is largest there.
     """

@@ -1,10 +1,13 @@
-"""A bank of preset surfaces, weighted by how well each predicts: multiple-model adaptation.
+"""Multiple-model adaptive estimation (Magill 1965): a bank of preset surfaces with probabilities.
 
-Nothing is learned: the rail is taken to be one of the presets. Each one's mean square innovation,
-forgotten exponentially, gives its probability with the noise profiled out (after Magill 1965),
-w ∝ (mean square)^(−n/2). Among presets of which none is right the nearest becomes certain: so its
-innovations' means over bins of slip, which noise would bring to zero, are kept as well, and
-what they leave is the doubt about all of them.
+The surface is assumed to be one of the presets. The mean square innovation of each, with
+exponential forgetting, gives its probability with the noise variance profiled out, w ∝ (mean
+square)^(−n/2). Where no preset is right the nearest one becomes certain. So the means of its
+innovations over bins of slip are kept as well, which noise alone would bring to zero; what they
+leave is the model error, which adds to the standard deviation.
+
+D. T. Magill, "Optimal adaptive estimation of sampled stochastic processes", IEEE Transactions on
+Automatic Control 10(4), 1965.
 """
 
 from dataclasses import dataclass
@@ -13,7 +16,11 @@ from math import hypot, inf, sqrt
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.baselines.forgetting import Memory, decay, usable
+from adhesion_can.estimation.baselines.forgetting import (
+    ForgettingWindow,
+    decay_weights,
+    select_usable,
+)
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.likelihood import innovation
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Surface, peak
@@ -21,17 +28,18 @@ from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
 EDGES = 0.005 * 2.0 ** np.arange(7)
-"""Of the bins of slip, narrow where curves are steep."""
+"""Edges of the bins of slip ratio, narrow where curves are steep."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BankSettings:
-    """The presets and how long an innovation counts.
+    """Presets and forgetting of the bank.
 
     Attributes:
-        surfaces: presets, each with a rise at slip 0.
-        forgetting: weight of a sample against the next one; 1/(1 − forgetting) are remembered.
-        floor: noise is taken as at least this much, in adhesion.
+        surfaces: Preset surfaces, each with a rise at slip 0.
+        forgetting: Forgetting factor per sample, in 0..1; the window has about 1/(1 − forgetting)
+            samples. Larger: less noise in the probabilities, slower changes between presets.
+        floor: Least standard deviation of the adhesion noise, 1.
 
     """
 
@@ -50,13 +58,14 @@ class BankEstimator:
     """Probability-weighted presets as an estimator.
 
     μ_max and λ_m are the weighted means of the presets'. Their standard deviations are the
-    weighted spread, for μ_max together with what the most probable preset misses of the data's
-    mean; where that is more than an identified peak may miss, nothing is known of λ_m. c1, c2, c3
-    are the most probable preset's, stretched along both axes so that its peak stands at the means.
+    weighted spread, for μ_max together with the model error of the most probable preset; where that
+    error exceeds the limit of an identifiable peak, the standard deviation of λ_m is infinite. c1,
+    c2, c3 are those of the most probable preset, scaled along both axes so that its peak is at the
+    means.
 
     Args:
-        settings: see there.
-        identifiability: see there.
+        settings: Settings of the bank.
+        identifiability: Limits from which the peak counts as identifiable, and range of slip.
 
     """
 
@@ -67,7 +76,7 @@ class BankEstimator:
     ) -> None:
         self._settings = settings or BankSettings()
         self._limits = identifiability or IdentifiabilitySettings()
-        self._memory = Memory(self._settings.forgetting, self._limits)
+        self._window = ForgettingWindow(self._settings.forgetting, self._limits)
         self._presets = np.array([surface.theta for surface in self._settings.surfaces])
         c1, c2, c3 = self._presets.T
         self._peaks = peak(c1, c2, c3, self._limits.slip_max)
@@ -75,20 +84,20 @@ class BankEstimator:
         self._counts = np.zeros(bins)
         self._sums = np.zeros((len(self._presets), bins))  # of the innovation, by preset and bin
         self._squares = np.zeros(len(self._presets))
-        self._held: Estimate | None = None
+        self._current: Estimate | None = None
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
-        """See `Estimator.update`."""
+        """Process samples, as `Estimator.update` defines it."""
         del now_us  # forgetting goes by samples, not by time
-        new = usable(samples, self._limits.slip_max)
+        new = select_usable(samples, self._limits.slip_max)
         if len(new):
-            self._memory.add(new)
-            self._take(*new.folded())
-            self._held = self._estimate()
-        return self._held
+            self._window.add(new)
+            self._add(*new.folded())
+            self._current = self._estimate()
+        return self._current
 
-    def _take(self, h: Array, z: Array) -> None:
-        weights = decay(self._settings.forgetting, len(h))
+    def _add(self, h: Array, z: Array) -> None:
+        weights = decay_weights(self._settings.forgetting, len(h))
         errors = np.array([innovation(theta, h, z) for theta in self._presets])
         member = np.searchsorted(EDGES, h)[:, None] == np.arange(len(self._counts))
         kept = self._settings.forgetting ** len(h)
@@ -112,14 +121,14 @@ class BankEstimator:
         theta = np.array([up * c1, c2 / along, up * c3 / along])
         offsets = self._presets - theta
         covariance = (offsets.T * weights) @ offsets
-        return self._memory.estimate(theta, covariance, (hypot(mu_std, missed), lambda_std), noise)
+        return self._window.estimate(theta, covariance, (hypot(mu_std, missed), lambda_std), noise)
 
     def _missed(self, preset: int) -> tuple[float, float]:
-        """What a preset misses of the bins' means, root mean square, and the noise in the bins."""
+        """Root mean square model error of a preset by the bins' means, and noise in the bins."""
         n, seen = self._counts.sum(), self._counts >= 1.0
         between = float(np.sum(self._sums[preset, seen] ** 2 / self._counts[seen]))
         within = max(float(self._squares[preset]) - between, 0.0) / max(n - seen.sum(), 1.0)
-        # Noise alone leaves that much in the means: the weights' squares sum to a share of n.
+        # Expectation by noise alone: the weights' squares sum to a share of n.
         forgetting = self._settings.forgetting
         by_noise = float(seen.sum()) * within / (1.0 + forgetting)
         if seen.sum() < 3:

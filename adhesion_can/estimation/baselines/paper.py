@@ -1,12 +1,13 @@
-"""The paper's block estimator as a service needs it: with standard errors, and with doubt.
+"""The paper's block estimator with standard errors, a verdict on them, and change detection.
 
-The search is the paper's (`evolution`). What stands here around it is what a controller must know
-and the paper does not say: whether a block can tell the peak at all, and what to believe when it
-cannot. A block that cannot does not replace an estimate that could, as long as the two agree.
+The search is the paper's (`differential_evolution`). What is added is what a controller needs and
+the paper leaves open: whether the peak is identifiable from a block, and which estimate to use when
+it is not. A block without identifiable peak does not replace an estimate with one while the two
+agree.
 
-In the paper a block never spans a change of the rail. Here the innovation of the latest samples
-tells the change, and the block begins anew where it happened; until that block is full the old
-values are still given, with no claim left to them.
+In the paper a block never spans a change of the surface. Here a change is detected from the
+innovations of the latest samples, and the block begins anew where it happened. Until that block is
+full the old values are still given, as not identifiable and with infinite standard deviations.
 """
 
 from collections import deque
@@ -30,19 +31,22 @@ from adhesion_can.physics.samples import Samples
 
 MOST_SEARCHES = 6
 SETTLED = 1e-3
-"""A search has come to rest when the next one lowers J by less than this share."""
+"""Relative decrease of J below which a repeated search counts as converged."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ChangeSettings:
-    """When the latest samples contradict the estimate.
+    """Change detection of the paper's estimator: an innovation test on the latest samples.
 
     Attributes:
-        window: latest samples that are looked at.
-        ratio: root mean square of their innovation over what noise explains.
-        floor: noise is taken as at least this much, in adhesion.
-        structure: their means over neighbouring slips must exceed so many times what their own
-            scatter explains: more noise alone is no other rail.
+        window: Number of latest samples that are tested. Larger: smaller changes are detected,
+            later.
+        ratio: Root mean square of the innovations, over the one that noise explains, from which a
+            change is declared. Larger: fewer false alarms, and small changes are missed.
+        floor: Least standard deviation of the adhesion noise in the test, 1. Larger: less
+            sensitive on very quiet data.
+        structure: F statistic of the innovations' means over neighbouring slips that a change
+            needs, so that a mere increase of the noise is no change. Larger: fewer false alarms.
 
     """
 
@@ -60,9 +64,9 @@ class PaperEstimator:
     """Block processing by the modified differential evolution, as a service's estimator.
 
     Args:
-        settings: of the search.
-        identifiability: see there.
-        change: see there.
+        settings: Settings of the search.
+        identifiability: Limits from which the peak counts as identifiable, and range of slip.
+        change: Settings of the change detection.
 
     """
 
@@ -78,12 +82,12 @@ class PaperEstimator:
         self._rng = np.random.default_rng(self._settings.seed)
         self._theta = first_theta(self._settings, self._rng)
         self._waiting: deque[Samples] = deque()
-        self._held: Estimate | None = None
-        self._held_std = inf
+        self._current: Estimate | None = None
+        self._current_std = inf
         self._changing = False
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
-        """See `Estimator.update`; the estimate moves once per block of samples."""
+        """Process samples, as `Estimator.update` defines it; a new estimate once per block."""
         del now_us  # a block is a number of samples, not a time
         usable = np.isfinite(samples.slip) & np.isfinite(samples.adhesion)
         usable &= np.abs(samples.slip) <= self._identifiability.slip_max
@@ -91,11 +95,11 @@ class PaperEstimator:
             self._waiting.append(samples.select(usable))
             declared = self._look_for_change()
             while (block := self._take_block()) is not None:
-                self._held = self._identify(block)
-            if declared and not self._changing and self._held is not None:
-                # The block of the new rail was full at once: the change is still to be told.
-                self._held = replace(self._held, change_probability=1.0)
-        return self._held
+                self._current = self._identify(block)
+            if declared and not self._changing and self._current is not None:
+                # The block of the new surface was full at once: the change is still to be reported.
+                self._current = replace(self._current, change_probability=1.0)
+        return self._current
 
     def _take_block(self) -> Samples | None:
         size = self._settings.block
@@ -111,29 +115,29 @@ class PaperEstimator:
             self._waiting.append(samples)
 
     def _look_for_change(self) -> bool:
-        """Whether the latest samples contradict the estimate; the block begins where they do."""
-        held, change = self._held, self._change
+        """Whether the latest samples contradict the estimate; the block begins at the change."""
+        current, change = self._current, self._change
         if (
-            held is None
-            or not held.identifiable.both
+            current is None
+            or not current.identifiable.both
             or sum(map(len, self._waiting)) < change.window
         ):
             return False
         waiting = Samples.concatenate(list(self._waiting))
-        scaled = self._scaled_innovation(held, waiting)
+        scaled = self._scaled_innovation(current, waiting)
         squares = scaled**2
         latest = slice(-change.window, None)
         if np.mean(squares[latest]) <= change.ratio**2:
             return False
         if not _is_structured(np.abs(waiting.slip[latest]), scaled[latest], change.structure):
             return False
-        # The change is where the sum of what noise does not explain begins to rise.
+        # The change is where the cumulative sum of the excess squares begins to rise (CUSUM).
         excess = np.concatenate([[0.0], np.cumsum(squares - change.ratio**2)])
         cut = min(int(np.argmin(excess)), len(waiting) - 1)
         self._wait_with(waiting.select(slice(cut, None)))
         self._changing = True
-        self._held = replace(
-            held,
+        self._current = replace(
+            current,
             covariance=np.diag([np.inf] * 3),
             mu_max_std=inf,
             lambda_m_std=inf,
@@ -143,18 +147,20 @@ class PaperEstimator:
         )
         return True
 
-    def _scaled_innovation(self, held: Estimate, samples: Samples) -> Array:
-        """Innovation over what noise explains of it: in adhesion, and in slip by the slope."""
+    def _scaled_innovation(self, current: Estimate, samples: Samples) -> Array:
+        """Innovations over their standard deviations by noise in adhesion and in slip."""
         h, z = samples.folded()
-        slope = adhesion_slope(h, *held.theta)
-        explained = max(held.noise_std, self._change.floor) ** 2 + slope**2 * samples.slip_total_var
-        return np.asarray(innovation(held.theta, h, z) / np.sqrt(explained))
+        slope = adhesion_slope(h, *current.theta)
+        explained = (
+            max(current.noise_std, self._change.floor) ** 2 + slope**2 * samples.slip_total_var
+        )
+        return np.asarray(innovation(current.theta, h, z) / np.sqrt(explained))
 
     def _continued(self, found: Search, h: Array, z: Array) -> Search:
-        """A search from far away, gone on with until it has come to rest.
+        """Result of a search from a distant start, repeated until it has converged.
 
-        Within its iteration limit it may stop short of the optimum, and what the curvature there
-        says of the standard errors is not true.
+        Within its iteration limit a search may stop short of the optimum, where standard errors
+        from the curvature are wrong.
         """
         for _ in range(MOST_SEARCHES - 1):
             again = search(h, z, found.theta, self._settings, self._rng)
@@ -167,17 +173,17 @@ class PaperEstimator:
     def _identify(self, block: Samples) -> Estimate:
         h, z = block.folded()
         found = search(h, z, self._theta, self._settings, self._rng)
-        if self._held is None or self._changing:
+        if self._current is None or self._changing:
             found = self._continued(found, h, z)
         fresh = assess(found.theta, found.cost, block, self._identifiability)
-        held, self._changing = self._held, False
-        if held is None or fresh.identifiable.both or not held.identifiable.both:
-            self._theta, self._held_std = found.theta, fresh.mu_max_std
-            since = fresh.surface_since_us if held is None else held.surface_since_us
+        current, self._changing = self._current, False
+        if current is None or fresh.identifiable.both or not current.identifiable.both:
+            self._theta, self._current_std = found.theta, fresh.mu_max_std
+            since = fresh.surface_since_us if current is None else current.surface_since_us
             return replace(fresh, surface_since_us=since)
-        # The old estimate stands; how far the block lies off it on the mean is doubt about it.
-        off = float(np.mean(innovation(held.theta, h, z)))
-        return replace(held, mu_max_std=hypot(self._held_std, off))
+        # The old estimate stays; the mean distance of the block from it adds to its uncertainty.
+        off = float(np.mean(innovation(current.theta, h, z)))
+        return replace(current, mu_max_std=hypot(self._current_std, off))
 
 
 def _is_structured(slip: Array, scaled: Array, threshold: float, groups: int = 4) -> bool:

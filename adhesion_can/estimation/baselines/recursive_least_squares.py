@@ -5,8 +5,8 @@ Near a nominal c̄2 the curve is linear in β = (c1, c3, d) with d = c1 (c2 − 
     μ(λ) ≈ c1 (1 − e^(−c̄2 λ)) − c3 λ + d λ e^(−c̄2 λ)
 
 Exponentially weighted least squares on it is kept in information form, Λ = Σ w φφᵀ and
-b = Σ w φ z: the same numbers as the textbook's recursion of gain and covariance (Ljung, "System
-Identification", 1999, section 11.2), which a test holds it to, many samples at once.
+b = Σ w φ z, many samples at once. It equals the recursion of gain and covariance (Ljung, "System
+Identification: Theory for the User", 1999, section 11.2), as a test verifies.
 """
 
 from dataclasses import dataclass
@@ -15,23 +15,31 @@ from math import sqrt
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.baselines.forgetting import Memory, decay, peak_errors, usable
+from adhesion_can.estimation.baselines.forgetting import (
+    ForgettingWindow,
+    decay_weights,
+    peak_errors,
+    select_usable,
+)
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RlsSettings:
-    """Forgetting, and what is believed before any data.
+    """Forgetting and prior of the recursive least squares.
 
     Attributes:
-        forgetting: weight of a sample against the next one; 1/(1 − forgetting) are remembered.
-        nominal: (c1, c2, c3) that the estimate rests on where the data are silent: a wet rail.
-        prior_std: of it, for (c1, c2, c3).
-        noise_std: of adhesion, for the weight of the prior against the data.
-        chunk: samples after which c̄2 follows the estimate of c2.
+        forgetting: Forgetting factor per sample, in 0..1; the window has about 1/(1 − forgetting)
+            samples. Larger: less noise, slower.
+        nominal: (c1, c2, c3) of the prior, those of a wet rail; the estimate where data carry no
+            information.
+        prior_std: Standard deviations of the prior of (c1, c2, c3). Larger: less bias, more
+            wind-up.
+        noise_std: Standard deviation of the adhesion noise, 1, for the weight of the prior.
+        chunk: Number of samples after which c̄2 is set to the estimate of c2.
 
     """
 
@@ -53,13 +61,13 @@ class RlsEstimator:
 
     c̄2 follows the estimate of c2 (recursive Gauss-Newton): with c̄2 held at 45 a surface of
     c2 = 20 came out 14 % low in μ_max on data without noise. Wind-up, the growth of the
-    covariance where the data are silent, is held by a prior that is not forgotten (stabilised
-    forgetting): it is worth `noise_std`²/`prior_std`² of a sample, so nothing where data are.
+    covariance without excitation, is bounded by a prior that is not forgotten (stabilised
+    forgetting). Its information is `noise_std`²/`prior_std`² of a sample, negligible beside data.
 
     Args:
-        settings: see there.
-        evolution: for the range of (c1, c2, c3).
-        identifiability: see there.
+        settings: Forgetting and prior.
+        evolution: Settings with the range of (c1, c2, c3).
+        identifiability: Limits from which the peak counts as identifiable, and range of slip.
 
     """
 
@@ -73,7 +81,7 @@ class RlsEstimator:
         self._range = evolution or EvolutionSettings()
         limits = identifiability or IdentifiabilitySettings()
         self._slip_max = limits.slip_max
-        self._memory = Memory(settings.forgetting, limits)
+        self._window = ForgettingWindow(settings.forgetting, limits)
         c1, self._c2, _ = settings.nominal
         spread = np.array(settings.prior_std)[[0, 2, 1]] * [1.0, 1.0, c1]
         self._prior = np.diag((settings.noise_std / spread) ** 2)
@@ -82,24 +90,24 @@ class RlsEstimator:
         self._squared = np.zeros((3, 3))  # as the information, of the weights' squares
         self._vector = np.zeros(3)
         self._zz = 0.0
-        self._held: Estimate | None = None
+        self._current: Estimate | None = None
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
-        """See `Estimator.update`."""
+        """Process samples, as `Estimator.update` defines it."""
         del now_us  # forgetting goes by samples, not by time
-        new = usable(samples, self._slip_max)
+        new = select_usable(samples, self._slip_max)
         if len(new):
-            self._memory.add(new)
+            self._window.add(new)
             h, z = new.folded()
             for k in range(0, len(h), self._settings.chunk):
                 rows = slice(k, k + self._settings.chunk)
-                self._take(h[rows], z[rows])
+                self._add(h[rows], z[rows])
                 self._relinearise()
-            self._held = self._estimate()
-        return self._held
+            self._current = self._estimate()
+        return self._current
 
-    def _take(self, h: Array, z: Array) -> None:
-        weights = decay(self._settings.forgetting, len(h))
+    def _add(self, h: Array, z: Array) -> None:
+        weights = decay_weights(self._settings.forgetting, len(h))
         kept = self._settings.forgetting ** len(h)
         phi = regressors(h, self._c2)
         weighted = phi.T * weights
@@ -138,7 +146,7 @@ class RlsEstimator:
     def _estimate(self) -> Estimate:
         beta, settings = self._solve(), self._settings
         squares = self._zz - 2 * beta @ self._vector + beta @ self._information @ beta
-        noise = sqrt(max(float(squares), 0.0) / max(self._memory.samples - 3.0, 1.0))
+        noise = sqrt(max(float(squares), 0.0) / max(self._window.samples - 3.0, 1.0))
         # The weights are not those of the noise: their squares stand between the inverses.
         inverse = np.linalg.inv(self._information + self._prior)
         middle = noise**2 * self._squared + settings.noise_std**2 * self._prior
@@ -149,7 +157,7 @@ class RlsEstimator:
         covariance = carried @ middle @ carried.T
         theta = np.clip([c1, self._c2 + d / c1, c3], self._range.lower, self._range.upper)
         errors = peak_errors(theta, covariance, self._slip_max)
-        return self._memory.estimate(theta, covariance, errors, noise)
+        return self._window.estimate(theta, covariance, errors, noise)
 
 
 def regressors(h: Array, c2: float) -> Array:
@@ -159,13 +167,15 @@ def regressors(h: Array, c2: float) -> Array:
 
 
 def bounded_minimum(matrix: Array, vector: Array, lower: Array, upper: Array) -> Array:
-    """Minimum of xᵀAx/2 − xᵀb in a box; what lies out of it the most is fixed, then the rest anew.
+    """Minimum of xᵀAx/2 − xᵀb in a box, by an active set.
+
+    The component farthest outside is fixed to its bound, and the rest is solved anew.
 
     Args:
-        matrix: A, positive definite, shape (m, m).
-        vector: b, shape (m,).
-        lower: of the box.
-        upper: likewise.
+        matrix: Matrix A, positive definite, shape (m, m).
+        vector: Vector b, shape (m,).
+        lower: Lower bounds of x, shape (m,).
+        upper: Upper bounds of x, shape (m,).
 
     """
     free = np.ones(len(vector), dtype=bool)

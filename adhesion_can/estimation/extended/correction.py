@@ -1,9 +1,9 @@
-"""Samples without the effects of an extended model, and what the model asks of the data.
+"""Removal of an extended model's effects from samples, and the model's requirements on the data.
 
-μ = factor · curve(slip'): effects in the contact give the slip with which the curve is entered and
-a factor. Turned round, a sample (λ, μ) becomes the point (slip', μ/factor) of the base curve, from
-which any estimator tells the base curve as if there were no effects. Effects of the instruments are
-taken out before that, where samples are formed from readings.
+An extended model is μ = factor · curve(slip'): effects in the contact change the slip and multiply
+the adhesion. Inverted, a sample (λ, μ) becomes the point (slip', μ/factor) of the base curve, which
+any estimator can then identify. Errors of the instruments are removed before that, where samples
+are computed from readings.
 """
 
 from collections import Counter
@@ -24,19 +24,19 @@ from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.equations import TRAVEL
 
 USABLE = 0.2
-"""A sample whose factor is smaller is left out: divided by it, it would be mostly noise."""
+"""Least factor of a usable sample: divided by a smaller one, it would be mostly noise."""
 
-# ------------------------------------------------------------------- what a model asks of the data
+# ----------------------------------------------------------- requirements of a model on the data
 
 
 def require_channels(model: ExtendedModel, available: Iterable[str], giver: str, mend: str) -> None:
-    """ConfigError where an effect lives on a channel that is not there.
+    """ConfigError where an effect depends on a channel that is not available.
 
     Args:
-        model: see there.
-        available: covariates.
-        giver: who would have to give them, for the error.
-        mend: what to do about it.
+        model: Extended model.
+        available: Names of the available channels.
+        giver: Source that lacks the channel, for the error.
+        mend: Way to mend it, for the error.
 
     """
     present = set(available)
@@ -48,7 +48,7 @@ def require_channels(model: ExtendedModel, available: Iterable[str], giver: str,
 
 
 def require_axles(model: ExtendedModel, axles: int) -> None:
-    """ConfigError where a model speaks of an axle that the vehicle does not have."""
+    """ConfigError where a model names an axle that the vehicle does not have."""
     for active in model.effects:
         for parameter, value in zip(active.effect.parameters, active.values, strict=True):
             if parameter.axle and value > axles:
@@ -60,7 +60,7 @@ def require_axles(model: ExtendedModel, axles: int) -> None:
 
 
 def channels_used(active: ActiveEffect) -> set[str]:
-    """Of speed, load and place: those on which the effect depends with its values."""
+    """Those of speed, load and place on which the effect depends with its values."""
     if isinstance(active.effect, Empirical):
         known = {"speed": "speed", "creep_speed": "speed", "load": "load", "axle": "place"}
         return {known[active.effect.channel]} if active.effect.channel in known else set()
@@ -98,9 +98,9 @@ def require_columns(model: ExtendedModel, samples: Samples, where: str) -> None:
     """InputError where a TABLE lacks a column on which an effect of the model depends.
 
     Args:
-        model: see there.
-        samples: of the table, in which 1 stands for a speed or a load that it does not give.
-        where: name of the table.
+        model: Extended model.
+        samples: Samples of the table; a speed or a load of 1 stands for a missing column.
+        where: Name of the table, for the error.
 
     """
     mend = "add the column, or give the recording"
@@ -120,13 +120,13 @@ def require_columns(model: ExtendedModel, samples: Samples, where: str) -> None:
 # -------------------------------------------------------------------- samples without the effects
 
 
-class Corrected(NamedTuple):
+class CorrectedSamples(NamedTuple):
     """Samples without the effects in the contact.
 
     Attributes:
-        samples: points of the base curve.
-        kept: which of the samples given they are, shape (n,).
-        left_out: how many are not among them, by reason.
+        samples: Samples of the base curve.
+        kept: Whether each of the original samples is among them, shape (n,).
+        left_out: Number of samples that are not among them, by reason.
 
     """
 
@@ -135,39 +135,40 @@ class Corrected(NamedTuple):
     left_out: Counter[str]
 
 
-def corrected(samples: Samples, model: ExtendedModel, axles: int) -> Corrected:
+def correct_samples(samples: Samples, model: ExtendedModel, axles: int) -> CorrectedSamples:
     """Samples of a whole drive without the effects in the contact.
 
     Args:
-        samples: in the order of their stamps.
-        model: see there.
-        axles: of the vehicle.
+        samples: Samples in the order of their stamps.
+        model: Extended model.
+        axles: Number of axles of the vehicle.
 
     """
     actives = model.in_contact
     if not actives or not len(samples):
-        return Corrected(samples, np.ones(len(samples), dtype=np.bool_), Counter())
-    return without_effects(samples, actives, int(samples.t_us[0]), axles, LagStates())
+        return CorrectedSamples(samples, np.ones(len(samples), dtype=np.bool_), Counter())
+    return remove_effects(samples, actives, int(samples.t_us[0]), axles, LagStates())
 
 
-def without_effects(
+def remove_effects(
     samples: Samples,
     actives: tuple[ActiveEffect, ...],
     origin_us: int,
     axles: int,
     memory: LagStates,
-) -> Corrected:
+) -> CorrectedSamples:
     """Samples without effects in the contact, for a whole drive or a step of it.
 
-    Variances are scaled with the adhesion. Its noise differs from sample to sample then: what goes
-    beyond that of a sample whose factor is 1 is told as a variance of that sample's own.
+    Variances are scaled with the adhesion, so that its noise then differs from sample to sample.
+    The excess over a sample whose factor is 1 is added to the sample's own variance,
+    `transient_var`.
 
     Args:
-        samples: see `corrected`.
-        actives: effects.
-        origin_us: when the drive began.
-        axles: of the vehicle.
-        memory: see `ContactEffect.change`.
+        samples: Samples in the order of their stamps.
+        actives: Effects in the contact with their values.
+        origin_us: Stamp of the begin of the drive, µs.
+        axles: Number of axles of the vehicle.
+        memory: Lag states of the effects, continued from step to step.
 
     """
     left_out: Counter[str] = Counter()
@@ -175,8 +176,8 @@ def without_effects(
     if not kept.all():
         samples = samples.select(kept)
     if not len(samples):
-        return Corrected(samples, kept, left_out)
-    change = compute_change(actives, contact_of(samples, origin_us, axles), memory)
+        return CorrectedSamples(samples, kept, left_out)
+    change = compute_change(actives, build_contact(samples, origin_us, axles), memory)
     factor = np.broadcast_to(change.factor, change.slip.shape)
     good = np.isfinite(change.slip) & (factor >= USABLE)
     if not good.all():
@@ -193,13 +194,13 @@ def without_effects(
         transient_var=samples.transient_var * square
         + samples.adhesion_var * np.maximum(square - 1.0, 0.0),
     )
-    return Corrected(amended, kept, left_out)
+    return CorrectedSamples(amended, kept, left_out)
 
 
 def _known(
     samples: Samples, actives: tuple[ActiveEffect, ...], left_out: Counter[str]
 ) -> NDArray[np.bool_]:
-    """Samples with all that the effects depend on, shape (n,)."""
+    """Whether a sample has all channels on which the effects depend, shape (n,)."""
     kept = np.isfinite(samples.speed + samples.load)
     if not kept.all():
         left_out["speed or load not finite"] += int((~kept).sum())
@@ -218,8 +219,8 @@ def _known(
     return kept
 
 
-def contact_of(samples: Samples, origin_us: int, axles: int) -> Contact:
-    """Contacts as the samples saw them; without a direction of travel, it is forwards."""
+def build_contact(samples: Samples, origin_us: int, axles: int) -> Contact:
+    """Contacts of the samples; travel is forwards where its direction is not known."""
     axle = samples.axle.astype(np.float64)
     travel = samples.covariates.get(TRAVEL)
     reverse = None if travel is None else travel < 0
@@ -237,30 +238,30 @@ def contact_of(samples: Samples, origin_us: int, axles: int) -> Contact:
     )
 
 
-def with_true_instruments(samples: Samples, instruments: Instruments, where: str) -> Samples:
-    """Samples of a TABLE as its instruments' errors leave them, as far as a table can tell.
+def remove_instrument_errors(samples: Samples, instruments: Instruments, where: str) -> Samples:
+    """Samples of a TABLE with the errors of its instruments removed.
 
     Raises:
-        InputError: it would take the readings themselves.
+        InputError: An error can only be removed from readings, not from a table.
 
     """
     if instruments == PERFECT:
         return samples
     late = instruments.speed_delay or instruments.effort_delay
-    untold = [
+    impossible = [
         name
-        for name, told in (
+        for name, possible in (
             ("a delay", not late),
             ("the wheelset's inertia", not instruments.inertia_error),
             ("a radius", not instruments.radius_error or bool((samples.axle > 0).all())),
             ("an effort's bias", not instruments.effort_bias or bool((samples.load > 1.0).all())),
         )
-        if not told
+        if not possible
     ]
-    if untold:
+    if impossible:
         raise InputError(
             where,
-            f"{untold[0]} of the model cannot be taken out of its rows",
+            f"{impossible[0]} of the model cannot be taken out of its rows",
             "give the recording instead of the table",
         )
     radius = np.array([1.0 + instruments.radius_error.get(int(i), 0.0) for i in samples.axle])

@@ -1,4 +1,4 @@
-"""The whole curve of an extended model in the condition that the latest samples saw."""
+"""The curve of an extended model, effects included, in the conditions of the latest samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from adhesion_can.physics.effects import ActiveEffect, Contact, LagStates, compu
 from adhesion_can.physics.estimate import Estimate
 
 POINTS = 96
-"""Of the slip grid, evenly in its logarithm."""
+"""Number of points of the slip grid, evenly spaced in its logarithm."""
 _SHARES = np.linspace(0.0, 1.0, POINTS)
 LOWEST = 0.05
 """Slip at which the grid begins, as a share of the base curve's λ_m."""
 PULLING = 0.01
-"""Mean adhesion from which axles pull or brake; below it they do as before."""
+"""Mean adhesion beyond which its sign is that of traction or braking; below it the last sign."""
 
 
-class Latest(LagStates):
-    """A memory that also tells its latest states, by lag and axle."""
+class LatestLagStates(LagStates):
+    """Lag states that also keep the latest value of each, by lag and axle."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -37,27 +37,27 @@ class Latest(LagStates):
         rate: Array | float,
         start: float | None = None,
     ) -> Array:
-        """See `LagStates.follow`."""
+        """Response of a lag to its targets, as `LagStates.follow` defines it."""
         x = super().follow(name, axle, time_s, target, rate, start)
         for number, state in zip(axle.tolist(), x.tolist(), strict=True):
             self.states[name, int(number)] = state
         return x
 
 
-class Held(LagStates):
-    """A memory for a curve at the present moment.
+class SteadyLagStates(LagStates):
+    """Lag states for a curve in the conditions of the latest samples.
 
-    What follows its target has come up to it, as it does in a slip that is kept; what gathers from
-    a start of its own stands as it stands now.
+    A lag without a start value has reached its target, as in a constant slip. A lag with a start
+    value has its latest state.
 
     Args:
-        states: of `Latest`.
+        states: Latest state of each lag, by lag and axle, as `LatestLagStates.states` holds them.
 
     """
 
     def __init__(self, states: Mapping[tuple[str, int], float]) -> None:
         super().__init__()
-        self._now = states
+        self._latest = states
 
     def follow(
         self,
@@ -68,17 +68,24 @@ class Held(LagStates):
         rate: Array | float,
         start: float | None = None,
     ) -> Array:
-        """See `LagStates.follow`."""
+        """Response of a lag to its targets, as `LagStates.follow` defines it."""
         del time_s, rate
         if start is None:
             return target
         numbers, index = np.unique(axle, return_inverse=True)
-        states = np.array([self._now.get((name, int(number)), start) for number in numbers])
+        states = np.array([self._latest.get((name, int(number)), start) for number in numbers])
         return np.asarray(states[index])
 
 
-class Peaks(NamedTuple):
-    """Peaks of the whole curve now: pooled, and of each axle."""
+class CurvePeaks(NamedTuple):
+    """Peaks of the curve with effects.
+
+    Attributes:
+        mu_max: Largest adhesion of the mean curve of all axles, 1.
+        lambda_m: Slip ratio of that adhesion.
+        axles: (μ_max, λ_m) by axle.
+
+    """
 
     mu_max: float
     lambda_m: float
@@ -86,12 +93,12 @@ class Peaks(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Present:
-    """The condition that the latest samples saw.
+class LatestConditions:
+    """Conditions of the latest samples.
 
     Attributes:
-        contact: a row an axle: its latest one; its slip and creep are not looked at.
-        sign: 1 in traction, -1 in braking.
+        contact: Latest contact of each axle, one row per axle; its slip and creep are not used.
+        sign: Sign of the slip: 1 in traction, -1 in braking.
 
     """
 
@@ -99,10 +106,10 @@ class Present:
     sign: float
 
     @classmethod
-    def after(cls, contact: Contact, before: "Present | None") -> "Present":
-        """Condition after contacts in the order of their stamps.
+    def update(cls, contact: Contact, before: "LatestConditions | None") -> "LatestConditions":
+        """Conditions after new contacts in the order of their stamps.
 
-        Axles have loads, places and states of their own; all else they have in common.
+        Loads, places and states differ between axles; all other conditions are common to them.
         """
         numbers, last = np.unique(contact.axle[::-1], return_index=True)
         rows = len(contact.axle) - 1 - last
@@ -137,32 +144,32 @@ class Present:
         )
 
 
-def peaks_of(
+def compute_peaks(
     estimate: Estimate,
     actives: Sequence[ActiveEffect],
-    present: Present,
-    held: LagStates,
+    conditions: LatestConditions,
+    lags: LagStates,
     slip_max: float,
-) -> Peaks:
-    """Peaks of factor · curve(slip') over the slip, in the present condition.
+) -> CurvePeaks:
+    """Peaks of factor · curve(slip') over the slip, in given conditions.
 
     Args:
-        estimate: of the base curve.
-        actives: effects in the contact.
-        present: see there.
-        held: states of what lags behind.
-        slip_max: end of the valid range of slip.
+        estimate: Estimate of the base curve.
+        actives: Effects in the contact.
+        conditions: Conditions in which the peaks are computed.
+        lags: Lag states of the effects.
+        slip_max: Largest slip ratio of the model.
 
     """
     middle = min(max(estimate.lambda_m, 1e-4), slip_max)
     lowest = LOWEST * middle
     grid = lowest * (slip_max / lowest) ** _SHARES
-    contact, axles = present.contact, len(present.contact.axle)
+    contact, axles = conditions.contact, len(conditions.contact.axle)
 
     def wide(column: Array) -> Array:
         return np.repeat(column, POINTS)
 
-    slip = np.tile(present.sign * grid, axles)
+    slip = np.tile(conditions.sign * grid, axles)
     speed = wide(contact.speed)
     change = compute_change(
         actives,
@@ -177,28 +184,28 @@ def peaks_of(
             adhesion=wide(contact.adhesion),
             covariates={name: wide(column) for name, column in contact.covariates.items()},
         ),
-        held,
+        lags,
     )
     factor = np.broadcast_to(change.factor, slip.shape).reshape(axles, POINTS)
     if change.slip is slip and not np.ptp(factor, axis=1).any():
-        # No slip is favoured: the peak stays in its place, and no grid need find it.
+        # The factor does not depend on slip: the peak keeps its slip, and no grid is needed.
         mu_max = factor[:, 0] * estimate.mu_max
         lambda_m = np.full(axles, estimate.lambda_m)
         pooled = float(mu_max.mean()), estimate.lambda_m
     else:
-        entered = present.sign * change.slip.reshape(axles, POINTS)
+        entered = conditions.sign * change.slip.reshape(axles, POINTS)
         curves = factor * adhesion(entered, *estimate.theta)
-        tops = _tops(grid, np.concatenate([curves, curves.mean(axis=0)[None]]))
+        tops = _find_maxima(grid, np.concatenate([curves, curves.mean(axis=0)[None]]))
         mu_max, lambda_m = tops[0][:-1], tops[1][:-1]
         pooled = float(tops[0][-1]), float(tops[1][-1])
     pairs = zip(mu_max.tolist(), lambda_m.tolist(), strict=True)
-    return Peaks(*pooled, dict(zip(contact.axle.astype(int).tolist(), pairs, strict=True)))
+    return CurvePeaks(*pooled, dict(zip(contact.axle.astype(int).tolist(), pairs, strict=True)))
 
 
-def _tops(grid: Array, curves: Array) -> tuple[Array, Array]:
-    """Heights and places of the highest points of curves (k, n) over a grid even in its logarithm.
+def _find_maxima(grid: Array, curves: Array) -> tuple[Array, Array]:
+    """Maxima and their slips of curves (k, n) over a slip grid evenly spaced in its logarithm.
 
-    Between the points a curve is a parabola through the highest one and its neighbours.
+    Between the points a curve is a parabola through the highest point and its neighbours.
     """
     best = np.argmax(curves, axis=1)
     inner = np.clip(best, 1, len(grid) - 2)

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker.curve_sums import Theta
+from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.effects import ActiveEffect, Parameter, acts_in_contact, build_instruments
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import Instruments
@@ -21,21 +21,22 @@ _NOTHING: Mapping[str, str] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class ExtendedModel:
-    """A base curve and what comes on top of it.
+    """Base curve and the effects on it.
 
     Attributes:
-        base: (c1, c2, c3).
-        base_covariance: of them, shape (3, 3); None where it is not known.
-        effects: in the order in which they act.
-        covariances: of each effect's parameters; None where not known; () for none of them.
-        splines: effects without a name.
-        provenance: what it was found from, in words.
-        where: file that it came from.
-        sha256: of that file, hex.
+        base: Parameters (c1, c2, c3) of the base curve.
+        base_covariance: Covariance of (c1, c2, c3), shape (3, 3); None where it is not known.
+        effects: Effects with their values, in the order in which they act.
+        covariances: Covariance of each effect's parameters, shape (k, k); None where it is not
+            known; () where none is.
+        splines: Empirical splines over channels, for effects without a known mechanism.
+        provenance: Origin of the model as texts: version, command, inputs.
+        where: Path of the model's file.
+        sha256: SHA-256 of that file, hex.
 
     """
 
-    base: Theta
+    base: CurveParameters
     base_covariance: Matrix | None = None
     effects: tuple[ActiveEffect, ...] = ()
     covariances: tuple[Matrix | None, ...] = ()
@@ -62,7 +63,7 @@ class ExtendedModel:
 
     @property
     def instruments(self) -> Instruments:
-        """What the sensors and the vehicle's data get wrong."""
+        """Errors of the sensors and of the vehicle's data."""
         return build_instruments(self.effects)
 
     @property
@@ -77,9 +78,9 @@ class ExtendedModel:
 
     @property
     def online(self) -> tuple[ActiveEffect, ...]:
-        """Those that count while a rail is followed: not what is a matter of time alone.
+        """Effects for online estimation: those in the contact without those of time alone.
 
-        A tracker follows a slow drift itself, and from a moment of its own.
+        A tracker follows a slow drift itself.
         """
         return tuple(active for active in self.in_contact if not active.effect.observability.drift)
 
@@ -97,7 +98,7 @@ class ExtendedModel:
 
 
 def _place(active: ActiveEffect) -> tuple[str, float]:
-    """What no two effects of a model share: the mechanism, and the axle where it has one."""
+    """Key that no two effects of a model share: the mechanism, and the axle where it has one."""
     pairs = zip(active.effect.parameters, active.values, strict=True)
     return active.effect.id, sum(value for parameter, value in pairs if parameter.axle)
 
@@ -123,7 +124,7 @@ def require_value(parameter: Parameter, value: float, name: str) -> None:
 
 
 def require_covariance(covariance: Matrix | None, size: int) -> None:
-    """ValueError where a matrix is no covariance of so many numbers."""
+    """ValueError where a matrix is no covariance of `size` numbers."""
     if covariance is None:
         return
     if len(covariance) != size or any(len(row) != size for row in covariance):
