@@ -1,5 +1,7 @@
 """Sums of a stretch against dense generalised least squares and direct sums."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -201,6 +203,31 @@ def test_histogram_counts_by_slip_and_keeps_what_lies_outside_in_its_end_bins():
     assert counts[-1] == 3
 
 
+def test_histogram_counts_the_slip_that_is_sure():
+    h = np.array([0.1, 0.1, 0.1, 0.1])
+    zero = np.zeros(4)
+    p, q = np.array([0, 0.01, 0, 0.003]) ** 2, np.array([0, 0, 0.01, 0.004]) ** 2
+    points = Points(h, zero, p, q, zero, np.arange(4), np.ones(4))
+    counts = increment(points, zero, 1.0, SLIP_MAX)[HISTOGRAM]
+    expected = np.bincount((np.array([0.1, 0.06, 0.06, 0.08]) * BINS / SLIP_MAX).astype(int))
+    assert counts[: len(expected)].tolist() == expected.tolist()
+    assert counts.sum() == 4
+
+
+@pytest.mark.parametrize("size", [0.003, 0.01, 0.03])
+@pytest.mark.parametrize("error", ["slip_var", "slip_common_var"])
+def test_slips_of_noise_alone_reach_nothing(error, size):
+    # Beyond 4 standard deviations lie 6 in 100 000, on both sides together.
+    beyond, n = 0, 10_000
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        samples = Samples.curve(size * rng.standard_normal(n), 0.003 * rng.standard_normal(n))
+        stated = {error: np.full(n, size**2), "speed_us": np.zeros(n, dtype=np.int64)}
+        points = points_of(replace(samples, **stated))
+        beyond += increment(points, np.zeros(n), 1.0, SLIP_MAX)[HISTOGRAM][1:].sum()
+    assert beyond <= 1e-4 * 20 * n
+
+
 # ------------------------------------------------------------------ the vehicle speed's error
 
 
@@ -244,7 +271,7 @@ def sample(slip, adhesion_, **more):
 
 
 def test_a_slip_larger_than_its_error_brings_its_own_sign():
-    exact = Samples.of([sample(-0.02, -0.3), sample(0.03, 0.3), sample(-0.01, 0.1)])
+    exact = Samples.from_rows([sample(-0.02, -0.3), sample(0.03, 0.3), sample(-0.01, 0.1)])
     points = points_of(exact)
     np.testing.assert_array_equal(points.slip, [0.02, 0.03, 0.01])
     np.testing.assert_array_equal(points.adhesion, [0.3, 0.3, -0.1])
@@ -253,14 +280,14 @@ def test_a_slip_larger_than_its_error_brings_its_own_sign():
 
 def test_a_slip_within_its_error_takes_the_sign_of_the_mean_adhesion():
     noisy = {"slip_common_var": 0.005**2, "speed_us": 1}
-    traction = Samples.of([sample(-0.004, 0.1, **noisy), sample(0.05, 0.3, **noisy)])
+    traction = Samples.from_rows([sample(-0.004, 0.1, **noisy), sample(0.05, 0.3, **noisy)])
     points = points_of(traction)
     np.testing.assert_array_equal(points.slip, [-0.004, 0.05])
     np.testing.assert_array_equal(points.adhesion, [0.1, 0.3])
     np.testing.assert_array_equal(
         points_of(traction, errors_in_variables=False).slip, [0.004, 0.05]
     )
-    braking = Samples.of([sample(0.004, -0.1, **noisy), sample(-0.05, -0.3, **noisy)])
+    braking = Samples.from_rows([sample(0.004, -0.1, **noisy), sample(-0.05, -0.3, **noisy)])
     np.testing.assert_array_equal(points_of(braking).slip, [-0.004, 0.05])
 
 
@@ -270,7 +297,7 @@ def test_one_vehicle_speed_is_one_group_on_each_branch():
     rows = [
         sample(s, s, slip_common_var=1e-6, speed_us=t) for s, t in zip(slips, stamps, strict=True)
     ]
-    np.testing.assert_array_equal(points_of(Samples.of(rows)).group, [0, 0, 1, 2, 3])
+    np.testing.assert_array_equal(points_of(Samples.from_rows(rows)).group, [0, 0, 1, 2, 3])
 
 
 # ------------------------------------------------------------------------------------- glitches

@@ -330,3 +330,10 @@ def test_tracker_tells_the_deviations_of_axles():
     assert e.per_axle[2][0] / np.mean([mu for mu, _ in others]) == pytest.approx(1.05, abs=0.015)
     ahead = e.per_axle[5][1] - np.mean([lam for _, lam in others])
     assert ahead == pytest.approx(0.004, abs=0.0015)
+
+
+def test_levels_beyond_all_measure_leave_an_axle_its_pool():
+    # A steep curve continued far below zero slip: rounding leaves nothing of the determinant.
+    ours, one = AxleDeviations(AxleSettings()), np.ones(1)
+    ours.add(np.array([1]), -1e10 * one, 3e12 * one, one, one)
+    assert ours.of(0.3, 0.07, 1.0, 1e-8) == {1: (0.3, 0.07)}

@@ -14,7 +14,10 @@ from adhesion_can.estimation.tracker.curve_sums import (
     DOF,
     LENGTH,
     Points,
+    bend_at,
     increment,
+    slope_at,
+    slope_by_adhesion,
 )
 from adhesion_can.estimation.tracker.posterior import (
     Noise,
@@ -278,6 +281,24 @@ def test_posterior_of_much_data_is_the_fisher_information(n):
         assert lam[1] == pytest.approx(bound.lambda_m / np.sqrt(n / 100), rel=0.15)
     assert abs(mu[0] - peak(*DRY).mu_max) < 0.5 * mu[1]
     assert abs(lam[0] - peak(*DRY).lambda_m) < 0.5 * lam[1]
+
+
+def test_slips_of_noise_alone_give_a_draw_as_well():
+    # Corrected scores take as much out as there is: what is left may be no sum of squares.
+    n, slip_std, steep = 60, 0.003, (0.005, 500.0, 0.01)
+    zero, prior = np.zeros(n), Prior(PriorSettings())
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        h, z = slip_std * rng.standard_normal(n), 0.005 + 0.003 * rng.standard_normal(n)
+        points = Points(
+            h, z, zero + slip_std**2, zero, zero, np.zeros(n, dtype=np.int64), np.ones(n)
+        )
+        slope = slope_at(points, steep)
+        own_slope, bend = slope_by_adhesion(points, steep), bend_at(points, slope, steep)
+        sums = increment(points, slope, 0.003**2, SLIP_MAX, own_slope, bend)
+        curves = draw(sums, Noise(0.003**2, 1.0), prior, SLIP_MAX, SIZE)
+        assert np.isfinite(curves.theta).all()
+        assert np.isfinite(curves.log_base).any()
 
 
 def test_no_prior_keeps_the_posterior_from_the_data():

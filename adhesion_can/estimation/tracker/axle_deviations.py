@@ -104,7 +104,9 @@ class AxleDeviations:
         a = n[:, 0] + noise_var / self._settings.level_std**2
         c = n[:, 2] + noise_var / self._settings.slip_std**2
         b = n[:, 1]
+        # Only rounding takes it to 0, after levels beyond all measure: they tell nothing apart.
         det = a * c - b * b
+        det = np.where(det > 0.0, det, np.inf)
         g = (c * n[:, 3] - b * n[:, 4]) / det
         d = (a * n[:, 4] - b * n[:, 3]) / det
         values = zip(

@@ -43,12 +43,14 @@ A, B, C = slice(0, NODES), slice(NODES, 2 * NODES), slice(2 * NODES, 3 * NODES)
 D, E, Z, DOF, COUNT = range(3 * NODES, 3 * NODES + 5)
 """Places in a vector of sums. DOF is the number of degrees of freedom that J has, a little less
 than COUNT where slips are not exact."""
+SURE = 4.0
+"""Standard deviations beyond which the sign of a measured slip is its true one."""
 STEEPEST = 8.0
 WIDE_ERROR, TOO_WIDE = 0.02, 0.1
 """c2² p from which the private error is as wide as the curve bends."""
 BINS = 64
 HISTOGRAM = slice(COUNT + 1, COUNT + 1 + BINS)
-"""Samples by slip, from 0 to the largest slip of the model: what was seen, and what was not."""
+"""Samples by the slip that they surely reached, from 0 to the largest slip of the model."""
 LENGTH = COUNT + 1 + BINS
 
 
@@ -82,6 +84,11 @@ class Points(NamedTuple):
     def exact(self) -> bool:
         """Whether no slip has an error, and all samples have the same noise."""
         return not (self.private_var.any() or self.common_var.any() or self.transient_var.any())
+
+    @property
+    def surely_reached(self) -> Array:
+        """Slip that was reached whatever its error: λ less `SURE` standard deviations, (n,)."""
+        return np.asarray(self.slip - SURE * np.sqrt(self.private_var + self.common_var))
 
     def select(self, rows: NDArray[np.bool_]) -> "Points":
         """The points that a mask names."""
@@ -162,7 +169,7 @@ def increment(
     """
     h, z, p, q, further, *_ = points
     sums = np.empty(LENGTH)
-    places = np.clip(h * (BINS / slip_max), 0, BINS - 1).astype(np.int64)
+    places = np.clip(points.surely_reached * (BINS / slip_max), 0, BINS - 1).astype(np.int64)
     sums[HISTOGRAM] = np.bincount(places, minlength=BINS)
     sums[COUNT] = len(h)
     if points.exact:

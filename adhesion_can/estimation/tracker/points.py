@@ -4,13 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker.curve_sums import Points
+from adhesion_can.estimation.tracker.curve_sums import SURE, Points
 from adhesion_can.physics.samples import Samples
 
 ADHESION_MAX = 5.0
 """Larger ones are faults."""
-SURE = 4.0
-"""Standard deviations beyond which the sign of a measured slip is its true one."""
 
 
 def is_usable(samples: Samples, slip_max: float) -> NDArray[np.bool_]:

@@ -228,7 +228,7 @@ def _draw_steepness(
         edges = np.linspace(low, high, GRID + 1)
         centres = 0.5 * (edges[1:] + edges[:-1])
         log_m, noise_var = _log_marginal(sums, noise, prior, centres)
-        inside = np.flatnonzero(log_m > log_m.max() - DEPTH)
+        inside = np.flatnonzero(log_m >= log_m.max() - DEPTH)
         if inside[-1] - inside[0] >= GRID // 3 or zoom == ZOOMS - 1:
             break
         step = edges[1] - edges[0]

@@ -26,6 +26,7 @@ from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations, Axle
 from adhesion_can.estimation.tracker.curve_sums import (
     BINS,
     DOF,
+    HISTOGRAM,
     LENGTH,
     Points,
     Theta,
@@ -215,6 +216,8 @@ class Tracker:
             # Another rail's points are not moved: they must not be bent towards the present one.
             moved = moved._replace(adhesion=points.adhesion - slope * shift)
             added = self._sums_of(moved, slope, held, points)
+            # How far the slips reached is told by the sensors, not by the curve in question.
+            added[HISTOGRAM] = fresh[HISTOGRAM]
         costs, cost = self._memories.predict(added)
         changed, anew = self._look_for_change(fresh, cost, samples)
         if not anew:
