@@ -1,4 +1,4 @@
-"""`diagnose`: what the simulation gets wrong, why, the extended model and its gain."""
+"""Command `diagnose`: what the simulation gets wrong, why, the extended model and its gain."""
 
 import argparse
 import shlex
@@ -32,7 +32,7 @@ from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.files import file_sha256
-from adhesion_can.offline.load_traces import Heard, hear
+from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.recordings.sample_table import is_table, read_table
 from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.reporting.diagnosis import (
@@ -46,18 +46,18 @@ from adhesion_can.reporting.page import require_extra, write_page
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
 
-Show = Callable[[str, float], None]
-"""Takes the name of a stage and the share of it that is done."""
+ShowProgress = Callable[[str, float], None]
+"""Callback with the name of the work in progress and the share of it that is done."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Read:
-    """A file as it goes into a diagnosis.
+class _LoadedInput:
+    """An input file with its drive data.
 
     Attributes:
-        source: file.
-        course: its rows.
-        problems: sentences about what was passed over.
+        input_file: File with its name and hash.
+        drive: Drive data of the file.
+        problems: Sentence for each kind of content that was left out.
 
     """
 
@@ -98,22 +98,22 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
     _require_outputs(options, config)
-    input_files = _sources(options)
-    with _stages() as show:
-        reads = _read_all(input_files, config, show)
-        found = _diagnosed(reads, show)
-    command = command_of(options)
-    problems = [problem for read in reads for problem in read.problems]
+    input_files = _list_input_files(options)
+    with _progress() as show:
+        loaded = _load_all(input_files, config, show)
+        found = _diagnose(loaded, show)
+    command = build_command_line(options)
+    problems = [problem for read in loaded for problem in read.problems]
     problems += [
-        f"{read.source.name}: not one usable row: {_why_empty(read)}"
-        for read in reads
+        f"{read.input_file.name}: not one usable row: {_explain_empty(read)}"
+        for read in loaded
         if not len(read.drive)
     ]
     origin = provenance(config) | {"command": command}
-    del origin["inputs"]  # the diagnosis says more of them
+    del origin["inputs"]  # the diagnosis has more about them
     written = []
     if options.extended is not None:
-        problems += _model_notes(found, options)
+        problems += _describe_model_file(found, options)
         if found.model is not None:
             write_model(
                 _with_provenance(found.model, found, input_files, command), options.extended
@@ -121,7 +121,7 @@ def run(options: argparse.Namespace) -> int:
             written.append(options.extended)
     write_json(options.json, {**diagnosis_json(found, input_files), "problems": problems, **origin})
     if options.html is not None:
-        write_page(page(found, input_files, _told(origin), problems), options.html)
+        write_page(page(found, input_files, _page_provenance(origin), problems), options.html)
         written.append(options.html)
     if talk(options):
         written += [] if options.json is None else [options.json]
@@ -129,19 +129,19 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def command_of(options: argparse.Namespace) -> str:
+def build_command_line(options: argparse.Namespace) -> str:
     """The command line that repeats a diagnosis, for a shell."""
-    words = ["adhesion-can", "diagnose", *map(_word, options.inputs)]
+    arguments = ["adhesion-can", "diagnose", *map(_quote_argument, options.inputs)]
     if options.holdout:
-        words += ["--holdout", *map(_word, options.holdout)]
+        arguments += ["--holdout", *map(_quote_argument, options.holdout)]
     for name in ("html", "extended", "json", "config", "dbc"):
         value = getattr(options, name)
         if value is not None:
-            words += [f"--{name}", _word(value)]
-    return shlex.join(words)
+            arguments += [f"--{name}", _quote_argument(value)]
+    return shlex.join(arguments)
 
 
-def _word(value: Path | str) -> str:
+def _quote_argument(value: Path | str) -> str:
     """A file as an argument: its name must not look like an option, but for the '-' of --json."""
     text = str(value)
     return f"./{text}" if text.startswith("-") and isinstance(value, Path) else text
@@ -151,7 +151,7 @@ def _word(value: Path | str) -> str:
 
 
 def _require_outputs(options: argparse.Namespace, config: Configuration) -> None:
-    """Raise an InputError for what would only come to light after the work."""
+    """Raise an InputError for outputs that could not be written after the work."""
     written = {f"--{name}": getattr(options, name) for name in ("html", "extended", "json")}
     read = [*options.inputs, *options.holdout, config.database.path]
     require_outputs(options, written, read)
@@ -159,8 +159,8 @@ def _require_outputs(options: argparse.Namespace, config: Configuration) -> None
         require_extra(str(options.html))
 
 
-def _sources(options: argparse.Namespace) -> list[InputFile]:
-    """The inputs, each a file of its own; recordings or tables, not both."""
+def _list_input_files(options: argparse.Namespace) -> list[InputFile]:
+    """Input files without duplicates: recordings or tables, not both."""
     given = [(path, False) for path in options.inputs]
     given += [(path, True) for path in options.holdout]
     for path, _ in given:
@@ -176,15 +176,15 @@ def _sources(options: argparse.Namespace) -> list[InputFile]:
         input_file = InputFile(path, name, file_sha256(path), held_out)
         before = input_files.get(input_file.sha256)
         if before is not None:
-            raise _twice(input_file, before)
+            raise _duplicate_error(input_file, before)
         input_files[input_file.sha256] = input_file
     return list(input_files.values())
 
 
-def _twice(input_file: InputFile, before: InputFile) -> InputError:
+def _duplicate_error(input_file: InputFile, before: InputFile) -> InputError:
     if input_file.held_out and not before.held_out:
         return InputError(
-            f"--holdout {source.path}",
+            f"--holdout {input_file.path}",
             f"holds the same as the input {before.path}",
             "hold out another drive, or leave --holdout away",
         )
@@ -195,8 +195,8 @@ def _twice(input_file: InputFile, before: InputFile) -> InputError:
 
 
 @contextmanager
-def _stages() -> Iterator[Show]:
-    """A progress bar on stderr where it is a terminal, a stage after the other."""
+def _progress() -> Iterator[ShowProgress]:
+    """Progress bar on stderr where it is a terminal."""
     err = console(sys.stderr)
     bar = Progress(
         TextColumn("{task.description}"),
@@ -209,85 +209,91 @@ def _stages() -> Iterator[Show]:
     )
     with bar:
         task = bar.add_task("reading", total=1.0)
-        yield lambda stage, done: bar.update(task, description=stage, completed=done)
+        yield lambda work, done: bar.update(task, description=work, completed=done)
 
 
-def _read_all(input_files: Sequence[InputFile], config: Configuration, show: Show) -> list[_Read]:
+def _load_all(
+    input_files: Sequence[InputFile], config: Configuration, show: ShowProgress
+) -> list[_LoadedInput]:
     tables = is_table(input_files[0].path)
     if not tables:
         config.require_identification()
-    reads = []
+    loaded = []
     for number, input_file in enumerate(input_files):
-        show(f"reading {source.name}", number / len(input_files))
-        one = _read_table(input_file, config) if tables else _read_log(input_file, config)
-        reads.append(one)
-    return reads
+        show(f"reading {input_file.name}", number / len(input_files))
+        one = _load_table(input_file, config) if tables else _load_log(input_file, config)
+        loaded.append(one)
+    return loaded
 
 
-def _read_log(input_file: InputFile, config: Configuration) -> _Read:
+def _load_log(input_file: InputFile, config: Configuration) -> _LoadedInput:
     recordings = open_recordings([input_file.path])
-    heard = hear(blocks_in_sequence(recordings), config, str(input_file.path))
+    received = load_traces(blocks_in_sequence(recordings), config, str(input_file.path))
     drive = build_drive_data_from_traces(
         input_file.name,
-        heard.traces(),
+        received.traces(),
         config.vehicle,
         config.sampling.v_min,
         config.estimators.identifiability.slip_max,
     )
     problems = read_problems(recordings, names=[input_file.name])
-    return _Read(input_file, drive, [*problems, *_heard_problems(input_file, heard)])
+    return _LoadedInput(
+        input_file, drive, [*problems, *_describe_unused_frames(input_file, received)]
+    )
 
 
-def _heard_problems(input_file: InputFile, heard: Heard) -> list[str]:
+def _describe_unused_frames(input_file: InputFile, received: LoadedTraces) -> list[str]:
     problems = []
-    if heard.rejected:
-        problems.append(f"{source.name}: {heard.rejected} frames failed their checks")
-    if heard.derived:
+    if received.rejected:
+        problems.append(f"{input_file.name}: {received.rejected} frames failed their checks")
+    if received.derived:
         problems.append(
-            f"{source.name}: {heard.derived} vehicle speeds derived from the driven axles were "
-            "left out: they do not tell slip"
+            f"{input_file.name}: {received.derived} vehicle speeds derived from the driven axles "
+            "were left out: they carry no slip"
         )
-    if heard.trailing:
+    if received.trailing:
         problems.append(
-            f"{source.name}: the vehicle speed comes from a trailing axle, and the error of its "
-            "radius is in every slip"
+            f"{input_file.name}: the vehicle speed comes from a trailing axle, and the error of "
+            "its radius is in every slip"
         )
     return problems
 
 
-def _read_table(input_file: InputFile, config: Configuration) -> _Read:
+def _load_table(input_file: InputFile, config: Configuration) -> _LoadedInput:
     rows = read_table(input_file.path)
     slip_max = config.estimators.identifiability.slip_max
     drive = build_drive_data_from_table(input_file.name, rows.samples, rows.segment, slip_max)
     problems = []
     if rows.left_out:
         problems.append(
-            f"{source.name}: {rows.left_out} of {rows.rows} rows without a finite time, slip and "
-            "adhesion"
+            f"{input_file.name}: {rows.left_out} of {rows.rows} rows without a finite time, slip "
+            "and adhesion"
         )
-    return _Read(input_file, drive, problems)
+    return _LoadedInput(input_file, drive, problems)
 
 
-def _diagnosed(reads: Sequence[_Read], show: Show) -> Diagnosis:
+def _diagnose(loaded: Sequence[_LoadedInput], show: ShowProgress) -> Diagnosis:
     """The diagnosis of what was read."""
     from adhesion_can.diagnosis.diagnose import diagnose  # noqa: PLC0415  heavy, and here alone
 
-    parts = [[read for read in reads if read.input_file.held_out is held] for held in (False, True)]
+    parts = [
+        [read for read in loaded if read.input_file.held_out is held] for held in (False, True)
+    ]
     for part in parts:
         if part and not any(len(read.drive) for read in part):
             raise InputError(
                 ", ".join(str(read.input_file.path) for read in part),
-                f"not one usable row: {_why_empty(part[0])}",
+                f"not one usable row: {_explain_empty(part[0])}",
                 "give a drive in which the vehicle moves and its axles pull or brake",
             )
     drives, holdout = ([read.drive for read in part] for part in parts)
     return diagnose(drives, holdout, show=show)
 
 
-def _why_empty(read: _Read) -> str:
+def _explain_empty(read: _LoadedInput) -> str:
     """Why a file gave no rows."""
     reasons = [f"{count} {reason}" for reason, count in read.drive.lost.items() if count]
-    return "; ".join([*reasons, *read.problems]) or "no signal was heard"
+    return "; ".join([*reasons, *read.problems]) or "no signal was received"
 
 
 # --------------------------------------------------------------------------------- results
@@ -297,16 +303,16 @@ def _with_provenance(
     model: ExtendedModel, found: Diagnosis, input_files: Sequence[InputFile], command: str
 ) -> ExtendedModel:
     inputs = {
-        f"input {number}": f"{source.path} sha256 {source.sha256}"
+        f"input {number}": f"{input_file.path} sha256 {input_file.sha256}"
         + (" (held out)" if input_file.held_out else "")
         for number, input_file in enumerate(input_files, start=1)
     }
-    told = {"version": __version__, "command": command, "verdict": found.verdict.value}
-    return replace(model, provenance={**told, **inputs})
+    origin = {"version": __version__, "command": command, "verdict": found.verdict.value}
+    return replace(model, provenance={**origin, **inputs})
 
 
-def _model_notes(found: Diagnosis, options: argparse.Namespace) -> list[str]:
-    """What is to be said of the file of --extended."""
+def _describe_model_file(found: Diagnosis, options: argparse.Namespace) -> list[str]:
+    """Notes about the file of --extended."""
     if found.model is None:
         return [f"--extended {options.extended}: not written, for no curve could be fitted"]
     if not extends(found):
@@ -314,14 +320,14 @@ def _model_notes(found: Diagnosis, options: argparse.Namespace) -> list[str]:
     return []
 
 
-def _told(origin: dict[str, Any]) -> dict[str, str]:
+def _page_provenance(origin: dict[str, Any]) -> dict[str, str]:
     """Provenance for a page."""
-    told = {"command": str(origin["command"]), "version": str(origin["version"])}
+    entries = {"command": str(origin["command"]), "version": str(origin["version"])}
     for name in ("dbc", "configuration"):
         one = origin[name]
         hashed = f", sha256 {one['sha256']}" if one["sha256"] else ""
-        told[name] = f"{one['path']}{hashed}"
-    return told
+        entries[name] = f"{one['path']}{hashed}"
+    return entries
 
 
 def _print(found: Diagnosis, notes: Sequence[str]) -> None:

@@ -1,60 +1,65 @@
-"""The whole procedure: recordings in, a diagnosis out.
+"""Diagnosis of what the simulation gets wrong, from recordings or tables, in seven steps.
 
-1. A part of the data is kept back for the gain alone.
-2. Changes of the rail are a nuisance: a curve for each stretch (`surfaces`).
-3. Residuals are weighed and whitened by what the fullest model leaves (`staging`).
-4. Is anything there? Signs of block sums are flipped (`detect`).
-5. Which effects? Every one and every two of them, with a confidence set (`naming`).
-6. What is left? Splines in every channel, waves, bad signals (`unknown`).
-7. What does it gain on what was kept back? (`gain`)
+1. `split_hold_out`: keep a part of the data back, on which the gain alone is measured.
+2. `find_surface_changes`: divide each drive into segments with one adhesion curve each.
+3. `prepare_regression`: weight and whiten the rows, and fit the curves without effects.
+4. `detect_effects`: is anything unexplained? Sign-flip test of every effect, largest statistic.
+5. `select_effects`: which effects? Every one and every two of them, compared by cross-validation.
+6. `find_residual_channels`: what remains? Splines in every channel, and waves along the rail.
+7. `confirm_on_hold_out`: does it predict the data that were kept back better?
+
+Each step has a file of its name. Steps 2 and 3 are in `regression`, the others in `inference`;
+`build_diagnosis` puts the findings into sentences, an extended model and plot data.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.diagnosis.conclusion import conclude, empty
-from adhesion_can.diagnosis.drive.drive_data import Course
-from adhesion_can.diagnosis.inference.candidates import (
-    LEAST_ROWS,
-    candidates_of,
-    remarks,
-    too_little,
-)
-from adhesion_can.diagnosis.inference.channel_splines import channels_of
-from adhesion_can.diagnosis.inference.find_residual_channels import (
-    Left,
-    left_over,
-    line,
-    pinned,
-    wave_channel,
-)
+from adhesion_can.diagnosis.build_diagnosis import build_diagnosis, build_empty_diagnosis
+from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.drive.thinning import thin_drive
+from adhesion_can.diagnosis.inference.candidates import candidates_of, remarks, too_little
+from adhesion_can.diagnosis.inference.confirm_on_hold_out import confirm_on_hold_out
+from adhesion_can.diagnosis.inference.detect_effects import detect_effects
+from adhesion_can.diagnosis.inference.find_residual_channels import find_residual_channels
 from adhesion_can.diagnosis.inference.findings import Findings
-from adhesion_can.diagnosis.inference.select_effects import detection_of, name
-from adhesion_can.diagnosis.regression.find_surface_changes import changes, start_of, study_of
-from adhesion_can.diagnosis.regression.gram_matrices import blocks_of
-from adhesion_can.diagnosis.regression.model import Candidate, Study, curve_slopes, evaluate
-from adhesion_can.diagnosis.regression.prepare_regression import block_seconds, prepare
-from adhesion_can.diagnosis.regression.whitened_regression import Fit, Stage
+from adhesion_can.diagnosis.inference.select_effects import select_effects
+from adhesion_can.diagnosis.inference.signal_faults import (
+    find_largest_oscillation,
+    find_saturated_sensors,
+)
+from adhesion_can.diagnosis.inference.split_hold_out import choose_held_out_drives, split_hold_out
+from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.find_surface_changes import (
+    build_regression_data,
+    find_surface_changes,
+    fit_start_curves,
+)
+from adhesion_can.diagnosis.regression.prepare_regression import (
+    choose_block_length,
+    prepare_regression,
+)
 from adhesion_can.diagnosis.result import Diagnosis, Untested
 
-HELD_EVERY, HELD_BLOCKS = 3, 2
-"""Every third pair of blocks is kept back where no other data are."""
-MANY_ROWS = 40_000
-"""More rows than this are thinned to the rate of the settings: they cost time and tell little."""
+LARGEST_LOSS = 0.02
+"""Share by which the RMSE may rise for effects to be preferred to surface changes."""
+
+ShowProgress = Callable[[str, float], None]
+"""Callback with the name of the work in progress and the share that is done."""
 
 
 @dataclass(frozen=True, slots=True)
 class DiagnoseSettings:
-    """Of a diagnosis.
+    """Settings of a diagnosis.
 
     Attributes:
-        alpha: level at which an effect counts as sure; a channel at half of it. What is not worth
-            naming is not named besides, which makes false findings rarer than this.
-        rate_hz: rows per second and axle that are used for deciding.
-        seed: of the signs.
+        alpha: Significance level of effects; a channel counts at half of it. Effects must also be
+            worth naming, which makes false findings rarer than this.
+        rate_hz: Rows per second and axle that are used for deciding.
+        seed: Seed of the random signs.
 
     """
 
@@ -63,147 +68,109 @@ class DiagnoseSettings:
     seed: int = 1
 
 
-def _silent(_stage: str, _share: float) -> None:
+def _silent(_work: str, _share: float) -> None:
     pass
 
 
 def diagnose(
-    courses: Sequence[Course],
-    holdout: Sequence[Course] = (),
+    drives: Sequence[DriveData],
+    holdout: Sequence[DriveData] = (),
     settings: DiagnoseSettings | None = None,
-    show: Callable[[str, float], None] = _silent,
+    show: ShowProgress = _silent,
 ) -> Diagnosis:
     """Diagnose recordings of one vehicle, or tables.
 
     Args:
-        courses: to decide on.
-        holdout: for the gain alone; none: a part of `courses` is kept back.
-        settings: see there.
-        show: told the stage of the work and the share that is done.
+        drives: Drives that decide.
+        holdout: Drives for the gain alone; none: a part of `drives` is held out.
+        settings: Levels, rates and seeds; None: the defaults.
+        show: Callback for the progress.
 
     """
     settings = settings or DiagnoseSettings()
-    used = [course for course in (*courses, *holdout) if len(course)]
+    used = [drive for drive in (*drives, *holdout) if len(drive)]
     candidates, untested = candidates_of(used) if used else ((), [])
-    thin = tuple(_thinned(course, settings.rate_hz) for course in used)
-    kept = _kept_back(used, [c for c in holdout if len(c)])
-    length_s = block_seconds(Study(thin, np.empty(0, dtype=np.int64), 0)) if thin else 1.0
-    block = _blocks(thin, kept, length_s)
+    thin = tuple(thin_drive(drive, settings.rate_hz) for drive in used)
+    block_length_s = choose_block_length(thin) if thin else 1.0
+    # Step 1
+    held_out = choose_held_out_drives(used, [drive for drive in holdout if len(drive)])
+    block = split_hold_out(thin, held_out, block_length_s)
     why = too_little(thin, block) if thin else "no usable row in any input"
     if why:
-        return empty(courses, [*untested, Untested("everything", why)])
+        return build_empty_diagnosis(drives, [*untested, Untested("everything", why)])
+    # Step 2
     show("rails", 0.05)
-    times = [[] if course.table else changes(course, candidates) for course in thin]
-    work = _Work(thin, candidates, block, length_s, settings, show)
-    found = work.run(times)
-    if any(times):
-        # The other reading of the same data: the rail never changed, effects did it all.
-        other = work.run([[] for _ in thin])
-        if other.naming.best.rmse <= 1.02 * found.naming.best.rmse and other.naming.best.ids:
+    change_times = [find_surface_changes(drive, candidates) for drive in thin]
+    # Steps 3 to 6
+    analysis = _Analysis(thin, candidates, block, block_length_s, settings, show)
+    found = analysis.run(change_times)
+    if any(change_times):
+        # The other explanation of the same data: the surface never changed, effects did it all.
+        other = analysis.run([[] for _ in thin])
+        limit = (1.0 + LARGEST_LOSS) * found.selection.best.rmse
+        if other.selection.best.rmse <= limit and other.selection.best.ids:
             found = other
+    # Step 7
     show("gain", 0.85)
-    diagnosis = conclude(used, found, [*untested, *remarks(used)], other_drives=any(kept))
+    confirmed = confirm_on_hold_out(found, other_drives=any(held_out))
+    diagnosis = build_diagnosis(
+        used, found, confirmed, [*untested, *remarks(used)], other_drives=any(held_out)
+    )
     show("done", 1.0)
     return diagnosis
 
 
 @dataclass(frozen=True)
-class _Work:
-    """What stays the same whatever the rails did."""
+class _Analysis:
+    """Steps 3 to 6, for any surface changes.
 
-    courses: tuple[Course, ...]
+    Attributes:
+        drives: Drive data of each recording, thinned.
+        candidates: Effects that can be tested.
+        block: Block number of each row, −1 − number in rows that are held out; shape (n,).
+        block_length_s: Length of a block, s.
+        settings: Levels, rates and seeds.
+        show: Callback for the progress.
+
+    """
+
+    drives: tuple[DriveData, ...]
     candidates: tuple[Candidate, ...]
     block: NDArray[np.int64]
-    length_s: float
+    block_length_s: float
     settings: DiagnoseSettings
-    show: Callable[[str, float], None]
+    show: ShowProgress
 
-    def run(self, times: list[list[float]]) -> Findings:
-        """Steps 3 to 6 with given changes of the rail."""
-        study = study_of(self.courses, times)
+    def run(self, change_times: list[list[float]]) -> Findings:
+        """Findings with given times of surface changes, s, for each drive."""
         rng = np.random.default_rng(self.settings.seed)
+        data = build_regression_data(self.drives, change_times)
+        # Step 3
         self.show("curves", 0.15)
-        prepared = prepare(study, start_of(study), self.block, self.candidates, self.length_s)
-        stage, base = prepared.stage, prepared.base
+        prepared = prepare_regression(
+            data, fit_start_curves(data), self.block, self.candidates, self.block_length_s
+        )
+        # Step 4
         self.show("effects", 0.35)
-        detection, absorbed, cosines = detection_of(stage, base, prepared.signatures, rng)
-        naming = name(stage, base, self.candidates, detection)
+        detection = detect_effects(prepared, rng)
+        # Step 5
+        selection = select_effects(prepared, detection.test)
+        # Step 6
         self.show("what is left", 0.7)
-        plain = self._left(stage, naming.base.fit, rng)
-        rest = self._left(stage, naming.best.fit, rng) if naming.best.ids else plain
-        lines = [found for course in self.courses if (found := line(course)) is not None]
+        alpha, plain, best = self.settings.alpha, selection.plain, selection.best
+        of_plain = find_residual_channels(prepared.regression, plain.fitted, alpha, rng)
+        of_best = of_plain
+        if best.ids:
+            of_best = find_residual_channels(prepared.regression, best.fitted, alpha, rng)
         return Findings(
             prepared=prepared,
-            naming=naming,
-            absorbed=absorbed,
-            cosines=cosines,
-            left_plain=tuple(plain),
-            left=tuple(rest),
-            line=max(lines, key=lambda one: one.adhesion, default=None),
-            pinned=tuple(self._pinned()),
-            times=times,
-            length_s=self.length_s,
-            alpha=self.settings.alpha,
+            detection=detection,
+            selection=selection,
+            channels_of_plain=tuple(of_plain),
+            channels_of_best=tuple(of_best),
+            oscillation=find_largest_oscillation(self.drives),
+            saturated=tuple(find_saturated_sensors(self.drives)),
+            change_times=change_times,
+            block_length_s=self.block_length_s,
+            alpha=alpha,
         )
-
-    def _left(self, stage: Stage, found: Fit, rng: np.random.Generator) -> list[Left]:
-        """What channels and waves explain of a model's residual, the most first."""
-        likely = evaluate(stage.study, found.model.theta, found.model.actives, stage.shift)
-        channels = channels_of(stage.study, likely)
-        columns = [channel.basis(likely) for channel in channels]
-        slopes = curve_slopes(stage.study, found.model.theta, likely)
-        out = left_over(stage, found, channels, columns, slopes, rng)
-        wave = wave_channel(stage, found.model, likely, rng)
-        if wave is not None and wave[2] <= self.settings.alpha / 2:
-            channel, own, p_value = wave
-            (one,) = left_over(stage, found, [channel], [own], slopes, rng)
-            out.append(replace(one, p_value=p_value))
-        return sorted(out, key=lambda one: -one.gain)
-
-    def _pinned(self) -> list[tuple[str, int, float, float]]:
-        """Recording, axle, effort and share of its readings that are cut off."""
-        return [
-            (course.name, int(axle), *seen)
-            for course in self.courses
-            if not course.table
-            for axle in np.unique(course.axle)
-            if (seen := pinned(course, int(axle))) is not None
-        ]
-
-
-def _thinned(course: Course, rate_hz: float) -> Course:
-    """Rows of a course at a lower rate, axle by axle."""
-    if len(course) <= MANY_ROWS or course.table:
-        return course
-    kept = np.zeros(len(course), dtype=np.bool_)
-    for axle in np.unique(course.axle):
-        rows = np.flatnonzero(course.axle == axle)
-        cycle = float(np.median(np.diff(course.t_s[rows]))) if len(rows) > 1 else 1.0
-        kept[rows[:: max(round(1.0 / (rate_hz * cycle)), 1)]] = True
-    return course.rows(kept)
-
-
-def _kept_back(courses: Sequence[Course], holdout: Sequence[Course]) -> list[bool]:
-    """Whether each course is kept back whole; none is where one drive is all there is."""
-    chosen = list(holdout)
-    if not holdout and len(courses) > 1:
-        # The shortest that are long enough: most of the data decide.
-        able = sorted((c for c in courses if len(c) >= LEAST_ROWS), key=len)
-        count = max(len(courses) // HELD_EVERY, 1)
-        chosen = able[:count] if len(able) > count else []
-    return [any(course is one for one in chosen) for course in courses]
-
-
-def _blocks(courses: Sequence[Course], kept: Sequence[bool], length_s: float) -> NDArray[np.int64]:
-    """Number of each row's block, −1 − number where it is kept back."""
-    out, base = [], 0
-    for course, whole in zip(courses, kept, strict=True):
-        # Numbered through: pauses are no blocks.
-        number = np.unique(blocks_of(course.t_s, length_s), return_inverse=True)[1]
-        back = np.full(len(number), whole)
-        if not any(kept):
-            back = (number // HELD_BLOCKS) % HELD_EVERY == 1
-        number = number + base
-        base = int(number.max(initial=base - 1)) + 1
-        out.append(np.where(back, -1 - number, number))
-    return np.concatenate(out) if out else np.empty(0, dtype=np.int64)

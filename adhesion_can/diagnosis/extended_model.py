@@ -1,4 +1,4 @@
-"""The extended model, and the curves of every stretch with and without it."""
+"""Extended model as a file can hold it, and the curves of every segment with and without it."""
 
 from dataclasses import replace
 
@@ -6,12 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.drive.drive_data import Course
-from adhesion_can.diagnosis.inference.find_residual_channels import Left
-from adhesion_can.diagnosis.regression.model import Evaluation, Model, Study, evaluate
-from adhesion_can.diagnosis.regression.prepare_regression import Prepared
-from adhesion_can.diagnosis.regression.whitened_regression import Fit, fit
-from adhesion_can.diagnosis.result import Surface
+from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
+from adhesion_can.diagnosis.regression.model import (
+    Evaluation,
+    Model,
+    RegressionData,
+    evaluate_model,
+)
+from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
+from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
+from adhesion_can.diagnosis.result import SegmentResult
 from adhesion_can.estimation.batch_fit import fit as fit_curve
 from adhesion_can.estimation.extended.model import ExtendedModel, Matrix
 from adhesion_can.physics.effects import ActiveEffect
@@ -19,114 +24,154 @@ from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
-ONLINE = {"slip": "slip", "speed": "speed", "axle_load": "load", "time": "time_s"}
-"""Channels of ours that a spline of an extended model can have, beside the covariates."""
-OFFLINE = frozenset({"position", "slip_rate", "tractive_effort", "axle"})
-"""Channels that a model online does not have."""
-FEWEST, MOST_ROWS = 10, 20_000
-LEAST_CLEAR = 0.05
-"""Factor of the adhesion below which it says nothing of the curve."""
+ONLINE_CHANNELS = {"slip": "slip", "speed": "speed", "axle_load": "load", "time": "time_s"}
+"""Names in an extended model of the channels that its spline can have, beside the covariates."""
+OFFLINE_CHANNELS = frozenset({"position", "slip_rate", "tractive_effort", "axle"})
+"""Channels that are not available to an extended model online."""
+LEAST_ROWS, MOST_ROWS = 10, 20_000
+"""Rows without which a segment gets no curve, and to which it is thinned."""
+LEAST_FACTOR = 0.05
+"""Factor of the adhesion below which a row carries no information about the curve."""
 
 
-def spline_of(left: Left) -> Empirical | None:
-    """An unexplained channel as a part of a model; None where a model cannot have it."""
-    channel = left.channel
-    known = ONLINE.get(channel.name)
-    if known is None and (channel.period or channel.name in OFFLINE):
+def build_spline(residual_channel: ResidualChannel) -> Empirical | None:
+    """The spline of a residual channel as part of a model; None where a model cannot have it."""
+    channel = residual_channel.channel
+    known = ONLINE_CHANNELS.get(channel.name)
+    if known is None and (channel.period or channel.name in OFFLINE_CHANNELS):
         return None
     knots = tuple(map(float, channel.knots))
-    coefficients = left.weights[-left.columns.shape[1] :]
+    coefficients = residual_channel.coefficients[-residual_channel.basis.shape[1] :]
     if channel.levels is not None or len(coefficients) != len(knots) - 4:
         return None
-    found = Empirical(known or channel.name, "factor", knots, tuple(map(float, coefficients)))
-    # A constant factor is the curve's affair: the spline is 0 on average.
-    mean = float(np.mean(found.at(channel.values)))
-    if mean <= LEAST_CLEAR - 1.0:
+    spline = Empirical(known or channel.name, "factor", knots, tuple(map(float, coefficients)))
+    # A constant factor belongs to the curve: the spline is 0 on average.
+    mean = float(np.mean(spline.at(channel.values)))
+    if mean <= LEAST_FACTOR - 1.0:
         return None
     return replace(
-        found, coefficients=tuple(float((c - mean) / (1.0 + mean)) for c in coefficients)
+        spline, coefficients=tuple(float((c - mean) / (1.0 + mean)) for c in coefficients)
     )
 
 
-def with_spline(prepared: Prepared, model: Model, spline: Empirical) -> Model:
-    """Curves fitted anew with a spline in front of them."""
-    curves = Model(model.theta, fixed=(ActiveEffect(spline, ()),))
-    return fit(prepared.stage.whole, curves).model
+def refit_with_spline(prepared: PreparedRegression, model: Model, spline: Empirical) -> Model:
+    """The model of the curves fitted anew, with a given spline."""
+    curves = Model(model.curves, fixed=(ActiveEffect(spline, ()),))
+    return fit_model(prepared.regression.all_data, curves).model
 
 
-def surfaces_of(
-    study: Study, times: list[list[float]], extended: Model
-) -> tuple[tuple[Surface, ...], tuple[int, int]]:
-    """Every stretch of one rail, and course and number of the longest."""
-    at = evaluate(study, extended.theta, extended.actives)
-    found: list[Surface] = []
+def estimate_segments(
+    data: RegressionData, change_times: list[list[float]], extended: Model
+) -> tuple[tuple[SegmentResult, ...], tuple[int, int]]:
+    """Estimate the curves of every segment, plain and extended.
+
+    Args:
+        data: Rows of all drives.
+        change_times: Times of the surface changes in each drive, s.
+        extended: Model with effects.
+
+    Returns:
+        Results of the segments, and drive number and surface number of the longest one.
+
+    """
+    evaluation = evaluate_model(data, extended.curves, extended.active_effects)
+    found: list[SegmentResult] = []
     longest, most = (0, 0), -1
     first = number = 0
-    for place, (course, own) in enumerate(zip(study.courses, times, strict=True)):
-        rows = slice(first, first + len(course))
-        first += len(course)
-        for _ in range(len(own) + 1):
-            mine = np.flatnonzero(study.surface[rows] == number) + rows.start
-            if len(mine) >= FEWEST:
-                if len(mine) > most:
-                    longest, most = (place, number), len(mine)
-                found.append(_surface(course, mine, rows.start, at))
+    for place, (drive, times) in enumerate(zip(data.drives, change_times, strict=True)):
+        rows = slice(first, first + len(drive))
+        first += len(drive)
+        for _ in range(len(times) + 1):
+            own = np.flatnonzero(data.surface[rows] == number) + rows.start
+            if len(own) >= LEAST_ROWS:
+                if len(own) > most:
+                    longest, most = (place, number), len(own)
+                found.append(_estimate_segment(drive, own, rows.start, evaluation))
             number += 1
     return tuple(found), longest
 
 
-def _surface(course: Course, mine: NDArray[np.int64], start: int, at: Evaluation) -> Surface:
-    mine = mine[:: max(len(mine) // MOST_ROWS, 1)]
-    seen = course.observe()
-    own = mine - start
-    clear = np.abs(at.factor[mine]) > LEAST_CLEAR
-    plain = _estimate(seen.slip[own], seen.adhesion[own])
-    corrected = at.adhesion[mine][clear] / at.factor[mine][clear]
-    return Surface(
-        course.name,
-        course.first_us / 1e6 + float(course.time_s[own].min()),
-        course.first_us / 1e6 + float(course.time_s[own].max()),
+def _estimate_segment(
+    drive: DriveData, rows: NDArray[np.int64], start: int, evaluation: Evaluation
+) -> SegmentResult:
+    """Estimate the curves of one segment.
+
+    Args:
+        drive: Drive data of the recording.
+        rows: Indices of the segment's rows among those of all drives, shape (m,).
+        start: Index of the drive's first row among those of all drives.
+        evaluation: Extended model evaluated on all rows.
+
+    """
+    rows = rows[:: max(len(rows) // MOST_ROWS, 1)]
+    seen = drive.observe()
+    own = rows - start
+    clear = np.abs(evaluation.factor[rows]) > LEAST_FACTOR
+    plain = _fit_estimate(seen.slip[own], seen.adhesion[own])
+    extended = plain
+    if clear.sum() >= LEAST_ROWS:
+        corrected = evaluation.adhesion[rows][clear] / evaluation.factor[rows][clear]
+        extended = _fit_estimate(evaluation.slip[rows][clear], corrected)
+    return SegmentResult(
+        drive.name,
+        drive.first_us / 1e6 + float(drive.time_s[own].min()),
+        drive.first_us / 1e6 + float(drive.time_s[own].max()),
         plain,
-        _estimate(at.slip[mine][clear], corrected) if clear.sum() >= FEWEST else plain,
+        extended,
     )
 
 
-def _estimate(slip: Array, adhesion: Array) -> Estimate:
+def _fit_estimate(slip: Array, adhesion: Array) -> Estimate:
     return fit_curve(Samples.curve(slip, adhesion))
 
 
-def extension(
-    whole: Model, final: Fit, surface: int, spline: Empirical | None
+def build_extended_model(
+    extended: Model, fitted: FittedModel, surface: int, spline: Empirical | None
 ) -> ExtendedModel | None:
-    """The model as a file has it; None where the data give no curve with a peak."""
-    c1, log_c2, c3 = whole.theta.values[surface]
+    """Build the model as a file has it; None where the data give no curve with a peak.
+
+    Args:
+        extended: Model with effects and spline.
+        fitted: Fit of curves and effects, with their covariance.
+        surface: Number of the surface whose curve becomes the base curve.
+        spline: Spline of an unexplained channel; None: none.
+
+    """
+    c1, log_c2, c3 = extended.curves.values[surface]
     c2 = float(np.exp(log_c2))
     if not (c1 > 0 and c3 >= 0 and c1 * c2 > c3):
         return None
-    turn = np.diag([1.0, c2, 1.0])
+    # The regression has ln c2: dc2 = c2 d(ln c2).
+    scale = np.diag([1.0, c2, 1.0])
     own = slice(3 * surface, 3 * surface + 3)
-    covariances: list[Matrix | None] = []
-    first = final.model.theta.values.size
-    for candidate in final.model.candidates:
-        part = final.covariance[first : first + candidate.size, first : first + candidate.size]
-        first += candidate.size
-        full = np.zeros((len(candidate.effect.parameters),) * 2)
-        free = [i for i, p in enumerate(candidate.effect.parameters) if not p.axle]
-        full[np.ix_(free, free)] = part
-        covariances.append(_matrix(full))
+    model = fitted.model
     return ExtendedModel(
         base=(float(c1), c2, float(c3)),
-        base_covariance=_matrix(turn @ final.covariance[own, own] @ turn),
+        base_covariance=_to_matrix(scale @ fitted.covariance[own, own] @ scale),
         effects=tuple(
-            c.active(v) for c, v in zip(final.model.candidates, final.model.values, strict=True)
+            c.active(values) for c, values in zip(model.candidates, model.values, strict=True)
         ),
-        covariances=tuple(covariances),
+        covariances=_effect_covariances(fitted),
         splines=() if spline is None else (spline,),
     )
 
 
-def _matrix(values: Array) -> Matrix | None:
-    """A covariance as a model has it; None where the data give none."""
+def _effect_covariances(fitted: FittedModel) -> tuple[Matrix | None, ...]:
+    """Covariance of each effect's parameters, 0 for the number of an axle."""
+    covariances: list[Matrix | None] = []
+    first = fitted.model.curves.values.size
+    for candidate in fitted.model.candidates:
+        own = slice(first, first + candidate.size)
+        first += candidate.size
+        full = np.zeros((len(candidate.effect.parameters),) * 2)
+        free = [i for i, p in enumerate(candidate.effect.parameters) if not p.axle]
+        full[np.ix_(free, free)] = fitted.covariance[own, own]
+        covariances.append(_to_matrix(full))
+    return tuple(covariances)
+
+
+def _to_matrix(values: Array) -> Matrix | None:
+    """A covariance as a model has it; None where it is not finite."""
     if not np.isfinite(values).all():
         return None
     even = (values + values.T) / 2

@@ -1,14 +1,16 @@
-"""Columns for the eye: residual over a channel, measured against simulated, curve with data."""
+"""Plot data: residual over a channel, measured against simulated signals, curve with its data."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
+    Evaluation,
     Model,
     RegressionData,
     SegmentCurves,
@@ -21,7 +23,13 @@ from adhesion_can.physics.effects import Effect, build_instruments
 
 BINS = 24
 WINDOW_S, RESTART_S = 20.0, 0.2
+"""Length of a simulated span, and time between restarts of the simulation, s."""
+LEAST_ROWS = 10
+"""Rows without which a span is not plotted."""
+LARGEST_STEP_S = 0.1
+"""A longer step restarts the simulation, s."""
 POINTS = 4000
+"""Rows of a surface that are plotted."""
 
 
 def find_plotted_channel(
@@ -49,28 +57,28 @@ def _build_derived_channel(data: RegressionData, name: str) -> Channel | None:
 
 
 def build_profile(
-    data: RegressionData, channel: Channel, before: Array, after: Array, change: Array, predicted: Array
+    data: RegressionData,
+    channel: Channel,
+    before: Array,
+    after: Array,
+    change: Array,
+    predicted: Array,
 ) -> Profile:
     """Mean residuals over bins of a channel.
 
     Args:
-        study: see there.
-        channel: over which.
-        before: residual of the plain model, adhesion, shape (n,).
-        after: of the extended one.
-        change: of the prediction by the extension.
-        predicted: adhesion, for the direction of the effort.
+        data: Rows of all drives.
+        channel: Channel over which the residuals are averaged.
+        before: Residual of the plain model, adhesion; shape (n,).
+        after: Residual of the extended model, adhesion; shape (n,).
+        change: Change of the prediction by the extension, adhesion; shape (n,).
+        predicted: Predicted adhesion, which gives the direction of the effort; shape (n,).
 
     """
     used = data.surface != EXCLUDED
     values = channel.values[used]
     sign = np.copysign(1.0, predicted[used]) if channel.kind is not ChannelKind.OFFSET else 1.0
-    levels = np.unique(values)
-    if len(levels) <= BINS:
-        number = np.searchsorted(levels, values)
-    else:
-        edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
-        number = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    number = _number_bins(values)
     # Rows of one second at one axle are no independent evidence: the error counts seconds.
     second = np.floor(data.column("t_s")[used]).astype(np.int64)
     count = np.maximum(np.bincount(number), 1)
@@ -83,38 +91,50 @@ def build_profile(
         seconds = np.array([max(len(np.unique(second[number == i])), 1) for i in range(len(count))])
         return middle[kept], (spread / np.sqrt(seconds))[kept]
 
-    (was, was_std), (left, left_std) = mean(before), mean(after)
-    at = (np.bincount(number, values) / count)[kept]
-    fit_whitener = mean(change)[0]
+    (mean_before, before_std), (mean_after, after_std) = mean(before), mean(after)
+    middle = (np.bincount(number, values) / count)[kept]
+    mean_change = mean(change)[0]
     name = "place within the wave" if channel.period else channel.name
-    return Profile(name, channel.unit, at, was, left, was_std, left_std, fit_whitener)
+    return Profile(
+        name, channel.unit, middle, mean_before, mean_after, before_std, after_std, mean_change
+    )
 
 
-def build_simulation_plots(drive: DriveData, surface: int, plain: Model, extended: Model) -> list[SimulationPlot]:
-    """The stretch of a recording in which the extension changes most, for the axle concerned.
+def _number_bins(values: Array) -> NDArray[np.int64]:
+    """Bin number of each value: one bin a level, or quantiles where there are many; shape (n,)."""
+    levels = np.unique(values)
+    if len(levels) <= BINS:
+        return np.searchsorted(levels, values)
+    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
+    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+
+
+def build_simulation_plots(
+    drive: DriveData, surface: int, plain: Model, extended: Model
+) -> list[SimulationPlot]:
+    """Measured against simulated signals, for the axle and span that the extension changes most.
 
     Args:
-        course: every row of the recording.
-        surface: number of the curve to use where the recording has several: the longest one's.
-        plain: curves alone.
-        extended: with effects.
+        drive: Every row of the recording.
+        surface: Number of the surface whose curve is used.
+        plain: Model without effects.
+        extended: Model with effects.
 
     """
     if not len(drive) or drive.table:
         return []
-    data = RegressionData((drive,), np.zeros(len(drive), dtype=np.int64), 1)
-    before = evaluate_model(data, SegmentCurves(plain.curves.values[[surface]]), plain.active_effects)
-    after = evaluate_model(data, SegmentCurves(extended.curves.values[[surface]]), extended.active_effects)
+    before = _evaluate_drive(drive, plain, surface)
+    after = _evaluate_drive(drive, extended, surface)
     change = np.abs(before.residual - after.residual)
     axles = np.unique(drive.axle)
     axle = int(max(axles, key=lambda i: float(np.mean(change[drive.axle == i] ** 2))))
     own = np.flatnonzero(drive.axle == axle)
-    second = np.floor(drive.t_s[own] / (WINDOW_S / 2)).astype(np.int64)
-    starts = np.unique(second)
-    power = [float(np.sum(change[own][second == s] ** 2)) for s in starts]
-    start_s = float(starts[int(np.argmax(power))]) * WINDOW_S / 2
+    window = np.floor(drive.t_s[own] / (WINDOW_S / 2)).astype(np.int64)
+    windows = np.unique(window)
+    power = [float(np.sum(change[own][window == w] ** 2)) for w in windows]
+    start_s = float(windows[int(np.argmax(power))]) * WINDOW_S / 2
     rows = own[(drive.t_s[own] >= start_s) & (drive.t_s[own] < start_s + WINDOW_S)]
-    if len(rows) < 10:
+    if len(rows) < LEAST_ROWS:
         return []
     return [
         SimulationPlot(
@@ -132,50 +152,74 @@ def build_simulation_plots(drive: DriveData, surface: int, plain: Model, extende
     ]
 
 
-def simulate_wheel_speed(drive: DriveData, rows: np.ndarray, model: Model, surface: int) -> Array:
-    """Wheel speed from measured effort and vehicle speed, rad/s: J dω/dt = r (F − μ(λ) N).
+def _evaluate_drive(drive: DriveData, model: Model, surface: int) -> Evaluation:
+    """A model with the curve of one surface, evaluated on every row of a drive."""
+    data = RegressionData((drive,), np.zeros(len(drive), dtype=np.int64), 1)
+    curves = SegmentCurves(model.curves.values[[surface]])
+    return evaluate_model(data, curves, model.active_effects)
 
-    Linearly implicit in ω, since the contact is stiff. Beyond the peak the wheel is unstable, and
-    any simulation leaves the measurement there: so it begins anew from it at times.
+
+def simulate_wheel_speed(
+    drive: DriveData, rows: NDArray[np.int64], model: Model, surface: int
+) -> Array:
+    """Simulate the wheel speed from measured effort and vehicle speed: J dω/dt = r (F − μ(λ) N).
+
+    The step is linearly implicit in ω (Rosenbrock, Comput. J. 5 (1963)), since the contact is
+    stiff. Beyond the peak the wheel is unstable, and any simulation diverges from the measurement:
+    so it restarts from it every `RESTART_S`.
+
+    Args:
+        drive: Every row of the recording.
+        rows: Indices of consecutive rows of one axle, shape (m,).
+        model: Model with effects or without.
+        surface: Number of the surface whose curve is used.
+
+    Returns:
+        Wheel speed, rad/s; shape (m,).
+
     """
     instruments = build_instruments(model.active_effects)
     seen = drive.observe(instruments)
-    data = RegressionData((drive,), np.zeros(len(drive), dtype=np.int64), 1)
-    curves = SegmentCurves(model.curves.values[[surface]])
-    at = evaluate_model(data, curves, model.active_effects)
-    c1, log_c2, c3 = curves.values[0]
+    evaluation = _evaluate_drive(drive, model, surface)
+    c1, log_c2, c3 = model.curves.values[surface]
     c2 = float(np.exp(log_c2))
     radii = drive.radius * instruments.radius_factor(len(drive.radius))
     radius = float(radii[drive.axle[rows[0]] - 1])
     inertia = max(drive.inertia + instruments.inertia_error, 1.0)
     effort = drive.effort[rows] - instruments.effort_bias
     speed, load = seen.speed[rows], seen.load[rows]
-    slip_correction, factor = (at.slip - seen.slip)[rows], at.factor[rows]
-    true_slip = seen.slip[rows]
+    slip_change, factor = (evaluation.slip - seen.slip)[rows], evaluation.factor[rows]
+    measured_slip = seen.slip[rows]
     t_s = drive.t_s[rows]
     slip = np.empty(len(rows))
     restarted = t_s[0]
-    slip[0] = true_slip[0]
+    slip[0] = measured_slip[0]
     for i in range(1, len(rows)):
         dt = t_s[i] - t_s[i - 1]
-        if t_s[i] - restarted >= RESTART_S or dt > 0.1:
-            slip[i], restarted = true_slip[i], t_s[i]
+        if t_s[i] - restarted >= RESTART_S or dt > LARGEST_STEP_S:
+            slip[i], restarted = measured_slip[i], t_s[i]
             continue
         omega = (1.0 + slip[i - 1]) * speed[i - 1] / radius
-        here = omega * radius / speed[i] - 1.0
-        inside = here + slip_correction[i]
-        mu = factor[i] * float(burckhardt.adhesion(inside, c1, c2, c3))
-        slope = factor[i] * float(burckhardt.adhesion_slope(inside, c1, c2, c3))
-        stiff = max(slope, 0.0) * load[i] * radius / speed[i]
+        contact_slip = omega * radius / speed[i] - 1.0 + slip_change[i]
+        mu = factor[i] * float(burckhardt.adhesion(contact_slip, c1, c2, c3))
+        slope = factor[i] * float(burckhardt.adhesion_slope(contact_slip, c1, c2, c3))
+        stiffness = max(slope, 0.0) * load[i] * radius / speed[i]
         gain = dt * radius / inertia
-        omega += gain * (effort[i] - mu * load[i]) / (1.0 + gain * stiff)
+        omega += gain * (effort[i] - mu * load[i]) / (1.0 + gain * stiffness)
         slip[i] = max(omega * radius / speed[i] - 1.0, -1.0)
     return np.asarray((1.0 + slip) * speed / radius)
 
 
-def build_curve_data(data: RegressionData, number: int, extended: Model) -> CurveData | None:
-    """Some rows of one surface, as they are and as the extension corrects them."""
-    rows = np.flatnonzero(data.surface == number)
+def build_curve_data(data: RegressionData, surface: int, extended: Model) -> CurveData | None:
+    """Some rows of one surface, as measured and with the effects removed; None: it has no rows.
+
+    Args:
+        data: Rows of all drives.
+        surface: Number of the surface.
+        extended: Model with effects.
+
+    """
+    rows = np.flatnonzero(data.surface == surface)
     if not len(rows):
         return None
     rows = rows[:: max(len(rows) // POINTS, 1)]
@@ -183,10 +227,10 @@ def build_curve_data(data: RegressionData, number: int, extended: Model) -> Curv
     after = evaluate_model(data, extended.curves, extended.active_effects)
     factor = np.where(np.abs(after.factor) > 1e-3, after.factor, np.nan)
     sign = np.copysign(1.0, plain.slip)
-    turned = np.copysign(1.0, after.slip)
+    corrected_sign = np.copysign(1.0, after.slip)
     return CurveData(
         np.abs(plain.slip)[rows],
         (plain.adhesion * sign)[rows],
         np.abs(after.slip)[rows],
-        (after.adhesion / factor * turned)[rows],
+        (after.adhesion / factor * corrected_sign)[rows],
     )

@@ -1,4 +1,4 @@
-"""What a diagnosis says, as values: reports, JSON and the extended model are made from it."""
+"""Result of a diagnosis as plain values, from which reports and JSON are made."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from adhesion_can.physics.estimate import Estimate
 
 
 class Verdict(StrEnum):
-    """What came out."""
+    """Verdict of a diagnosis."""
 
     NAMED = "named"
     NOTHING = "nothing_found"
@@ -19,8 +19,17 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Value:
-    """A parameter of a named effect: estimate, standard deviation, unit, meaning."""
+class ParameterValue:
+    """A parameter of a named effect.
+
+    Attributes:
+        name: Name of the parameter.
+        value: Estimate in `unit`; the number of the axle where the parameter is one.
+        std: Standard deviation of the estimate in `unit`; None for the number of an axle.
+        unit: Unit of the value.
+        meaning: Meaning of the parameter, a clause.
+
+    """
 
     name: str
     value: float
@@ -34,13 +43,13 @@ class Cause:
     """A named effect.
 
     Attributes:
-        effect: id.
-        form: of the mechanism; '' where there is one.
-        title: what happens, a clause.
-        literature: where it is described.
-        parameters: with their values.
-        p_value: that chance alone makes it look as strong, all effects counted.
-        rivals: ids of effects that the data cannot tell from it.
+        effect: Effect id.
+        form: Form of the mechanism; '' where there is only one.
+        title: What happens, a clause.
+        literature: Reference for the mechanism.
+        parameters: Parameters with their estimates.
+        p_value: P-value, all effects counted.
+        rivals: Ids of effects that the data cannot distinguish from it.
 
     """
 
@@ -48,23 +57,23 @@ class Cause:
     form: str
     title: str
     literature: str
-    parameters: tuple[Value, ...]
+    parameters: tuple[ParameterValue, ...]
     p_value: float
     rivals: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """What the extension gains on data that were not used to decide.
+    """Gain of the extended model on held-out data.
 
     Attributes:
-        rmse_before: of the adhesion, plain model, held-out data.
-        rmse_after: likewise, extended model.
-        noise_floor: of the adhesion, what no model can go below.
-        percent: 100 (1 − after/before).
-        interval: of `percent`, 95 %.
-        held_out: what was held out, in words.
-        spans: (recording, from, to) of what was held out, s on the recording's clock.
+        rmse_before: RMSE of the plain model's adhesion on the held-out data.
+        rmse_after: RMSE of the extended model's adhesion on the held-out data.
+        noise_floor: RMSE of the adhesion that no model goes below.
+        percent: Gain 100 (1 − after/before), %.
+        interval: 95 % confidence interval of the gain, %.
+        held_out: What was held out, a clause.
+        spans: Recording, begin and end of each held-out span, s on the recording's clock.
 
     """
 
@@ -79,15 +88,17 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What the data say of one effect.
+    """Evidence of the data for one effect.
 
     Attributes:
-        effect: id, and `form`, `axle` (0: none) besides.
-        statistic: of the test.
-        p_value: with all effects counted.
-        absorbed: share of its signature that the curve's own parameters can imitate, 0..1.
-        most_alike: effect whose signature is most like it, and the cosine between them.
-        gain_percent: by which it alone would lower the RMSE of the data that decided.
+        effect: Effect id.
+        form: Form of the mechanism; '' where there is only one.
+        axle: Axle number of an effect at one axle; 0 for the others.
+        statistic: Statistic of the sign-flip test.
+        p_value: P-value, all effects counted.
+        absorbed: Share of the signature that the curve's own parameters imitate, 0 to 1.
+        most_alike: Id of the effect with the most similar signature, and the cosine between them.
+        gain_percent: Share by which the effect alone would lower the RMSE of the deciding data, %.
 
     """
 
@@ -102,7 +113,13 @@ class Evidence:
 
 
 class Untested(NamedTuple):
-    """Something that the data cannot tell, and why, in words."""
+    """An effect or a quantity that the data do not identify.
+
+    Attributes:
+        what: Effect id or quantity.
+        why: Reason, a clause.
+
+    """
 
     what: str
     why: str
@@ -110,7 +127,15 @@ class Untested(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ChannelEvidence:
-    """Dependence of what is left on one channel: p_value with all channels counted."""
+    """Dependence of the selected model's residual on one channel.
+
+    Attributes:
+        channel: Name of the channel.
+        unit: Unit of the channel.
+        p_value: P-value, all channels counted.
+        gain_percent: Share by which a spline in the channel would lower the RMSE, %.
+
+    """
 
     channel: str
     unit: str
@@ -119,8 +144,17 @@ class ChannelEvidence:
 
 
 @dataclass(frozen=True, slots=True)
-class Surface:
-    """A stretch of one rail: recording, s on its clock, the plain curve and the extended one's."""
+class SegmentResult:
+    """Adhesion curves of one segment, a span of a recording on one surface.
+
+    Attributes:
+        recording: Name of the recording.
+        from_s: Begin, s on the recording's clock.
+        to_s: End, s on the recording's clock.
+        base: Estimate of the plain curve.
+        extended: Estimate of the extended model's base curve.
+
+    """
 
     recording: str
     from_s: float
@@ -134,14 +168,14 @@ class Profile:
     """Mean residual over bins of a channel: shape (bins,) each.
 
     Attributes:
-        channel: name.
-        unit: of it.
-        at: middle of each bin.
-        before: mean residual of the plain model, adhesion, in the direction of the effort.
-        after: of the extended one.
-        before_std: standard error of `before`.
-        after_std: likewise.
-        fitted: by how much the extension changes the prediction there.
+        channel: Name of the channel.
+        unit: Unit of the channel.
+        at: Mean of the channel in each bin, in its unit.
+        before: Mean residual of the plain model, adhesion in the direction of the effort.
+        after: Mean residual of the extended model, adhesion in the direction of the effort.
+        before_std: Standard error of `before`, adhesion.
+        after_std: Standard error of `after`, adhesion.
+        fitted: Mean change of the prediction by the extension, adhesion.
 
     """
 
@@ -156,21 +190,21 @@ class Profile:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
-    """A stretch of one axle for the eye; shape (n,) each.
+class SimulationPlot:
+    """Measured against simulated signals of one axle, for plots; shape (n,) each.
 
     Attributes:
-        recording: name.
-        axle: number.
-        time_s: on the recording's clock.
-        wheel_speed: measured, rad/s.
-        simulated_before: by the plain model from measured effort and vehicle speed, begun anew
-            every `restart_s`.
-        simulated_after: by the extended one.
-        adhesion: measured.
-        predicted_before: by the plain model.
-        predicted_after: by the extended one.
-        restart_s: see `simulated_before`.
+        recording: Name of the recording.
+        axle: Axle number.
+        time_s: Time on the recording's clock, s.
+        wheel_speed: Measured wheel speed, rad/s.
+        simulated_before: Wheel speed that the plain model gives from measured effort and vehicle
+            speed, rad/s; the simulation restarts at the measurement every `restart_s`.
+        simulated_after: Wheel speed that the extended model gives likewise, rad/s.
+        adhesion: Measured adhesion.
+        predicted_before: Adhesion that the plain model predicts from the measured slip.
+        predicted_after: Adhesion that the extended model predicts from the measured slip.
+        restart_s: Time between restarts of the simulation, s.
 
     """
 
@@ -188,7 +222,15 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class CurveData:
-    """Data of one surface: |λ| and μ of some of its rows, as they are and corrected."""
+    """Data of one surface for plots: some of its rows; shape (n,) each.
+
+    Attributes:
+        slip: Magnitude of the measured slip ratio.
+        adhesion: Measured adhesion in the direction of the slip.
+        corrected_slip: Magnitude of the slip ratio with the effects removed.
+        corrected_adhesion: Adhesion in the direction of the slip with the effects removed.
+
+    """
 
     slip: Array
     adhesion: Array
@@ -198,25 +240,25 @@ class CurveData:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What a diagnosis found.
+    """Result of a diagnosis.
 
     Attributes:
-        verdict: see there.
-        causes: named effects, the strongest first; () where none is named.
-        channel: for 'unexplained': what the residual depends on; None: nothing that was found.
-        wrong: a plain sentence per finding, with size, unit and where.
-        gain: None where the data could not carry a verdict at all.
-        evidence: of every effect that was tested, by p-value and gain.
-        channels: what is left in every channel when the named effects are in.
-        needed: which manoeuvre or signal would separate the rivals; None: nothing is needed.
-        untested: what could not be tested, and why.
-        surfaces: stretches of one rail each.
-        model: the extended model; None where there is no extension.
-        profile: residual against the named channel.
-        pictures: measured against simulated.
-        curves: curve and data of the longest surface; None without data.
-        samples: rows of each input that were used, by its name.
-        lost: rows that were not, by reason.
+        verdict: Verdict: named effects, an unexplained residual, or nothing.
+        causes: Named effects, the strongest first; () where none is named.
+        channel: Channel that an unexplained residual depends on; None: none was found.
+        wrong: Sentence for each finding, with size, unit and place.
+        gain: Gain on held-out data; None where the data allow no verdict at all.
+        evidence: Evidence for every tested effect, largest gain first.
+        channels: Dependence of the selected model's residual on every channel.
+        needed: Manoeuvre or signal that would separate the rivals; None: none is needed.
+        untested: Effects and quantities that the data do not identify, with the reason.
+        surfaces: Adhesion curves of every segment.
+        model: Extended model; None where no curve with a peak could be fitted.
+        profile: Mean residual over the channel that matters; None: no channel does.
+        simulation_plots: Measured against simulated signals.
+        curves: Data of the longest segment; None without data.
+        samples: Number of rows by input name.
+        lost: Number of unusable rows by input name and reason.
 
     """
 
@@ -229,10 +271,10 @@ class Diagnosis:
     channels: tuple[ChannelEvidence, ...]
     needed: str | None
     untested: tuple[Untested, ...]
-    surfaces: tuple[Surface, ...]
+    surfaces: tuple[SegmentResult, ...]
     model: ExtendedModel | None
     profile: Profile | None
-    pictures: tuple[Picture, ...]
+    simulation_plots: tuple[SimulationPlot, ...]
     curves: CurveData | None
     samples: Mapping[str, int] = field(default_factory=dict)
     lost: Mapping[str, int] = field(default_factory=dict)

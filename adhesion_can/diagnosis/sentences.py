@@ -5,10 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from adhesion_can.diagnosis.formatting import measured, short, unit_text
-from adhesion_can.diagnosis.inference.find_residual_channels import (
-    DriveTrainOscillation,
-    ResidualChannel,
-)
+from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
+from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation
 from adhesion_can.diagnosis.regression.channel_splines import Channel
 from adhesion_can.diagnosis.result import Cause, Gain, Profile
 from adhesion_can.physics.channels import channel_label

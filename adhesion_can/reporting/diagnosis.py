@@ -10,7 +10,6 @@ from rich.table import Table
 
 from adhesion_can.diagnosis.formatting import (
     LEAST_P,
-    channel_name,
     effect_name,
     fixed,
     measured,
@@ -26,10 +25,11 @@ from adhesion_can.diagnosis.result import (
     Diagnosis,
     Evidence,
     Gain,
-    Surface,
-    Value,
+    ParameterValue,
+    SegmentResult,
     Verdict,
 )
+from adhesion_can.physics.channels import channel_label
 from adhesion_can.reporting.provenance import estimate_json
 from adhesion_can.reporting.text import table
 
@@ -41,7 +41,7 @@ CHANNEL_COLUMNS = ("channel", "unit", "p", "gain")
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class InputFile:
     """A file that a diagnosis rests on.
 
     Attributes:
@@ -110,7 +110,7 @@ def _unexplained(found: Diagnosis) -> str:
             "nor a matter of one measured channel."
         )
     told = (
-        f"Unexplained: what is left depends on {channel_name(found.channel)}, and no known effect "
+        f"Unexplained: what is left depends on {channel_label(found.channel)}, and no known effect "
         "says why."
     )
     # A wave's channel has its length behind the name.
@@ -208,7 +208,7 @@ def channel_rows(channels: Sequence[ChannelEvidence]) -> list[tuple[str, ...]]:
     ranked = sorted(channels, key=lambda c: (c.p_value, -c.gain_percent))
     return [
         (
-            channel_name(c.channel),
+            channel_label(c.channel),
             unit_text(c.unit),
             p_text(c.p_value),
             fixed(c.gain_percent, 1, " %"),
@@ -244,7 +244,7 @@ def terminal(found: Diagnosis) -> Iterator[str | Table]:
 # --------------------------------------------------------------------------------------- JSON
 
 
-def diagnosis_json(found: Diagnosis, sources: Sequence[Source] = ()) -> dict[str, Any]:
+def diagnosis_json(found: Diagnosis, input_files: Sequence[InputFile] = ()) -> dict[str, Any]:
     """A diagnosis as the contract has it, and more under names of its own.
 
     Args:
@@ -252,7 +252,7 @@ def diagnosis_json(found: Diagnosis, sources: Sequence[Source] = ()) -> dict[str
         sources: files that it rests on.
 
     """
-    held = held_back(found, sources)
+    held = held_back(found, input_files)
     return {
         "verdict": found.verdict.value,
         "causes": [_cause_json(cause) for cause in found.causes],
@@ -271,12 +271,12 @@ def diagnosis_json(found: Diagnosis, sources: Sequence[Source] = ()) -> dict[str
         "extended": _curves_json(found, "extended"),
         "inputs": [
             {
-                "path": str(source.path),
-                "sha256": source.sha256,
-                "samples": found.samples.get(source.name, 0),
-                "held_out": source.name in held,
+                "path": str(input_file.path),
+                "sha256": input_file.sha256,
+                "samples": found.samples.get(input_file.name, 0),
+                "held_out": input_file.name in held,
             }
-            for source in sources
+            for input_file in input_files
         ],
         "left_out": dict(found.lost),
     }
@@ -308,7 +308,7 @@ def _gain_json(gain: Gain) -> dict[str, Any]:
     }
 
 
-def _place_json(surface: Surface) -> dict[str, Any]:
+def _place_json(surface: SegmentResult) -> dict[str, Any]:
     return {
         "recording": surface.recording,
         "from_s": surface.from_s,
@@ -326,18 +326,18 @@ def _curves_json(found: Diagnosis, which: str) -> dict[str, Any] | None:
     }
 
 
-def held_back(found: Diagnosis, sources: Sequence[Source]) -> set[str]:
+def held_back(found: Diagnosis, input_files: Sequence[InputFile]) -> set[str]:
     """Names of the files that were held out as a whole, by the user or for want of others."""
-    named = {source.name for source in sources if source.held_out}
-    if named or found.gain is None or len(sources) < 2:
+    named = {input_file.name for input_file in input_files if input_file.held_out}
+    if named or found.gain is None or len(input_files) < 2:
         return named
     return {recording for recording, _, _ in found.gain.spans}
 
 
-def longest_surface(found: Diagnosis) -> Surface | None:
+def longest_surface(found: Diagnosis) -> SegmentResult | None:
     """The surface that lasts longest, the first of several; None without any."""
     return max(found.surfaces, key=lambda s: s.to_s - s.from_s, default=None)
 
 
-def _measured(value: Value) -> str:
+def _measured(value: ParameterValue) -> str:
     return measured(value.value, value.std, value.unit)

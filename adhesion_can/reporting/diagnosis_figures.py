@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.formatting import channel_name, short, unit_text
-from adhesion_can.diagnosis.result import CurveData, Gain, Picture, Profile, Surface
+from adhesion_can.diagnosis.formatting import short, unit_text
+from adhesion_can.diagnosis.result import CurveData, Gain, Profile, SegmentResult, SimulationPlot
 from adhesion_can.physics.burckhardt import adhesion
+from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.reporting.charts import (
     AT_MOST,
@@ -72,19 +73,23 @@ def gain_figure(gain: Gain) -> Figure:
     return Figure(caption, data, layout, 210)
 
 
-def picture_figure(picture: Picture, *, extended: bool) -> Figure:
+def simulation_figure(simulation_plot: SimulationPlot, *, extended: bool) -> Figure:
     """Wheel speed and adhesion of one axle: measured, before and, where extended, after."""
-    t = picture.time_s
+    t = simulation_plot.time_s
     data: list[Trace] = []
     measured, before, after = (
-        picture.wheel_speed,
-        picture.simulated_before,
-        picture.simulated_after,
+        simulation_plot.wheel_speed,
+        simulation_plot.simulated_before,
+        simulation_plot.simulated_after,
     )
     panels = (
         (measured, before, after),
         (None, before - measured, after - measured),
-        (picture.adhesion, picture.predicted_before, picture.predicted_after),
+        (
+            simulation_plot.adhesion,
+            simulation_plot.predicted_before,
+            simulation_plot.predicted_after,
+        ),
     )
     for row, (seen, was, now) in enumerate(panels):
         shown = [(_MEASURED, seen)] if seen is not None else []
@@ -103,9 +108,9 @@ def picture_figure(picture: Picture, *, extended: bool) -> Figure:
     height = 560
     layout = rows(axes, "time, s", height)
     caption = (
-        f"{picture.recording}, axle {picture.axle}, measured against simulated. Wheel speed is "
+        f"{simulation_plot.recording}, axle {simulation_plot.axle}, measured against simulated. Wheel speed is "
         f"simulated from the measured effort and vehicle speed, begun anew every "
-        f"{picture.restart_s:g} s; adhesion is predicted from the measured slip."
+        f"{simulation_plot.restart_s:g} s; adhesion is predicted from the measured slip."
     )
     return Figure(caption, data, layout, height)
 
@@ -147,7 +152,7 @@ def profile_figure(profile: Profile) -> Figure:
         }
     )
     unit = unit_text(profile.unit)
-    name = channel_name(profile.channel)
+    name = channel_label(profile.channel)
     layout = {
         "xaxis": {"title": {"text": f"{name}, {unit}" if unit else name}},
         "yaxis": {
@@ -164,7 +169,7 @@ def profile_figure(profile: Profile) -> Figure:
     return Figure(caption, data, layout, 380)
 
 
-def curve_figure(surface: Surface, curves: CurveData, *, extended: bool) -> Figure:
+def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -> Figure:
     """Curve and data of one surface: as measured and, where extended, with the effects out."""
     clouds = [(surface.base, _BEFORE, curves.slip, curves.adhesion)]
     if extended:

@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-from adhesion_can.diagnosis.formatting import channel_name, effect_name, measured, short, title
-from adhesion_can.diagnosis.result import Diagnosis, Surface
+from adhesion_can.diagnosis.formatting import effect_name, measured, short, title
+from adhesion_can.diagnosis.result import Diagnosis, SegmentResult
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.base import Parameter
 from adhesion_can.physics.effects.empirical import Empirical
@@ -12,7 +13,7 @@ from adhesion_can.physics.estimate import Estimate
 from adhesion_can.reporting.diagnosis import (
     CHANNEL_COLUMNS,
     EVIDENCE_COLUMNS,
-    Source,
+    InputFile,
     cause_rows,
     channel_rows,
     evidence_rows,
@@ -24,7 +25,7 @@ from adhesion_can.reporting.diagnosis import (
 from adhesion_can.reporting.diagnosis_figures import (
     curve_figure,
     gain_figure,
-    picture_figure,
+    simulation_figure,
     profile_figure,
 )
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
@@ -35,7 +36,7 @@ Parts = list[Text | Items | Table | Figure]
 
 def page(
     found: Diagnosis,
-    sources: Sequence[Source],
+    input_files: Sequence[InputFile],
     provenance: Mapping[str, str],
     problems: Sequence[str] = (),
 ) -> Page:
@@ -59,19 +60,19 @@ def page(
         "What would separate the rivals": _needed(found),
         "What could not be tested": _untested(found),
         "Extended model": _model(found),
-        "Inputs": _inputs(found, sources, problems),
+        "Inputs": _inputs(found, input_files, problems),
     }
     return Page(
         title="What the simulation gets wrong, and why",
-        lead=_lead(sources, held_back(found, sources)),
+        lead=_lead(input_files, held_back(found, input_files)),
         verdict=verdict_sentences(found),
         sections=[Section(name, parts) for name, parts in sections.items()],
         provenance=provenance,
     )
 
 
-def _lead(sources: Sequence[Source], held: set[str]) -> str:
-    used = [source.name for source in sources if source.name not in held]
+def _lead(input_files: Sequence[InputFile], held: set[str]) -> str:
+    used = [input_file.name for input_file in input_files if input_file.name not in held]
     told = f"Diagnosis of {', '.join(used)}"
     if held:
         told += f"; held out for the gain: {', '.join(sorted(held))}"
@@ -114,9 +115,12 @@ def _gain(found: Diagnosis) -> Parts:
 
 
 def _pictures(found: Diagnosis) -> Parts:
-    if not found.pictures:
+    if not found.simulation_plots:
         return [Text("There is no stretch to show.")]
-    return [picture_figure(picture, extended=extends(found)) for picture in found.pictures]
+    return [
+        simulation_figure(simulation_plot, extended=extends(found))
+        for simulation_plot in found.simulation_plots
+    ]
 
 
 def _profile(found: Diagnosis) -> Parts:
@@ -135,7 +139,7 @@ def _curve(found: Diagnosis) -> Parts:
     return parts or [Text("No curve could be fitted.")]
 
 
-def _surface_table(surfaces: Sequence[Surface], *, extended: bool) -> Table:
+def _surface_table(surfaces: Sequence[SegmentResult], *, extended: bool) -> Table:
     def cells(e: Estimate) -> tuple[str, ...]:
         known = e.identifiable
         return (
@@ -250,15 +254,15 @@ def _cell(parameter: Parameter, value: float, std: float) -> str:
 def _spline(spline: Empirical) -> str:
     low, high = spline.knots[0], spline.knots[-1]
     return (
-        f"Empirical: adhesion is multiplied by a curve over {channel_name(spline.channel)}, a "
+        f"Empirical: adhesion is multiplied by a curve over {channel_label(spline.channel)}, a "
         f"cubic spline with {len(spline.coefficients)} coefficients from {short(low)} to "
         f"{short(high)}. "
         "It says what was seen and not why; beyond this range it stays at its last value."
     )
 
 
-def _inputs(found: Diagnosis, sources: Sequence[Source], problems: Sequence[str]) -> Parts:
-    held = held_back(found, sources)
+def _inputs(found: Diagnosis, input_files: Sequence[InputFile], problems: Sequence[str]) -> Parts:
+    held = held_back(found, input_files)
     rows = [
         (
             s.name,
@@ -266,7 +270,7 @@ def _inputs(found: Diagnosis, sources: Sequence[Source], problems: Sequence[str]
             str(found.samples.get(s.name, 0)),
             s.sha256,
         )
-        for s in sources
+        for s in input_files
     ]
     parts: Parts = [Table("Files, and the rows of them that were used.", _INPUT_COLUMNS, rows)]
     lost = [f"{count}: {reason}" for reason, count in found.lost.items() if count]

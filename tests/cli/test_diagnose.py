@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adhesion_can.cli.diagnose import command_of
+from adhesion_can.cli.diagnose import build_command_line
 from adhesion_can.cli.main import build_parser, main
 from adhesion_can.config.model_file import read_model
 from adhesion_can.diagnosis.result import Verdict
@@ -143,14 +143,14 @@ def test_the_command_that_is_told_repeats_it(logs, tmp_path):
     first = build_parser().parse_args(words[1:])
     assert first.inputs == logs
     assert first.json == str(result)
-    assert command_of(first) == command
+    assert build_command_line(first) == command
 
 
 @pytest.mark.parametrize("name", ["-x.log", "a b.log", "it's.log", "$(x).log", "ä.log"])
 def test_the_command_survives_names_of_files(name):
     arguments = ["diagnose", f"./{name}", "o.log", "--holdout", f"./h{name}", "--json", "-"]
     first = build_parser().parse_args([*arguments, "--html", f"./{name}.html"])
-    again = build_parser().parse_args(shlex.split(command_of(first))[1:])
+    again = build_parser().parse_args(shlex.split(build_command_line(first))[1:])
     assert vars(again) == vars(first)
 
 

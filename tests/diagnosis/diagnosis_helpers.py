@@ -1,4 +1,4 @@
-"""Small courses, tables and logs made by the tests' own formulas."""
+"""Small drives, tables and logs made by the tests' own formulas."""
 
 import contextlib
 import io
@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from adhesion_can.cli.main import main
-from adhesion_can.diagnosis.drive.from_table import course_of_table
-from adhesion_can.diagnosis.drive.from_traces import course_of
+from adhesion_can.diagnosis.drive.from_table import build_drive_data_from_table
+from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.vehicle import Locomotive
@@ -27,7 +27,7 @@ def burckhardt(slip, c1=C1, c2=C2, c3=C3):
     return np.sign(slip) * (c1 * (1 - np.exp(-c2 * size)) - c3 * size)
 
 
-class Drive:
+class SyntheticDrive:
     """A drive of any number of axles in closed form: creep 0..top and back, traction and braking.
 
     Everything is smooth and known with its derivative, at the stamps that are asked for.
@@ -81,10 +81,12 @@ class Drive:
         )
         return found
 
-    def course(self, rng=None, vehicle=None, **how):
-        """Course of its traces."""
+    def build_drive_data(self, rng=None, vehicle=None, **how):
+        """Drive data of its traces."""
         traces = how.pop("traces", None) or self.traces(rng, **how)
-        return course_of("drive", traces, vehicle or Locomotive(), V_MIN, SLIP_MAX)
+        return build_drive_data_from_traces(
+            "drive", traces, vehicle or Locomotive(), V_MIN, SLIP_MAX
+        )
 
 
 def samples(slip, adhesion, t_s=None, *, axle=None, speed=None, load=None, covariates=None):
@@ -113,9 +115,11 @@ def samples(slip, adhesion, t_s=None, *, axle=None, speed=None, load=None, covar
     )
 
 
-def table_course(slip, adhesion, t_s=None, *, segment=None, **how):
-    """Course of a TABLE."""
-    return course_of_table("table", samples(slip, adhesion, t_s, **how), segment, SLIP_MAX)
+def build_table_drive(slip, adhesion, t_s=None, *, segment=None, **how):
+    """Drive data of a TABLE."""
+    return build_drive_data_from_table(
+        "table", samples(slip, adhesion, t_s, **how), segment, SLIP_MAX
+    )
 
 
 def sweeps(rng, rows=4000, step_s=0.05, top=0.11, std=0.01):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.physics.instruments import Instruments
-from tests.diagnosis.diagnosis_helpers import burckhardt, table_course
+from tests.diagnosis.diagnosis_helpers import build_table_drive, burckhardt
 
 N = 600
 
@@ -22,9 +22,9 @@ def columns(seed=1, n=N):
     }
 
 
-def course(given, t_s, axle=None, segment=None, **covariates):
+def drive(given, t_s, axle=None, segment=None, **covariates):
     number = np.arange(len(t_s), dtype=float)
-    return table_course(
+    return build_table_drive(
         given["slip"],
         given["adhesion"],
         t_s,
@@ -68,7 +68,7 @@ TIMES = {
 def test_rows_stand_as_the_table_has_them(kind):
     given = columns()
     t_s, axle = TIMES[kind]
-    made = course(given, t_s, axle)
+    made = drive(given, t_s, axle)
     assert len(made) == N
     assert sorted(made.covariates["row"]) == list(range(N))
     same_rows(made, given)
@@ -81,7 +81,7 @@ def test_rows_out_of_range_are_left_out_and_counted():
     given["load"][12:16] = -5.0
     given["speed"][16] = np.nan
     given["load"][17] = np.nan
-    made = course(given, np.arange(N) * 0.01)
+    made = drive(given, np.arange(N) * 0.01)
     assert len(made) == N - 18
     assert sum(made.lost.values()) == 18
     same_rows(made, given)
@@ -89,7 +89,7 @@ def test_rows_out_of_range_are_left_out_and_counted():
 
 def test_times_only_run_forwards_and_pauses_stay_apart():
     t = np.concatenate([np.arange(200) * 0.01, 50 + np.arange(200) * 0.01, np.arange(200) * 0.01])
-    made = course(columns(), t)
+    made = drive(columns(), t)
     step = np.diff(made.t_s)
     cuts = np.flatnonzero(step > 1.0) + 1
     assert cuts.tolist() == [200, 400]
@@ -103,13 +103,13 @@ def test_times_only_run_forwards_and_pauses_stay_apart():
 
 def test_segments_are_not_joined():
     t = np.arange(N) * 0.01
-    made = course(columns(), t, segment=np.arange(N) // 150)
+    made = drive(columns(), t, segment=np.arange(N) // 150)
     assert (np.flatnonzero(np.diff(made.t_s) > 1.0) + 1).tolist() == [150, 300, 450]
 
 
 @pytest.mark.parametrize("numbers", [(2, 5, 6), (0, 1, 2), (-4, 3, 10), (1, 2, 900)])
 def test_axles_keep_their_numbers_where_these_can_be_axles_and_stand_together(numbers):
-    made = course(columns(), np.arange(N) * 0.01, axle=np.array(numbers)[np.arange(N) % 3])
+    made = drive(columns(), np.arange(N) * 0.01, axle=np.array(numbers)[np.arange(N) % 3])
     plausible = min(numbers) > 0 and max(numbers) < 100
     assert np.unique(made.axle).tolist() == (list(numbers) if plausible else [1, 2, 3])
     assert len(made.radius) == made.axle.max()
@@ -126,7 +126,7 @@ def test_a_covariate_with_a_hole_is_not_used():
     holed[5] = np.nan
     infinite = x.copy()
     infinite[9] = np.inf
-    made = course(columns(), np.arange(N) * 0.01, whole=x, holed=holed, infinite=infinite)
+    made = drive(columns(), np.arange(N) * 0.01, whole=x, holed=holed, infinite=infinite)
     assert set(made.covariates) == {"row", "whole"}
 
 
@@ -135,16 +135,16 @@ def test_a_hole_beside_the_rows_that_are_used_does_no_harm():
     given["slip"][3] = 0.9
     holed = np.ones(N)
     holed[3] = np.nan
-    made = course(given, np.arange(N) * 0.01, holed=holed)
+    made = drive(given, np.arange(N) * 0.01, holed=holed)
     assert "holed" in made.covariates
 
 
 def test_without_speed_and_load_it_says_so():
     slip = columns()["slip"]
-    bare = table_course(slip, burckhardt(slip))
+    bare = build_table_drive(slip, burckhardt(slip))
     assert not bare.has_speed
     assert not bare.has_load
-    full = course(columns(), np.arange(N) * 0.01)
+    full = drive(columns(), np.arange(N) * 0.01)
     assert full.has_speed
     assert full.has_load
 
@@ -155,7 +155,7 @@ def test_a_late_effort_is_read_later_along_its_own_axle():
     t = np.arange(N) * 0.01
     given["speed"][:], given["load"][:] = 10.0, 4000.0
     given["slip"] = 0.1 * np.sin(2 * np.pi * t / 3)
-    made = course(given, t)
+    made = drive(given, t)
     seen = made.observe(Instruments(effort_delay=0.05))
     assert seen.slip[5:] == pytest.approx(0.1 * np.sin(2 * np.pi * (t[5:] - 0.05) / 3), abs=1e-9)
     assert seen.adhesion == pytest.approx(given["adhesion"], abs=1e-9)
@@ -171,7 +171,7 @@ def test_any_times_and_axles_give_every_row_once(times, axles, seed):
     rng = np.random.default_rng(seed)
     n = len(times)
     given = columns(seed, n)
-    made = course(given, np.array(times), rng.integers(0, axles, n), rng.integers(0, 3, n))
+    made = drive(given, np.array(times), rng.integers(0, axles, n), rng.integers(0, 3, n))
     assert sorted(made.covariates["row"]) == list(range(n))
     for number in np.unique(made.axle):
         assert (np.diff(made.t_s[made.axle == number]) >= 0).all()
@@ -181,6 +181,6 @@ def test_any_times_and_axles_give_every_row_once(times, axles, seed):
 
 @pytest.mark.parametrize("rows", [0, 1, 2])
 def test_hardly_any_rows(rows):
-    made = course(columns(1, rows), np.arange(rows) * 0.01)
+    made = drive(columns(1, rows), np.arange(rows) * 0.01)
     assert len(made) == rows
     assert len(made.observe().slip) == rows

@@ -7,22 +7,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.diagnosis.drive.from_traces import course_of
+from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
 from adhesion_can.diagnosis.drive.smoothing import (
     SPEED_WINDOWS_S,
     WHEEL_WINDOWS_S,
-    Smooth,
-    covers,
-    pulled,
-    rough,
-    smoothed,
+    SmoothedSignal,
+    high_pass,
+    is_covered,
+    predict_speed_from_efforts,
+    smooth_signal,
 )
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.readings import Reading, Role
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.former import SampleFormer
 from adhesion_can.sampling.traces import Trace
-from tests.diagnosis.diagnosis_helpers import N0, SLIP_MAX, V_MIN, Drive, J, R
+from tests.diagnosis.diagnosis_helpers import N0, SLIP_MAX, V_MIN, J, R, SyntheticDrive
 
 # --- smoothing
 
@@ -35,11 +35,11 @@ def trace_of(values, cycle_ms=20, start_us=0, kept=None):
 
 def test_a_parabola_stays_as_it_is():
     t = np.arange(400) * 0.02
-    found = smoothed(trace_of(3 + 2 * t - 0.1 * t**2), 0, SPEED_WINDOWS_S)
+    found = smooth_signal(trace_of(3 + 2 * t - 0.1 * t**2), 0, SPEED_WINDOWS_S)
     assert found.value == pytest.approx(3 + 2 * t - 0.1 * t**2, abs=1e-9)
     assert found.rate == pytest.approx(2 - 0.2 * t, abs=1e-7)
     assert found.std == pytest.approx(0, abs=1e-9)
-    assert not len(found.breaks)
+    assert not len(found.gaps)
 
 
 @pytest.mark.parametrize("period_s", [1.5, 6.0, 40.0])
@@ -52,9 +52,11 @@ def test_the_window_that_is_chosen_is_about_the_best_one(period_s):
     for _ in range(5):
         trace = trace_of(true + 0.01 * rng.standard_normal(len(t)))
         inside = slice(200, -200)
-        each = [np.std((smoothed(trace, 0, [w]).value - true)[inside]) for w in SPEED_WINDOWS_S]
+        each = [
+            np.std((smooth_signal(trace, 0, [w]).value - true)[inside]) for w in SPEED_WINDOWS_S
+        ]
         errors.append(min(each))
-        chosen.append(np.std((smoothed(trace, 0, SPEED_WINDOWS_S).value - true)[inside]))
+        chosen.append(np.std((smooth_signal(trace, 0, SPEED_WINDOWS_S).value - true)[inside]))
     assert np.mean(chosen) < 1.2 * np.mean(errors)
 
 
@@ -67,20 +69,22 @@ def test_the_stated_std_is_that_of_the_smoothed_value(noise, period_s):
     rng = np.random.default_rng(2)
     stated, seen = [], []
     for _ in range(12):
-        found = smoothed(trace_of(true + noise * rng.standard_normal(len(t))), 0, SPEED_WINDOWS_S)
+        found = smooth_signal(
+            trace_of(true + noise * rng.standard_normal(len(t))), 0, SPEED_WINDOWS_S
+        )
         stated.append(found.std)
         seen.append(np.mean((found.value - true)[200:-200] ** 2))
     assert np.mean(stated) == pytest.approx(np.sqrt(np.mean(seen)), rel=0.25)
 
 
 def test_the_rate_of_a_wheel_is_its_acceleration():
-    drive = Drive(20.0)
+    synthetic = SyntheticDrive(20.0)
     t = np.arange(0, 20, 0.01)
     rng = np.random.default_rng(3)
-    values = drive.wheel_speed(1, t) + 0.003 * rng.standard_normal(len(t))
-    found = smoothed(trace_of(values, 10), 0, WHEEL_WINDOWS_S)
+    values = synthetic.wheel_speed(1, t) + 0.003 * rng.standard_normal(len(t))
+    found = smooth_signal(trace_of(values, 10), 0, WHEEL_WINDOWS_S)
     inside = slice(20, -20)
-    error = (found.rate - drive.wheel_accel(1, found.t_s))[inside]
+    error = (found.rate - synthetic.wheel_accel(1, found.t_s))[inside]
     # Of what a wheelset's inertia makes of it, a hundredth of the load is the effort's own noise.
     assert np.std(error) * J / R / N0 < 0.3 * 0.01
 
@@ -89,19 +93,19 @@ def test_a_gap_is_not_smoothed_over():
     """A step hidden in a gap stays a step: no value near it knows of the other side."""
     values = np.where(np.arange(1000) < 500, 5.0, 9.0)
     kept = (np.arange(1000) < 480) | (np.arange(1000) > 520)
-    found = smoothed(trace_of(values, kept=kept), 0, SPEED_WINDOWS_S)
+    found = smooth_signal(trace_of(values, kept=kept), 0, SPEED_WINDOWS_S)
     assert set(np.round(found.value, 9)) == {5.0, 9.0}
-    assert found.breaks == pytest.approx(np.array([[479 * 0.02, 521 * 0.02]]))
+    assert found.gaps == pytest.approx(np.array([[479 * 0.02, 521 * 0.02]]))
     ends = np.array([9.0, 9.9, 10.2, 9.3, 10.5])
     starts = ends - 0.3
-    assert covers(found, starts, ends).tolist() == [True, False, False, True, False]
+    assert is_covered(found, starts, ends).tolist() == [True, False, False, True, False]
 
 
 def test_values_not_available_are_a_gap():
     values = np.full(1000, 5.0)
     values[480:521] = np.nan
-    found = smoothed(trace_of(values), 0, SPEED_WINDOWS_S)
-    assert len(found.breaks) == 1
+    found = smooth_signal(trace_of(values), 0, SPEED_WINDOWS_S)
+    assert len(found.gaps) == 1
     assert np.isfinite(found.value).all()
     assert found.std == pytest.approx(0, abs=1e-12)
 
@@ -110,26 +114,26 @@ def test_stretches_too_short_for_the_window_are_left_out_and_are_a_gap():
     kept = np.ones(1000, dtype=bool)
     kept[400:440] = kept[443:480] = False
     t = np.arange(1000) * 0.02
-    found = smoothed(trace_of(np.sin(t / 5), kept=kept), 0, SPEED_WINDOWS_S)
+    found = smooth_signal(trace_of(np.sin(t / 5), kept=kept), 0, SPEED_WINDOWS_S)
     assert not ((found.t_s > 8.3) & (found.t_s < 9.1)).any()
-    assert len(found.breaks) == 1
+    assert len(found.gaps) == 1
 
 
 @pytest.mark.parametrize("rows", [0, 1, 7])
 def test_too_little_gives_nothing(rows):
-    assert smoothed(trace_of(np.ones(rows)), 0, SPEED_WINDOWS_S) is None
-    assert pulled(trace_of(np.ones(rows)), 0, []) is None
+    assert smooth_signal(trace_of(np.ones(rows)), 0, SPEED_WINDOWS_S) is None
+    assert predict_speed_from_efforts(trace_of(np.ones(rows)), 0, []) is None
 
 
 def test_all_in_pieces_gives_nothing():
     kept = np.arange(1000) % 8 < 4
-    assert smoothed(trace_of(np.ones(1000), kept=kept), 0, SPEED_WINDOWS_S) is None
+    assert smooth_signal(trace_of(np.ones(1000), kept=kept), 0, SPEED_WINDOWS_S) is None
 
 
 def brute(smooth, a, b):
     if not len(smooth.t_s) or a < smooth.t_s[0] or b > smooth.t_s[-1]:
         return False
-    return not any(first < b and last > a for first, last in smooth.breaks)
+    return not any(first < b and last > a for first, last in smooth.gaps)
 
 
 @settings(max_examples=60)
@@ -138,12 +142,14 @@ def test_covers_is_what_it_says(there, seed):
     t = np.flatnonzero(there) * 1.0
     cuts = np.flatnonzero(np.diff(t) > 1) + 1
     breaks = np.stack([t[cuts - 1], t[cuts]], axis=1) if len(cuts) else np.empty((0, 2))
-    smooth = Smooth(t, t, t, 0.0, breaks)
+    smooth = SmoothedSignal(t, t, t, 0.0, breaks)
     rng = np.random.default_rng(seed)
     # Half steps too: between two readings.
     a = rng.integers(-2, 2 * len(there) + 2, 30) / 2
     b = a + rng.integers(0, 12, 30) / 2
-    assert covers(smooth, a, b).tolist() == [brute(smooth, *ab) for ab in zip(a, b, strict=True)]
+    assert is_covered(smooth, a, b).tolist() == [
+        brute(smooth, *ab) for ab in zip(a, b, strict=True)
+    ]
 
 
 # --- what the efforts explain of the speed
@@ -158,18 +164,18 @@ def test_the_efforts_take_the_fast_part_of_the_speed_off():
     mass = 400e3
     moved = np.concatenate([[0], np.cumsum(0.005 * (force[1:] + force[:-1]))]) / mass
     speed = (slow + moved)[::2] + 0.01 * rng.standard_normal(3000)
-    efforts = [Smooth(t, force / 6, 0 * t, 0.0, np.empty((0, 2))) for _ in range(6)]
-    part = pulled(trace_of(speed), 0, efforts)
+    efforts = [SmoothedSignal(t, force / 6, 0 * t, 0.0, np.empty((0, 2))) for _ in range(6)]
+    part = predict_speed_from_efforts(trace_of(speed), 0, efforts)
     t_v = t[::2]
     assert np.ptp((part - moved[::2]) - np.polyval(np.polyfit(t_v, part - moved[::2], 1), t_v)) < (
         0.05 * np.ptp(moved)
     )
-    with_it = smoothed(trace_of(speed), 0, SPEED_WINDOWS_S, part)
-    without = smoothed(trace_of(speed), 0, SPEED_WINDOWS_S)
+    with_it = smooth_signal(trace_of(speed), 0, SPEED_WINDOWS_S, part)
+    without_it = smooth_signal(trace_of(speed), 0, SPEED_WINDOWS_S)
     true = (slow + moved)[::2]
-    error, plain = (np.std((s.value - true)[200:-200]) for s in (with_it, without))
+    error, plain = (np.std((s.value - true)[200:-200]) for s in (with_it, without_it))
     assert error < 0.8 * plain
-    assert with_it.window_s > without.window_s
+    assert with_it.window_s > without_it.window_s
     assert with_it.std == pytest.approx(error, rel=0.4)
 
 
@@ -177,22 +183,22 @@ def test_efforts_that_pull_backwards_explain_nothing():
     t = np.arange(3000) * 0.02
     force = 1e5 * np.sin(t)
     speed = 10 + 1e-5 * force.cumsum() * -0.02
-    efforts = [Smooth(t, force, 0 * t, 0.0, np.empty((0, 2)))]
-    assert pulled(trace_of(speed), 0, efforts) == pytest.approx(0.0)
+    efforts = [SmoothedSignal(t, force, 0 * t, 0.0, np.empty((0, 2)))]
+    assert predict_speed_from_efforts(trace_of(speed), 0, efforts) == pytest.approx(0.0)
 
 
 def test_the_fast_part_of_a_steady_signal_is_nothing():
     t = np.arange(3000) * 0.01
-    ((_, fast),) = rough(trace_of(20 + 0.5 * t, 10), 0)
+    ((_, fast),) = high_pass(trace_of(20 + 0.5 * t, 10), 0)
     assert fast == pytest.approx(0, abs=1e-9)
 
 
 def test_the_fast_part_knows_of_gaps():
     t = np.arange(3000) * 0.01
     values = 20 + 5 * np.sin(2 * np.pi * t / 8)
-    ((_, whole),) = rough(trace_of(values, 10), 0)
+    ((_, whole),) = high_pass(trace_of(values, 10), 0)
     kept = (np.arange(3000) % 800) < 600
-    holed = rough(trace_of(values, 10, kept=kept), 0)
+    holed = high_pass(trace_of(values, 10, kept=kept), 0)
     assert [len(stamps) for stamps, _ in holed] == [600, 600, 600, 600]
     assert max(np.abs(fast).max() for _, fast in holed) < 2 * np.abs(whole).max()
 
@@ -201,63 +207,63 @@ def test_the_fast_part_knows_of_gaps():
 
 
 @pytest.fixture(scope="module")
-def drive():
-    return Drive(40.0)
+def synthetic():
+    return SyntheticDrive(40.0)
 
 
 @pytest.fixture(scope="module")
-def course(drive):
-    return drive.course()
+def drive(synthetic):
+    return synthetic.build_drive_data()
 
 
-def test_rows_are_what_equations_1_to_3_say(drive, course):
+def test_rows_are_what_equations_1_to_3_say(synthetic, drive):
     """Noise-free: the true slip and force, at the stamp of each effort."""
-    seen = course.observe()
+    seen = drive.observe()
     for axle in range(1, 7):
-        own = course.axle == axle
-        t = course.t_s[own]
+        own = drive.axle == axle
+        t = drive.t_s[own]
         assert np.diff(t) == pytest.approx(0.01, abs=1e-9)
-        slip, load, speed = drive.slip(axle, t), drive.load(axle, t), drive.speed(t)
-        force = drive.effort(axle, t) - J * drive.wheel_accel(axle, t) / R
+        slip, load, speed = synthetic.slip(axle, t), synthetic.load(axle, t), synthetic.speed(t)
+        force = synthetic.effort(axle, t) - J * synthetic.wheel_accel(axle, t) / R
         assert seen.slip[own] == pytest.approx(slip, abs=3e-4)
         assert seen.speed[own] == pytest.approx(speed, rel=2e-4)
         assert seen.creep_speed[own] == pytest.approx(slip * speed, abs=5e-3)
         assert seen.load[own] == pytest.approx(load, rel=1e-3)
         assert seen.adhesion[own] == pytest.approx(force / load, abs=3e-3)
-    assert course.first_us == 5_000_000
-    assert set(np.unique(course.axle)) == set(range(1, 7))
+    assert drive.first_us == 5_000_000
+    assert set(np.unique(drive.axle)) == set(range(1, 7))
 
 
-def test_instruments_are_taken_out_as_they_are_defined(course):
+def test_instruments_are_taken_out_as_they_are_defined(drive):
     wrong = Instruments(
         radius_error={2: 0.01}, inertia_error=300.0, speed_error=0.02, effort_bias=4000.0
     )
-    seen = course.observe(wrong)
-    k = course.source(0.0, 0.0)
-    r = np.where(course.axle == 2, R * 1.01, R)
+    seen = drive.observe(wrong)
+    k = drive.kinematics(0.0, 0.0)
+    r = np.where(drive.axle == 2, R * 1.01, R)
     v = k.speed / 1.02
     assert seen.slip == pytest.approx((r * k.wheel_speed - v) / v, rel=1e-12)
-    force = course.effort - 4000.0 - (J + 300.0) * k.wheel_accel / r
+    force = drive.effort - 4000.0 - (J + 300.0) * k.wheel_accel / r
     assert seen.adhesion == pytest.approx(force / k.load, rel=1e-12)
-    assert course.observe(PERFECT).slip == pytest.approx(course.observe().slip)
+    assert drive.observe(PERFECT).slip == pytest.approx(drive.observe().slip)
 
 
 @pytest.mark.parametrize(("speed_delay", "effort_delay"), [(0.3, 0.0), (0.0, 0.12), (0.4, 0.2)])
-def test_delays_bring_the_true_values_together(drive, speed_delay, effort_delay):
+def test_delays_bring_the_true_values_together(synthetic, speed_delay, effort_delay):
     """Readings that come late, and a course that is told so: the true slip at the true force."""
-    traces = drive.traces()
+    traces = synthetic.traces()
     late = {Role.VEHICLE_SPEED: speed_delay, Role.TRACTIVE_EFFORT: effort_delay}
     traces = {
         key: Trace(t.t_us + round(1e6 * late.get(key[0], 0.0)), t.value)
         for key, t in traces.items()
     }
-    made = drive.course(traces=traces)
+    made = synthetic.build_drive_data(traces=traces)
     seen = made.observe(Instruments(speed_delay=speed_delay, effort_delay=effort_delay))
     own = made.axle == 3
     t = made.t_s[own] - effort_delay
-    assert seen.slip[own] == pytest.approx(drive.slip(3, t), abs=5e-4)
-    force = drive.effort(3, t) - J * drive.wheel_accel(3, t) / R
-    assert seen.adhesion[own] == pytest.approx(force / drive.load(3, t), abs=3e-3)
+    assert seen.slip[own] == pytest.approx(synthetic.slip(3, t), abs=5e-4)
+    force = synthetic.effort(3, t) - J * synthetic.wheel_accel(3, t) / R
+    assert seen.adhesion[own] == pytest.approx(force / synthetic.load(3, t), abs=3e-3)
 
 
 def former_samples(traces, vehicle):
@@ -280,26 +286,26 @@ def former_samples(traces, vehicle):
     return {(s.t_us, s.axle): s for s in samples}
 
 
-def compared(traces, vehicle, course):
+def compared(traces, vehicle, drive):
     """Slip, adhesion and load of both ways at the stamps that both have."""
     others = former_samples(traces, vehicle)
-    seen = course.observe()
-    stamps = np.round(course.t_s * 1e6).astype(int) + course.first_us
+    seen = drive.observe()
+    stamps = np.round(drive.t_s * 1e6).astype(int) + drive.first_us
     pairs = [
         (seen.slip[i], s.slip, seen.adhesion[i], s.adhesion, seen.load[i], s.load)
-        for i, key in enumerate(zip(stamps.tolist(), course.axle.tolist(), strict=True))
+        for i, key in enumerate(zip(stamps.tolist(), drive.axle.tolist(), strict=True))
         if (s := others.get(key)) is not None
     ]
-    assert len(pairs) > 0.95 * len(course)
+    assert len(pairs) > 0.95 * len(drive)
     return np.array(pairs).T
 
 
 def test_rows_are_close_to_those_of_the_sample_former():
-    drive = Drive(12.0)
+    synthetic = SyntheticDrive(12.0)
     rng = np.random.default_rng(6)
-    traces = drive.traces(rng)
+    traces = synthetic.traces(rng)
     slip, other_slip, mu, other_mu, load, other_load = compared(
-        traces, Locomotive(), drive.course(traces=traces)
+        traces, Locomotive(), synthetic.build_drive_data(traces=traces)
     )
     # The former does not smooth: its noise of the speed is 0.01 m/s at 12 m/s and more.
     assert np.std(slip - other_slip) < 1.5e-3
@@ -313,17 +319,17 @@ def test_rows_are_close_to_those_of_the_sample_former():
     [False, True],
 )
 def test_loads_that_are_not_measured_are_those_of_the_sample_former(reverse):
-    drive = Drive(12.0)
-    traces = drive.traces(loads=False, reverse=reverse)
-    *_, load, other_load = compared(traces, Locomotive(), drive.course(traces=traces))
+    synthetic = SyntheticDrive(12.0)
+    traces = synthetic.traces(loads=False, reverse=reverse)
+    *_, load, other_load = compared(traces, Locomotive(), synthetic.build_drive_data(traces=traces))
     assert np.ptp(other_load) > 20e3
     assert load == pytest.approx(other_load, rel=0.01)
 
 
-def test_places_count_from_the_leading_axle(drive):
-    forward = drive.course()
+def test_places_count_from_the_leading_axle(synthetic):
+    forward = synthetic.build_drive_data()
     assert (forward.place == forward.axle).all()
-    backward = drive.course(reverse=True)
+    backward = synthetic.build_drive_data(reverse=True)
     assert (backward.place == 7 - backward.axle).all()
     # The leading axle is ahead on the rail, whichever it is.
     for made, leading, last in ((forward, 1, 6), (backward, 6, 1)):
@@ -334,66 +340,73 @@ def test_places_count_from_the_leading_axle(drive):
         assert at[leading] - at[last] == pytest.approx(14.1, abs=0.01)
 
 
-def test_a_turn_on_the_way_changes_places(drive):
-    traces = drive.traces()
+def test_a_turn_on_the_way_changes_places(synthetic):
+    traces = synthetic.traces()
     stamps = 5_000_000 + np.array([0, 20_000_000], dtype=np.int64)
     traces[Role.DIRECTION, 0] = Trace(stamps, np.array([1.0, 2.0]))
-    made = drive.course(traces=traces)
+    made = synthetic.build_drive_data(traces=traces)
     early = made.t_s < 20
     assert (made.place[early] == made.axle[early]).all()
     assert (made.place[~early] == 7 - made.axle[~early]).all()
 
 
-def test_rows_of_a_course_can_be_taken_out(course):
-    kept = np.zeros(len(course), dtype=bool)
+def test_rows_of_a_drive_can_be_selected(drive):
+    kept = np.zeros(len(drive), dtype=bool)
     kept[::7] = True
-    part = course.rows(kept)
+    part = drive.select_rows(kept)
     assert len(part) == kept.sum()
     for name in ("slip", "adhesion", "load"):
-        assert getattr(part.observe(), name) == pytest.approx(getattr(course.observe(), name)[kept])
+        assert getattr(part.observe(), name) == pytest.approx(getattr(drive.observe(), name)[kept])
 
 
 # --- what cannot be used
 
 
-def lost_of(drive, **traces):
-    made = drive.course(traces={**drive.traces(), **traces})
+def lost_of(synthetic, **traces):
+    made = synthetic.build_drive_data(traces={**synthetic.traces(), **traces})
     return made, made.lost
 
 
 def test_missing_signals_leave_an_empty_course_and_say_why():
-    drive = Drive(5.0)
+    synthetic = SyntheticDrive(5.0)
     for gone in (Role.VEHICLE_SPEED, Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT):
-        traces = {key: t for key, t in drive.traces().items() if key[0] is not gone}
-        made = drive.course(traces=traces)
+        traces = {key: t for key, t in synthetic.traces().items() if key[0] is not gone}
+        made = synthetic.build_drive_data(traces=traces)
         assert len(made) == 0
         assert sum(made.lost.values()) > 0
-    assert len(drive.course(traces={(Role.DIRECTION, 0): drive.traces()[Role.DIRECTION, 0]})) == 0
+    assert (
+        len(
+            synthetic.build_drive_data(
+                traces={(Role.DIRECTION, 0): synthetic.traces()[Role.DIRECTION, 0]}
+            )
+        )
+        == 0
+    )
     empty = Trace(np.empty(0, dtype=np.int64), np.empty(0))
-    assert len(drive.course(traces=dict.fromkeys(drive.traces(), empty))) == 0
+    assert len(synthetic.build_drive_data(traces=dict.fromkeys(synthetic.traces(), empty))) == 0
 
 
 def test_one_axle_without_wheel_speed_takes_no_other_with_it():
-    drive = Drive(10.0)
-    traces = drive.traces()
+    synthetic = SyntheticDrive(10.0)
+    traces = synthetic.traces()
     wheel = traces[Role.WHEEL_SPEED, 3]
     traces[Role.WHEEL_SPEED, 3] = Trace(wheel.t_us, np.full(len(wheel.t_us), np.nan))
     del traces[Role.TRACTIVE_EFFORT, 5]
-    made = drive.course(traces=traces)
+    made = synthetic.build_drive_data(traces=traces)
     assert set(np.unique(made.axle)) == {1, 2, 4, 6}
     assert any("axle 3" in reason for reason in made.lost)
     assert any("axle 5" in reason for reason in made.lost)
 
 
 def test_slow_and_wild_rows_are_counted():
-    drive = Drive(30.0)
-    traces = drive.traces()
+    synthetic = SyntheticDrive(30.0)
+    traces = synthetic.traces()
     v, w = traces[Role.VEHICLE_SPEED, 0], traces[Role.WHEEL_SPEED, 1]
     slow = (v.t_us >= 15_000_000) & (v.t_us < 20_000_000)
     traces[Role.VEHICLE_SPEED, 0] = Trace(v.t_us, np.where(slow, 0.5, v.value))
     wild = (w.t_us >= 25_000_000) & (w.t_us < 28_000_000)
     traces[Role.WHEEL_SPEED, 1] = Trace(w.t_us, np.where(wild, 2 * w.value, w.value))
-    made = drive.course(traces=traces)
+    made = synthetic.build_drive_data(traces=traces)
     # Five seconds, and those from which a delay would read them.
     assert made.lost["below v_min"] == pytest.approx(6 * 650, rel=0.15)
     assert made.lost["slip out of range"] >= 250
@@ -406,24 +419,24 @@ def test_slow_and_wild_rows_are_counted():
 
 @pytest.mark.parametrize("axles", [(1,), tuple(range(1, 7))])
 def test_an_implausible_load_is_left_out(axles):
-    drive = Drive(10.0)
-    traces = drive.traces()
+    synthetic = SyntheticDrive(10.0)
+    traces = synthetic.traces()
     for axle in axles:
         load = traces[Role.AXLE_LOAD, axle]
         traces[Role.AXLE_LOAD, axle] = Trace(load.t_us, 0 * load.value)
-    made = drive.course(traces=traces)
+    made = synthetic.build_drive_data(traces=traces)
     assert set(np.unique(made.axle)) == set(range(1, 7)) - set(axles)
     assert np.isfinite(made.observe().adhesion).all()
 
 
 def test_near_a_stop_no_delay_reads_a_speed_of_nothing():
     """Whatever delay is tried, the slip is formed of speeds above v_min."""
-    drive = Drive(20.0)
-    traces = drive.traces()
+    synthetic = SyntheticDrive(20.0)
+    traces = synthetic.traces()
     v = traces[Role.VEHICLE_SPEED, 0]
     stop = (v.t_us >= 14_000_000) & (v.t_us < 16_000_000)
     traces[Role.VEHICLE_SPEED, 0] = Trace(v.t_us, np.where(stop, 0.0, v.value))
-    made = drive.course(traces=traces)
+    made = synthetic.build_drive_data(traces=traces)
     assert len(made) > 1000
     for speed_delay, effort_delay in ((0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (0.0, 0.5), (0.3, 0.3)):
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -433,16 +446,16 @@ def test_near_a_stop_no_delay_reads_a_speed_of_nothing():
 
 
 def test_covariates_stand_at_the_rows():
-    drive = Drive(30.0)
+    synthetic = SyntheticDrive(30.0)
     stamps = 5_000_000 + np.arange(30, dtype=np.int64) * 1_000_000
-    traces = drive.traces()
+    traces = synthetic.traces()
     ramp = np.arange(30.0)
     traces[Role.HUMIDITY, 0] = Trace(stamps, 40 + ramp)
     traces[Role.SANDING, 0] = Trace(stamps, ramp % 2)
     holed = ramp.copy()
     holed[5:15] = np.nan
     traces[Role.RAIL_TEMPERATURE, 0] = Trace(stamps, holed)
-    made = drive.course(traces=traces)
+    made = synthetic.build_drive_data(traces=traces)
     t = np.minimum(made.t_s, 29.0)
     assert made.covariates["relative_humidity_percent"] == pytest.approx(40 + t, abs=1e-6)
     assert (made.covariates["sanding_active"] == np.floor(t + 1e-9) % 2).mean() > 0.999
@@ -451,7 +464,7 @@ def test_covariates_stand_at_the_rows():
 
 
 def test_a_vehicle_without_geometry_stands_as_it_is():
-    drive = Drive(10.0)
+    synthetic = SyntheticDrive(10.0)
     bare = replace(Locomotive(), geometry=None)
-    made = course_of("d", drive.traces(loads=False), bare, V_MIN, SLIP_MAX)
+    made = build_drive_data_from_traces("d", synthetic.traces(loads=False), bare, V_MIN, SLIP_MAX)
     assert (made.observe().load == N0).all()

@@ -4,12 +4,19 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from adhesion_can.diagnosis.inference.hold_out_gain import Held, gain_of, held_out, interval
-from adhesion_can.diagnosis.regression.model import Candidate, Model, Study, Theta
-from adhesion_can.diagnosis.regression.whitened_regression import Stage, fit
-from adhesion_can.diagnosis.regression.whitening import Stretches, Whitener
+from adhesion_can.diagnosis.inference.hold_out_gain import (
+    HoldOutResult,
+    HoldOutUnits,
+    compute_gain,
+    evaluate_hold_out,
+    gain_interval,
+)
+from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.model import Model, RegressionData, SegmentCurves
+from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
 from adhesion_can.physics.effects import effect_by_id
-from tests.diagnosis.diagnosis_helpers import burckhardt, table_course
+from tests.diagnosis.diagnosis_helpers import build_table_drive, burckhardt
 
 
 def residuals(rng, units, rows, effect, memory, spread):
@@ -32,7 +39,7 @@ def test_the_interval_covers_the_gain_of_ever_so_many_units(units, memory, sprea
     inside = []
     for _ in range(400):
         drawn = residuals(rng, units, 60, 0.8, memory, spread)
-        low, high = interval(*drawn)
+        low, high = gain_interval(*drawn)
         inside.append(low <= true <= high)
     assert 0.90 <= np.mean(inside) <= 0.99
 
@@ -41,8 +48,8 @@ def test_rows_are_no_units():
     """With noise that lasts, an interval that took each row for itself would be far too short."""
     rng = np.random.default_rng(2)
     before, after, unit = residuals(rng, 20, 200, 0.5, 0.98, 0.1)
-    by_units = np.diff(interval(before, after, unit))[0]
-    by_rows = np.diff(interval(before, after, np.arange(len(before))))[0]
+    by_units = np.diff(gain_interval(before, after, unit))[0]
+    by_rows = np.diff(gain_interval(before, after, np.arange(len(before))))[0]
     assert by_units > 2 * by_rows
 
 
@@ -51,29 +58,31 @@ def test_numbers_of_units_are_names_only():
     before, after, unit = residuals(rng, 9, 50, 0.5, 0.5, 0.1)
     order = rng.permutation(len(unit))
     named = (unit * 37 - 5)[order]
-    assert interval(before[order], after[order], named) == pytest.approx(
-        interval(before, after, unit)
+    assert gain_interval(before[order], after[order], named) == pytest.approx(
+        gain_interval(before, after, unit)
     )
 
 
 def test_a_loss_has_an_interval_below_zero():
     rng = np.random.default_rng(4)
     before, after, unit = residuals(rng, 30, 100, 1.0, 0.0, 0.0)
-    low, high = interval(after, before, unit)
+    low, high = gain_interval(after, before, unit)
     assert low < high < 0
 
 
 @pytest.mark.parametrize("units", [0, 1])
 def test_one_unit_tells_nothing(units):
     n = 50 * units
-    low, high = interval(np.ones(n), 0.5 * np.ones(n), np.zeros(n, dtype=np.int64))
+    low, high = gain_interval(np.ones(n), 0.5 * np.ones(n), np.zeros(n, dtype=np.int64))
     assert low == -np.inf
     assert high == 100.0
 
 
 def test_a_gain_is_of_the_root_of_the_mean_square():
-    held = Held(np.arange(4), np.array([3.0, -3.0, 5.0, -5.0]), np.array([1.0, 1.0, 2.0, -2.0]))
-    gain = gain_of(held, np.array([0, 0, 1, 1]), 0.5, "two", ())
+    held = HoldOutResult(
+        np.arange(4), np.array([3.0, -3.0, 5.0, -5.0]), np.array([1.0, 1.0, 2.0, -2.0])
+    )
+    gain = compute_gain(held, HoldOutUnits(np.array([0, 0, 1, 1]), "two", ()), 0.5)
     assert gain.rmse_before == pytest.approx(np.sqrt(17))
     assert gain.rmse_after == pytest.approx(np.sqrt(2.5))
     assert gain.percent == pytest.approx(100 * (1 - np.sqrt(2.5 / 17)))
@@ -83,11 +92,13 @@ def test_a_gain_is_of_the_root_of_the_mean_square():
 # --- held out
 
 
-def stage_of(course, block):
-    n, zero = len(course), np.zeros(len(course))
-    study = Study((course,), np.zeros(n, dtype=np.int64), 1)
-    whitener = Whitener(np.array([1.0]), Stretches(np.zeros(1, dtype=np.int64), n))
-    return Stage(study, np.ones(n), zero, np.zeros((n, 0)), zero, whitener, np.ones(n), block)
+def build_regression(drive, block):
+    n, zero = len(drive), np.zeros(len(drive))
+    data = RegressionData((drive,), np.zeros(n, dtype=np.int64), 1)
+    whitener = Whitener(np.array([1.0]), ContiguousRuns(np.zeros(1, dtype=np.int64), n))
+    return WhitenedRegression(
+        data, np.ones(n), zero, np.zeros((n, 0)), zero, whitener, np.ones(n), block
+    )
 
 
 def humid_table(rng, n=3000):
@@ -95,42 +106,42 @@ def humid_table(rng, n=3000):
     humidity = 65 + 20 * np.sin(2 * np.pi * t / 37)
     slip = 0.11 * np.sin(2 * np.pi * t / 7.0)
     mu = (1 - 0.006 * (humidity - 60)) * burckhardt(slip) + 0.01 * rng.standard_normal(n)
-    return table_course(slip, mu, t, covariates={"relative_humidity_percent": humidity}), t
+    return build_table_drive(slip, mu, t, covariates={"relative_humidity_percent": humidity}), t
 
 
 @pytest.mark.parametrize("other_drives", [False, True])
 def test_what_was_held_out_had_no_part_in_the_fit(other_drives):
     """Whatever stands in the rows held out, the effect that is judged stays the same."""
-    course, t = humid_table(np.random.default_rng(5))
+    drive, t = humid_table(np.random.default_rng(5))
     number = np.floor(t / 10).astype(np.int64)
     block = np.where(number % 3 == 1, -1 - number, number)
-    stage = stage_of(course, block)
-    plain = fit(stage, Model(Theta(np.array([[0.3, 3.5, 0.3]])))).model
-    extended = fit(stage, plain.with_effect(Candidate(effect_by_id("humidity")))).model
-    held = held_out(stage, plain, extended, None, other_drives=other_drives)
+    regression = build_regression(drive, block)
+    plain = fit_model(regression, Model(SegmentCurves(np.array([[0.3, 3.5, 0.3]])))).model
+    extended = fit_model(regression, plain.with_effect(Candidate(effect_by_id("humidity")))).model
+    held = evaluate_hold_out(regression, plain, extended, None, other_drives=other_drives)
     assert held.rows.tolist() == np.flatnonzero(block < 0).tolist()
     assert np.std(held.after) == pytest.approx(0.01, rel=0.1)
     assert np.std(held.before) > 1.5 * np.std(held.after)
     # Noise on top of them shows in full: nothing was fitted to it.
-    course.effort[block < 0] += 0.05 * np.random.default_rng(6).standard_normal((block < 0).sum())
-    again = fit(stage, plain.with_effect(Candidate(effect_by_id("humidity")))).model
-    assert again.vector == pytest.approx(extended.vector)
-    louder = held_out(stage, plain, again, None, other_drives=other_drives)
+    drive.effort[block < 0] += 0.05 * np.random.default_rng(6).standard_normal((block < 0).sum())
+    again = fit_model(regression, plain.with_effect(Candidate(effect_by_id("humidity")))).model
+    assert again.parameter_vector == pytest.approx(extended.parameter_vector)
+    louder = evaluate_hold_out(regression, plain, again, None, other_drives=other_drives)
     assert np.std(louder.after) == pytest.approx(np.hypot(0.01, 0.05), rel=0.1)
 
 
 def test_another_drive_has_a_rail_of_its_own():
     """Twice the adhesion on the drive held out: its own curve takes that, for both models."""
     rng = np.random.default_rng(7)
-    course, t = humid_table(rng)
+    drive, t = humid_table(rng)
     late = t > 75
-    course.effort[late] *= 2
+    drive.effort[late] *= 2
     number = np.floor(t / 10).astype(np.int64)
-    stage = stage_of(course, np.where(late, -1 - number, number))
-    plain = fit(stage, Model(Theta(np.array([[0.3, 3.5, 0.3]])))).model
-    extended = fit(stage, plain.with_effect(Candidate(effect_by_id("humidity")))).model
-    same_rail = held_out(stage, plain, extended, None, other_drives=False)
-    own_rail = held_out(stage, plain, extended, None, other_drives=True)
-    assert np.std(own_rail.after) == pytest.approx(0.02, rel=0.1)
-    assert np.std(own_rail.before) > 1.5 * np.std(own_rail.after)
-    assert np.std(same_rail.after) > 0.1
+    regression = build_regression(drive, np.where(late, -1 - number, number))
+    plain = fit_model(regression, Model(SegmentCurves(np.array([[0.3, 3.5, 0.3]])))).model
+    extended = fit_model(regression, plain.with_effect(Candidate(effect_by_id("humidity")))).model
+    same_surface = evaluate_hold_out(regression, plain, extended, None, other_drives=False)
+    own_surface = evaluate_hold_out(regression, plain, extended, None, other_drives=True)
+    assert np.std(own_surface.after) == pytest.approx(0.02, rel=0.1)
+    assert np.std(own_surface.before) > 1.5 * np.std(own_surface.after)
+    assert np.std(same_surface.after) > 0.1

@@ -3,21 +3,28 @@
 import numpy as np
 import pytest
 
+from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import (
-    Candidate,
     Model,
-    Study,
-    Theta,
-    curve_slopes,
-    effect_slopes,
-    evaluate,
-    signature,
-    without,
+    RegressionData,
+    SegmentCurves,
+    compute_curve_jacobian,
+    compute_effect_jacobian,
+    compute_signature,
+    evaluate_model,
+    remove_effect,
 )
-from adhesion_can.diagnosis.regression.whitened_regression import Stage, fit
-from adhesion_can.diagnosis.regression.whitening import Stretches, Whitener
+from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
-from tests.diagnosis.diagnosis_helpers import C1, C2, C3, Drive, burckhardt, table_course
+from tests.diagnosis.diagnosis_helpers import (
+    C1,
+    C2,
+    C3,
+    SyntheticDrive,
+    build_table_drive,
+    burckhardt,
+)
 
 CURVE = np.array([[C1, np.log(C2), C3]])
 COVARIATES = {
@@ -37,22 +44,24 @@ def covariates(t):
 
 
 @pytest.fixture(scope="module")
-def study():
+def data():
     """A short drive of two axles with every covariate."""
-    course = Drive(16.0, axles=2).course(np.random.default_rng(1))
-    course.covariates.update(covariates(course.t_s))
-    return Study((course.rows(slice(None, None, 5)),), np.zeros(-(-len(course) // 5), dtype=int), 1)
+    drive = SyntheticDrive(16.0, axles=2).build_drive_data(np.random.default_rng(1))
+    drive.covariates.update(covariates(drive.t_s))
+    return RegressionData(
+        (drive.select_rows(slice(None, None, 5)),), np.zeros(-(-len(drive) // 5), dtype=int), 1
+    )
 
 
 CANDIDATES = [Candidate(e, 2 if any(p.axle for p in e.parameters) else 0) for e in EFFECTS]
 
 
-def test_without_effects_it_is_the_curve(study):
-    at = evaluate(study, Theta(CURVE))
-    seen = study.courses[0].observe()
+def test_without_effects_it_is_the_curve(data):
+    at = evaluate_model(data, SegmentCurves(CURVE))
+    seen = data.drives[0].observe()
     assert at.predicted == pytest.approx(burckhardt(seen.slip), abs=1e-12)
     assert at.residual == pytest.approx(seen.adhesion - burckhardt(seen.slip), abs=1e-12)
-    shifted = evaluate(study, Theta(CURVE), (), np.full(len(study), 0.01))
+    shifted = evaluate_model(data, SegmentCurves(CURVE), (), np.full(len(data), 0.01))
     assert shifted.predicted == pytest.approx(burckhardt(seen.slip + 0.01), abs=1e-12)
     assert (shifted.adhesion == at.adhesion).all()
 
@@ -70,45 +79,49 @@ FORMULAS = {
 
 
 @pytest.mark.parametrize("key", FORMULAS)
-def test_an_effect_in_the_contact_multiplies_the_curve(study, key):
+def test_an_effect_in_the_contact_multiplies_the_curve(data, key):
     values, factor = FORMULAS[key]
-    course = study.courses[0]
-    seen = course.observe()
-    at = evaluate(study, Theta(CURVE), (ActiveEffect(effect_by_id(*key), values),))
-    expected = factor(seen, {**course.covariates, "time_s": course.t_s}) * burckhardt(seen.slip)
+    drive = data.drives[0]
+    seen = drive.observe()
+    at = evaluate_model(data, SegmentCurves(CURVE), (ActiveEffect(effect_by_id(*key), values),))
+    expected = factor(seen, {**drive.covariates, "time_s": drive.t_s}) * burckhardt(seen.slip)
     assert at.predicted == pytest.approx(expected, abs=1e-10)
 
 
-def test_slopes_of_the_curve_are_its_differences(study):
-    half = np.arange(len(study)) % 2
-    two = Study(study.courses, half.astype(np.int64), 2)
-    theta = np.array([[C1, np.log(C2), C3], [0.2, np.log(25.0), 0.2]])
-    actives = (ActiveEffect(effect_by_id("humidity"), (-0.004,)),)
-    slopes = curve_slopes(two, Theta(theta), evaluate(two, Theta(theta), actives))
-    assert slopes.shape == (len(study), 6)
+def test_slopes_of_the_curve_are_its_differences(data):
+    half = np.arange(len(data)) % 2
+    two = RegressionData(data.drives, half.astype(np.int64), 2)
+    curves = np.array([[C1, np.log(C2), C3], [0.2, np.log(25.0), 0.2]])
+    active_effects = (ActiveEffect(effect_by_id("humidity"), (-0.004,)),)
+    slopes = compute_curve_jacobian(
+        two, SegmentCurves(curves), evaluate_model(two, SegmentCurves(curves), active_effects)
+    )
+    assert slopes.shape == (len(data), 6)
     for column in range(6):
         step = np.zeros(6)
         step[column] = 1e-6
         up, down = (
-            evaluate(two, Theta(theta + side * step.reshape(2, 3)), actives).predicted
+            evaluate_model(
+                two, SegmentCurves(curves + side * step.reshape(2, 3)), active_effects
+            ).predicted
             for side in (1, -1)
         )
         assert slopes[:, column] == pytest.approx((up - down) / 2e-6, abs=1e-7)
 
 
 @pytest.mark.parametrize("candidate", CANDIDATES, ids=lambda c: c.name)
-def test_slopes_of_an_effect_are_differences_of_the_residual(study, candidate):
+def test_slopes_of_an_effect_are_differences_of_the_residual(data, candidate):
     """At its typical size, by Richardson's extrapolation of differences of other steps."""
-    model = Model(Theta(CURVE), (Candidate(effect_by_id("sanding")),), ((0.1,),))
-    values = tuple(p.typical for p in candidate.limits)
-    slopes = effect_slopes(study, model, candidate, values)
-    assert slopes.shape == (len(study), candidate.size)
+    model = Model(SegmentCurves(CURVE), (Candidate(effect_by_id("sanding")),), ((0.1,),))
+    values = tuple(p.typical for p in candidate.free_parameters)
+    slopes = compute_effect_jacobian(data, model, candidate, values)
+    assert slopes.shape == (len(data), candidate.size)
 
     def left(moved):
-        actives = (*model.with_effect(candidate, moved).actives,)
-        return evaluate(study, model.theta, actives).residual
+        active_effects = (*model.with_effect(candidate, moved).active_effects,)
+        return evaluate_model(data, model.curves, active_effects).residual
 
-    for column, limit in enumerate(candidate.limits):
+    for column, limit in enumerate(candidate.free_parameters):
 
         def central(share, column=column, limit=limit):
             step = share * abs(limit.typical)
@@ -126,23 +139,27 @@ def test_slopes_of_an_effect_are_differences_of_the_residual(study, candidate):
 
 
 @pytest.mark.parametrize("candidate", CANDIDATES, ids=lambda c: c.name)
-def test_at_a_limit_the_slope_is_one_sided(study, candidate):
-    limit = candidate.limits[0]
-    rest = tuple(p.typical for p in candidate.limits[1:])
+def test_at_a_limit_the_slope_is_one_sided(data, candidate):
+    limit = candidate.free_parameters[0]
+    rest = tuple(p.typical for p in candidate.free_parameters[1:])
     for bound in (limit.lower, limit.upper):
-        slopes = effect_slopes(study, Model(Theta(CURVE)), candidate, (bound, *rest))
+        slopes = compute_effect_jacobian(
+            data, Model(SegmentCurves(CURVE)), candidate, (bound, *rest)
+        )
         assert np.isfinite(slopes).all()
 
 
 @pytest.mark.parametrize("candidate", CANDIDATES, ids=lambda c: c.name)
-def test_a_signature_points_where_the_effect_does(study, candidate):
+def test_a_signature_points_where_the_effect_does(data, candidate):
     """The chord of what the effect does at a third of its typical size, per size."""
-    model = Model(Theta(CURVE))
-    chord = signature(study, model, candidate, candidate.none)
-    size = 0.3 * candidate.limits[0].typical
-    values = (size, *candidate.none[1:])
-    bare = evaluate(study, model.theta)
-    changed = evaluate(study, model.theta, model.with_effect(candidate, values).actives)
+    model = Model(SegmentCurves(CURVE))
+    chord = compute_signature(data, model, candidate, candidate.null_values)
+    size = 0.3 * candidate.free_parameters[0].typical
+    values = (size, *candidate.null_values[1:])
+    bare = evaluate_model(data, model.curves)
+    changed = evaluate_model(
+        data, model.curves, model.with_effect(candidate, values).active_effects
+    )
     change = (bare.residual - changed.residual) / size
     cosine = change @ chord / np.linalg.norm(change) / np.linalg.norm(chord)
     assert cosine > 0.97
@@ -151,33 +168,37 @@ def test_a_signature_points_where_the_effect_does(study, candidate):
 
 def test_effects_act_in_the_order_of_the_list_whatever_the_order_of_naming():
     a, b = Candidate(effect_by_id("curve_creep")), Candidate(effect_by_id("creep_relaxation"))
-    one = Model(Theta(CURVE)).with_effect(a, (5.0,)).with_effect(b, (0.5,))
-    other = Model(Theta(CURVE)).with_effect(b, (0.5,)).with_effect(a, (5.0,))
-    assert one.actives == other.actives
-    less, taken, values = without(one, 0)
+    one = Model(SegmentCurves(CURVE)).with_effect(a, (5.0,)).with_effect(b, (0.5,))
+    other = Model(SegmentCurves(CURVE)).with_effect(b, (0.5,)).with_effect(a, (5.0,))
+    assert one.active_effects == other.active_effects
+    less, taken, values = remove_effect(one, 0)
     assert (taken, values) == (a, (5.0,))
     assert less.candidates == (b,)
 
 
 def test_parameters_stay_within_their_limits():
     candidate = Candidate(effect_by_id("humidity"))
-    model = Model(Theta(CURVE)).with_effect(candidate, (0.0,))
-    wild = model.at(np.array([-5.0, 99.0, -1.0, 7.0]))
-    assert (wild.theta.values[0, [0, 2]] >= 0).all()
-    assert wild.values[0] == (candidate.limits[0].upper,)
-    assert model.at(model.vector).vector == pytest.approx(model.vector)
+    model = Model(SegmentCurves(CURVE)).with_effect(candidate, (0.0,))
+    wild = model.with_parameters(np.array([-5.0, 99.0, -1.0, 7.0]))
+    assert (wild.curves.values[0, [0, 2]] >= 0).all()
+    assert wild.values[0] == (candidate.free_parameters[0].upper,)
+    assert model.with_parameters(model.parameter_vector).parameter_vector == pytest.approx(
+        model.parameter_vector
+    )
 
 
 # --- fits
 
 
-def plain_stage(course, block_s=2.0):
-    n = len(course)
+def build_plain_regression(drive, block_s=2.0):
+    n = len(drive)
     zero = np.zeros(n)
-    study = Study((course,), np.zeros(n, dtype=np.int64), 1)
-    whitener = Whitener(np.array([1.0]), Stretches(np.zeros(1, dtype=np.int64), n))
-    block = np.floor(course.t_s / block_s).astype(np.int64)
-    return Stage(study, np.ones(n), zero, np.zeros((n, 0)), zero, whitener, np.ones(n), block)
+    data = RegressionData((drive,), np.zeros(n, dtype=np.int64), 1)
+    whitener = Whitener(np.array([1.0]), ContiguousRuns(np.zeros(1, dtype=np.int64), n))
+    block = np.floor(drive.t_s / block_s).astype(np.int64)
+    return WhitenedRegression(
+        data, np.ones(n), zero, np.zeros((n, 0)), zero, whitener, np.ones(n), block
+    )
 
 
 def table(rng, factor=1.0, n=4000, std=0.01):
@@ -190,34 +211,39 @@ def test_a_fit_of_white_noise_is_scipys():
     from scipy.optimize import least_squares
 
     slip, mu, t = table(np.random.default_rng(2))
-    found = fit(plain_stage(table_course(slip, mu, t)), Model(Theta(np.array([[0.3, 3.0, 0.1]]))))
+    found = fit_model(
+        build_plain_regression(build_table_drive(slip, mu, t)),
+        Model(SegmentCurves(np.array([[0.3, 3.0, 0.1]]))),
+    )
 
     def left(x):
         return mu - burckhardt(slip, x[0], np.exp(x[1]), x[2])
 
     by_scipy = least_squares(left, [0.3, 3.0, 0.1])
-    assert found.model.theta.values[0] == pytest.approx(by_scipy.x, rel=2e-3)
+    assert found.model.curves.values[0] == pytest.approx(by_scipy.x, rel=2e-3)
     covariance = np.linalg.inv(by_scipy.jac.T @ by_scipy.jac) * np.mean(by_scipy.fun**2)
     # The sandwich may be wider, by chance of the blocks.
     ratio = np.sqrt(found.covariance.diagonal() / covariance.diagonal())
     assert (ratio >= 0.99).all()
     assert (ratio < 1.6).all()
-    assert found.ledger.total[-1, -1] == pytest.approx(np.sum(by_scipy.fun**2), rel=1e-3)
+    assert found.grams.total[-1, -1] == pytest.approx(np.sum(by_scipy.fun**2), rel=1e-3)
 
 
 def test_squares_of_a_block_are_those_by_the_parameters_of_the_others():
     """First order against refits with the block left out."""
     slip, mu, t = table(np.random.default_rng(3), n=1200)
-    stage = plain_stage(table_course(slip, mu, t), block_s=6.0)
-    found = fit(stage, Model(Theta(CURVE)))
+    regression = build_plain_regression(build_table_drive(slip, mu, t), block_s=6.0)
+    found = fit_model(regression, Model(SegmentCurves(CURVE)))
     for b in range(0, 10, 3):
         from dataclasses import replace
 
-        others = replace(stage, block=np.where(stage.block == b, -1 - b, stage.block))
-        again = fit(others, found.model).model
-        own = stage.block == b
-        left = evaluate(stage.study, again.theta).residual[own]
-        assert found.squares[b] == pytest.approx(np.sum(left**2), rel=0.02)
+        others = replace(
+            regression, block=np.where(regression.block == b, -1 - b, regression.block)
+        )
+        again = fit_model(others, found.model).model
+        own = regression.block == b
+        left = evaluate_model(regression.data, again.curves).residual[own]
+        assert found.cross_validated_squares[b] == pytest.approx(np.sum(left**2), rel=0.02)
 
 
 def test_stated_errors_cover_the_truth():
@@ -229,10 +255,12 @@ def test_stated_errors_cover_the_truth():
         t = np.arange(2000) * 0.05
         humidity = 65 + 20 * np.sin(2 * np.pi * t / 37)
         slip, mu, t = table(rng, 1 - 0.003 * (humidity - 60), 2000)
-        course = table_course(slip, mu, t, covariates={"relative_humidity_percent": humidity})
-        found = fit(plain_stage(course), Model(Theta(CURVE)).with_effect(candidate))
+        drive = build_table_drive(slip, mu, t, covariates={"relative_humidity_percent": humidity})
+        found = fit_model(
+            build_plain_regression(drive), Model(SegmentCurves(CURVE)).with_effect(candidate)
+        )
         std = np.sqrt(found.covariance.diagonal())
         truth = np.array([C1, np.log(C2), C3, -0.003])
-        covered.append(np.abs(found.model.vector - truth) < 1.96 * std)
+        covered.append(np.abs(found.model.parameter_vector - truth) < 1.96 * std)
     share = np.mean(covered, axis=0)
     assert (share >= 0.8).all()

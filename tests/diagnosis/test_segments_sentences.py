@@ -6,17 +6,21 @@ import numpy as np
 import pytest
 
 from adhesion_can.config import load_configuration
-from adhesion_can.diagnosis.drive.from_traces import course_of
+from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
 from adhesion_can.diagnosis.inference.candidates import candidates_of
-from adhesion_can.diagnosis.regression.find_surface_changes import AROUND_S, changes, study_of
+from adhesion_can.diagnosis.regression.find_surface_changes import (
+    EXCLUDED_AROUND_S,
+    build_regression_data,
+    find_surface_changes,
+)
 from adhesion_can.diagnosis.regression.model import EXCLUDED
 from adhesion_can.diagnosis.sentences import separation_sentence
-from adhesion_can.offline.load_traces import hear
+from adhesion_can.offline.load_traces import load_traces
 from adhesion_can.physics.effects import EFFECTS
 from adhesion_can.recordings.recording import Recording
 from tests.diagnosis.bad_logs import write
-from tests.diagnosis.diagnosis_helpers import SLIP_MAX, V_MIN, Drive
-from tests.worlds.plant import drive
+from tests.diagnosis.diagnosis_helpers import SLIP_MAX, V_MIN, SyntheticDrive
+from tests.worlds.plant import synthetic
 from tests.worlds.world import _World
 
 IDS = list(dict.fromkeys(effect.id for effect in EFFECTS))
@@ -26,18 +30,18 @@ def course_of_world(kind, seed, folder, duration_s, names=()):
     """Course of a world, and the times at which its rail changes."""
     world = _World(kind, seed, 0, duration_s)
     hidden = world._sized(names, (0.1, 0.6))[0]
-    readings = drive(world.course, world.vehicle, world.rail, hidden, world.noise)
+    readings = synthetic(world.build_drive_data, world.vehicle, world.rail, hidden, world.noise)
     path = write(folder / "a.log", readings)
     config = load_configuration(None)
-    heard = hear(Recording(path).blocks(), config, "a.log")
-    made = course_of("a.log", heard.traces(), config.vehicle, V_MIN, SLIP_MAX)
+    heard = load_traces(Recording(path).blocks(), config, "a.log")
+    made = build_drive_data_from_traces("a.log", heard.traces(), config.vehicle, V_MIN, SLIP_MAX)
     return made, list(world.rail.begins_s[1:])
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_changes_of_the_rail_are_found_where_they_are(seed, tmp_path):
-    course, true = course_of_world("null:surfaces", seed, tmp_path, 120.0)
-    found = changes(course, candidates_of([course])[0])
+    drive, true = course_of_world("null:surfaces", seed, tmp_path, 120.0)
+    found = find_surface_changes(drive, candidates_of([drive])[0])
     # Where nothing is pulled nothing is seen: a change may be found a coasting phase late.
     for time in true:
         assert min(abs(time - t) for t in found) < 8.0
@@ -56,18 +60,18 @@ def test_changes_of_the_rail_are_found_where_they_are(seed, tmp_path):
     ],
 )
 def test_a_rail_that_stays_the_same_has_no_changes(kind, names, tmp_path):
-    course, _ = course_of_world(kind, 4, tmp_path, 120.0, names)
-    assert changes(course, candidates_of([course])[0]) == []
+    drive, _ = course_of_world(kind, 4, tmp_path, 120.0, names)
+    assert find_surface_changes(drive, candidates_of([drive])[0]) == []
 
 
 def test_rows_beside_a_change_belong_to_no_surface():
-    course = Drive(30.0, axles=2).course()
-    study = study_of((course, course), [[10.0, 18.0], []])
-    assert study.surfaces == 4
-    first, second = np.split(study.surface, 2)
-    t = course.t_s
+    drive = SyntheticDrive(30.0, axles=2).build_drive_data()
+    data = build_regression_data((drive, drive), [[10.0, 18.0], []])
+    assert data.surfaces == 4
+    first, second = np.split(data.surface, 2)
+    t = drive.t_s
     assert (second == 3).all()
-    near = np.minimum(np.abs(t - 10.0), np.abs(t - 18.0)) < AROUND_S
+    near = np.minimum(np.abs(t - 10.0), np.abs(t - 18.0)) < EXCLUDED_AROUND_S
     assert (first[near] == EXCLUDED).all()
     assert (first[~near] == np.searchsorted([10.0, 18.0], t[~near])).all()
 

@@ -6,12 +6,17 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from adhesion_can.diagnosis.regression import whitening
-from adhesion_can.diagnosis.regression.whitening import Stretches, Whitener, autocovariance, fitted
+from adhesion_can.diagnosis.regression.whitening import (
+    ContiguousRuns,
+    Whitener,
+    compute_autocovariance,
+    fit_whitener,
+)
 
 
 def stretches_of(lengths):
     starts = np.cumsum([0, *lengths])[:-1]
-    return Stretches(starts.astype(np.int64), int(sum(lengths)))
+    return ContiguousRuns(starts.astype(np.int64), int(sum(lengths)))
 
 
 def process(rng, lengths, ar, ma=(1.0,)):
@@ -20,12 +25,12 @@ def process(rng, lengths, ar, ma=(1.0,)):
     return np.concatenate(parts)
 
 
-def ljung_box(x, stretches, lags):
+def ljung_box(x, runs, lags):
     """p-value that x has no correlation up to some lags within its stretches."""
-    ends = np.append(stretches.starts[1:], stretches.rows)
+    ends = np.append(runs.starts[1:], runs.rows)
     variance, q = np.mean(x**2), 0.0
     for lag in range(1, lags + 1):
-        bounds = zip(stretches.starts, ends, strict=True)
+        bounds = zip(runs.starts, ends, strict=True)
         pairs = [x[a : b - lag] * x[a + lag : b] for a, b in bounds]
         every = np.concatenate(pairs)
         q += len(every) * (every.mean() / variance) ** 2
@@ -48,9 +53,9 @@ def test_what_is_left_is_white(kind, monkeypatch):
     lengths = [2500, 1200, 4000, 2300]
     found = stretches_of(lengths)
     x = process(rng, lengths, *ORDERS[kind])
-    whitener = fitted(x, found)
+    whitener = fit_whitener(x, found)
     left = whitener(x[:, None])[:, 0]
-    kept = np.setdiff1d(np.arange(len(x)), whitener.without_past)
+    kept = np.setdiff1d(np.arange(len(x)), whitener.rows_without_past)
     assert ljung_box(left, found, 30) > 1e-3
     if kind == "white":
         assert whitener.order == 0
@@ -66,7 +71,7 @@ def test_with_the_nugget_it_whitens_the_noise_plus_the_nugget():
     lengths = [20_000]
     found = stretches_of(lengths)
     x = process(rng, lengths, [1.0, -0.97])
-    whitener = fitted(x, found)
+    whitener = fit_whitener(x, found)
     assert whitener.order > 0
     x = process(rng, lengths, [1.0, -0.97])
     x = x + np.sqrt(whitening.NUGGET * x.var()) * rng.standard_normal(len(x))
@@ -79,7 +84,7 @@ def test_taps_solve_yule_walker():
     lengths = [900, 3000]
     found = stretches_of(lengths)
     x = process(rng, lengths, [1.0, -0.8])
-    taps = fitted(x, found).taps
+    taps = fit_whitener(x, found).taps
     order = len(taps) - 1
     # Written out: a biased autocovariance of pairs that lie in one stretch.
     gamma = [
@@ -90,7 +95,7 @@ def test_taps_solve_yule_walker():
     matrix += whitening.NUGGET * gamma[0] * np.eye(order)
     assert taps[0] == 1.0
     assert -taps[1:] == pytest.approx(np.linalg.solve(matrix, gamma[1:]), rel=1e-8)
-    assert autocovariance(x, found, order) == pytest.approx(gamma, rel=1e-9, abs=1e-12)
+    assert compute_autocovariance(x, found, order) == pytest.approx(gamma, rel=1e-9, abs=1e-12)
 
 
 def test_stretches_are_not_mixed():
@@ -114,7 +119,7 @@ def test_a_jump_between_stretches_is_no_correlation():
     rng = np.random.default_rng(7)
     x = np.concatenate([rng.standard_normal(2000), 100 + 0 * np.arange(2000)])
     x[2000:] = rng.standard_normal(2000) * 3
-    assert fitted(x, stretches_of([2000, 2000])).order == 0
+    assert fit_whitener(x, stretches_of([2000, 2000])).order == 0
 
 
 def test_rows_without_a_residual_do_not_count():
@@ -124,7 +129,7 @@ def test_rows_without_a_residual_do_not_count():
     x = process(rng, lengths, [1.0, -0.8])
     used = x.copy()
     used[2000:4000] = 0.0
-    whole, part = (fitted(v, stretches_of(lengths)).taps for v in (x, used))
+    whole, part = (fit_whitener(v, stretches_of(lengths)).taps for v in (x, used))
     assert part[1] == pytest.approx(whole[1], abs=0.1)
 
 
@@ -133,7 +138,7 @@ def test_stretches_begin_at_axles_gaps_breaks_and_steps_back():
     axle = np.array([1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2])
     breaks = np.zeros(12, dtype=bool)
     breaks[10] = True
-    found = Stretches.of(t, axle, breaks)
+    found = ContiguousRuns.find(t, axle, breaks)
     # 0: begin; 3: a gap of 7 cycles; 5: time steps back; 7: the next axle; 10: a break.
     assert found.starts.tolist() == [0, 3, 5, 7, 10]
     assert found.rows == 12
@@ -142,8 +147,8 @@ def test_stretches_begin_at_axles_gaps_breaks_and_steps_back():
 @pytest.mark.parametrize("rows", [0, 1, 2, 5, 19])
 def test_few_rows_are_left_as_they_are(rows):
     t = np.arange(rows) * 0.1
-    found = Stretches.of(t, np.ones(rows), np.zeros(rows, dtype=bool))
+    found = ContiguousRuns.find(t, np.ones(rows), np.zeros(rows, dtype=bool))
     x = np.arange(rows, dtype=float)
-    whitener = fitted(x, found)
+    whitener = fit_whitener(x, found)
     assert whitener.order == 0
     assert whitener(x[:, None]).shape == (rows, 1)

@@ -22,11 +22,11 @@ from adhesion_can.diagnosis.result import (
     Diagnosis,
     Evidence,
     Gain,
-    Picture,
+    ParameterValue,
     Profile,
-    Surface,
+    SegmentResult,
+    SimulationPlot,
     Untested,
-    Value,
     Verdict,
 )
 from adhesion_can.estimation.extended.model import ExtendedModel
@@ -34,7 +34,7 @@ from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.reporting.charts import broken, thinned
-from adhesion_can.reporting.diagnosis import Source, diagnosis_json, terminal, verdict_sentences
+from adhesion_can.reporting.diagnosis import InputFile, diagnosis_json, terminal, verdict_sentences
 from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.page import Figure, render
 from adhesion_can.reporting.text import console
@@ -46,8 +46,8 @@ SECTIONS = (
     "What could not be tested", "Extended model", "Inputs", "Provenance",
 )  # fmt: skip
 SOURCES = (
-    Source(Path("drive one.log"), "drive one.log", "ab" * 32),
-    Source(Path("other.log"), "other.log", "cd" * 32, held_out=True),
+    InputFile(Path("drive one.log"), "drive one.log", "ab" * 32),
+    InputFile(Path("other.log"), "other.log", "cd" * 32, held_out=True),
 )
 
 
@@ -71,7 +71,7 @@ def named():
     cause = Cause(
         "speed_dependence", "", "adhesion at the same slip falls with vehicle speed",
         "Curtius and Kniffler, Elektrische Bahnen 21 (1950) 201-210",
-        (Value("share", 0.8123, 0.0631, "1", "fall with speed; 1 is Curtius and Kniffler's"),),
+        (ParameterValue("share", 0.8123, 0.0631, "1", "fall with speed; 1 is Curtius and Kniffler's"),),
         0.001, ("slow_drift",),
     )  # fmt: skip
     actives = (
@@ -103,14 +103,14 @@ def named():
         needed="a drive that passes the same speed twice, early and late",
         untested=(Untested("humidity", "no signal gives the relative humidity"),),
         surfaces=(
-            Surface("drive one.log", 0.0, 31.0, estimate(told=False), estimate(told=False)),
-            Surface("drive one.log", 31.5, 200.0, base, extended),
+            SegmentResult("drive one.log", 0.0, 31.0, estimate(told=False), estimate(told=False)),
+            SegmentResult("drive one.log", 31.5, 200.0, base, extended),
         ),
         model=ExtendedModel(
             base=(0.36, 24.0, 0.5), effects=actives, covariances=(None, ((0.0631**2,),))
         ),
         profile=profile(rng),
-        pictures=(picture(rng, 2), picture(rng, 5)),
+        simulation_plots=(simulation_plot(rng, 2), simulation_plot(rng, 5)),
         curves=CurveData(slip, curve * 0.9 + 2 * noise[0], slip, curve + noise[1]),
         samples={"drive one.log": 36000, "other.log": 24000},
         lost={"below v_min": 120, "slip out of range": 0},
@@ -127,7 +127,7 @@ def profile(rng):
     )
 
 
-def picture(rng, axle):
+def simulation_plot(rng, axle):
     t = np.arange(0.0, 60.0, 0.01)
     t[3000:] += 8.0
     n = len(t)
@@ -136,7 +136,7 @@ def picture(rng, axle):
     drift = np.remainder(t, 10.0)
     before = speed + 0.05 * drift
     before[100:130] = nan
-    return Picture(
+    return SimulationPlot(
         "drive one.log", axle, t, speed + 0.01 * rng.standard_normal(n), before,
         speed + 0.01 * drift, mu + 0.012 * rng.standard_normal(n), mu * 0.9, mu, 10.0,
     )  # fmt: skip
@@ -172,7 +172,7 @@ def empty():
     return Diagnosis(
         verdict=Verdict.NOTHING, causes=(), channel=None, wrong=(), gain=None, evidence=(),
         channels=(), needed=None, untested=(Untested("everything", "too few rows"),), surfaces=(),
-        model=None, profile=None, pictures=(), curves=None,
+        model=None, profile=None, simulation_plots=(), curves=None,
     )  # fmt: skip
 
 
@@ -422,9 +422,9 @@ def test_what_is_told_is_never_markup():
         named(), wrong=(NASTY,), needed=NASTY, untested=(Untested(NASTY, NASTY),),
         channels=(ChannelEvidence(NASTY, NASTY, 0.5, 0.1),), lost={NASTY: 3},
         profile=replace(named().profile, channel=NASTY),
-        pictures=(replace(named().pictures[0], recording=NASTY),),
+        simulation_plots=(replace(named().simulation_plots[0], recording=NASTY),),
     )  # fmt: skip
-    sources = [Source(Path(NASTY), NASTY, "00")]
+    sources = [InputFile(Path(NASTY), NASTY, "00")]
     text = render(page(found, sources, {NASTY: NASTY}, [NASTY]))
     elements = nothing_is_loaded(text)
     # Four figures, Plotly, what draws.
@@ -445,7 +445,7 @@ def test_the_whisker_is_the_interval_of_the_gain():
 def test_long_series_are_thinned_and_gaps_stay():
     rng = np.random.default_rng(1)
     t = np.arange(0.0, 600.0, 0.01)
-    long = picture(rng, 1)
+    long = simulation_plot(rng, 1)
     series = {
         name: np.resize(getattr(long, name), len(t)).copy()
         for name in (
@@ -454,7 +454,7 @@ def test_long_series_are_thinned_and_gaps_stay():
         )
     }  # fmt: skip
     series["adhesion"][31234] = 0.77
-    found = replace(named(), pictures=(replace(long, time_s=t, **series),))
+    found = replace(named(), simulation_plots=(replace(long, time_s=t, **series),))
     text = render(page(found, SOURCES, PROVENANCE))
     shown = [f for f in Elements(text).figures() if len(f["data"]) == 8]
     assert len(shown) == 1

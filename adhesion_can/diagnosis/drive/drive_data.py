@@ -1,8 +1,8 @@
-"""One recording as columns on which every equation can be written down, with any instruments.
+"""Rows of one recording or table on which the model equations are evaluated (before step 1).
 
-A row stands at each reading of an axle's effort, which is the noisy one: the smooth kinematics are
-brought to its stamp, never the other way round, since interpolation would change the noise with
-the delay that is looked for. Rows of one axle stand together, in the order of their stamps.
+A row stands at each reading of an axle's effort. The effort is the noisy signal, and interpolating
+it would change its noise with the delay that is estimated; so the smooth kinematics are
+interpolated to its stamps. Rows of one axle are contiguous, in the order of their stamps.
 """
 
 from collections.abc import Mapping
@@ -13,16 +13,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.drive.kinematics import Rows, Source, TableSource
+from adhesion_can.diagnosis.drive.kinematics import (
+    RowSelection,
+    SignalKinematics,
+    SpeedError,
+    TableKinematics,
+)
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.kinematics import adhesion_coefficient, creep_speed
 
 DELAY_MAX = {"speed": 1.0, "effort": 0.5}
-"""s; rows need kinematics so far around them."""
+"""Largest delay of a sensor that is tested, s; rows need kinematics that far around them."""
 
 
-class Observed(NamedTuple):
-    """What the equations see in each row with given instruments: shape (n,) each."""
+class ContactObservation(NamedTuple):
+    """Contact quantities of every row, as given instruments measure them; shape (n,) each.
+
+    Attributes:
+        slip: Slip ratio.
+        creep_speed: Creep speed r·ω − v, m/s.
+        speed: Vehicle speed, m/s.
+        load: Axle load, N.
+        adhesion: Adhesion coefficient.
+
+    """
 
     slip: Array
     creep_speed: Array
@@ -32,26 +46,27 @@ class Observed(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """Rows of one recording, axle after axle.
+class DriveData:
+    """Rows of one recording or table, axle after axle.
 
     Attributes:
-        name: of the recording.
-        t_s: stamps since its first row, s.
-        axle: numbers, 1...
-        place: of the axle, counted from the leading one.
-        effort: as read, N.
-        covariates: other channels by name.
-        radius: configured, by axle, m.
-        inertia: configured, kg·m².
-        position: way travelled, m.
-        source: gives kinematics with delays.
-        first_us: stamp of time 0.
-        clock_s: time of each row where `t_s` is not it: a TABLE's stretches are set well apart.
-        lost: rows that were not formed, by reason.
-        table: whether it is a TABLE, with slip and adhesion as they stand there.
-        has_speed: whether the speed is known.
-        has_load: whether the load is known.
+        name: Name of the recording.
+        t_s: Stamps since the first row, s; shape (n,).
+        axle: Axle numbers from 1; shape (n,).
+        place: Position of the axle, counted from the leading one; shape (n,).
+        effort: Tractive effort as read, N; shape (n,).
+        covariates: Further channels by name, shape (n,) each.
+        radius: Configured wheel radii, m; shape (axles,).
+        inertia: Configured inertia of a wheelset, kg·m².
+        position: Travelled distance, m; shape (n,).
+        kinematics: Kinematics of the rows for any delays of the sensors.
+        first_us: Stamp of time 0 on the recording's clock, µs.
+        clock_s: Time of each row, s, where `t_s` differs from it: in a TABLE, rows that do not
+            follow each other are set apart; shape (n,).
+        lost: Number of unusable rows by reason.
+        table: Whether the rows come from a TABLE with slip and adhesion.
+        has_speed: Whether the vehicle speed is known.
+        has_load: Whether the axle load is known.
 
     """
 
@@ -64,7 +79,7 @@ class Course:
     radius: Array
     inertia: float
     position: Array
-    source: Source | TableSource
+    kinematics: SignalKinematics | TableKinematics
     first_us: int = 0
     clock_s: Array | None = None
     lost: Mapping[str, int] = field(default_factory=dict)
@@ -80,9 +95,9 @@ class Course:
         """Time of each row since the first one, s; shape (n,)."""
         return self.t_s if self.clock_s is None else self.clock_s
 
-    def observe(self, instruments: Instruments = PERFECT) -> Observed:
-        """Eq. 1-3 in every row."""
-        k = self.source(instruments.speed_delay, instruments.effort_delay)
+    def observe(self, instruments: Instruments = PERFECT) -> ContactObservation:
+        """Slip ratio and adhesion of every row by eq. 1-3, for instruments with given errors."""
+        k = self.kinematics(instruments.speed_delay, instruments.effort_delay)
         factor = instruments.radius_factor(len(self.radius))
         radius = (self.radius * factor)[self.axle - 1]
         speed = k.speed / (1.0 + instruments.speed_error)
@@ -91,9 +106,9 @@ class Course:
         effort = self.effort - instruments.effort_bias
         adhesion = adhesion_coefficient(effort, k.load, k.wheel_accel, inertia, radius)
         # Rows stand where the vehicle moves (eq. 2 without its lower bound).
-        return Observed(creep / speed, creep, speed, k.load, adhesion)
+        return ContactObservation(creep / speed, creep, speed, k.load, adhesion)
 
-    def rows(self, kept: Rows) -> "Course":
+    def select_rows(self, kept: RowSelection) -> "DriveData":
         """The same recording with some of its rows."""
         return replace(
             self,
@@ -104,16 +119,16 @@ class Course:
             covariates={name: column[kept] for name, column in self.covariates.items()},
             position=self.position[kept],
             clock_s=None if self.clock_s is None else self.clock_s[kept],
-            source=self.source.rows(kept),
+            kinematics=self.kinematics.select_rows(kept),
         )
 
     @property
     def wheel_slip_std(self) -> Array:
-        """Standard deviation of the slip from the wheel speed, an axle's own; shape (n,)."""
-        k = self.source(0.0, 0.0)
+        """Standard deviation of the slip ratio from the wheel speed's noise; shape (n,)."""
+        k = self.kinematics(0.0, 0.0)
         return k.wheel_std / np.maximum(k.speed, 1e-3)
 
     @property
-    def speed_doubt(self) -> tuple[float, float]:
-        """Standard deviation of the vehicle speed, m/s, and the time over which it lasts, s."""
-        return self.source.speed_doubt
+    def speed_error(self) -> SpeedError:
+        """Error of the vehicle speed that all axles share."""
+        return self.kinematics.speed_error

@@ -1,30 +1,30 @@
-"""The rows of a TABLE to a course."""
+"""Build drive data from the rows of a TABLE."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.drive.drive_data import Course
-from adhesion_can.diagnosis.drive.kinematics import TableSource
+from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.drive.kinematics import TableKinematics
 from adhesion_can.physics.samples import Samples
 
 PAUSE_S = 1.0
-"""Rows of a TABLE further apart than this do not follow each other."""
-BETWEEN_S, SAME_S = 10.0, 1e-6
-"""Time put between rows that do not follow each other, and between those of one stamp."""
+"""Rows of a TABLE further apart than this do not follow each other, s."""
+SEPARATION_S, SAME_STAMP_S = 10.0, 1e-6
+"""Time put between rows that do not follow each other, and between rows of one stamp, s."""
 MOST_AXLES = 100
 
 
-def course_of_table(
+def build_drive_data_from_table(
     name: str, samples: Samples, segment: NDArray[np.int64] | None, slip_max: float
-) -> Course:
-    """Course of a TABLE: slip and adhesion are taken as they stand there.
+) -> DriveData:
+    """Build drive data from a TABLE, whose slip and adhesion are used unchanged.
 
     Args:
-        name: of the table.
-        samples: its rows.
-        segment: number of each row's segment, where the table has one.
-        slip_max: no use of larger slips.
+        name: Name of the table.
+        samples: Rows of the table.
+        segment: Segment number of each row, shape (n,); None: the table has no such column.
+        slip_max: Largest slip ratio that is used.
 
     """
     good = np.abs(samples.slip) <= slip_max
@@ -32,13 +32,13 @@ def course_of_table(
     lost = {"slip, speed or load out of range": int((~good).sum())}
     rows = samples.select(good)
     parts = np.zeros(len(rows), dtype=np.int64) if segment is None else segment[good]
-    number = _numbers(rows.axle)
+    number = _number_axles(rows.axle)
     first_us = int(rows.t_us.min()) if len(rows) else 0
-    t_s = _unrolled((rows.t_us - first_us) / 1e6, parts, number)
+    t_s = _monotonic_times((rows.t_us - first_us) / 1e6, parts, number)
     order = np.lexsort((t_s, number))
     rows, t_s, number = rows.select(order), t_s[order], number[order]
     columns = np.stack([(1.0 + rows.slip) * rows.speed, rows.speed, rows.load])
-    return Course(
+    return DriveData(
         name=name,
         t_s=t_s,
         axle=number,
@@ -47,8 +47,8 @@ def course_of_table(
         covariates={n: c for n, c in rows.covariates.items() if np.isfinite(c).all()},
         radius=np.ones(int(number.max(initial=1))),
         inertia=0.0,
-        position=_way(t_s, rows.speed, number),
-        source=TableSource(number, t_s, columns),
+        position=_travelled_distance(t_s, rows.speed, number),
+        kinematics=TableKinematics(number, t_s, columns),
         lost=lost,
         table=True,
         first_us=first_us,
@@ -58,27 +58,28 @@ def course_of_table(
     )
 
 
-def _numbers(axle: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Axles as the table numbers them, where these are numbers of axles; else counted through."""
+def _number_axles(axle: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Axle numbers of the table where they are plausible (1 to 100), else consecutive ones."""
     if len(axle) and (axle.min() < 1 or axle.max() > MOST_AXLES):
         return np.unique(axle, return_inverse=True)[1] + 1
     return axle
 
 
-def _unrolled(t_s: Array, segment: NDArray[np.int64], axle: NDArray[np.int64]) -> Array:
-    """Times that only run forwards: rows that do not follow each other are set well apart."""
-    unrolled = np.empty(len(t_s))
+def _monotonic_times(t_s: Array, segment: NDArray[np.int64], axle: NDArray[np.int64]) -> Array:
+    """Increasing times, s: rows of an axle that do not follow each other are set well apart."""
+    monotonic = np.empty(len(t_s))
     for number in np.unique(axle):
         rows = np.flatnonzero(axle == number)
         step = np.diff(t_s[rows], prepend=t_s[rows[:1]])
         new = np.diff(segment[rows], prepend=segment[rows[:1]]) != 0
         cut = new | (step < 0) | (step > PAUSE_S)
         # Rows of one stamp follow each other all the same.
-        unrolled[rows] = np.cumsum(np.where(cut, BETWEEN_S, np.maximum(step, SAME_S)))
-    return unrolled
+        monotonic[rows] = np.cumsum(np.where(cut, SEPARATION_S, np.maximum(step, SAME_STAMP_S)))
+    return monotonic
 
 
-def _way(t_s: Array, speed: Array, axle: NDArray[np.int64]) -> Array:
+def _travelled_distance(t_s: Array, speed: Array, axle: NDArray[np.int64]) -> Array:
+    """Distance travelled along each axle's rows, m; shape (n,)."""
     step = np.diff(t_s, prepend=t_s[:1])
     follows = (step >= 0) & (step <= PAUSE_S) & (np.diff(axle, prepend=axle[:1]) == 0)
     return np.cumsum(np.where(follows, step * speed, 0.0))

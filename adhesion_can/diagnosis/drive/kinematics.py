@@ -1,4 +1,4 @@
-"""Where the kinematics of a course's rows come from, for any delays of the sensors."""
+"""Kinematics at the rows of a drive for any sensor delays, from signals or from a table."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,14 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.drive.smoothing import Smooth
+from adhesion_can.diagnosis.drive.smoothing import SmoothedSignal
 from adhesion_can.physics.vehicle import Locomotive
 
-Rows = NDArray[np.bool_] | slice
+RowSelection = NDArray[np.bool_] | slice
+CACHED_DELAYS = 6
+"""Pairs of delays whose kinematics are kept."""
 
 
 class Kinematics(NamedTuple):
-    """Of each row: rad/s, rad/s², m/s, N, and the wheel speed's doubt, m/s; shape (n,)."""
+    """Kinematics of every row; shape (n,) each.
+
+    Attributes:
+        wheel_speed: Angular speed of the wheel, rad/s.
+        wheel_accel: Angular acceleration of the wheel, rad/s².
+        speed: Vehicle speed, m/s.
+        load: Axle load, N.
+        wheel_std: Standard deviation of the wheel's circumferential speed, m/s.
+
+    """
 
     wheel_speed: Array
     wheel_accel: Array
@@ -25,37 +36,52 @@ class Kinematics(NamedTuple):
     wheel_std: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Signals:
-    """The smooth signals of one recording.
+class SpeedError(NamedTuple):
+    """Error of the vehicle speed, which all axles share and which lasts.
 
     Attributes:
-        wheels: by axle.
-        speed: of the vehicle.
-        loads: measured ones by axle, stamps in s and N.
-        effort: smoothed, by axle, for the transfer of load where it is not measured.
-        vehicle: configured.
-        rough: see `Source`.
-        travel: stamps, s, and direction of travel from then on, 1 forward, −1 in reverse; None:
-            forward throughout.
+        std: Standard deviation of the smoothed vehicle speed, m/s.
+        window_s: Width of the smoothing window, over which errors are correlated, s.
 
     """
 
-    wheels: Mapping[int, Smooth]
-    speed: Smooth
+    std: float
+    window_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedSignals:
+    """Smoothed signals of one recording.
+
+    Attributes:
+        wheels: Smoothed wheel speeds by axle, rad/s.
+        speed: Smoothed vehicle speed, m/s.
+        loads: Measured axle loads by axle: stamps, s, and loads, N.
+        effort: Smoothed tractive efforts by axle, N; they give the load transfer where loads are
+            not measured.
+        vehicle: Configured vehicle.
+        high_pass: High-pass part of the wheel speeds by axle, one pair of stamps, s, and values,
+            rad/s, for each gap-free run.
+        direction_changes: Stamps, s, and directions of travel from then on, 1 forward and −1 in
+            reverse; None: forward throughout.
+
+    """
+
+    wheels: Mapping[int, SmoothedSignal]
+    speed: SmoothedSignal
     loads: Mapping[int, tuple[Array, Array]]
-    effort: Mapping[int, Smooth]
+    effort: Mapping[int, SmoothedSignal]
     vehicle: Locomotive
-    rough: Mapping[int, list[tuple[Array, Array]]] = field(default_factory=dict)
-    travel: tuple[Array, Array] | None = None
+    high_pass: Mapping[int, list[tuple[Array, Array]]] = field(default_factory=dict)
+    direction_changes: tuple[Array, Array] | None = None
 
     @property
     def radius(self) -> Array:
-        """Configured, by axle, m."""
+        """Configured wheel radii, m; shape (axles,)."""
         return np.array(self.vehicle.wheel_radius)
 
-    def load(self, axle: int, t_s: Array) -> Array:
-        """Load of an axle: measured, or static with the transfer of load."""
+    def compute_load(self, axle: int, t_s: Array) -> Array:
+        """Load of an axle, N: measured, or static with the load transfer of the efforts."""
         if axle in self.loads:
             return np.interp(t_s, *self.loads[axle])
         static = self.vehicle.axle_load[axle - 1]
@@ -63,52 +89,54 @@ class Signals:
         if geometry is None or len(self.effort) < self.vehicle.axles:
             return np.full(len(t_s), static)
         share = geometry.load_transfer(np.eye(self.vehicle.axles))[:, axle - 1]
-        moved = np.zeros(len(t_s))
+        transferred = np.zeros(len(t_s))
         for other, smooth in self.effort.items():
-            moved += share[other - 1] * np.interp(t_s, smooth.t_s, smooth.value)
-        return static + self.direction(t_s) * moved
+            transferred += share[other - 1] * np.interp(t_s, smooth.t_s, smooth.value)
+        return static + self.compute_direction(t_s) * transferred
 
-    def direction(self, t_s: Array) -> Array:
-        """Direction of travel at times, 1 or −1."""
-        if self.travel is None or not len(self.travel[0]):
+    def compute_direction(self, t_s: Array) -> Array:
+        """Direction of travel at given times, 1 or −1; shape (n,)."""
+        if self.direction_changes is None or not len(self.direction_changes[0]):
             return np.ones(len(t_s))
-        stamps, sign = self.travel
+        stamps, sign = self.direction_changes
         return np.asarray(sign[np.maximum(np.searchsorted(stamps, t_s, side="right") - 1, 0)])
 
 
-class Source:
-    """Kinematics at the rows for any delays; the last few are kept.
+class SignalKinematics:
+    """Kinematics from the signals of a recording; those of the last few delays are kept.
 
-    Attributes:
-        rough: by axle, the wheel speed's fast part stretch by stretch: stamps, s, and rad/s.
+    Args:
+        axles: Axle number of each row, shape (n,).
+        t_s: Stamp of each row, s; shape (n,).
+        signals: Smoothed signals of the recording.
 
     """
 
-    def __init__(self, axles: NDArray[np.int64], t_s: Array, signals: Signals) -> None:
+    def __init__(self, axles: NDArray[np.int64], t_s: Array, signals: SmoothedSignals) -> None:
         self._axles, self._t_s, self._signals = axles, t_s, signals
-        self.rough = signals.rough
-        self._cached = lru_cache(maxsize=6)(self._at)
+        self.high_pass = signals.high_pass
+        self._cached = lru_cache(maxsize=CACHED_DELAYS)(self._interpolate)
 
     @property
-    def speed_doubt(self) -> tuple[float, float]:
-        """See `Course.speed_doubt`."""
-        return self._signals.speed.std, self._signals.speed.window_s
+    def speed_error(self) -> SpeedError:
+        """Error of the vehicle speed that all axles share."""
+        return SpeedError(self._signals.speed.std, self._signals.speed.window_s)
 
-    def rows(self, kept: Rows) -> "Source":
+    def select_rows(self, kept: RowSelection) -> "SignalKinematics":
         """Kinematics at some of the rows."""
-        return Source(self._axles[kept], self._t_s[kept], self._signals)
+        return SignalKinematics(self._axles[kept], self._t_s[kept], self._signals)
 
     def __call__(self, speed_delay: float, effort_delay: float) -> Kinematics:
         """Kinematics at the moment at which the effort was measured.
 
         Args:
-            speed_delay: of the vehicle speed, s.
-            effort_delay: of the effort, s.
+            speed_delay: Delay of the vehicle speed, s.
+            effort_delay: Delay of the effort, s.
 
         """
         return self._cached(float(speed_delay), float(effort_delay))
 
-    def _at(self, speed_delay: float, effort_delay: float) -> Kinematics:
+    def _interpolate(self, speed_delay: float, effort_delay: float) -> Kinematics:
         t, s = self._t_s - effort_delay, self._signals
         columns = np.empty((4, len(t)))
         wheel_std = np.empty(len(t))
@@ -118,41 +146,41 @@ class Source:
             columns[0, rows] = np.interp(at, wheel.t_s, wheel.value)
             columns[1, rows] = np.interp(at, wheel.t_s, wheel.rate)
             columns[2, rows] = np.interp(at + speed_delay, s.speed.t_s, s.speed.value)
-            columns[3, rows] = s.load(axle, at)
+            columns[3, rows] = s.compute_load(axle, at)
             wheel_std[rows] = s.radius[axle - 1] * wheel.std
         return Kinematics(columns[0], columns[1], columns[2], columns[3], wheel_std)
 
 
-class TableSource:
-    """Kinematics that a TABLE gives: they stand in its rows.
+class TableKinematics:
+    """Kinematics that a TABLE gives in its rows.
 
-    A wheel of radius 1 m without inertia that has the slips of the table stands for the real one.
+    A wheel of radius 1 m without inertia, with the slips of the table, replaces the real one.
 
     Args:
-        axles: of the rows, shape (n,).
-        t_s: stamps, ascending for each axle, shape (n,).
-        columns: wheel speed, speed, load of each row, shape (3, n).
+        axles: Axle number of each row, shape (n,).
+        t_s: Stamps, s, ascending for each axle; shape (n,).
+        columns: Wheel speed, rad/s, vehicle speed, m/s, and load, N; shape (3, n).
 
     """
 
-    speed_doubt = (0.0, 0.0)
+    speed_error = SpeedError(0.0, 0.0)
 
     def __init__(self, axles: NDArray[np.int64], t_s: Array, columns: Array) -> None:
         self._axles, self._t_s, self._columns = axles, t_s, columns
-        self.rough: Mapping[int, list[tuple[Array, Array]]] = {}
+        self.high_pass: Mapping[int, list[tuple[Array, Array]]] = {}
 
-    def rows(self, kept: Rows) -> "TableSource":
+    def select_rows(self, kept: RowSelection) -> "TableKinematics":
         """Kinematics at some of the rows."""
-        return TableSource(self._axles[kept], self._t_s[kept], self._columns[:, kept])
+        return TableKinematics(self._axles[kept], self._t_s[kept], self._columns[:, kept])
 
     def __call__(self, _speed_delay: float, effort_delay: float) -> Kinematics:
-        """Kinematics of each row, or as they were a delay before it."""
+        """Kinematics of each row, or those one effort delay, s, before it."""
         columns, none = self._columns, np.zeros(len(self._t_s))
         if effort_delay != 0.0:
             columns = np.empty_like(columns)
             for axle in np.unique(self._axles):
                 rows = self._axles == axle
                 at = self._t_s[rows] - effort_delay
-                for to, of in zip(columns, self._columns, strict=True):
-                    to[rows] = np.interp(at, self._t_s[rows], of[rows])
+                for target, values in zip(columns, self._columns, strict=True):
+                    target[rows] = np.interp(at, self._t_s[rows], values[rows])
         return Kinematics(columns[0], none, columns[1], columns[2], none)

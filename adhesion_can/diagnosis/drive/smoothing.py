@@ -1,4 +1,8 @@
-"""Signals without their noise, as far as what is known of them allows."""
+"""Smoothing of signals: local parabolas (Savitzky and Golay, Anal. Chem. 36 (1964)).
+
+The width of the window is chosen by leave-one-out cross-validation: the one is taken that predicts
+each reading best from its neighbours.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,138 +15,175 @@ from adhesion_can.arrays import Array
 from adhesion_can.sampling.traces import Trace
 
 SPEED_WINDOWS_S = (0.3, 0.6, 1.0, 1.5, 2.2, 3.0)
-"""Over one of these a parabola smooths what the efforts leave of the vehicle speed."""
+"""Widths for the vehicle speed less the part that the efforts predict, s."""
 WHEEL_WINDOWS_S = (0.05, 0.09)
 EFFORT_WINDOWS_S = (0.15,)
-ROUGH_S = 0.4
+HIGH_PASS_WINDOW_S = 0.4
 GAP_CYCLES = 3.0
-SHORTEST = 8
-"""Readings; fewer are no signal."""
+LEAST_READINGS = 8
+"""A signal with fewer readings is not used."""
+LEAST_POINTS = 5
 
 
 class SmoothedSignal(NamedTuple):
-    """A signal smoothed: stamps, s, value, rate of change, std of the value, gaps, window, s."""
+    """A smoothed signal.
+
+    Attributes:
+        t_s: Stamps, s; shape (n,).
+        value: Smoothed values in the signal's unit; shape (n,).
+        rate: Rates of change, the signal's unit per second; shape (n,).
+        std: Standard deviation of a smoothed value, the signal's unit.
+        gaps: Last stamp before and first stamp after each gap, s; shape (gaps, 2).
+        window_s: Width of the smoothing window, s.
+
+    """
 
     t_s: Array
     value: Array
     rate: Array
     std: float
-    breaks: Array
+    gaps: Array
     window_s: float = 0.0
+
+
+class _Smoothing(NamedTuple):
+    """Smoothing with one window: cross-validated mean square, values, rates, std, width."""
+
+    unseen_square: float
+    value: Array
+    rate: Array
+    std: float
+    window_s: float
 
 
 def smooth_signal(
     trace: Trace, origin_us: int, windows_s: Sequence[float], known: Array | None = None
 ) -> SmoothedSignal | None:
-    """A trace smoothed by local parabolas, stretch by stretch; None where too little is there.
-
-    Of several windows the one is taken that predicts best what it has not seen: each reading from
-    its neighbours.
+    """Smooth a trace, gap-free run by run; None where it has too few readings.
 
     Args:
-        trace: readings; those not available are left out.
-        origin_us: stamp of time 0.
-        windows_s: widths to choose from, s; at least five readings are taken.
-        known: a part of the signal that needs no smoothing, at the readings that are available.
+        trace: Readings in the signal's unit; those that are not available are left out.
+        origin_us: Stamp of time 0, µs.
+        windows_s: Widths to choose from, s; a window has at least five readings.
+        known: Part of the signal that needs no smoothing, at the readings that are available, in
+            the signal's unit; shape (n,).
 
     """
     good = np.isfinite(trace.value)
     t = (trace.t_us[good] - origin_us) / 1e6
-    part_known = np.zeros(len(t)) if known is None else known
-    raw = trace.value[good] - part_known
-    if len(t) < SHORTEST:
+    known_part = np.zeros(len(t)) if known is None else known
+    raw = trace.value[good] - known_part
+    if len(t) < LEAST_READINGS:
         return None
     cycle = float(np.median(np.diff(t)))
-    parts = _find_runs(t, cycle)
-    longest = max(len(part) for part in parts)
-    counts = sorted({max(round(window / cycle / 2) * 2 + 1, 5) for window in windows_s})
-    best: tuple[float, Array, Array, float, float] | None = None
+    best = _best_smoothing(raw, _split_at_gaps(t, cycle), cycle, windows_s)
+    if best is None:
+        return None
+    available = np.isfinite(best.rate)
+    kept, known_rate = t[available], np.gradient(known_part, t)[available]
+    after = np.flatnonzero(np.diff(kept) > GAP_CYCLES * cycle) + 1
+    gaps = np.stack([kept[after - 1], kept[after]], axis=1)
+    value = best.value[available] + known_part[available]
+    rate = best.rate[available] + known_rate
+    return SmoothedSignal(kept, value, rate, best.std, gaps, best.window_s)
+
+
+def _best_smoothing(
+    raw: Array, runs: Sequence[NDArray[np.int64]], cycle: float, windows_s: Sequence[float]
+) -> _Smoothing | None:
+    """Smoothing with the least cross-validated error; None where every run is too short."""
+    longest = max(len(run) for run in runs)
+    counts = sorted({max(round(window / cycle / 2) * 2 + 1, LEAST_POINTS) for window in windows_s})
+    best: _Smoothing | None = None
     for points in counts:
         if points > longest:
             continue
         value, rate = np.full(len(raw), np.nan), np.full(len(raw), np.nan)
-        for part in parts:
-            if len(part) >= points:
-                value[part] = scipy.signal.savgol_filter(raw[part], points, 2)
-                rate[part] = scipy.signal.savgol_filter(raw[part], points, 2, deriv=1, delta=cycle)
-        centre = float(scipy.signal.savgol_coeffs(points, 2)[points // 2])
+        for run in runs:
+            if len(run) >= points:
+                value[run] = scipy.signal.savgol_filter(raw[run], points, 2)
+                rate[run] = scipy.signal.savgol_filter(raw[run], points, 2, deriv=1, delta=cycle)
+        # The weight of a reading in its own smoothed value is the leverage: dividing by 1 − it
+        # turns a residual into a leave-one-out prediction error.
+        leverage = float(scipy.signal.savgol_coeffs(points, 2)[points // 2])
         error = float(np.nanmean((raw - value) ** 2))
-        unseen = error / (1.0 - centre) ** 2
-        if best is None or unseen < best[0]:
-            std = float(np.sqrt(error * centre / (1.0 - centre)))
-            best = unseen, value, rate, std, points * cycle
-    if best is None:
-        return None
-    _, value, rate, std, window_s = best
-    there = np.isfinite(rate)
-    kept, rise = t[there], np.gradient(part_known, t)[there]
-    after = np.flatnonzero(np.diff(kept) > GAP_CYCLES * cycle) + 1
-    breaks = np.stack([kept[after - 1], kept[after]], axis=1)
-    whole = value[there] + part_known[there]
-    return SmoothedSignal(kept, whole, rate[there] + rise, std, breaks, window_s)
+        unseen = error / (1.0 - leverage) ** 2
+        if best is None or unseen < best.unseen_square:
+            std = float(np.sqrt(error * leverage / (1.0 - leverage)))
+            best = _Smoothing(unseen, value, rate, std, points * cycle)
+    return best
 
 
-def rough(trace: Trace, origin_us: int) -> list[tuple[Array, Array]]:
-    """The fast part of a signal, what is left of it beside its mean over 0.4 s.
+def high_pass(trace: Trace, origin_us: int) -> list[tuple[Array, Array]]:
+    """High-pass part of a signal: its readings less a local parabola over 0.4 s.
+
+    Args:
+        trace: Readings in the signal's unit.
+        origin_us: Stamp of time 0, µs.
 
     Returns:
-        Stamps, s, and values of each stretch without a gap.
+        Stamps, s, and values of each gap-free run.
 
     """
     good = np.isfinite(trace.value)
     t, value = (trace.t_us[good] - origin_us) / 1e6, trace.value[good]
-    if len(t) < SHORTEST:
+    if len(t) < LEAST_READINGS:
         return []
     cycle = float(np.median(np.diff(t)))
-    points = max(round(ROUGH_S / cycle / 2) * 2 + 1, 5)
+    points = max(round(HIGH_PASS_WINDOW_S / cycle / 2) * 2 + 1, LEAST_POINTS)
     return [
-        (t[part], value[part] - scipy.signal.savgol_filter(value[part], points, 2))
-        for part in _find_runs(t, cycle)
-        if len(part) > points
+        (t[run], value[run] - scipy.signal.savgol_filter(value[run], points, 2))
+        for run in _split_at_gaps(t, cycle)
+        if len(run) > points
     ]
 
 
-def _find_runs(t_s: Array, cycle: float) -> list[NDArray[np.int64]]:
-    """Readings that follow each other without a gap."""
+def _split_at_gaps(t_s: Array, cycle: float) -> list[NDArray[np.int64]]:
+    """Indices of readings that follow each other without a gap."""
     return np.split(np.arange(len(t_s)), np.flatnonzero(np.diff(t_s) > GAP_CYCLES * cycle) + 1)
 
 
-def predict_speed_from_efforts(trace: Trace, origin_us: int, efforts: Sequence[SmoothedSignal]) -> Array | None:
-    """What the efforts explain of a vehicle speed: their impulse over the train's mass.
+def predict_speed_from_efforts(
+    trace: Trace, origin_us: int, efforts: Sequence[SmoothedSignal]
+) -> Array | None:
+    """Predict the change of the vehicle speed: impulse of the efforts over the train's mass.
 
-    A train is heavy: its speed is what pulled it, and something slower. So the smoothing is left
-    with the slow part. The mass comes from the data, by differences over a second.
+    A train is heavy: its speed is this prediction and a slower part, which alone needs smoothing.
+    The mass is estimated by least squares on differences over a second.
 
     Args:
-        trace: vehicle speed.
-        origin_us: stamp of time 0.
-        efforts: of every axle, smoothed.
+        trace: Vehicle speed, m/s.
+        origin_us: Stamp of time 0, µs.
+        efforts: Smoothed tractive effort of every axle, N.
+
+    Returns:
+        Predicted speed at the available readings, m/s, without its offset; None: too few readings.
 
     """
     good = np.isfinite(trace.value)
     t, v = (trace.t_us[good] - origin_us) / 1e6, trace.value[good]
-    if len(t) < SHORTEST or not efforts:
+    if len(t) < LEAST_READINGS or not efforts:
         return None
-    whole = np.sum([np.interp(t, effort.t_s, effort.value) for effort in efforts], axis=0)
-    impulse = np.concatenate([[0.0], np.cumsum(np.diff(t) * (whole[1:] + whole[:-1]) / 2)])
+    total = np.sum([np.interp(t, effort.t_s, effort.value) for effort in efforts], axis=0)
+    impulse = np.concatenate([[0.0], np.cumsum(np.diff(t) * (total[1:] + total[:-1]) / 2)])
     lag = max(round(1.0 / float(np.median(np.diff(t)))), 1)
     if len(t) <= 2 * lag:
         return None
-    # Second differences take the slow part, a constant pull, out of both.
+    # Second differences remove the slow part, a constant pull, from both.
     dv, di = (x[2 * lag :] - 2 * x[lag:-lag] + x[: -2 * lag] for x in (v, impulse))
     square = float(di @ di)
     per_mass = max(float(di @ dv) / square, 0.0) if square > 0.0 else 0.0
     return per_mass * impulse
 
 
-def is_covered(smooth: SmoothedSignal, from_s: Array, to_s: Array) -> NDArray[np.bool_]:
-    """Whether a signal is there without a gap from one time to another, for each pair."""
-    if not len(smooth.t_s):
+def is_covered(signal: SmoothedSignal, from_s: Array, to_s: Array) -> NDArray[np.bool_]:
+    """Whether a signal has no gap between two times, s, for each pair of them; shape (n,)."""
+    if not len(signal.t_s):
         return np.zeros(len(from_s), dtype=np.bool_)
-    inside = (from_s >= smooth.t_s[0]) & (to_s <= smooth.t_s[-1])
-    if len(smooth.breaks):
-        # A break between the two ends: its begin lies before the end, its end after the begin.
-        first = np.searchsorted(smooth.breaks[:, 1], from_s, side="right")
-        last = np.searchsorted(smooth.breaks[:, 0], to_s, side="left")
+    inside = (from_s >= signal.t_s[0]) & (to_s <= signal.t_s[-1])
+    if len(signal.gaps):
+        # A gap between the two times begins before the later one and ends after the earlier one.
+        first = np.searchsorted(signal.gaps[:, 1], from_s, side="right")
+        last = np.searchsorted(signal.gaps[:, 0], to_s, side="left")
         inside &= first >= last
     return np.asarray(inside)

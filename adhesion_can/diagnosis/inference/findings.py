@@ -1,100 +1,109 @@
-"""What the steps found, and the verdict that follows from it."""
+"""Findings of steps 2 to 6, and what follows from them: named effects or an unexplained channel."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.inference.channel_splines import channels_of
-from adhesion_can.diagnosis.inference.find_residual_channels import LINE_SIZE, Left, Line
-from adhesion_can.diagnosis.inference.select_effects import SECOND_WORTH, Naming
-from adhesion_can.diagnosis.regression.gram_matrices import solve
-from adhesion_can.diagnosis.regression.model import Candidate, curve_slopes, evaluate
-from adhesion_can.diagnosis.regression.prepare_regression import Prepared
+from adhesion_can.diagnosis.inference.detect_effects import Detection
+from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
+from adhesion_can.diagnosis.inference.model_comparison import SECOND_LEAST_GAIN
+from adhesion_can.diagnosis.inference.select_effects import ModelSelection
+from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
+from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.channel_splines import build_channels
+from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
+from adhesion_can.diagnosis.regression.model import compute_curve_jacobian, evaluate_model
+from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
 
 NOISELESS = 1e-6
-"""RMSE of the adhesion below which there is nothing to explain: no sensor is as good."""
-HALF = 0.5
-"""Share of what is explained in all that named effects must explain to be the answer."""
+"""RMSE of the adhesion below which there is nothing to explain, since no sensor is that good."""
+LEAST_EXPLAINED = 0.5
+"""Share that named effects must have in what effects and channels explain together."""
+OSCILLATION_SIZE = 0.3
+"""Size of an oscillation in the adhesion, relative to the noise floor, from which it matters."""
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What the steps found.
+    """Results of steps 2 to 6.
 
     Attributes:
-        prepared: see there.
-        naming: see there.
-        absorbed: share of each candidate's signature that the curve imitates.
-        cosines: between what is left of the signatures.
-        left_plain: what channels explain of the plain model's residual, most first.
-        left: of the best model's.
-        line: a line in the wheel speeds.
-        pinned: recording, axle, effort and share of readings at a limit that the model exceeds.
-        times: of the changes of the rail, by recording, s.
-        length_s: of a block.
-        alpha: see the settings.
+        prepared: Whitened regression with the plain fit and the candidates.
+        detection: Sign-flip test of every candidate against the plain model.
+        selection: Selected model and its competitors.
+        channels_of_plain: Channels against the plain model's residual, largest gain first.
+        channels_of_best: Channels against the selected model's residual, largest gain first.
+        oscillation: Largest drive-train oscillation; None: there is none.
+        saturated: Effort sensors whose readings are cut off at a limit.
+        change_times: Times of the surface changes in each drive, s.
+        block_length_s: Length of a block, s.
+        alpha: Significance level of effects; a channel counts at half of it.
 
     """
 
-    prepared: Prepared
-    naming: Naming
-    absorbed: Array
-    cosines: Array
-    left_plain: tuple[Left, ...]
-    left: tuple[Left, ...]
-    line: Line | None
-    pinned: tuple[tuple[str, int, float, float], ...]
-    times: list[list[float]]
-    length_s: float
+    prepared: PreparedRegression
+    detection: Detection
+    selection: ModelSelection
+    channels_of_plain: tuple[ResidualChannel, ...]
+    channels_of_best: tuple[ResidualChannel, ...]
+    oscillation: DriveTrainOscillation | None
+    saturated: tuple[SaturatedSensor, ...]
+    change_times: list[list[float]]
+    block_length_s: float
     alpha: float
 
     def p_value(self, candidate: Candidate) -> float:
-        """Of a named effect."""
-        return self.naming.p_value(candidate, self.prepared.candidates)
+        """P-value of a selected effect, all effects counted."""
+        return self.selection.p_value(candidate, self.prepared.candidates)
 
     @cached_property
     def named(self) -> tuple[Candidate, ...]:
-        """Effects that are sure, and explain most of what is explained."""
-        if self.swings or self.pinned or self.naming.base.rmse < NOISELESS:
+        """Effects that are significant and explain most of what can be explained."""
+        best, plain = self.selection.best, self.selection.plain
+        if self.oscillates or self.saturated or plain.rmse < NOISELESS:
             return ()
-        best, base = self.naming.best, self.naming.base
         if not best.candidates or any(self.p_value(c) > self.alpha for c in best.candidates):
             return ()
-        explained = 1.0 - (best.rmse / base.rmse) ** 2
-        strongest = next((one for one in self.left if one.p_value <= self.alpha / 2), None)
-        rest = 0.0
+        explained = 1.0 - (best.rmse / plain.rmse) ** 2
+        significant = (one for one in self.channels_of_best if one.p_value <= self.alpha / 2)
+        strongest = next(significant, None)
+        by_channel = 0.0
         if strongest is not None:
-            left = best.rmse * (1.0 - strongest.gain)
-            rest = (best.rmse**2 - left**2) / base.rmse**2
-        return best.candidates if explained >= HALF * (explained + rest) else ()
+            remaining = best.rmse * (1.0 - strongest.gain)
+            by_channel = (best.rmse**2 - remaining**2) / plain.rmse**2
+        return best.candidates if explained >= LEAST_EXPLAINED * (explained + by_channel) else ()
 
     @cached_property
-    def swings(self) -> bool:
-        """Whether the drive train swings so much that the force balance feels it."""
-        return self.line is not None and self.line.adhesion > LINE_SIZE * self.noise_floor
+    def oscillates(self) -> bool:
+        """Whether the drive train oscillates enough to matter in the force balance."""
+        limit = OSCILLATION_SIZE * self.noise_floor
+        return self.oscillation is not None and self.oscillation.adhesion > limit
 
     @cached_property
-    def unknown(self) -> Left | None:
-        """The channel that an unexplained residual depends on; None: none."""
-        if self.naming.base.rmse < NOISELESS:
+    def unexplained_channel(self) -> ResidualChannel | None:
+        """Channel that the plain model's residual depends on; None: there is none."""
+        if self.selection.plain.rmse < NOISELESS:
             return None
-        for one in self.left_plain:
-            in_question = not self.pinned or one.channel.name == "tractive_effort"
-            if in_question and one.p_value <= self.alpha / 2 and one.gain >= SECOND_WORTH:
+        for one in self.channels_of_plain:
+            possible = not self.saturated or one.channel.name == "tractive_effort"
+            if possible and one.p_value <= self.alpha / 2 and one.gain >= SECOND_LEAST_GAIN:
                 return one
         return None
 
     @cached_property
     def noise_floor(self) -> float:
-        """RMSE of the fullest model on the rows that decided, its parameters paid for."""
-        stage, best = self.prepared.stage, self.naming.best.fit.model
-        likely = evaluate(stage.study, best.theta, best.actives, stage.shift)
-        columns = [channel.basis(likely) for channel in channels_of(stage.study, likely)]
-        columns += [one.columns for one in self.left if one.channel.period]
-        raw = np.column_stack([curve_slopes(stage.study, best.theta, likely), *columns])[stage.used]
-        left = evaluate(stage.study, best.theta, best.actives).residual[stage.used]
-        rest = left - raw @ solve(raw.T @ raw, raw.T @ left)
-        free = max(len(rest) - raw.shape[1], 1)
-        return float(np.sqrt(np.sum(rest**2) / free))
+        """RMSE of the adhesion with the selected effects and all channels, bias-corrected."""
+        regression, best = self.prepared.regression, self.selection.best.fitted.model
+        data, used = regression.data, regression.used
+        effects = best.active_effects
+        likely = evaluate_model(data, best.curves, effects, regression.slip_correction)
+        columns = [channel.build_basis(likely) for channel in build_channels(data, likely)]
+        columns += [one.basis for one in self.channels_of_best if one.channel.period]
+        jacobian = compute_curve_jacobian(data, best.curves, likely)
+        design = np.column_stack([jacobian, *columns])[used]
+        residual = evaluate_model(data, best.curves, effects).residual[used]
+        answer = solve_normal_equations(design.T @ design, design.T @ residual)
+        noise = residual - design @ answer
+        freedom = max(len(noise) - design.shape[1], 1)
+        return float(np.sqrt(np.sum(noise**2) / freedom))

@@ -1,4 +1,9 @@
-"""What an extension gains on data that had no part in deciding on it."""
+"""Gain of an extended model on held-out data, with a confidence interval (for step 7).
+
+The gain is the share by which the RMSE of the adhesion falls on data that had no part in fitting or
+selecting the model. Its interval comes from the scatter over units that were held out whole (spans
+or recordings), since rows within a unit are correlated.
+"""
 
 from dataclasses import dataclass
 
@@ -7,21 +12,31 @@ import scipy
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.inference.find_residual_channels import Left
-from adhesion_can.diagnosis.regression.gram_matrices import solve
-from adhesion_can.diagnosis.regression.model import Model, curve_slopes, evaluate
-from adhesion_can.diagnosis.regression.whitened_regression import Stage, fit
+from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
+from adhesion_can.diagnosis.inference.split_hold_out import HELD_BLOCKS
+from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
+from adhesion_can.diagnosis.regression.model import (
+    EXCLUDED,
+    Model,
+    compute_curve_jacobian,
+    evaluate_model,
+)
+from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.diagnosis.result import Gain
+
+CONFIDENCE = 0.95
+LEAST_RECORDINGS = 3
+"""Held-out recordings from which each one is a unit of its own."""
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
-    """Residuals on what was held out, adhesion.
+class HoldOutResult:
+    """Residuals on the held-out rows.
 
     Attributes:
-        rows: of the study, shape (m,).
-        before: by the plain model, shape (m,).
-        after: by the extended one, shape (m,).
+        rows: Indices of the held-out rows, shape (m,).
+        before: Residuals of the plain model, adhesion; shape (m,).
+        after: Residuals of the extended model, adhesion; shape (m,).
 
     """
 
@@ -30,46 +45,159 @@ class Held:
     after: Array
 
 
-def held_out(
-    stage: Stage, plain: Model, extended: Model, left: Left | None, *, other_drives: bool
-) -> Held:
-    """Both models on the rows that were kept back.
+@dataclass(frozen=True, eq=False)
+class HoldOutUnits:
+    """Units that were held out whole.
 
-    Args:
-        stage: on which they were fitted.
-        plain: curves alone.
-        extended: with effects.
-        left: a channel that adds to it; None: nothing does.
-        other_drives: whether whole recordings were kept back. Their rails are their own, so both
-            models get curves of theirs; the effects stay as they were found.
+    Attributes:
+        unit: Unit number of each held-out row, shape (m,).
+        description: What was held out, a clause for reports.
+        spans: Recording, begin and end of each unit, s on the recording's clock.
 
     """
-    study = stage.study
-    if other_drives:
-        plain = fit(stage.turned, Model(plain.theta)).model
-        extended = fit(stage.turned, Model(extended.theta, fixed=extended.actives)).model
-    rows = np.flatnonzero(stage.turned.used)
-    before = evaluate(study, plain.theta, plain.actives).residual
-    after = evaluate(study, extended.theta, extended.actives).residual
-    if left is not None and other_drives:
-        after = after - left.alone
-        # At the likely slips, as the channel was fitted.
-        likely = evaluate(study, extended.theta, extended.actives, stage.shift)
-        slopes = curve_slopes(study, extended.theta, likely)
-        own = slopes[rows]
-        after = after - slopes @ solve(own.T @ own, own.T @ after[rows])
-    elif left is not None:
-        after = after - left.explained
-    return Held(rows, before[rows], after[rows])
+
+    unit: NDArray[np.int64]
+    description: str
+    spans: tuple[tuple[str, float, float], ...]
 
 
-def interval(before: Array, after: Array, unit: NDArray[np.int64]) -> tuple[float, float]:
-    """95 % interval of the gain in percent, from the scatter over units that were held out whole.
+def compute_hold_out_gain(
+    regression: WhitenedRegression,
+    plain: Model,
+    extended: Model,
+    channel: ResidualChannel | None,
+    *,
+    other_drives: bool,
+    noise_floor: float,
+    block_length_s: float,
+) -> Gain:
+    """Gain of an extended model over the plain one on the held-out rows.
 
     Args:
-        before: residuals, shape (m,).
-        after: likewise.
-        unit: number of each row's unit, shape (m,).
+        regression: Regression on which both were fitted.
+        plain: Model without effects.
+        extended: Model with effects.
+        channel: Residual channel that is added to it; None: none.
+        other_drives: Whether whole recordings were held out.
+        noise_floor: RMSE of the adhesion that no model goes below.
+        block_length_s: Length of a block, s.
+
+    """
+    result = evaluate_hold_out(regression, plain, extended, channel, other_drives=other_drives)
+    units = group_hold_out(
+        regression, result.rows, block_length_s=block_length_s, other_drives=other_drives
+    )
+    return compute_gain(result, units, noise_floor)
+
+
+def evaluate_hold_out(
+    regression: WhitenedRegression,
+    plain: Model,
+    extended: Model,
+    channel: ResidualChannel | None,
+    *,
+    other_drives: bool,
+) -> HoldOutResult:
+    """Residuals of both models on the held-out rows.
+
+    Args:
+        regression: Regression on which both were fitted.
+        plain: Model without effects.
+        extended: Model with effects.
+        channel: Residual channel that is added to it; None: none.
+        other_drives: Whether whole recordings were held out. Their surfaces are their own, so both
+            models get curves fitted to them; the effects stay as they were fitted.
+
+    """
+    data, held_out = regression.data, regression.held_out
+    if other_drives:
+        plain = fit_model(held_out, Model(plain.curves)).model
+        extended = fit_model(held_out, Model(extended.curves, fixed=extended.active_effects)).model
+    rows = np.flatnonzero(held_out.used)
+    effects = extended.active_effects
+    before = evaluate_model(data, plain.curves, plain.active_effects).residual
+    after = evaluate_model(data, extended.curves, effects).residual
+    if channel is not None and other_drives:
+        after = after - channel.spline_change
+        # At the estimated true slips, as the channel was fitted.
+        likely = evaluate_model(data, extended.curves, effects, regression.slip_correction)
+        jacobian = compute_curve_jacobian(data, extended.curves, likely)
+        own = jacobian[rows]
+        after = after - jacobian @ solve_normal_equations(own.T @ own, own.T @ after[rows])
+    elif channel is not None:
+        after = after - channel.prediction_change
+    return HoldOutResult(rows, before[rows], after[rows])
+
+
+def group_hold_out(
+    regression: WhitenedRegression,
+    rows: NDArray[np.int64],
+    *,
+    block_length_s: float,
+    other_drives: bool,
+) -> HoldOutUnits:
+    """Group the held-out rows into spans, or into recordings where at least three are held out.
+
+    Args:
+        regression: Regression with its blocks.
+        rows: Indices of the held-out rows, shape (m,).
+        block_length_s: Length of a block, s.
+        other_drives: Whether whole recordings were held out.
+
+    """
+    data = regression.data
+    number = (-1 - regression.block[rows]) // HELD_BLOCKS
+    drive_number = np.concatenate([np.full(len(c), i) for i, c in enumerate(data.drives)])[rows]
+    t_s = data.column("time_s")[rows]
+    held = np.unique(drive_number)
+    if other_drives and len(held) >= LEAST_RECORDINGS:
+        number = drive_number
+    spans = []
+    for unit in np.unique(number):
+        own = number == unit
+        drive = data.drives[int(drive_number[own][0])]
+        start = drive.first_us / 1e6
+        spans.append((drive.name, start + float(t_s[own].min()), start + float(t_s[own].max())))
+    if other_drives:
+        names = ", ".join(data.drives[int(i)].name for i in held)
+        description = f"{len(held)} of {len(data.drives)} recordings: {names}"
+    else:
+        share = len(rows) / max(int((data.surface != EXCLUDED).sum()), 1)
+        description = (
+            f"this drive only: {len(spans)} spans of {HELD_BLOCKS * block_length_s:.1f} s, "
+            f"{100 * share:.0f} % of the rows"
+        )
+    return HoldOutUnits(number, description, tuple(spans))
+
+
+def compute_gain(result: HoldOutResult, units: HoldOutUnits, noise_floor: float) -> Gain:
+    """Gain with its interval.
+
+    Args:
+        result: Residuals on the held-out rows.
+        units: Units that were held out whole.
+        noise_floor: RMSE of the adhesion that no model goes below.
+
+    """
+    before = float(np.sqrt(np.mean(result.before**2)))
+    after = float(np.sqrt(np.mean(result.after**2)))
+    percent, interval = 0.0, (0.0, 0.0)
+    if not np.array_equal(result.before, result.after):
+        percent = 100.0 * (1.0 - after / max(before, 1e-300))
+        interval = gain_interval(result.before, result.after, units.unit)
+    return Gain(before, after, noise_floor, percent, interval, units.description, units.spans)
+
+
+def gain_interval(before: Array, after: Array, unit: NDArray[np.int64]) -> tuple[float, float]:
+    """95 % confidence interval of the gain, %, by Student's t over units that were held out whole.
+
+    The logarithm of the ratio of the mean squares is linearised in the units' sums of squares
+    (delta method).
+
+    Args:
+        before: Residuals of the plain model, adhesion; shape (m,).
+        after: Residuals of the extended model, adhesion; shape (m,).
+        unit: Unit number of each row, shape (m,).
 
     """
     numbers = np.unique(unit, return_inverse=True)[1]
@@ -78,33 +206,8 @@ def interval(before: Array, after: Array, unit: NDArray[np.int64]) -> tuple[floa
     if units < 2 or b.sum() == 0.0 or a.sum() == 0.0:
         return -np.inf, 100.0
     share = a / a.sum() - b / b.sum()
-    spread = float(np.sqrt(units / (units - 1) * np.sum(share**2)))
+    std = float(np.sqrt(units / (units - 1) * np.sum(share**2)))
     middle = float(np.log(a.sum() / b.sum()))
-    reach = float(scipy.stats.t.ppf(0.975, units - 1)) * spread
+    reach = float(scipy.stats.t.ppf((1.0 + CONFIDENCE) / 2, units - 1)) * std
     low, high = (100.0 * (1.0 - np.exp((middle + side * reach) / 2)) for side in (1.0, -1.0))
     return float(low), float(high)
-
-
-def gain_of(
-    held: Held,
-    unit: NDArray[np.int64],
-    noise_floor: float,
-    words: str,
-    spans: tuple[tuple[str, float, float], ...],
-) -> Gain:
-    """Gain with its interval.
-
-    Args:
-        held: residuals.
-        unit: number of each row's unit, shape as theirs.
-        noise_floor: of the adhesion.
-        words: what was held out.
-        spans: likewise, as times.
-
-    """
-    before = float(np.sqrt(np.mean(held.before**2)))
-    after = float(np.sqrt(np.mean(held.after**2)))
-    same = np.array_equal(held.before, held.after)
-    percent = 0.0 if same else 100.0 * (1.0 - after / max(before, 1e-300))
-    between = (0.0, 0.0) if same else interval(held.before, held.after, unit)
-    return Gain(before, after, noise_floor, percent, between, words, spans)

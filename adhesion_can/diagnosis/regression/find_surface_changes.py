@@ -1,9 +1,9 @@
-"""Where the rail changed: a nuisance here, and not to be confused with what effects do.
+"""Step 2, find surface changes: times between which one adhesion curve holds (a nuisance here).
 
-Candidates come from the segmentation that `identify` uses. A change is kept only where nothing else
-explains it: the sum of squares without it must be larger even when every effect of the library may
-help, to first order. A change of the rail is sudden and large; what an effect does over a drive
-looks like many small ones.
+Candidate times come from the segmentation of `identify`. Backward elimination keeps a change only
+where nothing else explains it: without it the sum of squares must be larger even when every effect
+of the library is fitted too, linearised. A surface change is sudden and large; what an effect does
+over a drive looks like many small ones.
 """
 
 from dataclasses import replace
@@ -13,161 +13,188 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.drive.drive_data import Course
-from adhesion_can.diagnosis.regression.gram_matrices import solve
+from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
-    Candidate,
     Model,
-    Study,
-    Theta,
-    curve_slopes,
-    evaluate,
-    signature,
+    RegressionData,
+    SegmentCurves,
+    compute_curve_jacobian,
+    compute_signature,
+    evaluate_model,
 )
 from adhesion_can.estimation.batch_fit import SegmentationSettings, change_points, fit
 from adhesion_can.physics import burckhardt
 from adhesion_can.physics.samples import Samples
 
 SETTINGS = SegmentationSettings(chunk_s=0.2, shortest_s=6.0, penalty=4.0, noise_gain=0.05)
-EXPLAINED = 0.04
-"""Share by which the sum of squares must rise without a change for it to be kept."""
-MOST_ROWS = 6_000
-AROUND_S = 2.0
-"""Rows so close to a change are left out: each axle finds it at a time of its own."""
+LEAST_INCREASE = 0.04
+"""Share by which the sum of squares must rise without a change for the change to be kept."""
+LEAST_ROWS, MOST_ROWS = 500, 6_000
+"""Rows of a drive without which no change is looked for, and to which it is thinned."""
+EXCLUDED_AROUND_S = 2.0
+"""Rows this close to a change are left out, since each axle meets it at its own time, s."""
 PASSES = 3
-FEWEST = 10
+LEAST_CURVE_ROWS, MOST_CURVE_ROWS = 10, 3_000
+"""Rows without which no curve is fitted, and to which a surface is thinned for its start curve."""
+DEFAULT_CURVE = (0.3, 40.0, 0.1)
+"""Curve parameters c1, c2 and c3 of a surface with too few rows."""
 
 
-def samples_of(course: Course, rows: NDArray[np.int64] | slice = slice(None)) -> Samples:
-    """Rows of a course as samples, in the order of their stamps within each axle."""
-    seen = course.observe()
+def build_samples(drive: DriveData, rows: NDArray[np.int64] | slice = slice(None)) -> Samples:
+    """Rows of a drive as samples, in the order of `rows`."""
+    seen = drive.observe()
     plain = Samples.curve(seen.slip[rows], seen.adhesion[rows])
-    t_us = np.round(course.t_s[rows] * 1e6).astype(np.int64)
-    return replace(plain, t_us=t_us, axle=course.axle[rows], speed=seen.speed[rows])
+    t_us = np.round(drive.t_s[rows] * 1e6).astype(np.int64)
+    return replace(plain, t_us=t_us, axle=drive.axle[rows], speed=seen.speed[rows])
 
 
-def changes(course: Course, candidates: tuple[Candidate, ...]) -> list[float]:
-    """Times at which the rail changed, s on the course's clock, ascending."""
-    if len(course) < 500:
+def find_surface_changes(drive: DriveData, candidates: tuple[Candidate, ...]) -> list[float]:
+    """Times at which the surface changed, s since the drive's first row, ascending.
+
+    Args:
+        drive: Drive data; a TABLE has no changes.
+        candidates: Effects that may explain the data instead of a change.
+
+    """
+    if drive.table or len(drive) < LEAST_ROWS:
         return []
-    thin = _thinned(course)
+    thin = _thin_rows(drive)
     order = np.argsort(thin.t_s, kind="stable")
-    samples = samples_of(thin, order)
-    rows = change_points(samples, SETTINGS)
-    times = [float(samples.t_us[row]) / 1e6 for row in rows]
+    samples = build_samples(thin, order)
+    times = [float(samples.t_us[row]) / 1e6 for row in change_points(samples, SETTINGS)]
     if not times:
         return []
-    trial = _Trial(thin, times, candidates)
+    times = _eliminate_changes(_ChangeTrial(thin, times, candidates), times)
+    return _refine_change_times(thin, _refine_change_times(thin, times))
+
+
+def _eliminate_changes(trial: "_ChangeTrial", times: list[float]) -> list[float]:
+    """Remove the least important change, again and again, until each one left is needed."""
+    times = list(times)
     while times:
-        whole = trial.left(times)
-        without = [trial.left(times[:i] + times[i + 1 :]) for i in range(len(times))]
+        square = trial.mean_square(times)
+        without = [trial.mean_square(times[:i] + times[i + 1 :]) for i in range(len(times))]
         least = int(np.argmin(without))
-        if without[least] > (1.0 + EXPLAINED) * whole:
+        if without[least] > (1.0 + LEAST_INCREASE) * square:
             break
         del times[least]
-    return _moved(thin, _moved(thin, times))
+    return times
 
 
-def _moved(course: Course, times: list[float]) -> list[float]:
-    """Each change where the curves of the stretches around it say that it was."""
-    study = study_of((course,), [times])
-    theta = start_of(study).values
-    adhesion, slip = course.observe().adhesion, course.observe().slip
-    order = np.argsort(course.t_s, kind="stable")
-    t_s = course.t_s[order]
+def _refine_change_times(drive: DriveData, times: list[float]) -> list[float]:
+    """Move each change to the time that separates the curves around it best, s."""
+    data = build_regression_data((drive,), [times])
+    curves = fit_start_curves(data).values
+    adhesion, slip = drive.observe().adhesion, drive.observe().slip
+    order = np.argsort(drive.t_s, kind="stable")
+    t_s = drive.t_s[order]
     bounds = [t_s[0], *times, t_s[-1]]
     found = []
     for number, time in enumerate(times):
         low, high = (bounds[number] + time) / 2, (bounds[number + 2] + time) / 2
         rows = order[(t_s >= low) & (t_s < high)]
         squares = []
-        for c1, log_c2, c3 in theta[number : number + 2]:
+        for c1, log_c2, c3 in curves[number : number + 2]:
             curve = burckhardt.adhesion(slip[rows], c1, np.exp(log_c2), c3)
             squares.append((adhesion[rows] - curve) ** 2)
         cost = np.cumsum(squares[0] - squares[1])
-        found.append(float(course.t_s[rows[int(np.argmin(cost))]]) if len(rows) else time)
+        found.append(float(drive.t_s[rows[int(np.argmin(cost))]]) if len(rows) else time)
     return sorted(found)
 
 
-def _thinned(course: Course) -> Course:
-    step = max(len(course) // MOST_ROWS, 1)
-    return course.rows(slice(None, None, step))
+def _thin_rows(drive: DriveData) -> DriveData:
+    """Every k-th row, so that about `MOST_ROWS` are left."""
+    step = max(len(drive) // MOST_ROWS, 1)
+    return drive.select_rows(slice(None, None, step))
 
 
-def study_of(courses: tuple[Course, ...], times: list[list[float]]) -> Study:
-    """Study with a surface for each stretch between changes.
+def build_regression_data(
+    drives: tuple[DriveData, ...], change_times: list[list[float]]
+) -> RegressionData:
+    """Regression data with a surface for each segment between changes.
 
     Args:
-        courses: recordings.
-        times: of the changes in each.
+        drives: Drive data of each recording.
+        change_times: Times of the surface changes in each drive, s.
 
     """
     numbers, base = [], 0
-    for course, own in zip(courses, times, strict=True):
-        number = np.searchsorted(own, course.t_s, side="right") + base
-        for time in own:
-            number[np.abs(course.t_s - time) < AROUND_S] = EXCLUDED
+    for drive, times in zip(drives, change_times, strict=True):
+        number = np.searchsorted(times, drive.t_s, side="right") + base
+        for time in times:
+            number[np.abs(drive.t_s - time) < EXCLUDED_AROUND_S] = EXCLUDED
         numbers.append(number)
-        base += len(own) + 1
+        base += len(times) + 1
     surface = np.concatenate(numbers) if numbers else np.empty(0, dtype=np.int64)
-    return Study(courses, surface.astype(np.int64), base)
+    return RegressionData(drives, surface.astype(np.int64), base)
 
 
-def start_of(study: Study) -> Theta:
-    """Curves to begin with: `identify`'s fit of each surface."""
-    return Theta(np.array([_curve(study, number) for number in range(study.surfaces)]))
+def fit_start_curves(data: RegressionData) -> SegmentCurves:
+    """Curve parameters to begin with: the fit of `identify` to each surface."""
+    return SegmentCurves(np.array([_fit_curve(data, number) for number in range(data.surfaces)]))
 
 
-def _curve(study: Study, number: int) -> Array:
-    """(c1, ln c2, c3) of one surface by `identify`'s fit to some of its rows."""
-    own = np.flatnonzero(study.surface == number)
-    if len(own) < FEWEST:
-        return np.array([0.3, np.log(40.0), 0.1])
-    own = own[:: max(len(own) // 3000, 1)]
+def _fit_curve(data: RegressionData, number: int) -> Array:
+    """(c1, ln c2, c3) of one surface by the fit of `identify` to some of its rows, shape (3,)."""
+    own = np.flatnonzero(data.surface == number)
+    if len(own) < LEAST_CURVE_ROWS:
+        c1, c2, c3 = DEFAULT_CURVE
+        return np.array([c1, np.log(c2), c3])
+    own = own[:: max(len(own) // MOST_CURVE_ROWS, 1)]
     adhesion, slip = (
-        np.concatenate([getattr(course.observe(), name) for course in study.courses])[own]
+        np.concatenate([getattr(drive.observe(), name) for drive in data.drives])[own]
         for name in ("adhesion", "slip")
     )
     estimate = fit(Samples.curve(slip, adhesion))
     return np.array([estimate.c1, np.log(max(estimate.c2, 1.0)), estimate.c3])
 
 
-class _Trial:
-    """Sums of squares with a curve for each stretch, and every effect's help to first order."""
+class _ChangeTrial:
+    """Sums of squares with a curve for each segment and every effect, linearised.
+
+    Args:
+        drive: Drive data, thinned.
+        times: Candidate times of changes, s.
+        candidates: Effects that may explain the data instead of a change.
+
+    """
 
     def __init__(
-        self, course: Course, times: list[float], candidates: tuple[Candidate, ...]
+        self, drive: DriveData, times: list[float], candidates: tuple[Candidate, ...]
     ) -> None:
-        self._course = course
+        self._drive = drive
         self._curves: dict[tuple[float, float], Array] = {}
-        study, model = self._start(times)
-        signatures = [signature(study, model, c, c.none)[:, None] for c in candidates]
-        self._signatures = np.column_stack([np.empty((len(study), 0)), *signatures])
+        data, model = self._start(times)
+        signatures = [compute_signature(data, model, c, c.null_values)[:, None] for c in candidates]
+        self._signatures = np.column_stack([np.empty((len(data), 0)), *signatures])
 
-    def left(self, times: list[float]) -> float:
-        """Mean square with these changes."""
-        study, model = self._start(times)
-        used = study.surface != EXCLUDED
+    def mean_square(self, times: list[float]) -> float:
+        """Mean square of the residual with changes at given times, s."""
+        data, model = self._start(times)
+        used = data.surface != EXCLUDED
         square = np.inf
         for _ in range(PASSES):
-            at = evaluate(study, model.theta)
-            slopes = curve_slopes(study, model.theta, at)
-            columns = np.column_stack([slopes, self._signatures])[used]
-            left = at.residual[used]
-            answer = solve(columns.T @ columns, columns.T @ left)
-            reached = float(np.sum((left - columns @ answer) ** 2))
+            evaluation = evaluate_model(data, model.curves)
+            jacobian = compute_curve_jacobian(data, model.curves, evaluation)
+            columns = np.column_stack([jacobian, self._signatures])[used]
+            residual = evaluation.residual[used]
+            answer = solve_normal_equations(columns.T @ columns, columns.T @ residual)
+            reached = float(np.sum((residual - columns @ answer) ** 2))
             if reached >= square:
                 break
             square = reached
-            # The effects stay linear; the curves go where the effects want them.
-            model = model.at(model.vector + answer[: 3 * study.surfaces])
+            # The effects stay linear; the curves move to where the effects need them.
+            model = model.with_parameters(model.parameter_vector + answer[: 3 * data.surfaces])
         return square / max(int(used.sum()), 1)
 
-    def _start(self, times: list[float]) -> tuple[Study, Model]:
-        study = study_of((self._course,), [times])
+    def _start(self, times: list[float]) -> tuple[RegressionData, Model]:
+        """Data and start model with changes at given times; each segment's curve is fitted once."""
+        data = build_regression_data((self._drive,), [times])
         bounds = list(pairwise([-np.inf, *times, np.inf]))
         for number, ends in enumerate(bounds):
             if ends not in self._curves:
-                self._curves[ends] = _curve(study, number)
-        return study, Model(Theta(np.array([self._curves[ends] for ends in bounds])))
+                self._curves[ends] = _fit_curve(data, number)
+        return data, Model(SegmentCurves(np.array([self._curves[ends] for ends in bounds])))

@@ -1,7 +1,8 @@
-"""Whitened columns summed up block by block: all that the tests need of the data.
+"""Gram matrices of whitened columns, block by block: sufficient statistics of every later step.
 
-A block is a span of time with all axles in it, since what is wrong with the vehicle speed is wrong
-with all of them at once.
+A block is a span of time with all axles in it, since an error of the vehicle speed meets all axles
+at once. Errors that the rows of a block share are integrated out, which is generalised least
+squares with a random effect for each block.
 """
 
 from collections.abc import Sequence
@@ -12,30 +13,35 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 
+COLLINEAR = 1e-9
+"""Eigenvalue of a correlation matrix, relative to the largest, below which it counts as 0."""
+
 
 @dataclass(frozen=True, eq=False)
-class Ledger:
-    """Products of columns in each block.
+class BlockGramMatrices:
+    """Gram matrix of each block.
 
     Attributes:
-        grams: XᵀX, shape (blocks, p, p); the last column is the residual.
-        rows: number of rows in each block, shape (blocks,).
+        matrices: Gram matrices XᵀX of the p columns, the residual last; shape (blocks, p, p).
+        rows: Number of rows in each block, shape (blocks,).
 
     """
 
-    grams: Array
+    matrices: Array
     rows: Array
 
     @classmethod
-    def of(cls, columns: Array, block: NDArray[np.int64], shared: Array | None = None) -> "Ledger":
-        """Sums over the rows of each block.
+    def from_columns(
+        cls, columns: Array, block: NDArray[np.int64], speed_error_design: Array | None = None
+    ) -> "BlockGramMatrices":
+        """Sum products of columns over the rows of each block.
 
         Args:
-            columns: whitened, shape (n, p), the residual last.
-            block: number of each row's block, negative: left out; shape (n,).
-            shared: columns of errors that many rows of a block share, each error of variance 1
-                and independent from block to block, shape (n, q). They are integrated out: the
-                products become those of generalised least squares.
+            columns: Whitened columns, the residual last; shape (n, p).
+            block: Block number of each row, negative in rows that are left out; shape (n,).
+            speed_error_design: Design matrix of errors that many rows of a block share, each of
+                variance 1 and independent from block to block, shape (n, q). They are integrated
+                out by the Woodbury identity.
 
         """
         kept = np.flatnonzero(block >= 0)
@@ -44,61 +50,70 @@ class Ledger:
         size = columns.shape[1]
         if not len(numbers):
             return cls(np.empty((0, size, size)), np.empty(0))
-        grams = []
+        matrices = []
         ends = np.append(starts[1:], len(order))
         for first, last in zip(starts, ends, strict=True):
             rows = order[first:last]
             part = columns[rows]
             gram = part.T @ part
-            if shared is not None and shared.shape[1]:
-                errors = shared[rows]
+            if speed_error_design is not None and speed_error_design.shape[1]:
+                errors = speed_error_design[rows]
                 cross = errors.T @ part
                 own = errors.T @ errors + np.eye(errors.shape[1])
                 gram = gram - cross.T @ np.linalg.solve(own, cross)
-            grams.append(gram)
-        return cls(np.array(grams), (ends - starts).astype(np.float64))
+            matrices.append(gram)
+        return cls(np.array(matrices), (ends - starts).astype(np.float64))
 
     @property
     def total(self) -> Array:
-        """Over all blocks, shape (p, p)."""
-        return np.asarray(self.grams.sum(axis=0))
+        """Gram matrix of all blocks together, shape (p, p)."""
+        return np.asarray(self.matrices.sum(axis=0))
 
-    def weights(self, nuisance: Sequence[int], of: Sequence[int]) -> Array:
-        """Columns less what the nuisance columns explain of them, as weights of all columns.
+    def project_out(self, nuisance: Sequence[int], columns: Sequence[int]) -> Array:
+        """Project nuisance columns out of other columns (Frisch and Waugh 1933; Lovell 1963).
 
         Args:
-            nuisance: columns that are projected out.
-            of: columns that are left.
+            nuisance: Indices of the columns that are projected out.
+            columns: Indices of the k columns of interest.
 
         Returns:
-            Shape (p, len(of)).
+            Remainders of the k columns as linear combinations of all columns, shape (p, k).
 
         """
         total = self.total
-        v = np.zeros((total.shape[0], len(of)))
-        v[list(of), np.arange(len(of))] = 1.0
+        v = np.zeros((total.shape[0], len(columns)))
+        v[list(columns), np.arange(len(columns))] = 1.0
         if len(nuisance):
-            v[list(nuisance)] -= solve(
-                total[np.ix_(nuisance, nuisance)], total[np.ix_(nuisance, of)]
+            v[list(nuisance)] -= solve_normal_equations(
+                total[np.ix_(nuisance, nuisance)], total[np.ix_(nuisance, columns)]
             )
         return v
 
 
-def solve(gram: Array, right: Array) -> Array:
-    """Least squares from products, where columns may not be told from each other."""
+def solve_normal_equations(gram: Array, right: Array) -> Array:
+    """Least-squares coefficients from a Gram matrix, by a pseudo-inverse of the correlations.
+
+    Args:
+        gram: Gram matrix of the regressors, shape (p, p); they may be collinear.
+        right: Products of the regressors with the targets, shape (p,) or (p, k).
+
+    Returns:
+        Coefficients, shape as `right`.
+
+    """
     diagonal = gram.diagonal()
-    # A column that is nothing keeps a size: its answer must be 0, not round-off over nothing.
+    # A column of zeros gets the scale 1, so that its coefficient is 0 and not round-off over 0.
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     correlation = gram / np.outer(scale, scale)
     values, vectors = np.linalg.eigh(correlation)
     inverse = np.where(
-        values > 1e-9 * max(values[-1], 1e-300), 1.0 / np.maximum(values, 1e-300), 0.0
+        values > COLLINEAR * max(values[-1], 1e-300), 1.0 / np.maximum(values, 1e-300), 0.0
     )
     shape = (-1,) + (1,) * (right.ndim - 1)
     scaled = right / scale.reshape(shape)
     return np.asarray((vectors * inverse) @ (vectors.T @ scaled) / scale.reshape(shape))
 
 
-def blocks_of(t_s: Array, length_s: float) -> NDArray[np.int64]:
-    """Number of each row's block of time."""
+def number_blocks(t_s: Array, length_s: float) -> NDArray[np.int64]:
+    """Block number of each row, for blocks of a given length, s; shape (n,)."""
     return np.floor(t_s / length_s).astype(np.int64)

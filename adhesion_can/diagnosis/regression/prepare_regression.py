@@ -1,177 +1,235 @@
-"""From recordings to a stage: weights, shared errors, and a filter that knows all that may be."""
+"""Step 3, prepare the regression: row weights, shared speed errors, whitening, plain fit.
 
+Weights and filter come from the residual of a saturated model (curves, all effects and all channel
+splines), so that what a missing effect leaves is not mistaken for noise.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.inference.channel_splines import channels_of
-from adhesion_can.diagnosis.regression.gram_matrices import solve
+from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.channel_splines import build_channels
+from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import (
-    Candidate,
+    Evaluation,
     Model,
-    Study,
-    Theta,
-    curve_slopes,
-    evaluate,
+    RegressionData,
+    SegmentCurves,
+    compute_curve_jacobian,
+    evaluate_model,
 )
-from adhesion_can.diagnosis.regression.whitened_regression import Fit, Stage, fit
-from adhesion_can.diagnosis.regression.whitening import Stretches, Whitener
+from adhesion_can.diagnosis.regression.whitened_regression import (
+    FittedModel,
+    WhitenedRegression,
+    fit_model,
+)
+from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
 from adhesion_can.physics.burckhardt import adhesion_slope
 
-FLAT = 2.0
-"""Slope dμ/dλ below which the slip's errors say little: the noise of the effort is read there."""
-WINDOWS_A_BLOCK = 2.0
+FLAT_SLOPE, LEAST_FLAT = 2.0, 0.02
+"""Slope dμ/dλ below which slip errors hardly matter, so that the residual is the noise of the
+effort; and the least share of such rows."""
+LEAST_NOISE = 1e-9
+"""Least standard deviation of the adhesion's noise."""
+BLOCK_WINDOWS = 2.0
+"""Length of a block in smoothing windows of the vehicle speed."""
 BLOCK_S = 4.0
+"""Least length of a block, s."""
 KNOTS = (4, 14)
-PARTS, TABLE_BLOCK_S = 120, (0.2, 4.0)
+"""Least and largest number of knots of the vehicle speed's error in a block."""
+TABLE_BLOCKS, TABLE_BLOCK_S, TABLE_PAUSE_S = 120, (0.2, 4.0), 1.0
+"""Blocks of a TABLE, their least and largest length, s, and the longest step that counts, s."""
+FIRST_ITERATIONS = 30
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
-    """A stage, the plain model on it, and what may be tested.
+class PreparedRegression:
+    """Whitened regression with the plain fit, and the signatures of the candidates.
 
     Attributes:
-        stage: see there.
-        base: curves alone.
-        candidates: effects that can be tested.
-        signatures: of each, adhesion per size, shape (n, 1).
+        regression: Data with weights, filter and blocks.
+        plain: Fit of the curves without effects.
+        candidates: Effects that can be tested.
+        signatures: Signature of each candidate, adhesion per unit of size; shape (n, 1) each.
 
     """
 
-    stage: Stage
-    base: Fit
+    regression: WhitenedRegression
+    plain: FittedModel
     candidates: tuple[Candidate, ...]
     signatures: tuple[Array, ...]
 
 
-def block_seconds(study: Study) -> float:
-    """Length of a block: errors of the vehicle speed do not reach far beyond it.
+def choose_block_length(drives: Sequence[DriveData]) -> float:
+    """Length of a block, s: errors of the vehicle speed do not last much longer.
 
-    The rows of a TABLE have no such errors, and often there are few: it is cut into `PARTS`.
+    The rows of a TABLE have no such errors, and are often few: it is cut into about 120 blocks.
     """
-    if all(course.table for course in study.courses):
-        steps = np.concatenate([np.diff(course.t_s) for course in study.courses])
-        steps = steps[(steps > 0) & (steps <= 1.0)]
-        return float(np.clip(steps.sum() / PARTS, *TABLE_BLOCK_S)) if len(steps) else BLOCK_S
-    windows = [course.speed_doubt[1] for course in study.courses]
-    return max(BLOCK_S, WINDOWS_A_BLOCK * max(windows, default=0.0))
+    if all(drive.table for drive in drives):
+        steps = np.concatenate([np.diff(drive.t_s) for drive in drives])
+        steps = steps[(steps > 0) & (steps <= TABLE_PAUSE_S)]
+        return float(np.clip(steps.sum() / TABLE_BLOCKS, *TABLE_BLOCK_S)) if len(steps) else BLOCK_S
+    windows = [drive.speed_error.window_s for drive in drives]
+    return max(BLOCK_S, BLOCK_WINDOWS * max(windows, default=0.0))
 
 
-def prepare(
-    study: Study,
-    start: Theta,
+def prepare_regression(
+    data: RegressionData,
+    start: SegmentCurves,
     block: NDArray[np.int64],
     candidates: tuple[Candidate, ...],
-    length_s: float,
-) -> Prepared:
-    """Stage of a study, whitened by what the fullest model leaves.
+    block_length_s: float,
+) -> PreparedRegression:
+    """Weight and whiten the data, fit the curves, and compute the signatures of the effects.
 
     Args:
-        study: see there.
-        start: curves to begin with.
-        block: number of each row's block, negative: kept back; shape (n,).
-        candidates: effects to test.
-        length_s: of a block.
+        data: Rows of all drives.
+        start: Curve parameters to begin with.
+        block: Block number of each row, negative in rows that are held out; shape (n,).
+        candidates: Effects that can be tested.
+        block_length_s: Length of a block, s.
 
     """
-    n = len(study)
+    n = len(data)
     zero = np.zeros(n)
-    stage = Stage(
-        study, np.ones(n), zero, np.zeros((n, 0)), zero,
-        Whitener(np.array([1.0]), _stretches(study)), np.ones(n), block,
+    regression = WhitenedRegression(
+        data, np.ones(n), zero, np.zeros((n, 0)), zero,
+        Whitener(np.array([1.0]), _find_runs(data)), np.ones(n), block,
     )  # fmt: skip
-    model = fit(stage, Model(start), 30).model
-    stage = _weighed(stage, model, length_s)
-    model = fit(stage, model).model
-    stage = replace(stage, shift=_likely_shift(stage, model, _saturated(stage, model, candidates)))
-    stage = stage.rewhitened(_saturated(stage, model, candidates))
-    base = fit(stage, model)
-    signatures = tuple(stage.signature(base.model, candidate) for candidate in candidates)
-    return Prepared(stage, base, candidates, signatures)
+    model = fit_model(regression, Model(start), FIRST_ITERATIONS).model
+    regression = _weight_rows(regression, model, block_length_s)
+    model = fit_model(regression, model).model
+    residual = _saturated_residual(regression, model, candidates)
+    correction = _estimate_slip_correction(regression, model, residual)
+    regression = replace(regression, slip_correction=correction)
+    regression = regression.refit_whitening(_saturated_residual(regression, model, candidates))
+    plain = fit_model(regression, model)
+    signatures = tuple(regression.compute_signature(plain.model, c) for c in candidates)
+    return PreparedRegression(regression, plain, candidates, signatures)
 
 
-def _stretches(study: Study) -> Stretches:
-    lengths = [len(course) for course in study.courses]
+def _find_runs(data: RegressionData) -> ContiguousRuns:
+    """Gap-free runs of rows, none of which reaches from one drive into the next."""
+    lengths = [len(drive) for drive in data.drives]
     starts = np.cumsum([0, *lengths])[:-1]
-    breaks = np.zeros(len(study), dtype=np.bool_)
+    breaks = np.zeros(len(data), dtype=np.bool_)
     breaks[starts[np.array(lengths) > 0]] = True
-    return Stretches.of(study.column("t_s"), study.column("axle"), breaks)
+    return ContiguousRuns.find(data.column("t_s"), data.column("axle"), breaks)
 
 
-def _weighed(stage: Stage, model: Model, length_s: float) -> Stage:
-    """With each row's standard deviation, and what errors of the vehicle speed do to it."""
-    study = stage.study
-    at = evaluate(study, model.theta)
-    slope = _slope(study, model, at.slip)
-    flat = stage.used & (np.abs(slope) < FLAT)
-    if flat.sum() < 0.02 * stage.used.sum():
-        flat = stage.used
-    noise = max(float(np.sqrt(np.mean(at.residual[flat] ** 2))), 1e-9)
-    doubt = (slope * study.column("wheel_slip_std") / noise) ** 2
-    speeds = np.concatenate([course.observe().speed for course in study.courses])
-    doubts = [course.speed_doubt for course in study.courses]
-    std = np.concatenate(
-        [np.full(len(c), s) for c, (s, _) in zip(study.courses, doubts, strict=True)]
-    )
-    window_s = max((w for s, w in doubts if s > 0.0), default=0.0)
-    reach = slope * (1.0 + at.slip) / speeds * std
-    shared = np.zeros((len(study), 0))
-    if window_s > 0.0:
-        knots = int(np.clip(np.ceil(2.0 * length_s / window_s) + 1, *KNOTS))
-        place = (study.column("t_s") / length_s) % 1.0 * (knots - 1)
-        hats = np.maximum(1.0 - np.abs(place[:, None] - np.arange(knots)), 0.0)
-        shared = hats * reach[:, None]
+def _weight_rows(
+    regression: WhitenedRegression, model: Model, block_length_s: float
+) -> WhitenedRegression:
+    """Row weights from the wheel speed's noise, and the design matrix of vehicle speed errors."""
+    data = regression.data
+    evaluation = evaluate_model(data, model.curves)
+    slope = _compute_curve_slope(data, model, evaluation.slip)
+    flat = regression.used & (np.abs(slope) < FLAT_SLOPE)
+    if flat.sum() < LEAST_FLAT * regression.used.sum():
+        flat = regression.used
+    noise = max(float(np.sqrt(np.mean(evaluation.residual[flat] ** 2))), LEAST_NOISE)
+    variance_ratio = (slope * data.column("wheel_slip_std") / noise) ** 2
     return replace(
-        stage,
-        scale=1.0 / (noise * np.sqrt(1.0 + doubt)),
-        doubt=doubt / (1.0 + doubt),
-        shared=shared,
+        regression,
+        scale=1.0 / (noise * np.sqrt(1.0 + variance_ratio)),
+        slip_variance_share=variance_ratio / (1.0 + variance_ratio),
+        speed_error_design=_design_speed_errors(data, evaluation, slope, block_length_s),
     )
 
 
-def _slope(study: Study, model: Model, slip: Array) -> Array:
-    """dμ/dλ of the plain curve in each row."""
-    return adhesion_slope(slip, *model.theta.rows(study.surface))
+def _design_speed_errors(
+    data: RegressionData, evaluation: Evaluation, slope: Array, block_length_s: float
+) -> Array:
+    """Change of each residual by errors of the vehicle speed, of one standard deviation each.
 
+    The error is piecewise linear over a block (B-splines of degree 1; de Boor 1978).
 
-def _saturated(stage: Stage, model: Model, candidates: tuple[Candidate, ...]) -> Array:
-    """Residual, adhesion, of curves, all effects and all splines together, to first order."""
-    study = stage.study
-    likely = evaluate(study, model.theta, (), stage.shift)
-    columns = [curve_slopes(study, model.theta, likely)]
-    columns += [stage.signature(model, candidate) for candidate in candidates]
-    columns += [channel.basis(likely) for channel in channels_of(study, likely)]
-    raw = np.column_stack(columns)
-    left = evaluate(study, model.theta).residual
-    total = stage.ledger(stage.white(np.column_stack([raw, left]))).total
-    return np.asarray(left - raw @ solve(total[:-1, :-1], total[:-1, -1]))
+    Args:
+        data: Rows of all drives.
+        evaluation: Plain model evaluated at the measured slips.
+        slope: Slope dμ/dλ of the curve in each row, shape (n,).
+        block_length_s: Length of a block, s.
 
+    Returns:
+        Design matrix, adhesion; shape (n, knots).
 
-def _likely_shift(stage: Stage, model: Model, residual: Array) -> Array:
-    """By what the measured slips are likely to be wrong, given residuals of a full model.
-
-    The error of the vehicle speed shows in all axles at once, most where the curve is steep; what
-    is left of a residual then goes to the wheel speed by its share of the variance.
     """
-    study = stage.study
-    at = evaluate(study, model.theta)
-    slope = _slope(study, model, at.slip)
-    moved = np.zeros(len(study))
-    # A rail that is kept back whole had no part in the full model, which may say anything of it.
-    known = np.isin(study.surface, study.surface[stage.used])
-    residual = np.where(known, residual, at.residual)
-    if stage.shared.shape[1]:
-        scaled = stage.shared * stage.scale[:, None]
-        left = residual * stage.scale
-        order = np.argsort(stage.number, kind="stable")
-        starts = np.unique(stage.number[order], return_index=True)[1]
+    speeds = np.concatenate([drive.observe().speed for drive in data.drives])
+    errors = [drive.speed_error for drive in data.drives]
+    std = np.concatenate(
+        [np.full(len(drive), e.std) for drive, e in zip(data.drives, errors, strict=True)]
+    )
+    window_s = max((e.window_s for e in errors if e.std > 0.0), default=0.0)
+    if window_s <= 0.0:
+        return np.zeros((len(data), 0))
+    sensitivity = slope * (1.0 + evaluation.slip) / speeds * std
+    knots = int(np.clip(np.ceil(2.0 * block_length_s / window_s) + 1, *KNOTS))
+    place = (data.column("t_s") / block_length_s) % 1.0 * (knots - 1)
+    hats = np.maximum(1.0 - np.abs(place[:, None] - np.arange(knots)), 0.0)
+    return np.asarray(hats * sensitivity[:, None])
+
+
+def _compute_curve_slope(data: RegressionData, model: Model, slip: Array) -> Array:
+    """Slope dμ/dλ of the plain curve in each row, shape (n,)."""
+    return adhesion_slope(slip, *model.curves.parameters_of(data.surface))
+
+
+def _saturated_residual(
+    regression: WhitenedRegression, model: Model, candidates: tuple[Candidate, ...]
+) -> Array:
+    """Residual of the saturated, linearised model (all effects, all splines), adhesion; (n,)."""
+    data = regression.data
+    likely = evaluate_model(data, model.curves, (), regression.slip_correction)
+    columns = [compute_curve_jacobian(data, model.curves, likely)]
+    columns += [regression.compute_signature(model, candidate) for candidate in candidates]
+    columns += [channel.build_basis(likely) for channel in build_channels(data, likely)]
+    design = np.column_stack(columns)
+    residual = evaluate_model(data, model.curves).residual
+    white = regression.whiten(np.column_stack([design, residual]))
+    total = regression.compute_grams(white).total
+    return np.asarray(residual - design @ solve_normal_equations(total[:-1, :-1], total[:-1, -1]))
+
+
+def _estimate_slip_correction(
+    regression: WhitenedRegression, model: Model, residual: Array
+) -> Array:
+    """Predict the errors of the measured slips from residuals (best linear unbiased prediction).
+
+    The error of the vehicle speed shows in all axles at once, most where the curve is steep. The
+    wheel speed gets its share of the variance of the remaining residual.
+
+    Args:
+        regression: Data with weights and blocks.
+        model: Plain model.
+        residual: Residual of the saturated model, adhesion; shape (n,).
+
+    Returns:
+        Correction of the slip ratio, shape (n,).
+
+    """
+    data = regression.data
+    evaluation = evaluate_model(data, model.curves)
+    slope = _compute_curve_slope(data, model, evaluation.slip)
+    by_speed = np.zeros(len(data))
+    # A surface that is held out whole had no part in the saturated model, which is arbitrary there.
+    known = np.isin(data.surface, data.surface[regression.used])
+    residual = np.where(known, residual, evaluation.residual)
+    if regression.speed_error_design.shape[1]:
+        scaled_design = regression.speed_error_design * regression.scale[:, None]
+        scaled_residual = residual * regression.scale
+        order = np.argsort(regression.block_number, kind="stable")
+        starts = np.unique(regression.block_number[order], return_index=True)[1]
         for rows in np.split(order, starts[1:]):
-            part = scaled[rows]
+            part = scaled_design[rows]
             gram = part.T @ part + np.eye(part.shape[1])
-            moved[rows] = stage.shared[rows] @ np.linalg.solve(gram, part.T @ left[rows])
+            errors = np.linalg.solve(gram, part.T @ scaled_residual[rows])
+            by_speed[rows] = regression.speed_error_design[rows] @ errors
     safe = np.where(np.abs(slope) > 1e-3, slope, np.inf)
-    by_wheel = stage.doubt * (residual - moved) / safe
+    by_wheel = regression.slip_variance_share * (residual - by_speed) / safe
     # A residual of s·δ means that the slip reads low by δ.
-    return np.asarray(moved / safe + by_wheel)
+    return np.asarray(by_speed / safe + by_wheel)

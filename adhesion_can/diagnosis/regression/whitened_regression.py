@@ -1,4 +1,11 @@
-"""The data as every fit and test sees them: scaled, whitened, in blocks, a part kept back."""
+"""Weighted, whitened least squares in blocks, with errors in the slip (steps 3 to 7 use it).
+
+Rows are divided by their standard deviation and pass the whitening filter; their Gram matrices are
+summed over blocks. The slip carries an error too, so the Jacobian is taken at the estimated true
+slip (errors in variables; Fuller, Measurement Error Models, 1987). Parameters are fitted by damped
+Gauss-Newton steps (Levenberg 1944; Marquardt 1963). Their covariance is a cluster-robust sandwich
+with the blocks as clusters (Liang and Zeger, Biometrika 73 (1986)).
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -8,224 +15,263 @@ import scipy
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.regression.gram_matrices import Ledger, solve
-from adhesion_can.diagnosis.regression.model import (
-    CHORD_STEP,
-    EXCLUDED,
-    Candidate,
-    Model,
-    Study,
-    curve_slopes,
-    effect_slopes,
-    evaluate,
-    signature,
-    without,
+from adhesion_can.diagnosis.regression.candidate import CHORD_STEP, Candidate
+from adhesion_can.diagnosis.regression.gram_matrices import (
+    BlockGramMatrices,
+    solve_normal_equations,
 )
-from adhesion_can.diagnosis.regression.whitening import Whitener, fitted
+from adhesion_can.diagnosis.regression.model import (
+    EXCLUDED,
+    Model,
+    RegressionData,
+    compute_curve_jacobian,
+    compute_effect_jacobian,
+    compute_signature,
+    evaluate_model,
+    remove_effect,
+)
+from adhesion_can.diagnosis.regression.whitening import Whitener, fit_whitener
 
 ITERATIONS = 10
-SETTLED = 1e-5
-"""A step that lowers the sum of squares by a smaller share is the last one."""
+CONVERGED = 1e-5
+"""A step that lowers the explained square by a smaller share of the sum of squares is the last."""
+FIRST_DAMPING, LARGEST_DAMPING = 1e-4, 1e2
+RIDGE = 1e-10
+"""Added to the diagonal of a correlation matrix, so that it can be inverted."""
+WEIGHT_GROUPS, WEIGHT_ROWS = 20, 200
+"""Groups of rows for the variance function, and the rows without which all weights are 1."""
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
-    """A study with the weights and the whitening of its residuals.
+class WhitenedRegression:
+    """Regression data with row weights, whitening filter and blocks.
 
     Attributes:
-        study: see there.
-        scale: 1 over the standard deviation of a row's residual, shape (n,).
-        doubt: variance from the wheel speed over that of the rest, shape (n,).
-        shared: what errors of the vehicle speed, of variance 1 each, do to the residual of a row;
-            they last some time and meet all axles alike. Shape (n, q), q errors a block.
-        shift: what the slip is likely to be wrong by, for slopes alone; shape (n,).
-        whitener: see there.
-        weight: of whitened rows, shape (n,).
-        block: number of each row's block, negative in rows that are kept back; shape (n,).
+        data: Rows of all drives.
+        scale: Reciprocal standard deviation of each row's residual, 1/adhesion; shape (n,).
+        slip_variance_share: Share of a residual's variance that comes from the wheel speed's noise
+            through the slip, 0 to 1; shape (n,).
+        speed_error_design: Design matrix of the vehicle speed errors of a block, adhesion per
+            standard deviation; all axles share them. Shape (n, q).
+        slip_correction: Correction of the measured slip ratio, for Jacobians alone; shape (n,).
+        whitener: Filter that makes scaled residuals white.
+        weight: Weight of each whitened row, shape (n,).
+        block: Block number of each row, −1 − number in rows that are held out; shape (n,).
 
     """
 
-    study: Study
+    data: RegressionData
     scale: Array
-    doubt: Array
-    shared: Array
-    shift: Array
+    slip_variance_share: Array
+    speed_error_design: Array
+    slip_correction: Array
     whitener: Whitener
     weight: Array
     block: NDArray[np.int64]
 
-    def white(self, columns: Array) -> Array:
-        """Columns scaled and whitened, zero in rows that take no part; shape (n, p)."""
-        of_surface = (self.study.surface != EXCLUDED) * self.scale
-        out = self.whitener(columns * of_surface[:, None])
+    def whiten(self, columns: Array) -> Array:
+        """Scale and whiten columns; zero in rows that take no part; shape (n, p)."""
+        scale = (self.data.surface != EXCLUDED) * self.scale
+        out = self.whitener(columns * scale[:, None])
         return np.asarray(out * (self.weight * (self.block >= 0))[:, None])
 
     @cached_property
     def used(self) -> NDArray[np.bool_]:
-        """Rows that decide: of a surface, and not kept back; shape (n,)."""
-        return np.asarray((self.study.surface != EXCLUDED) & (self.block >= 0))
+        """Whether a row takes part: it has a surface and is not held out; shape (n,)."""
+        return np.asarray((self.data.surface != EXCLUDED) & (self.block >= 0))
 
     @property
-    def number(self) -> NDArray[np.int64]:
-        """Number of each row's block, kept back or not; shape (n,)."""
+    def block_number(self) -> NDArray[np.int64]:
+        """Block number of each row, held out or not; shape (n,)."""
         return np.where(self.block >= 0, self.block, -1 - self.block)
 
     @property
-    def whole(self) -> "Stage":
-        """With nothing kept back."""
-        return replace(self, block=self.number)
+    def all_data(self) -> "WhitenedRegression":
+        """The same regression with nothing held out."""
+        return replace(self, block=self.block_number)
 
     @property
-    def turned(self) -> "Stage":
-        """With what was kept back, and nothing else."""
+    def held_out(self) -> "WhitenedRegression":
+        """The same regression on the held-out rows alone."""
         return replace(self, block=-1 - self.block)
 
     @cached_property
-    def shared_white(self) -> Array:
-        """`shared`, whitened."""
-        return self.white(self.shared)
+    def whitened_speed_errors(self) -> Array:
+        """Whitened design matrix of the vehicle speed errors, shape (n, q)."""
+        return self.whiten(self.speed_error_design)
 
-    def ledger(self, columns: Array) -> Ledger:
-        """Sums of whitened columns, block by block."""
-        return Ledger.of(columns, self.block, self.shared_white)
+    def compute_grams(self, columns: Array) -> BlockGramMatrices:
+        """Gram matrices of whitened columns; `columns` shape (n, p)."""
+        return BlockGramMatrices.from_columns(columns, self.block, self.whitened_speed_errors)
 
-    def columns(self, model: Model) -> Array:
-        """Whitened slopes of a model's prediction and its residual last, shape (n, p + 1).
+    def build_columns(self, model: Model) -> Array:
+        """Whitened Jacobian of a model's prediction, and its residual last; shape (n, p + 1).
 
-        The slopes are taken at the likely slip, the residual at the measured one: so the error of
-        the slip is not in both, and does not flatten the curve (orthogonal regression).
+        The Jacobian is taken at the estimated true slip, the residual at the measured one. So the
+        error of the slip is not in both, and does not flatten the curve.
         """
-        likely = evaluate(self.study, model.theta, model.actives, self.shift)
-        parts = [curve_slopes(self.study, model.theta, likely)]
+        effects = model.active_effects
+        likely = evaluate_model(self.data, model.curves, effects, self.slip_correction)
+        parts = [compute_curve_jacobian(self.data, model.curves, likely)]
         parts += [
-            effect_slopes(self.study, *without(model, place), self.shift)
+            compute_effect_jacobian(self.data, *remove_effect(model, place), self.slip_correction)
             for place in range(len(model.candidates))
         ]
-        left = evaluate(self.study, model.theta, model.actives).residual
-        return self.white(np.column_stack([*parts, left]))
+        residual = evaluate_model(self.data, model.curves, effects).residual
+        return self.whiten(np.column_stack([*parts, residual]))
 
-    def signature(
+    def compute_signature(
         self,
         model: Model,
         candidate: Candidate,
         start: tuple[float, ...] | None = None,
         chord: float = CHORD_STEP,
     ) -> Array:
-        """See `model.signature`; shape (n, 1)."""
-        given = candidate.none if start is None else start
-        return signature(self.study, model, candidate, given, self.shift, chord)[:, None]
+        """Signature of an effect that a model does not have, as a column.
 
-    def rewhitened(self, residual: Array) -> "Stage":
-        """With the filter and the weights that other residuals ask for, adhesion, shape (n,)."""
+        Args:
+            model: Model without the effect.
+            candidate: Effect whose signature is computed.
+            start: Values of its free parameters, with size 0; None: its null values.
+            chord: Size of the effect at the chord's end, relative to the typical one.
+
+        Returns:
+            Signature, adhesion per unit of size; shape (n, 1).
+
+        """
+        given = candidate.null_values if start is None else start
+        column = compute_signature(self.data, model, candidate, given, self.slip_correction, chord)
+        return column[:, None]
+
+    def refit_whitening(self, residual: Array) -> "WhitenedRegression":
+        """The regression with filter and weights of other residuals, adhesion; shape (n,)."""
         scaled = residual * self.scale * self.used
-        whitener = fitted(scaled, self.whitener.stretches)
+        whitener = fit_whitener(scaled, self.whitener.runs)
         square = whitener(scaled[:, None])[:, 0] ** 2
-        return replace(self, whitener=whitener, weight=_weights(square, self.doubt, self.used))
+        weight = _compute_weights(square, self.slip_variance_share, self.used)
+        return replace(self, whitener=whitener, weight=weight)
 
 
-def _weights(square: Array, doubt: Array, used: NDArray[np.bool_]) -> Array:
-    """1 over the standard deviation of whitened residuals, as it grows with the doubt of the slip.
+def _compute_weights(square: Array, share: Array, used: NDArray[np.bool_]) -> Array:
+    """Reciprocal standard deviation of whitened residuals, as a function of the slip's share.
 
-    A filter that leaves little of a slow noise leaves the slip's own error as it was.
+    A filter that removes most of a slow noise leaves the slip's own error as it was. The variance
+    function is linear in the share, with coefficients that are not negative (Lawson and Hanson).
+
+    Args:
+        square: Squares of the whitened residuals, shape (n,).
+        share: Share of the wheel speed's noise in a residual's variance, shape (n,).
+        used: Whether a row takes part, shape (n,).
+
     """
     rows = np.flatnonzero(used & (square > 0.0))
-    if len(rows) < 200:
+    if len(rows) < WEIGHT_ROWS:
         return np.ones_like(square)
-    order = rows[np.argsort(doubt[rows], kind="stable")]
-    parts = np.array_split(order, 20)
-    level = np.array([float(np.mean(square[part])) for part in parts])
-    at = np.array([float(np.mean(doubt[part])) for part in parts])
-    matrix = np.column_stack([np.ones_like(at), at]) / level[:, None]
+    order = rows[np.argsort(share[rows], kind="stable")]
+    groups = np.array_split(order, WEIGHT_GROUPS)
+    level = np.array([float(np.mean(square[group])) for group in groups])
+    mean_share = np.array([float(np.mean(share[group])) for group in groups])
+    matrix = np.column_stack([np.ones_like(mean_share), mean_share]) / level[:, None]
     (base, growth), _ = scipy.optimize.nnls(matrix, np.ones_like(level))
-    variance = np.maximum(base + growth * doubt, 1e-3 * level.min())
+    variance = np.maximum(base + growth * share, 1e-3 * level.min())
     return np.asarray(1.0 / np.sqrt(variance))
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """A fitted model and what is left.
+class FittedModel:
+    """A fitted model.
 
     Attributes:
-        model: see there.
-        ledger: products of its whitened slopes and residual, the residual last.
-        covariance: of the parameters, from the scatter of the blocks, shape (p, p).
+        model: Model with the fitted parameters.
+        grams: Gram matrices of its whitened Jacobian and residual, the residual last.
+        covariance: Covariance of the free parameters, shape (p, p).
 
     """
 
     model: Model
-    ledger: Ledger
+    grams: BlockGramMatrices
     covariance: Array
 
     @property
-    def square(self) -> float:
-        """Sum of squares, over all blocks, each by the parameters of the others."""
-        return float(self.squares.sum())
+    def cross_validated_square(self) -> float:
+        """Sum over the blocks of `cross_validated_squares`."""
+        return float(self.cross_validated_squares.sum())
 
     @cached_property
-    def squares(self) -> Array:
-        """Sum of squares in each block by the parameters of the others, shape (blocks,).
+    def cross_validated_squares(self) -> Array:
+        """Whitened sum of squares of each block by the parameters of the others; shape (blocks,).
 
-        Leaving a block out moves the parameters by (G − G_b)⁻¹ X_bᵀ e_b, to first order.
+        Leaving a block out changes the parameters by (G − G_b)⁻¹ X_bᵀ e_b, to first order (case
+        deletion of blocks; Cook and Weisberg, Residuals and Influence in Regression, 1982).
         """
-        grams = self.ledger.grams
-        whole = self.ledger.total[:-1, :-1]
-        out = np.empty(len(grams))
-        for b, gram in enumerate(grams):
-            slope, own = gram[:-1, :-1], gram[:-1, -1]
-            moved = -_step(whole - slope, own, 0.0)
-            out[b] = gram[-1, -1] - 2.0 * float(moved @ own) + float(moved @ slope @ moved)
+        matrices = self.grams.matrices
+        total = self.grams.total[:-1, :-1]
+        out = np.empty(len(matrices))
+        for b, gram in enumerate(matrices):
+            own, score = gram[:-1, :-1], gram[:-1, -1]
+            change = -_gauss_newton_step(total - own, score, 0.0)
+            out[b] = gram[-1, -1] - 2.0 * float(change @ score) + float(change @ own @ change)
         return out
 
 
-def fit(stage: Stage, model: Model, iterations: int = ITERATIONS) -> Fit:
-    """Parameters at which no slope explains anything of the residual any more.
+def fit_model(
+    regression: WhitenedRegression, model: Model, iterations: int = ITERATIONS
+) -> FittedModel:
+    """Fit the free parameters: afterwards no column of the Jacobian explains any of the residual.
 
-    A damped Gauss-Newton step is taken where it lowers the square of what the slopes explain. The
+    A damped Gauss-Newton step is taken where it lowers the square that the Jacobian explains. The
     sum of squares itself is no guide: with errors in the slips its minimum is a flattened curve.
+
+    Args:
+        regression: Data, weights and filter.
+        model: Model with start values.
+        iterations: Largest number of steps.
+
     """
-    ledger = stage.ledger(stage.columns(model))
-    explained = _explained(ledger)
-    damping = 1e-4
+    grams = regression.compute_grams(regression.build_columns(model))
+    explained = _explained_square(grams)
+    damping = FIRST_DAMPING
     for _ in range(iterations):
-        gram = ledger.total
+        gram = grams.total
         while True:
-            step = _step(gram[:-1, :-1], gram[:-1, -1], damping)
-            tried = model.at(model.vector + step)
-            tried_ledger = stage.ledger(stage.columns(tried))
-            left = _explained(tried_ledger)
-            if left < explained or damping > 1e2:
+            step = _gauss_newton_step(gram[:-1, :-1], gram[:-1, -1], damping)
+            tried = model.with_parameters(model.parameter_vector + step)
+            tried_grams = regression.compute_grams(regression.build_columns(tried))
+            remaining = _explained_square(tried_grams)
+            if remaining < explained or damping > LARGEST_DAMPING:
                 break
             damping = max(10.0 * damping, 1e-2)
-        if left >= explained:
+        if remaining >= explained:
             break
-        model, ledger = tried, tried_ledger
-        settled = explained - left < SETTLED * float(ledger.total[-1, -1])
-        explained, damping = left, damping / 10.0
-        if settled:
+        model, grams = tried, tried_grams
+        converged = explained - remaining < CONVERGED * float(grams.total[-1, -1])
+        explained, damping = remaining, damping / 10.0
+        if converged:
             break
-    return Fit(model, ledger, _covariance(ledger))
+    return FittedModel(model, grams, _sandwich_covariance(grams))
 
 
-def _explained(ledger: Ledger) -> float:
-    """Sum of squares that the slopes could still explain."""
-    gram = ledger.total
-    return float(gram[:-1, -1] @ solve(gram[:-1, :-1], gram[:-1, -1]))
+def _explained_square(grams: BlockGramMatrices) -> float:
+    """Whitened sum of squares that the Jacobian could still explain."""
+    gram = grams.total
+    return float(gram[:-1, -1] @ solve_normal_equations(gram[:-1, :-1], gram[:-1, -1]))
 
 
-def _step(gram: Array, right: Array, damping: float) -> Array:
-    scale = _sizes(gram)
-    matrix = gram / np.outer(scale, scale) + (damping + 1e-10) * np.eye(len(gram))
-    return np.asarray(np.linalg.solve(matrix, right / scale) / scale)
+def _gauss_newton_step(gram: Array, right: Array, damping: float) -> Array:
+    """Damped solution of the normal equations, shape (p,)."""
+    norms = _column_norms(gram)
+    matrix = gram / np.outer(norms, norms) + (damping + RIDGE) * np.eye(len(gram))
+    return np.asarray(np.linalg.solve(matrix, right / norms) / norms)
 
 
-def _covariance(ledger: Ledger) -> Array:
-    """Sandwich: what the blocks scatter, or what white residuals would, whichever is larger."""
-    whole = ledger.total
-    p = len(whole) - 1
-    inverse = _inverse(whole[:-1, :-1])
-    rows = max(float(ledger.rows.sum()) - p, 1.0)
-    plain = inverse * (whole[-1, -1] / rows)
-    scores = ledger.grams[:, :-1, -1]
+def _sandwich_covariance(grams: BlockGramMatrices) -> Array:
+    """Cluster-robust covariance of the parameters, never below that of white residuals."""
+    total = grams.total
+    p = len(total) - 1
+    inverse = _invert_gram(total[:-1, :-1])
+    rows = max(float(grams.rows.sum()) - p, 1.0)
+    plain = inverse * (total[-1, -1] / rows)
+    scores = grams.matrices[:, :-1, -1]
     blocks = len(scores)
     meat = scores.T @ scores * (blocks / max(blocks - 1, 1))
     robust = inverse @ meat @ inverse
@@ -233,13 +279,13 @@ def _covariance(ledger: Ledger) -> Array:
     return np.asarray(plain * np.outer(ratio, ratio))
 
 
-def _sizes(gram: Array) -> Array:
-    """Norms of columns, 1 where a column is nothing."""
+def _column_norms(gram: Array) -> Array:
+    """Norms of the columns of a Gram matrix, 1 for a column of zeros; shape (p,)."""
     diagonal = gram.diagonal()
     return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
 
 
-def _inverse(gram: Array) -> Array:
-    scale = _sizes(gram)
-    matrix = gram / np.outer(scale, scale) + 1e-10 * np.eye(len(gram))
-    return np.asarray(np.linalg.inv(matrix) / np.outer(scale, scale))
+def _invert_gram(gram: Array) -> Array:
+    norms = _column_norms(gram)
+    matrix = gram / np.outer(norms, norms) + RIDGE * np.eye(len(gram))
+    return np.asarray(np.linalg.inv(matrix) / np.outer(norms, norms))

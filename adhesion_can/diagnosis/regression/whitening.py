@@ -1,4 +1,9 @@
-"""One filter that makes residuals white: autoregressive, the same for every axle."""
+"""Prewhitening of residuals by an autoregressive filter, the same for every axle.
+
+The coefficients solve the Yule-Walker equations, the order minimises Schwarz's criterion (BIC);
+columns and residual pass the same filter (Cochrane and Orcutt, JASA 44 (1949)), which makes
+ordinary least squares on them generalised least squares.
+"""
 
 from dataclasses import dataclass
 
@@ -9,18 +14,21 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 
 NUGGET = 1.0
-"""Share of white noise that is put on every residual's variance: a slow noise would be differenced
-until the equations' own small errors, of timing and of smoothing, were all that is left of it."""
+"""Variance of white noise that is added to the residuals' (the nugget of geostatistics), as a share
+of it. A filter for slow noise alone would difference it until the small errors of timing and
+smoothing dominated."""
 ORDERS = (0, 1, 2, 4, 8, 16, 32, 64)
+ROWS_PER_COEFFICIENT = 20
+GAP_CYCLES = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Stretches:
-    """Rows that follow each other at one axle without a gap.
+class ContiguousRuns:
+    """Runs of rows that follow each other at one axle without a gap.
 
     Attributes:
-        starts: first row of each stretch, ascending.
-        rows: number of all rows.
+        starts: Index of the first row of each run, ascending; shape (runs,).
+        rows: Number of all rows.
 
     """
 
@@ -28,84 +36,85 @@ class Stretches:
     rows: int
 
     @classmethod
-    def of(cls, t_s: Array, axle: Array, breaks: NDArray[np.bool_]) -> "Stretches":
-        """Stretches of rows sorted by axle and stamp.
+    def find(cls, t_s: Array, axle: Array, breaks: NDArray[np.bool_]) -> "ContiguousRuns":
+        """Find the runs of rows sorted by axle and stamp.
 
         Args:
-            t_s: stamps, shape (n,).
-            axle: shape (n,); numbers of different courses differ.
-            breaks: rows that do not follow the row in front of them, shape (n,).
+            t_s: Stamps, s; shape (n,).
+            axle: Axle numbers, different for different drives; shape (n,).
+            breaks: Whether a row does not follow the row before it, shape (n,).
 
         """
         step = np.diff(t_s, prepend=t_s[:1])
         cycle = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
-        new = (np.diff(axle, prepend=axle[:1] - 1) != 0) | (step > 3 * cycle) | (step < 0) | breaks
+        new = np.diff(axle, prepend=axle[:1] - 1) != 0
+        new |= (step > GAP_CYCLES * cycle) | (step < 0) | breaks
         return cls(np.flatnonzero(new), len(t_s))
 
 
 @dataclass(frozen=True, eq=False)
 class Whitener:
-    """x_n − Σ a_k x_(n−k) within each stretch; its first rows, with no past, are left out.
+    """Filter x_n − Σ a_k x_(n−k) within each run; the first rows of a run are left out.
 
     Attributes:
-        taps: 1, −a_1, −a_2 ..
-        stretches: see there.
+        taps: Filter coefficients 1, −a_1, −a_2, ...; shape (order + 1,).
+        runs: Runs of rows within which the filter works.
 
     """
 
     taps: Array
-    stretches: Stretches
+    runs: ContiguousRuns
 
     @property
     def order(self) -> int:
-        """How far back it looks, rows."""
+        """Order of the autoregression, rows."""
         return len(self.taps) - 1
 
     def __call__(self, columns: Array) -> Array:
-        """Columns whitened, shape as theirs (n, ..); zero in the rows that have no past."""
+        """Whitened columns, shape (n, ..) as given; zero in the rows that have no past."""
         if self.order == 0 or columns.size == 0:
             return columns
         out = np.asarray(scipy.signal.lfilter(self.taps, [1.0], columns, axis=0))
-        out[self.without_past] = 0.0
+        out[self.rows_without_past] = 0.0
         return out
 
     @property
-    def without_past(self) -> NDArray[np.int64]:
-        """Rows that are left out."""
-        starts = self.stretches.starts
-        ends = np.append(starts[1:], self.stretches.rows)
+    def rows_without_past(self) -> NDArray[np.int64]:
+        """Indices of the rows that lack the past which the filter needs."""
+        starts = self.runs.starts
+        ends = np.append(starts[1:], self.runs.rows)
         return np.concatenate(
             [np.arange(a, min(a + self.order, b)) for a, b in zip(starts, ends, strict=True)]
         ).astype(np.int64)
 
 
-def fitted(residual: Array, stretches: Stretches) -> Whitener:
-    """The filter that residuals ask for: Yule-Walker, the order by BIC.
+def fit_whitener(residual: Array, runs: ContiguousRuns) -> Whitener:
+    """Fit the autoregression of residuals: Yule-Walker equations, order by BIC.
 
     Args:
-        residual: shape (n,), 0 where a row has none.
-        stretches: see there.
+        residual: Residuals, 0 in rows that take no part; shape (n,).
+        runs: Runs of rows within which the filter works.
 
     """
-    covariance = autocovariance(residual, stretches, max(ORDERS))
+    covariance = compute_autocovariance(residual, runs, max(ORDERS))
     best, least = np.array([1.0]), np.inf
     effective = float(np.count_nonzero(residual))
     for order in ORDERS:
-        if order * 20 > effective or covariance[0] <= 0.0:
+        if order * ROWS_PER_COEFFICIENT > effective or covariance[0] <= 0.0:
             break
         column = covariance[: order + 1].copy()
         column[0] *= 1.0 + NUGGET
         weights = scipy.linalg.solve_toeplitz(column[:order], column[1:]) if order else np.empty(0)
         variance = max(float(column[0] - weights @ column[1:]), 1e-300)
-        cost = effective * np.log(variance) + order * np.log(max(effective, 2.0))
-        if cost < least:
-            best, least = np.concatenate([[1.0], -weights]), cost
-    return Whitener(best, stretches)
+        criterion = effective * np.log(variance) + order * np.log(max(effective, 2.0))
+        if criterion < least:
+            best, least = np.concatenate([[1.0], -weights]), criterion
+    return Whitener(best, runs)
 
 
-def autocovariance(residual: Array, stretches: Stretches, lags: int) -> Array:
-    """Autocovariance at lags 0.. of rows within the same stretch, shape (lags + 1,)."""
-    number = np.cumsum(np.bincount(stretches.starts, minlength=len(residual))[: len(residual)])
+def compute_autocovariance(residual: Array, runs: ContiguousRuns, lags: int) -> Array:
+    """Autocovariance of rows within the same run at lags 0 to `lags`; shape (lags + 1,)."""
+    number = np.cumsum(np.bincount(runs.starts, minlength=len(residual))[: len(residual)])
     out = np.zeros(lags + 1)
     for lag in range(min(lags + 1, len(residual))):
         head, tail = residual[lag:], residual[: len(residual) - lag]

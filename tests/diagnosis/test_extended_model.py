@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from adhesion_can.diagnosis.extended_model import _surface
+from adhesion_can.diagnosis.extended_model import _estimate_segment
 from adhesion_can.diagnosis.regression.model import Evaluation
-from tests.diagnosis.diagnosis_helpers import burckhardt, table_course
+from tests.diagnosis.diagnosis_helpers import build_table_drive, burckhardt
 
 
 def surface_of(factor):
     slip = 0.1 * np.sin(np.arange(2000) / 30)
     mu = burckhardt(slip) + 0.01 * np.random.default_rng(1).standard_normal(2000)
-    course = table_course(slip, mu)
+    drive = build_table_drive(slip, mu)
     seen = Evaluation(mu, slip, np.full(2000, factor), factor * burckhardt(slip))
-    return _surface(course, np.arange(2000), 0, seen)
+    return _estimate_segment(drive, np.arange(2000), 0, seen)
 
 
 def test_the_extended_curve_is_that_beneath_the_factor():

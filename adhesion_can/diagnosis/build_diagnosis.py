@@ -1,0 +1,294 @@
+"""Build the diagnosis from confirmed findings: sentences, model, evidence and plot data."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.extended_model import (
+    build_extended_model,
+    build_spline,
+    estimate_segments,
+    refit_with_spline,
+)
+from adhesion_can.diagnosis.inference.candidates import IMITATED
+from adhesion_can.diagnosis.inference.confirm_on_hold_out import ConfirmedFindings
+from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.plot_data import (
+    build_curve_data,
+    build_profile,
+    build_simulation_plots,
+    find_plotted_channel,
+)
+from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.channel_splines import Channel, build_channels
+from adhesion_can.diagnosis.regression.model import Model, evaluate_model
+from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
+from adhesion_can.diagnosis.result import (
+    Cause,
+    ChannelEvidence,
+    Diagnosis,
+    Evidence,
+    ParameterValue,
+    Profile,
+    Untested,
+    Verdict,
+)
+from adhesion_can.diagnosis.sentences import (
+    cause_sentence,
+    channel_sentence,
+    line_sentence,
+    name_with_wave,
+    pinned_sentences,
+    separation_sentence,
+    where_sentence,
+)
+from adhesion_can.physics.effects.empirical import Empirical
+
+
+def build_empty_diagnosis(drives: Sequence[DriveData], untested: Sequence[Untested]) -> Diagnosis:
+    """Diagnosis of data that allow none."""
+    return Diagnosis(
+        Verdict.NOTHING, (), None, (), None, (), (), None, tuple(untested), (), None, None, (),
+        None, {drive.name: len(drive) for drive in drives}, _count_lost_rows(drives),
+    )  # fmt: skip
+
+
+def build_diagnosis(
+    drives: Sequence[DriveData],
+    found: Findings,
+    confirmed: ConfirmedFindings,
+    untested: Sequence[Untested],
+    *,
+    other_drives: bool,
+) -> Diagnosis:
+    """Build the diagnosis.
+
+    Args:
+        drives: Every row of every drive, in the order of the regression's drives.
+        found: Findings of steps 2 to 6.
+        confirmed: Findings that hold on the held-out data.
+        untested: Effects and quantities that could not be tested, with the reason.
+        other_drives: Whether whole recordings were held out.
+
+    """
+    data = found.prepared.regression.data
+    plain = found.selection.plain.fitted.model
+    verdict = _choose_verdict(found, confirmed)
+    extended = _fit_extension(found, confirmed, other_drives=other_drives)
+    profile = _build_profile(found, confirmed, extended.model)
+    causes = tuple(
+        _build_cause(found, candidate, extended.fitted)
+        for candidate in _sort_by_gain(found, confirmed.named)
+    )
+    surfaces, (drive_number, surface) = estimate_segments(data, found.change_times, extended.model)
+    simulation_plots = (
+        []
+        if verdict is Verdict.NOTHING
+        else build_simulation_plots(drives[drive_number], surface, plain, extended.model)
+    )
+    return Diagnosis(
+        verdict=verdict,
+        causes=causes,
+        channel=_name_channel(found, confirmed) if verdict is Verdict.UNEXPLAINED else None,
+        wrong=tuple(_describe_findings(found, confirmed, causes, profile)),
+        gain=confirmed.gain,
+        evidence=tuple(_build_evidence(found)),
+        channels=tuple(
+            ChannelEvidence(
+                name_with_wave(one.channel), one.channel.unit, one.p_value, 100 * one.gain
+            )
+            for one in found.channels_of_best
+        ),
+        needed=_describe_separation(causes),
+        untested=(*untested, *confirmed.rejected, *_list_imitated_effects(found)),
+        surfaces=surfaces,
+        model=build_extended_model(extended.model, extended.fitted, surface, extended.spline),
+        profile=profile,
+        simulation_plots=tuple(simulation_plots),
+        curves=build_curve_data(data, surface, extended.model),
+        samples={drive.name: len(drive) for drive in drives},
+        lost=_count_lost_rows(drives),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Extension:
+    """The extended model, fitted to all rows that may be used.
+
+    Attributes:
+        fitted: Fit of curves and named effects.
+        spline: Spline of an unexplained channel; None: none, or one that no model can have.
+        model: Model with effects and spline.
+
+    """
+
+    fitted: FittedModel
+    spline: Empirical | None
+    model: Model
+
+
+def _fit_extension(
+    found: Findings, confirmed: ConfirmedFindings, *, other_drives: bool
+) -> _Extension:
+    """Fit the extended model to all rows but those of other drives that were held out."""
+    regression = found.prepared.regression
+    selected = found.selection.best if confirmed.named else found.selection.plain
+    fitted = fit_model(regression if other_drives else regression.all_data, selected.fitted.model)
+    spline = None if confirmed.channel is None else build_spline(confirmed.channel)
+    model = fitted.model
+    if spline is not None:
+        model = refit_with_spline(found.prepared, model, spline)
+    return _Extension(fitted, spline, model)
+
+
+def _choose_verdict(found: Findings, confirmed: ConfirmedFindings) -> Verdict:
+    if confirmed.named:
+        return Verdict.NAMED
+    faulty = found.oscillates or bool(found.saturated)
+    return Verdict.UNEXPLAINED if confirmed.channel is not None or faulty else Verdict.NOTHING
+
+
+def _build_profile(found: Findings, confirmed: ConfirmedFindings, model: Model) -> Profile | None:
+    """Residual over the channel that matters, before and after; None where there is none."""
+    data = found.prepared.regression.data
+    before = evaluate_model(data, found.selection.plain.fitted.model.curves)
+    channel: Channel | None = None
+    if confirmed.named:
+        channels = build_channels(data, before)
+        channel = find_plotted_channel(data, confirmed.named[0].effect, channels)
+    elif confirmed.channel is not None:
+        channel = confirmed.channel.channel
+    if channel is None:
+        return None
+    after = _compute_residual_after(found, confirmed, model)
+    change = before.residual - after
+    return build_profile(data, channel, before.residual, after, change, before.predicted)
+
+
+def _compute_residual_after(found: Findings, confirmed: ConfirmedFindings, model: Model) -> Array:
+    """Residual of the extended model, adhesion; shape (n,)."""
+    data = found.prepared.regression.data
+    channel = confirmed.channel
+    if channel is not None and build_spline(channel) is None:
+        # No model can have this channel: its fitted spline stands for the extension.
+        before = evaluate_model(data, found.selection.plain.fitted.model.curves)
+        return before.residual - channel.prediction_change
+    return evaluate_model(data, model.curves, model.active_effects).residual
+
+
+def _count_lost_rows(drives: Sequence[DriveData]) -> dict[str, int]:
+    """Number of unusable rows by recording and reason."""
+    return {
+        f"{drive.name}: {reason}": count
+        for drive in drives
+        for reason, count in drive.lost.items()
+        if count
+    }
+
+
+def _sort_by_gain(found: Findings, named: Sequence[Candidate]) -> list[Candidate]:
+    """Named effects, the one that alone gains most first."""
+    alone = {
+        one.candidates[0]: one.fitted.cross_validated_square for one in found.selection.singles
+    }
+    return sorted(named, key=lambda candidate: alone.get(candidate, np.inf))
+
+
+def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> Cause:
+    """A named effect with the parameters of the final fit."""
+    effect = candidate.effect
+    place = final.model.candidates.index(candidate)
+    first = final.model.curves.values.size + sum(c.size for c in final.model.candidates[:place])
+    std = iter(np.sqrt(final.covariance.diagonal())[first : first + candidate.size])
+    numbers = iter(final.model.values[place])
+    values = tuple(
+        ParameterValue(p.name, float(candidate.axle), None, p.unit, p.meaning)
+        if p.axle
+        else ParameterValue(p.name, next(numbers), float(next(std)), p.unit, p.meaning)
+        for p in effect.parameters
+    )
+    return Cause(
+        effect.id,
+        effect.form,
+        effect.title,
+        effect.literature,
+        values,
+        found.p_value(candidate),
+        found.selection.rivals(candidate),
+    )
+
+
+def _build_evidence(found: Findings) -> list[Evidence]:
+    """Evidence of every tested effect, largest gain first."""
+    candidates, detection = found.prepared.candidates, found.detection
+    plain = found.selection.plain
+    alone = {
+        one.candidates[0]: 100 * (1 - one.rmse / plain.rmse) for one in found.selection.singles
+    }
+    out = []
+    for place, candidate in enumerate(candidates):
+        cosines = np.abs(detection.cosines[place])
+        others = [i for i, c in enumerate(candidates) if c.effect.id != candidate.effect.id]
+        most_alike = int(others[int(np.argmax(cosines[others]))]) if others else place
+        gain = alone.get(candidate, 50.0 * float(detection.test.gain[place]))
+        out.append(
+            Evidence(
+                candidate.effect.id,
+                candidate.effect.form,
+                candidate.axle,
+                float(detection.test.statistic[place]),
+                float(detection.test.p_value[place]),
+                float(np.clip(detection.absorbed[place], 0.0, 1.0)),
+                (candidates[most_alike].effect.id, float(detection.cosines[place, most_alike])),
+                float(gain),
+            )
+        )
+    return sorted(out, key=lambda e: (-e.gain_percent, e.p_value))
+
+
+def _list_imitated_effects(found: Findings) -> list[Untested]:
+    """Effects that the curve imitates so well that the data do not identify them."""
+    out = {}
+    absorbed_shares = found.detection.absorbed
+    for candidate, absorbed in zip(found.prepared.candidates, absorbed_shares, strict=True):
+        if absorbed >= IMITATED and candidate not in found.selection.best.candidates:
+            out[candidate.effect.id] = (
+                f"the curve's own parameters imitate {100 * absorbed:.1f} % of it in these data"
+            )
+    return [Untested(what, why) for what, why in out.items()]
+
+
+def _describe_separation(causes: Sequence[Cause]) -> str | None:
+    """Manoeuvres that would separate the named effects from their rivals; None: none is needed."""
+    sentences = [separation_sentence(c.effect, c.rivals) for c in causes if c.rivals]
+    return "; ".join(sentences) or None
+
+
+def _name_channel(found: Findings, confirmed: ConfirmedFindings) -> str | None:
+    """Channel of an unexplained residual; None where it is not a matter of one channel."""
+    if found.saturated:
+        return "tractive_effort"
+    if found.oscillates or confirmed.channel is None:
+        return None
+    return confirmed.channel.channel.name
+
+
+def _describe_findings(
+    found: Findings,
+    confirmed: ConfirmedFindings,
+    causes: Sequence[Cause],
+    profile: Profile | None,
+) -> list[str]:
+    """A sentence for each finding, and one about where the plain model is wrong most."""
+    out = [cause_sentence(cause) for cause in causes]
+    out += pinned_sentences(found.saturated)
+    if found.oscillates and found.oscillation is not None:
+        out.append(line_sentence(found.oscillation))
+    if confirmed.channel is not None:
+        out.append(channel_sentence(confirmed.channel))
+    if out and profile is not None:
+        out.append(where_sentence(profile, confirmed.gain))
+    return out

@@ -1,0 +1,112 @@
+"""Comparison of fitted models by their cross-validated squares, block by block (for step 5).
+
+Each block's sum of squares is taken with parameters from the other blocks, so a larger model is not
+favoured by its size. The differences between two models over the blocks are tested by a paired t
+test and by Wilcoxon's signed-rank test (Biometrics 1 (1945)).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.model import evaluate_model
+from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, WhitenedRegression
+
+LEVEL = 0.05
+"""Significance level of a difference between two models."""
+LEAST_GAIN, SECOND_LEAST_GAIN = 0.01, 0.03
+"""Share by which the RMSE of the adhesion must fall for an effect to be worth naming, and for one
+beside another: the first one's error of form must not get a name."""
+LEAST_WHITENED_GAIN = 0.005
+"""Share by which the whitened sum of squares must fall besides."""
+INDISTINGUISHABLE_SHARE = 0.002
+"""Models whose sums of squares differ by a smaller share are indistinguishable."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredModel:
+    """A fitted model with its error.
+
+    Attributes:
+        fitted: Fitted model.
+        rmse: RMSE of the adhesion on the rows that are not held out.
+        sign_flip_p_value: P-value of the last effect by sign flips against the model without it.
+
+    """
+
+    fitted: FittedModel
+    rmse: float
+    sign_flip_p_value: float = 1.0
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Effects of the model."""
+        return self.fitted.model.candidates
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """Effect ids of the model."""
+        return frozenset(candidate.effect.id for candidate in self.candidates)
+
+    @property
+    def drifts(self) -> bool:
+        """Whether one of its effects depends on time alone."""
+        return any(c.effect.observability.drift for c in self.candidates)
+
+    def candidates_missing_from(self, larger: "ScoredModel") -> tuple[Candidate, ...]:
+        """Effects that a larger model adds to this one's; () where it lacks one of them."""
+        if not set(self.candidates) <= set(larger.candidates):
+            return ()
+        return tuple(c for c in larger.candidates if c not in self.candidates)
+
+
+def score_model(
+    regression: WhitenedRegression, fitted: FittedModel, sign_flip_p_value: float = 1.0
+) -> ScoredModel:
+    """A fitted model with its RMSE."""
+    model = fitted.model
+    residual = evaluate_model(regression.data, model.curves, model.active_effects).residual
+    rmse = float(np.sqrt(np.mean(residual[regression.used] ** 2)))
+    return ScoredModel(fitted, rmse, sign_flip_p_value)
+
+
+def is_improvement(small: ScoredModel, large: ScoredModel, tested: int) -> bool:
+    """Whether a larger model's gain is significant, with so many effects tested, and worth it."""
+    least = SECOND_LEAST_GAIN if small.candidates else LEAST_GAIN
+    worth = large.rmse < (1.0 - least) * small.rmse
+    worth &= large.fitted.cross_validated_square < (
+        (1.0 - LEAST_WHITENED_GAIN) * small.fitted.cross_validated_square
+    )
+    by_blocks = gain_p_value(small.fitted, large.fitted) * tested
+    return bool(worth and 2.0 * min(large.sign_flip_p_value, by_blocks) <= LEVEL)
+
+
+def is_worse(best: ScoredModel, other: ScoredModel) -> bool:
+    """Whether another model of the same size has a significantly larger sum of squares."""
+    limit = (1.0 + INDISTINGUISHABLE_SHARE) * best.fitted.cross_validated_square
+    if other.fitted.cross_validated_square <= limit:
+        return False
+    differences = other.fitted.cross_validated_squares - best.fitted.cross_validated_squares
+    blocks = len(differences)
+    if blocks < 2:
+        return False
+    std_error = float(differences.std(ddof=1)) / np.sqrt(blocks)
+    return bool(differences.mean() > scipy.stats.t.ppf(1.0 - LEVEL, blocks - 1) * std_error)
+
+
+def gain_p_value(small: FittedModel, large: FittedModel) -> float:
+    """One-sided p-value of a larger model's gain over a smaller one.
+
+    It is twice the smaller one of two p-values (Bonferroni): of the mean gain of the blocks, which
+    a few large gains can carry, and of their ranks, which many small gains can carry.
+    """
+    gains = small.cross_validated_squares - large.cross_validated_squares
+    blocks = len(gains)
+    std_error = float(gains.std(ddof=1)) / np.sqrt(blocks) if blocks > 1 else 0.0
+    if std_error == 0.0:
+        return 1.0
+    by_mean = float(scipy.stats.t.sf(gains.mean() / std_error, blocks - 1))
+    by_rank = float(scipy.stats.wilcoxon(gains, alternative="greater").pvalue)
+    return min(1.0, 2.0 * min(by_mean, by_rank))

@@ -1,0 +1,87 @@
+"""An effect as a candidate for the regression: its free parameters, start values and step sizes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from adhesion_can.diagnosis.formatting import effect_name
+from adhesion_can.physics.effects import ActiveEffect, Effect, Parameter, acts_in_contact
+
+CHORD_STEP, FAR_STEP = 0.3, 3.0
+"""Sizes, relative to the typical one, at which the signature of an absent effect is computed: many
+effects are not linear in their size."""
+START_SCALES = (0.3, 1.0, 3.0)
+"""Further parameters at the start of a search, relative to their typical size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """An effect that may be at work, and the axle at which it may be.
+
+    Attributes:
+        effect: Effect of the library.
+        axle: Axle number of an effect at one axle; 0 for the others.
+
+    """
+
+    effect: Effect
+    axle: int = 0
+
+    @property
+    def size(self) -> int:
+        """Number of free parameters."""
+        return len(self.free_parameters)
+
+    @property
+    def name(self) -> str:
+        """Effect id with form and axle."""
+        return effect_name(self.effect.id, self.effect.form, self.axle)
+
+    def active(self, values: Sequence[float]) -> ActiveEffect:
+        """The effect with given values of its free parameters."""
+        given = iter(values)
+        return ActiveEffect(
+            self.effect,
+            tuple(
+                float(self.axle) if p.axle else float(next(given)) for p in self.effect.parameters
+            ),
+        )
+
+    def lower_bound(self, parameter: Parameter) -> float:
+        """Smallest value of a parameter that a difference quotient may use.
+
+        A delay may be tried on both sides of 0. A one-sided difference of a noisy signal follows
+        its noise, and finds a delay of milliseconds where there is none.
+        """
+        return parameter.lower if acts_in_contact(self.effect) else -parameter.upper
+
+    @property
+    def null_values(self) -> tuple[float, ...]:
+        """Values of the free parameters at which the effect changes nothing."""
+        return (0.0, *(p.typical for p in self.free_parameters[1:]))
+
+    @property
+    def free_parameters(self) -> tuple[Parameter, ...]:
+        """Parameters that are estimated: all but the axle number."""
+        return tuple(p for p in self.effect.parameters if not p.axle)
+
+    @property
+    def chord_sizes(self) -> tuple[float, ...]:
+        """Sizes, relative to the typical one, at which the signature is computed.
+
+        A parameter with one sign is a delay, a length or a lost share, and seldom linear.
+        """
+        one_sided = self.free_parameters[0].lower == 0.0
+        return (CHORD_STEP, FAR_STEP) if one_sided else (CHORD_STEP,)
+
+    @property
+    def start_values(self) -> tuple[tuple[float, ...], ...]:
+        """Start values of a search: size 0, the other parameters at a few sizes."""
+        rest = self.free_parameters[1:]
+        if not rest:
+            return (self.null_values,)
+        return tuple(
+            (0.0, *(float(np.clip(scale * p.typical, p.lower, p.upper)) for p in rest))
+            for scale in START_SCALES
+        )
