@@ -1,5 +1,7 @@
 """The README's benches, run as printed: each line of a block is a terminal."""
 
+import multiprocessing
+import os
 import re
 import shlex
 import signal
@@ -31,7 +33,10 @@ class Terminal:
     def __init__(self, command, folder, name):
         self.out, self.err = folder / f"{name}.out", folder / f"{name}.err"
         self.files = [self.out.open("wb"), self.err.open("wb")]
-        self.process = subprocess.Popen(
+        self.process = self._started(command, folder)
+
+    def _started(self, command, folder):
+        return subprocess.Popen(
             in_path(command), cwd=folder, stdout=self.files[0], stderr=self.files[1],
             stdin=subprocess.DEVNULL,
         )  # fmt: skip
@@ -69,3 +74,49 @@ class Terminal:
     def _close(self):
         for file in self.files:
             file.close()
+
+
+class ForkedTerminal(Terminal):
+    """An `adhesion-can` command in a fork of this process.
+
+    It finds everything imported, which costs an emulated machine up to a minute a process.
+    """
+
+    def _started(self, command, folder):
+        return ForkedProcess(shlex.split(command)[1:], folder, self.files)
+
+
+class ForkedProcess:
+    """What a terminal needs of `subprocess.Popen`, for a command of this package."""
+
+    def __init__(self, arguments, folder, files):
+        self._process = multiprocessing.get_context("fork").Process(
+            target=_run_command, args=(arguments, folder, [file.fileno() for file in files])
+        )
+        self._process.start()
+
+    def poll(self):
+        return self._process.exitcode
+
+    def wait(self, timeout):
+        self._process.join(timeout)
+        if self._process.exitcode is None:
+            raise subprocess.TimeoutExpired("adhesion-can", timeout)
+        return self._process.exitcode
+
+    def send_signal(self, number):
+        os.kill(self._process.pid, number)
+
+    def kill(self):
+        self._process.kill()
+
+
+def _run_command(arguments, folder, outputs):
+    """In the fork: the command, with its outputs in files instead of the test run's."""
+    os.chdir(folder)
+    for target, source in zip((1, 2), outputs, strict=True):
+        os.dup2(source, target)
+    sys.stdout, sys.stderr = (os.fdopen(number, "w", closefd=False) for number in (1, 2))
+    from adhesion_can.cli.main import main
+
+    sys.exit(main(arguments))
