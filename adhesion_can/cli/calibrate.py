@@ -26,7 +26,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.config.calibrated_file import Correction, rim_axles, with_correction
 from adhesion_can.errors import ConfigError, InputError, RecordingError
 from adhesion_can.files import file_sha256, whole_file
-from adhesion_can.offline.load_traces import Heard, hear
+from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.reference_speed import read_reference, reference_path
 from adhesion_can.recordings.sequence import blocks_in_sequence
@@ -105,14 +105,14 @@ def run(options: argparse.Namespace) -> int:
         [*inputs, config.database.path],
         renewed="--out",
     )
-    reference = None if options.speed is None else Trace.of(*read_reference(options.speed))
+    reference = None if options.speed is None else Trace.from_readings(*read_reference(options.speed))
     _require_roles(config, reference)
     recordings = open_recordings(options.log)
     heard = []
     with reading("reading", recordings) as watched:
         for recording in recordings:
             blocks = watched(blocks_in_sequence([recording]))
-            heard.append(hear(blocks, config, str(recording.path)))
+            heard.append(load_traces(blocks, config, str(recording.path)))
     drives = [_drive(one, config, reference) for one in heard]
     where = ", ".join(map(str, options.log))
     _require_signals(drives, options, where)
@@ -174,7 +174,7 @@ def _settings(options: argparse.Namespace) -> CalibrationSettings:
 # --- what is heard
 
 
-def _drive(heard: Heard, config: Configuration, reference: Trace | None) -> CoastingDrive:
+def _drive(heard: LoadedTraces, config: Configuration, reference: Trace | None) -> CoastingDrive:
     """Columns of what was heard; a reference takes the place of the vehicle speed."""
 
     def traces(role: Role) -> dict[int, Trace]:
@@ -254,7 +254,9 @@ def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[st
     return what, f"record a drive in which one does, or raise {option}"
 
 
-def _notes_on_source(result: Calibration, heard: list[Heard], reference: Trace | None) -> list[str]:
+def _notes_on_source(
+    result: Calibration, heard: list[LoadedTraces], reference: Trace | None
+) -> list[str]:
     """What is to be known of where the vehicle speed came from."""
     if reference is not None:
         told = result.offset is not None

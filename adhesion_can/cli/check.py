@@ -1,4 +1,4 @@
-"""`check`: is this recording usable."""
+"""`check`: whether a recording is usable."""
 
 import argparse
 from pathlib import Path
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def require_known_id(result: CheckResult, options: argparse.Namespace) -> None:
-    """A recording without one frame of a known id is bad input; a faulty one is a verdict."""
+    """Raise a RecordingError where no frame has a known id; a faulty recording is a verdict."""
     if not any(record.frames for record in result.receiver.records):
         require_known(result.receiver, result.frames, ", ".join(map(str, options.log)))
 

@@ -36,7 +36,8 @@ from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.recording import from_message, to_message
 from adhesion_can.reporting.phases import Row, phase_table, phases
 from adhesion_can.reporting.provenance import provenance
-from adhesion_can.reporting.text import console, plus_minus, table
+from adhesion_can.reporting.text import console, table
+from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.live import LiveService
 from adhesion_can.service.outputs import Outputs
@@ -46,13 +47,13 @@ from adhesion_can.simulation.scenarios import scenario_by_name
 
 SCENARIO = "dry-wet-greasy-dry"
 SHORTEST_S = 12.0
-"""Three seconds a surface: less, and none can be found."""
+"""Shortest run, s: three seconds a surface, in which each can be found."""
 
 PACE_US = 10_000
-"""The locomotive sends what fell due in so much time at once, and then waits for real time."""
+"""Time between two waits for real time, µs; frames due within it are sent at once."""
 
 REORDER_US = 500_000
-"""An answer reaches the recorder after frames of a little later; it is put in its place."""
+"""Longest delay of a frame at the recorder, µs: it is written in the order of the stamps."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -105,7 +106,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 class _Clock:
-    """Simulated time as the clock of the bus; the locomotive moves it on."""
+    """Simulated time, µs, as the clock of the bus; the locomotive sets it."""
 
     def __init__(self) -> None:
         self.now_us = 0
@@ -122,7 +123,7 @@ class _Recorder:
         self._waiting: list[tuple[int, int, Frame]] = []
         self._order = itertools.count()
 
-    def take(self, frame: Frame) -> None:
+    def add(self, frame: Frame) -> None:
         heapq.heappush(self._waiting, (frame.t_us, next(self._order), frame))
         while self._waiting[0][0] < frame.t_us - REORDER_US:
             self._write_next()
@@ -182,7 +183,7 @@ class _Bench:
     def _drive(
         self, bus: can.BusABC, recorder_bus: can.BusABC, recorder: _Recorder, show: Any
     ) -> None:
-        """The locomotive: steps, sends, hears, keeps the pace."""
+        """Run the locomotive in real time: simulate, send, receive, record."""
         simulation = self.simulation
         began = time.monotonic()
         end_us = round(simulation.settings.duration_s * 1e6)
@@ -193,7 +194,7 @@ class _Bench:
             self._clock.now_us = simulation.now_us
             time.sleep(max(simulation.now_us / 1e6 - (time.monotonic() - began), 0.0))
             while (message := bus.recv(0.0)) is not None:
-                simulation.hear(from_message(message))
+                simulation.receive(from_message(message))
             _drain(recorder_bus, recorder)
             if simulation.now_us % 500_000 == 0:
                 show()
@@ -201,7 +202,7 @@ class _Bench:
 
 def _drain(bus: can.BusABC, recorder: _Recorder) -> None:
     while (message := bus.recv(0.0)) is not None:
-        recorder.take(from_message(message)._replace(channel="vcan0"))
+        recorder.add(from_message(message)._replace(channel="vcan0"))
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""`identify`: one batch fit, its standard errors, and whether the data can tell."""
+"""`identify`: one batch fit, its standard errors, and whether the peak is identifiable."""
 
 import argparse
 from collections import Counter
@@ -37,18 +37,19 @@ from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.sample_table import Table, is_table, read_table
 from adhesion_can.recordings.sequence import blocks_in_sequence
-from adhesion_can.reporting.provenance import estimate_json, provenance
-from adhesion_can.reporting.text import console, plus_minus, table
+from adhesion_can.reporting.provenance import provenance
+from adhesion_can.reporting.text import console, table
+from adhesion_can.result_text import plus_minus
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
         "Fits the adhesion curve to recordings or tables of samples, a curve for each "
-        "stretch of constant rail, and says what the data can tell."
+        "segment of constant surface, and reports what is identifiable."
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
-    add_model(parser, "its effects are taken out, and its base curve is what is fitted")
+    add_model(parser, "its effects are removed, and its base curve is fitted")
     add_json(parser)
     add_configuration(parser)
     parser.set_defaults(run=run)
@@ -77,16 +78,7 @@ def run(options: argparse.Namespace) -> int:
     write_json(
         options.json,
         {
-            **estimate_json(result.whole),
-            "segments": [
-                {
-                    "from_s": s.from_us / 1e6,
-                    "to_s": s.to_us / 1e6,
-                    **estimate_json(s.estimate),
-                }
-                for s in result.segments
-            ],
-            "left_out": result.left_out,
+            **result.to_dict(),
             **extension,
             "problems": problems,
             **provenance(config, options.inputs),
@@ -98,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _extension_json(model: ExtendedModel, left_out: Mapping[str, int]) -> dict[str, Any]:
-    """What the fit is of, and the effects that were taken out before it."""
+    """Curve that was fitted, and the effects that were removed before."""
     return {
         "curve": "base curve of the extended model",
         "effects": [
@@ -142,7 +134,7 @@ def _from_tables(
     samples = Samples.concatenate([t.samples for t in tables])
     if len(tables) == 1 and tables[0].segment is None:
         return samples, None, problems, left_out
-    # Each table, and each segment of one, is a stretch of its own.
+    # Each table, and each segment of one, is a segment of its own.
     labels, base = [], 0
     for t in tables:
         own = t.segment if t.segment is not None else np.zeros(len(t.samples), dtype=np.int64)
@@ -154,7 +146,7 @@ def _from_tables(
 def _without_effects(
     table: Table, model: ExtendedModel, where: str, left_out: Counter[str]
 ) -> Table:
-    """A table's rows without the model's effects: a drive of its own."""
+    """Rows of a table with the model's effects removed; a table is a drive of its own."""
     require_columns(model, table.samples, where)
     samples = remove_instrument_errors(table.samples, model.instruments, where)
     result = correct_samples(samples, model, int(samples.axle.max(initial=1)))
@@ -183,7 +175,7 @@ def _print(result: BatchResult, problems: list[str], model: ExtendedModel | None
     ]
     if len(result.segments) > 1:
         rows.append(("all together", *_cells(result.whole)))
-    columns = ("time s", "samples", "mu_max", "lambda_m", "c1", "c2", "c3", "noise", "peak told")
+    columns = ("time s", "samples", "mu_max", "lambda_m", "c1", "c2", "c3", "noise", "identifiable")
     out.print(table("Batch fit, ± standard deviation", columns, rows))
     if model is not None:
         taken = ", ".join(model.names) or "no effects"
@@ -191,13 +183,13 @@ def _print(result: BatchResult, problems: list[str], model: ExtendedModel | None
     if len(result.segments) > 1:
         out.print(
             f"The curve changed {len(result.segments) - 1} times: one for all does not "
-            "describe the data, see the stretches."
+            "describe the data, see the segments."
         )
-    untold = [s for s in result.segments if not s.estimate.identifiable.both]
-    if untold:
+    vague = [s for s in result.segments if not s.estimate.identifiable.both]
+    if vague:
         out.print(
-            f"{len(untold)} of {len(result.segments)} stretches do not tell their peak: their slip "
-            "stays too small, or the noise is too large."
+            f"{len(vague)} of {len(result.segments)} segments have no identifiable peak: "
+            "their slip stays too small, or the noise is too large."
         )
     for line in problems:
         out.print(line, markup=False)
@@ -205,7 +197,7 @@ def _print(result: BatchResult, problems: list[str], model: ExtendedModel | None
 
 def _cells(e: Estimate) -> tuple[str, ...]:
     known = e.identifiable
-    told = {(True, True): "yes", (True, False): "height only", (False, True): "place only"}
+    peak = {(True, True): "yes", (True, False): "height only", (False, True): "place only"}
     return (
         str(e.samples),
         plus_minus(e.mu_max, e.mu_max_std if known.mu_max else None),
@@ -214,5 +206,5 @@ def _cells(e: Estimate) -> tuple[str, ...]:
         f"{e.c2:.2f}",
         f"{e.c3:.4f}",
         f"{e.noise_std:.4f}",
-        told.get((known.mu_max, known.lambda_m), "no"),
+        peak.get((known.mu_max, known.lambda_m), "no"),
     )

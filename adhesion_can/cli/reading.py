@@ -18,7 +18,7 @@ from adhesion_can.recordings.recording import Recording
 from adhesion_can.reporting.text import console
 
 Watched = Callable[[Iterable[Block]], Iterator[Block]]
-"""Passes blocks on and shows how far they have come."""
+"""Function that passes blocks on, and shows the progress."""
 
 
 @contextmanager
@@ -26,8 +26,8 @@ def reading(what: str, recordings: Sequence[Recording]) -> Iterator[Watched]:
     """A progress bar on stderr where it is a terminal, with frames/s and the time left.
 
     Args:
-        what: is done, in a word.
-        recordings: whose blocks are passed through.
+        what: Name of the work, in one word.
+        recordings: Recordings whose blocks are passed through.
 
     """
     err = console(sys.stderr)

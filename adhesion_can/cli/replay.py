@@ -1,4 +1,4 @@
-"""`replay`: the service over recordings."""
+"""`replay`: the service over recordings, with its frames, its setpoints and its misfit."""
 
 import argparse
 from collections import Counter
@@ -30,13 +30,14 @@ from adhesion_can.errors import InputError
 from adhesion_can.estimation.registry import known_estimators
 from adhesion_can.files import whole_file
 from adhesion_can.offline.extract_samples import require_known
-from adhesion_can.offline.fit_errors import CurveFit, Misfit
+from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence
 from adhesion_can.reporting.export import require_format
-from adhesion_can.reporting.provenance import estimate_json, provenance, texts
+from adhesion_can.reporting.provenance import provenance, texts
 from adhesion_can.reporting.setpoints import setpoint_table
-from adhesion_can.reporting.text import console, plus_minus, table
+from adhesion_can.reporting.text import console, table
+from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.replay import ReplaySummary, replay, replay_blocks
@@ -49,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Runs the service over recordings, as it would have run live. It ends with the "
         "RMSE of the adhesion about the curve that fits best, with the effects of --model where "
         "there is one: the share by which that is smaller than without --model is what the model "
-        "gains, and agrees with the gain that 'diagnose' tells."
+        "gains, and agrees with the gain that 'diagnose' reports."
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
     parser.add_argument(
@@ -97,23 +98,23 @@ def run(options: argparse.Namespace) -> int:
             if frames is not None:
                 frames.write(format_frame(frame, channel.name))
 
-        fit = CurveFit(config)
+        collector = MisfitCollector(config)
         watched = stack.enter_context(reading("replaying", recordings))
         span = {"from_s": options.from_s, "to_s": options.to_s}
-        core = ServiceCore(config, make, on_setpoint, fit.take)
+        core = ServiceCore(config, make, on_setpoint, collector.add)
         if options.realtime:
-            items = channel.of(in_sequence(recordings))
+            items = channel.watch_items(in_sequence(recordings))
             summary = replay(items, core, send, **span, realtime=True)
         else:
             blocks = watched(blocks_in_sequence(recordings))
-            summary = replay_blocks(channel.of_blocks(blocks), core, send, **span)
+            summary = replay_blocks(channel.watch_blocks(blocks), core, send, **span)
         for recording in recordings:
             summary.kinds.update(recording.report.kinds)
         require_known(core.receiver, summary.frames, ", ".join(map(str, options.log)))
     problems = read_problems(recordings)
-    misfit = fit.result()
+    misfit = collector.compute()
     document = _document(summary, core, statuses, problems)
-    document["fit"] = None if misfit is None else misfit._asdict()
+    document["fit"] = None if misfit is None else misfit.as_json()
     write_json(options.json, {**document, **origin})
     if talk(options):
         _print(summary, core, statuses, problems)
@@ -151,18 +152,18 @@ def _row_writer(
 
 
 class _Channel:
-    """Name of the recording's bus, for the answers."""
+    """Name of the recording's bus, taken from its first frame, for the frames that are sent."""
 
     def __init__(self) -> None:
         self.name = "can0"
 
-    def of(self, items: Iterator[Frame | Mark]) -> Iterator[Frame | Mark]:
+    def watch_items(self, items: Iterator[Frame | Mark]) -> Iterator[Frame | Mark]:
         for count, item in enumerate(items):
             if count == 0 and isinstance(item, Frame) and item.channel:
                 self.name = item.channel
             yield item
 
-    def of_blocks(self, blocks: Iterator[Block]) -> Iterator[Block]:
+    def watch_blocks(self, blocks: Iterator[Block]) -> Iterator[Block]:
         for count, block in enumerate(blocks):
             if count == 0 and block.kind[0] <= Kind.ERROR:
                 self.name = block.channels[block.channel[0]] or self.name
@@ -191,7 +192,7 @@ def _document(
         "restarts": core.counts.restarts,
         "faults": core.faults,
         "setpoints_by_status": statuses,
-        "last": None if core.estimate is None else estimate_json(core.estimate),
+        "last": None if core.estimate is None else core.estimate.to_dict(),
     }
 
 
@@ -227,10 +228,11 @@ def _print(
 def _print_fit(misfit: Misfit | None, config: Configuration) -> None:
     out = console()
     if misfit is None:
-        out.print("Too few samples to tell how far they lie from a curve.")
+        out.print("Too few samples for a misfit of the curve.")
         return
-    rails = "one curve" if misfit.stretches == 1 else f"{misfit.stretches} curves, one a rail"
-    names = () if config.model is None else config.model.names
-    curves = f"{rails} with {', '.join(names)}" if names else rails
+    count = misfit.segments
+    curves = "one curve" if count == 1 else f"{count} curves, one a surface"
+    if config.model is not None and config.model.names:
+        curves += f" with {', '.join(config.model.names)}"
     text = f"RMSE of the adhesion about {curves}: {misfit.rmse:.4f} ({misfit.samples} samples)"
     out.print(text, markup=False)

@@ -27,8 +27,8 @@ from adhesion_can.cli.common import (
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
-from adhesion_can.reporting.provenance import estimate_json, provenance
-from adhesion_can.reporting.text import plus_minus
+from adhesion_can.reporting.provenance import provenance
+from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.live import LiveService, wall_clock
 from adhesion_can.service.outputs import Outputs
@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
         until = None if options.duration is None else wall_clock() + round(options.duration * 1e6)
         service.run(until)
     if options.state and core.estimate is not None:
-        write_json(str(options.state), {**estimate_json(core.estimate), **provenance(config)})
+        write_json(str(options.state), {**core.estimate.to_dict(), **provenance(config)})
     counts = service.counts
     document = {
         "received": counts.received,

@@ -1,4 +1,4 @@
-"""Is this recording usable: what is in it, what is wrong with it, what it can tell."""
+"""Check of a recording: its contents, its faults, and what can be estimated from it."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -12,49 +12,57 @@ from adhesion_can.bus.message_record import MessageRecord
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import identify
-from adhesion_can.offline.extract_samples import Extraction
+from adhesion_can.offline.extract_samples import SampleExtractor
 from adhesion_can.physics.readings import Role, role_name
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.column_former import Readings
 
 RATE_TOLERANCE = 0.1
-"""A message's mean cycle may be off by this share of its nominal one."""
+"""Largest share by which a message's mean cycle may differ from its nominal one."""
 
 
 @dataclass(slots=True)
 class SignalRange:
-    """What a role's signal was seen to do, in SI units."""
+    """Range of a signal's readings.
+
+    Attributes:
+        lowest: Smallest value, SI unit of the role; inf where none is available.
+        highest: Largest value, SI unit of the role; -inf where none is available.
+        readings: Number of readings.
+        not_available: Number of readings that carry 'not available'.
+
+    """
 
     lowest: float = np.inf
     highest: float = -np.inf
     readings: int = 0
     not_available: int = 0
 
-    def note(self, values: Array) -> None:
-        """Readings, NaN where not available."""
-        told = values[np.isfinite(values)]
+    def add(self, values: Array) -> None:
+        """Add readings, SI unit of the role, NaN where not available; shape (n,)."""
+        available = values[np.isfinite(values)]
         self.readings += len(values)
-        self.not_available += len(values) - len(told)
-        self.lowest = float(told.min(initial=self.lowest))
-        self.highest = float(told.max(initial=self.highest))
+        self.not_available += len(values) - len(available)
+        self.lowest = float(available.min(initial=self.lowest))
+        self.highest = float(available.max(initial=self.highest))
 
 
 @dataclass(frozen=True)
 class CheckResult:
-    """A checked recording.
+    """Result of the check of a recording.
 
     Attributes:
-        receiver: what was heard, by message.
-        signals: ranges by role name.
-        frames: in the recording.
-        unknown: frames of ids that nobody listens to.
-        clamped: frames stamped before the one in front of them.
-        duration_s: from the first to the last frame.
-        samples: formed.
-        dropped: wheel-speed readings that gave no sample, by reason.
-        failures: what is wrong, a sentence each.
-        limits: what cannot be known from this recording, and why.
-        findings: what can.
+        receiver: Receiver with the records of all input messages.
+        signals: Ranges of the signals by the names of their roles.
+        frames: Number of frames.
+        unknown: Number of frames whose id belongs to no input message.
+        clamped: Number of frames stamped before the one in front of them.
+        duration_s: Time from the first to the last frame, s.
+        samples: Samples formed from the frames.
+        dropped: Number of wheel-speed readings that gave no sample, by reason.
+        failures: Faults of the recording, a sentence each.
+        limits: Quantities that cannot be estimated from it, with the reason, a sentence each.
+        findings: Quantities that can be estimated from it, a sentence each.
 
     """
 
@@ -97,7 +105,7 @@ class CheckResult:
 
 
 def message_json(record: MessageRecord) -> dict[str, Any]:
-    """What was heard of one message."""
+    """Entry of one input message for `--json`."""
     return {
         "name": record.message.plan.name,
         "id": record.message.plan.frame_id,
@@ -121,39 +129,39 @@ def mean_cycle_ms(record: MessageRecord) -> float | None:
 
 
 def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
-    """Go through a recording as the service would, and judge it.
+    """Pass a recording through receiver and sample former, and check it.
 
     Args:
-        blocks: frames; marks are passed over.
-        configuration: roles may be missing: what they would tell is named among the limits.
+        blocks: Frames of the recording; marks are ignored.
+        configuration: Messages, roles and settings; a missing role becomes one of the limits.
 
     """
     signals = {choice.name: SignalRange() for choice in configuration.choices}
 
-    def note(readings: Readings) -> None:
+    def add_ranges(readings: Readings) -> None:
         for (role, axle), (_, values) in readings.items():
-            signals[role_name(role, axle)].note(values)
+            signals[role_name(role, axle)].add(values)
 
-    extraction = Extraction(configuration, note)
-    samples = extraction.run(blocks)
-    counts = extraction.counts
+    extractor = SampleExtractor(configuration, add_ranges)
+    samples = extractor.run(blocks)
+    counts = extractor.counts
     result = CheckResult(
-        extraction.receiver,
+        extractor.receiver,
         signals,
         counts["frames"],
         counts["unknown"],
         counts["clamped"],
-        (extraction.last_us - (extraction.first_us or 0)) / 1e6,
+        (extractor.last_us - (extractor.first_us or 0)) / 1e6,
         samples,
-        extraction.dropped,
+        extractor.dropped,
     )
-    _judge_messages(result)
-    _judge_signals(result)
-    _judge_excitation(result, configuration)
+    _check_messages(result)
+    _check_signals(result)
+    _check_excitation(result, configuration)
     return result
 
 
-def _judge_messages(result: CheckResult) -> None:
+def _check_messages(result: CheckResult) -> None:
     for record in result.receiver.records:
         name = f"{record.message.plan.name} ({record.message.plan.frame_id:#x})"
         if not record.frames:
@@ -162,8 +170,8 @@ def _judge_messages(result: CheckResult) -> None:
                 Role.VEHICLE_SPEED,
                 Role.TRACTIVE_EFFORT,
             }
-            words = result.failures if required else result.limits
-            words.append(f"{name}: not one frame in the recording")
+            sentences = result.failures if required else result.limits
+            sentences.append(f"{name}: not one frame in the recording")
             continue
         for reason, count in record.rejected.items():
             result.failures.append(f"{name}: {count} of {record.frames} frames rejected: {reason}")
@@ -191,24 +199,24 @@ def _judge_messages(result: CheckResult) -> None:
         )
 
 
-def _judge_signals(result: CheckResult) -> None:
+def _check_signals(result: CheckResult) -> None:
     for name, seen in result.signals.items():
         if seen.not_available:
             share = 100 * seen.not_available / seen.readings
             result.limits.append(f"{name}: not available in {share:.1f} % of its frames")
 
 
-def _judge_excitation(result: CheckResult, configuration: Configuration) -> None:
+def _check_excitation(result: CheckResult, configuration: Configuration) -> None:
     missing = configuration.missing_for_identification()
     if missing:
         result.limits.append(
             f"no role gives {' or '.join(missing)}: the adhesion coefficient, and with it mu_max "
             "and lambda_m, cannot be estimated"
         )
-        heard = configuration.roles()
-        if {Role.WHEEL_SPEED, Role.VEHICLE_SPEED} <= heard:
+        roles = configuration.roles()
+        if {Role.WHEEL_SPEED, Role.VEHICLE_SPEED} <= roles:
             result.findings.append("slip ratios can be formed: wheel and vehicle speed are there")
-        elif Role.WHEEL_SPEED in heard:
+        elif Role.WHEEL_SPEED in roles:
             result.findings.append(
                 "wheel speeds can be compared with each other and with a reference"
             )
@@ -227,7 +235,7 @@ def _judge_excitation(result: CheckResult, configuration: Configuration) -> None
         f"{len(result.samples)} samples, |slip| from {low:.4f} to {high:.4f} (5 % to 98 %)"
     )
     known = [s for s in fitted.segments if s.estimate.identifiable.both]
-    text = f"{len(known)} of {len(fitted.segments)} stretches of constant rail tell their peak"
+    text = f"{len(known)} of {len(fitted.segments)} segments have an identifiable peak"
     (result.findings if known else result.limits).append(
         text if known else f"{text}: the slip never goes far enough beyond it"
     )

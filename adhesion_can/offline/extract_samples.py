@@ -1,4 +1,4 @@
-"""Recorded frames to samples, without a service: for a batch fit."""
+"""Samples of a recording, formed as the service forms them: for a batch fit."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -14,14 +14,15 @@ from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.column_former import Readings
 
 UPDATE_US = 20_000
+"""Time between two collections of samples, µs: the cycle of the setpoints."""
 
 
-class Extraction:
-    """A recording taken through receiver and sample former, as the service takes a bus.
+class SampleExtractor:
+    """Passes a recording through receiver and sample former, as the service does with a bus.
 
     Args:
-        configuration: what is heard.
-        on_readings: called with the readings of each block's accepted frames.
+        configuration: Messages, roles, vehicle and settings of the sampling.
+        on_readings: Callback with the readings of each block's accepted frames.
 
     """
 
@@ -30,7 +31,7 @@ class Extraction:
     ) -> None:
         self.receiver = Receiver(configuration.messages)
         self.counts: Counter[str] = Counter()
-        """'frames' in all, 'unknown' ids, 'clamped': stamped before the one in front of them."""
+        """Numbers of frames: 'frames' in all, 'unknown' ids, 'clamped' to the stamp before."""
         self.first_us: int | None = None
         self.last_us = 0
         self._on_readings = on_readings
@@ -38,67 +39,67 @@ class Extraction:
         self._formed: list[Samples] = []
 
     def run(self, blocks: Iterable[Block]) -> Samples:
-        """Samples of all frames, in the order of their stamps; marks are passed over.
+        """Samples of all frames, in the order of their stamps; marks are ignored.
 
         A covariate that was not available at a sample is NaN there.
         """
         for block in blocks:
             frames = block.select(block.kind <= Kind.ERROR)
             if len(frames):
-                self._take(frames)
+                self._add(frames)
         self._formed.append(self._former.collect_all(np.array([self.last_us + 1]))[0])
         names = sorted(set().union(*(part.covariates for part in self._formed)))
-        return Samples.concatenate([_with(part, names) for part in self._formed])
+        return Samples.concatenate([_with_covariates(part, names) for part in self._formed])
 
     @property
     def dropped(self) -> dict[str, int]:
-        """Wheel-speed readings that gave no sample, by reason."""
+        """Number of wheel-speed readings that gave no sample, by reason."""
         return dict(self._former.dropped)
 
-    def _take(self, frames: Block) -> None:
-        stated = frames.t_us
+    def _add(self, frames: Block) -> None:
+        recorded_us = frames.t_us
         if self.first_us is None:
-            self.first_us = self.last_us = int(stated[0])
-        t_us, moved = clamped(stated, self.last_us)
+            self.first_us = self.last_us = int(recorded_us[0])
+        t_us, moved = clamped(recorded_us, self.last_us)
         self.counts["frames"] += len(frames)
         self.counts["clamped"] += int(moved.sum())
         received = self.receiver.accept_block(frames, t_us)
         self.counts["unknown"] += received.foreign
         self._on_readings(received.readings)
-        self._former.take(received.readings)
+        self._former.add(received.readings)
         first, self.last_us = self.last_us, int(t_us[-1])
         begin = first + UPDATE_US - (first - self.first_us) % UPDATE_US
         due = np.arange(begin, self.last_us + 1, UPDATE_US)
         self._formed.append(self._former.collect_all(due)[0])
 
 
-def _with(samples: Samples, names: Iterable[str]) -> Samples:
-    """Samples with covariates of these names, NaN where they have none."""
+def _with_covariates(samples: Samples, names: Iterable[str]) -> Samples:
+    """Samples with covariates of exactly these names; missing ones are NaN."""
     missing = np.full(len(samples), np.nan)
     covariates = {name: samples.covariates.get(name, missing) for name in names}
     return replace(samples, covariates=covariates)
 
 
-def samples_of(
+def extract_samples(
     blocks: Iterable[Block], configuration: Configuration, where: str
 ) -> tuple[Samples, Receiver]:
-    """Samples of a recording, in the order of their stamps, and what was heard.
+    """Samples of a recording, in the order of their stamps, and the receiver of its frames.
 
     Args:
-        blocks: frames; marks are passed over.
-        configuration: which must give all that adhesion needs.
-        where: name of the recording, for errors.
+        blocks: Frames of the recording; marks are ignored.
+        configuration: Messages, roles, vehicle and settings of the sampling.
+        where: Name of the recording, for errors.
 
     Raises:
-        ConfigError: adhesion cannot be formed from the configured roles.
-        RecordingError: no known frame.
+        ConfigError: The configured roles do not suffice to compute adhesion.
+        RecordingError: No frame of a known id was accepted.
 
     """
     configuration.require_identification()
-    extraction = Extraction(configuration)
-    samples = extraction.run(blocks)
-    require_known(extraction.receiver, extraction.counts["frames"], where)
-    return samples, extraction.receiver
+    extractor = SampleExtractor(configuration)
+    samples = extractor.run(blocks)
+    require_known(extractor.receiver, extractor.counts["frames"], where)
+    return samples, extractor.receiver
 
 
 def require_known(receiver: Receiver, frames: int, where: str) -> None:
@@ -110,11 +111,11 @@ def require_known(receiver: Receiver, frames: int, where: str) -> None:
             (record.rejected for record in receiver.records),
             start=type(receiver.records[0].rejected)(),
         )
-        words = ", ".join(f"{count} by {reason}" for reason, count in reasons.items())
+        counts = ", ".join(f"{count} by {reason}" for reason, count in reasons.items())
         raise RecordingError(
             where,
-            f"every frame of a known id was rejected ({words})",
-            "check database and protection; 'adhesion-can check' tells more",
+            f"every frame of a known id was rejected ({counts})",
+            "check database and protection; 'adhesion-can check' shows more",
         )
     if not frames:
         raise RecordingError(where, "not one frame in it", "is it one that 'candump -L' recorded?")

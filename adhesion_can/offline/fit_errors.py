@@ -1,10 +1,10 @@
-"""How far the samples of a recording lie from the curve: what an extended model is worth there.
+"""Deviation of a recording's samples from the curve: the worth of an extended model there.
 
 The figure is the RMSE of the measured adhesion about factor · curve(slip'), with the factor and
 slip' of the model's effects, or 1 and the slip where there is no model. The curve is the one that
-fits the stretch of constant rail best. It is not the curve that the estimator held: that follows a
-slow effect as it follows the rail, and takes a fast one for another rail, so that its own error
-tells little of the effect (0.2 % for a humidity that a diagnosis finds to be worth 37 %).
+fits the segment of constant surface best. It is not the curve that the estimator held: that one
+follows a slow effect as it follows the surface, and takes a fast one for another surface, so its
+own error shows little of the effect (0.2 % for a humidity that a diagnosis finds to be worth 37 %).
 
 100 (1 − with/without) is what the model gains. Of 16 effects on a drive of 240 s it came within 5
 percentage points of the diagnosis, but for a late vehicle speed (66 % against 74 %).
@@ -27,42 +27,59 @@ from adhesion_can.estimation.batch_fit import (
     change_points,
     fit,
 )
-from adhesion_can.estimation.extended.correction import without_effects
+from adhesion_can.estimation.extended.correction import remove_effects
 from adhesion_can.estimation.likelihood import innovation, sensitivity
 from adhesion_can.physics.effects import LagStates
 from adhesion_can.physics.samples import Samples
 
 SMOOTH_US = 50_000
-"""To either side: the noise of the vehicle speed fades, a sweep of the slip stays as it is."""
+"""Half width of the mean over the slip, µs: it removes the noise of the vehicle speed and leaves a
+sweep of the slip as it is."""
 AROUND_US = 2_000_000
-"""Samples so close to a change of the rail are left out: each axle finds it at its own time."""
-OTHER = 0.25
-"""Rails differ where one curve for both misses the shorter one's adhesion by such a share of its
-root mean square in both. Effects do less: an effort that reads a tenth of the load wrong, say."""
+"""Time around a change of the surface, µs, whose samples are left out: each axle reaches the new
+surface at its own time."""
+SURFACES_DIFFER = 0.25
+"""Smallest relative error by which two surfaces differ: that of one curve for both in the shorter
+segment, over the root mean square of the adhesion in both. Effects cause less, for example an
+effort that is wrong by a tenth of the load."""
 MOST_ROWS = 6_000
-"""Of a stretch, to judge that by."""
+"""Largest number of rows of a segment that are used to compare surfaces."""
 CHUNK = 4096
-"""Samples that the effects are taken out of at a time."""
+"""Number of samples from which the effects are removed at once."""
 FEWEST = 200
+"""Smallest number of samples that give a misfit."""
 
 
 class Misfit(NamedTuple):
-    """How far measured adhesion lies from the curve.
+    """Deviation of the measured adhesion from the best-fitting curves.
 
     Attributes:
-        rmse: of the measured adhesion.
-        samples: that it is of.
-        stretches: of constant rail, each with a curve of its own.
+        rmse: Root mean square error of the adhesion coefficient.
+        samples: Number of samples used.
+        segments: Number of segments of constant surface, each with a curve of its own.
 
     """
 
     rmse: float
     samples: int
-    stretches: int
+    segments: int
+
+    def as_json(self) -> dict[str, float | int]:
+        """Entry for `--json`."""
+        return {"rmse": self.rmse, "samples": self.samples, "stretches": self.segments}
 
 
 class _Rows(NamedTuple):
-    """Columns that are kept of the samples: time since the first one, slip', measured adhesion."""
+    """Columns of the samples that are kept; shape (n,) each.
+
+    Attributes:
+        since_us: Time since the first sample, µs.
+        axle: Number of the axle.
+        slip: Slip ratio with the effects removed, slip'.
+        adhesion: Measured adhesion coefficient.
+        factor: Factor of the effects on the curve.
+
+    """
 
     since_us: Array
     axle: Array
@@ -70,22 +87,23 @@ class _Rows(NamedTuple):
     adhesion: Array
     factor: Array
 
-    def at(self, rows: slice | NDArray[np.int64]) -> "_Rows":
-        """Some of them."""
+    def select(self, rows: slice | NDArray[np.int64]) -> "_Rows":
+        """The rows that a slice or an index array selects."""
         return _Rows(*(column[rows] for column in self))
 
     @property
     def base(self) -> Samples:
-        """As points of the base curve."""
+        """Samples of the base curve: the effects are removed from slip and adhesion."""
         return Samples.curve(self.slip, self.adhesion / self.factor, self.since_us.astype(np.int64))
 
 
-class CurveFit:
-    """Gathers the samples of a replay and tells their misfit; see the module.
+class MisfitCollector:
+    """Collects the samples of a replay, and computes their misfit.
 
     Args:
-        configuration: with the extended model, where there is one.
-        most: samples that are kept; a longer recording is told by a part of its seconds.
+        configuration: Configuration, with the extended model where there is one.
+        most: Largest number of samples that are kept; of a longer recording every second, fourth,
+            ... second is used.
 
     """
 
@@ -102,41 +120,41 @@ class CurveFit:
         self._kept: list[Array] = []
         self._size = 0
 
-    def take(self, samples: Samples) -> None:
-        """Samples of an update, as the service formed them."""
+    def add(self, samples: Samples) -> None:
+        """Add the samples of a due time."""
         if not len(samples):
             return
         if self._origin_us is None:
             self._origin_us = int(samples.t_us[0])
         # Columns come and go with their signals; only like ones can be put together.
         if self._waiting and self._waiting[-1].covariates.keys() != samples.covariates.keys():
-            self._correct()
+            self._remove_effects()
         self._waiting.append(samples)
         self._count += len(samples)
         if self._count >= CHUNK:
-            self._correct()
+            self._remove_effects()
 
-    def result(self) -> Misfit | None:
-        """The misfit; None where there are too few samples to speak of one."""
-        self._correct()
+    def compute(self) -> Misfit | None:
+        """Misfit of all samples; None where there are too few."""
+        self._remove_effects()
         if self._size < FEWEST:
             return None
         table = np.concatenate(self._kept)
         rows = _Rows(*table[np.argsort(table[:, 0], kind="stable")].T)
         rows = rows._replace(slip=_smooth(rows))
-        edges = _rails(rows)
-        left, steady = [], np.ones(len(rows.slip), dtype=np.bool_)
+        edges = _find_surface_changes(rows)
+        residuals, steady = [], np.ones(len(rows.slip), dtype=np.bool_)
         for first, last in pairwise([0, *edges, len(rows.slip)]):
-            left.append(_left(rows.at(slice(first, last))))
+            residuals.append(_compute_residuals(rows.select(slice(first, last))))
         for edge in edges:
             steady &= np.abs(rows.since_us - rows.since_us[edge]) > AROUND_US
-        used = np.concatenate(left)[steady]
+        used = np.concatenate(residuals)[steady]
         if len(used) < FEWEST:
             return None
         return Misfit(float(np.sqrt(np.mean(used * used))), len(used), len(edges) + 1)
 
-    def _correct(self) -> None:
-        """Take the effects out of what waits, and keep it."""
+    def _remove_effects(self) -> None:
+        """Remove the effects from the samples that wait, and keep what is left."""
         if not self._waiting or self._origin_us is None:
             return
         samples = Samples.concatenate(self._waiting)
@@ -145,7 +163,7 @@ class CurveFit:
         if self._actives:
             # A variance of 1 comes back as 1/factor².
             unit = replace(samples, adhesion_var=factor)
-            samples = without_effects(
+            samples = remove_effects(
                 unit, self._actives, self._origin_us, self._axles, self._memory
             ).samples
             factor = 1.0 / np.sqrt(samples.adhesion_var)
@@ -160,7 +178,7 @@ class CurveFit:
         self._keep(np.column_stack(rows)[usable])
 
     def _keep(self, table: Array) -> None:
-        """Keep rows of every second, or of one in two, four, .. where they become too many."""
+        """Keep the rows of every second, or of one in two, four, ... where there are too many."""
         self._kept.append(table[table[:, 0] // 1e6 % self._stride == 0])
         self._size += len(self._kept[-1])
         while self._size > self._most:
@@ -171,7 +189,7 @@ class CurveFit:
 
 
 def _smooth(rows: _Rows) -> Array:
-    """Means of the slip over ±SMOOTH_US, axle by axle, as many to either side; shape (n,)."""
+    """Centred moving average of the slip over ±SMOOTH_US, axle by axle; shape (n,)."""
     out = rows.slip.copy()
     for number in np.unique(rows.axle):
         own = np.flatnonzero(rows.axle == number)
@@ -184,8 +202,8 @@ def _smooth(rows: _Rows) -> Array:
     return out
 
 
-def _left(rows: _Rows) -> Array:
-    """Measured adhesion less that of the curve that fits it best, in the branch of traction."""
+def _compute_residuals(rows: _Rows) -> Array:
+    """Measured adhesion less that of the best-fitting curve, with traction's sign; shape (n,)."""
     base, factor = rows.base, rows.factor
     h, z = base.folded()
     # To the base curve's points without weights, which is near; then as they were measured.
@@ -200,37 +218,37 @@ def _left(rows: _Rows) -> Array:
     return np.asarray(found.fun)
 
 
-def _rails(rows: _Rows) -> list[int]:
-    """Rows at which the rail changed, ascending.
+def _find_surface_changes(rows: _Rows) -> list[int]:
+    """Rows at which the surface changed, ascending.
 
-    Of the changes that `identify` would see, those that make a difference which no effect makes.
+    They are the changes that `identify` would find, less those that an effect could cause.
     """
     edges = change_points(rows.base, SegmentationSettings())
 
-    def square(first: int, last: int) -> float:
-        """Mean square that one curve leaves of these rows, times their number."""
-        part = rows.at(slice(first, last, max((last - first) // MOST_ROWS, 1)))
-        return float(np.mean(_left(part) ** 2)) * (last - first)
+    def sum_of_squares(first: int, last: int) -> float:
+        """Sum of the squared residuals of one curve for the rows, scaled up from a part of them."""
+        part = rows.select(slice(first, last, max((last - first) // MOST_ROWS, 1)))
+        return float(np.mean(_compute_residuals(part) ** 2)) * (last - first)
 
     level = np.concatenate([[0.0], np.cumsum(rows.adhesion**2)])
 
-    def miss(place: int) -> float:
-        """Mean square that one curve misses of the shorter stretch, over that of the adhesion."""
+    def relative_error(place: int) -> float:
+        """Mean square error of one curve for both in the shorter segment, relative to adhesion²."""
         first, middle, last = bounds[place : place + 3]
-        missed = (both[place] - own[place] - own[place + 1]) / min(middle - first, last - middle)
-        return float(missed / max((level[last] - level[first]) / (last - first), 1e-300))
+        error = (both[place] - own[place] - own[place + 1]) / min(middle - first, last - middle)
+        return float(error / max((level[last] - level[first]) / (last - first), 1e-300))
 
     bounds = [0, *edges, len(rows.slip)]
-    own = [square(a, b) for a, b in pairwise(bounds)]
-    both = [square(a, c) for a, c in zip(bounds[:-2], bounds[2:], strict=True)]
+    own = [sum_of_squares(a, b) for a, b in pairwise(bounds)]
+    both = [sum_of_squares(a, c) for a, c in zip(bounds[:-2], bounds[2:], strict=True)]
     while both:
-        misses = [miss(place) for place in range(len(both))]
-        least = int(np.argmin(misses))
-        if misses[least] >= OTHER**2:
+        errors = [relative_error(place) for place in range(len(both))]
+        least = int(np.argmin(errors))
+        if errors[least] >= SURFACES_DIFFER**2:
             break
         del bounds[least + 1]
         own[least : least + 2] = [both.pop(least)]
         for place in (least - 1, least):
             if 0 <= place < len(both):
-                both[place] = square(bounds[place], bounds[place + 2])
+                both[place] = sum_of_squares(bounds[place], bounds[place + 2])
     return bounds[1:-1]

@@ -1,4 +1,4 @@
-"""Recorded frames to one trace a signal, without forming samples: for work on whole recordings."""
+"""Traces of a recording: the readings of each signal over its whole time, without samples."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -16,20 +16,20 @@ from adhesion_can.sampling.column_former import Readings
 from adhesion_can.sampling.traces import Trace
 
 Signal = tuple[Role, int]
-"""A role and its axle, 0 where it has none."""
+"""A role and its axle number, 0 for roles without axle."""
 _NOTHING = (np.empty(0, dtype=np.int64), np.empty(0))
 
 
 @dataclass(slots=True)
-class Heard:
-    """Readings of one recording by role and axle: stamps in µs, SI values or NaN.
+class LoadedTraces:
+    """Readings of one recording by role and axle, with what was wrong with its frames.
 
     Attributes:
-        columns: stamps and values of each signal, block after block.
-        derived: vehicle speeds that were derived from the driven axles; they are left out.
-        trailing: vehicle speeds that came from a trailing axle.
-        backwards: frames stamped before the one in front of them, taken at that one's time.
-        rejected: frames that failed their checks.
+        columns: Stamps, µs, and SI values (NaN: not available) of each signal, block after block.
+        derived: Number of vehicle speeds derived from the driven axles; they are left out.
+        trailing: Number of vehicle speeds measured at a trailing axle.
+        backwards: Number of frames stamped before the one in front of them, moved to its stamp.
+        rejected: Number of frames that failed their checks.
 
     """
 
@@ -40,62 +40,62 @@ class Heard:
     rejected: int = 0
     _source: float = np.nan
 
-    def take(self, readings: Readings) -> None:
-        """Readings of a block."""
+    def add(self, readings: Readings) -> None:
+        """Add the readings of a block."""
         sources = readings.get((Role.SPEED_SOURCE, 0), _NOTHING)
         for key, (stamps, values) in readings.items():
-            told = values
+            usable = values
             if key[0] is Role.VEHICLE_SPEED:
-                source = self._sources_of(stamps, *sources)
+                source = self._find_sources(stamps, *sources)
                 derived = source == SpeedSource.DRIVEN_AXLES
                 self.trailing += int((source == SpeedSource.TRAILING_AXLE).sum())
                 self.derived += int(derived.sum())
-                told = np.where(derived, np.nan, values)
-            self.columns.setdefault(key, []).append((stamps, told))
+                usable = np.where(derived, np.nan, values)
+            self.columns.setdefault(key, []).append((stamps, usable))
         if len(sources[1]):
             self._source = float(sources[1][-1])
 
-    def _sources_of(
-        self, stamps: NDArray[np.int64], told_us: NDArray[np.int64], told: Array
+    def _find_sources(
+        self, stamps: NDArray[np.int64], source_us: NDArray[np.int64], sources: Array
     ) -> Array:
-        """Source of each vehicle speed: told with it, or last before it."""
-        if np.array_equal(stamps, told_us):
-            return told  # of one message; frames of one stamp keep their own
-        known = np.append(self._source, told)
-        return np.asarray(known[np.searchsorted(told_us, stamps, side="right")])
+        """Source of each vehicle speed: of the same frame, or the latest one before it."""
+        if np.array_equal(stamps, source_us):
+            return sources  # of one message; frames of one stamp keep their own
+        known = np.append(self._source, sources)
+        return np.asarray(known[np.searchsorted(source_us, stamps, side="right")])
 
     def trace(self, role: Role, axle: int = 0) -> Trace:
-        """What was heard of a signal; empty where nothing was."""
+        """Trace of a signal; empty where the recording has no reading of it."""
         parts = self.columns.get((role, axle), [_NOTHING])
         stamps, values = zip(*parts, strict=True)
-        return Trace.of(np.concatenate(stamps), np.concatenate(values))
+        return Trace.from_readings(np.concatenate(stamps), np.concatenate(values))
 
     def traces(self) -> Mapping[Signal, Trace]:
-        """Every signal that was heard."""
+        """Traces of all signals that the recording has readings of."""
         return {key: self.trace(*key) for key in self.columns}
 
 
-def hear(blocks: Iterable[Block], config: Configuration, where: str) -> Heard:
-    """Readings of all accepted frames.
+def load_traces(blocks: Iterable[Block], config: Configuration, where: str) -> LoadedTraces:
+    """Load the readings of all accepted frames.
 
     Args:
-        blocks: frames; marks are passed over.
-        config: what is heard.
-        where: name of the recording, for errors.
+        blocks: Frames of the recording; marks are ignored.
+        config: Messages and roles to receive.
+        where: Name of the recording, for errors.
 
     Raises:
-        RecordingError: no known frame.
+        RecordingError: No frame of a known id was accepted.
 
     """
-    receiver, heard, frames, now_us = Receiver(config.messages), Heard(), 0, 0
+    receiver, loaded, frames, now_us = Receiver(config.messages), LoadedTraces(), 0, 0
     for block in blocks:
         own = block.select(block.kind <= Kind.ERROR)
         if not len(own):
             continue
         t_us, moved = clamped(own.t_us, now_us)
-        heard.backwards += int(moved.sum())
+        loaded.backwards += int(moved.sum())
         frames, now_us = frames + len(own), int(t_us[-1])
-        heard.take(receiver.accept_block(own, t_us).readings)
-    heard.rejected = receiver.rejected
+        loaded.add(receiver.accept_block(own, t_us).readings)
+    loaded.rejected = receiver.rejected
     require_known(receiver, frames, where)
-    return heard
+    return loaded

@@ -1,4 +1,4 @@
-"""Estimates held against the truth of a simulated run, surface by surface."""
+"""Comparison of estimates with the truth of a simulated run, surface by surface."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,22 +6,23 @@ from typing import Any
 
 from rich.table import Table
 
-from adhesion_can.reporting.text import plus_minus, table
+from adhesion_can.reporting.text import table
+from adhesion_can.result_text import plus_minus
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.states import Status
 
 WITHIN = 0.05
-"""A surface counts as found when μ_max is within this share of the truth, in TRACKING."""
+"""Largest relative error of μ_max at which a surface counts as found, in TRACKING."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A setpoint and what was true when it was sent.
+    """A setpoint, and the adhesion used when it was sent.
 
     Attributes:
-        t_us: stamp.
-        outputs: of the service.
-        adhesion_used: Σ F / Σ N of the axles at the time.
+        t_us: Stamp of the setpoint, µs.
+        outputs: Outputs of the service.
+        adhesion_used: Adhesion coefficient of all axles together, Σ F / Σ N.
 
     """
 
@@ -35,10 +36,10 @@ class Phase:
     """One surface of a run.
 
     Attributes:
-        truth: entry of the truth's `surfaces`.
-        last: outputs at its end; None where there were none.
-        found_s: time from its begin until it was found; None: never.
-        adhesion_used: share of μ_max that was used on it, on the mean.
+        truth: Entry of the truth's `surfaces`.
+        last: Outputs at the end of the surface; None where there were none.
+        found_s: Time from the begin of the surface until it was found, s; None where it never was.
+        adhesion_used: Mean share of μ_max that was used on the surface; None without setpoints.
 
     """
 
@@ -54,7 +55,7 @@ class Phase:
         return None if mu_max is None else mu_max / float(self.truth["mu_max"]) - 1.0
 
     def as_json(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Entry for `--json`."""
         point = self.last.setpoint if self.last else None
         return {
             "surface": self.truth["name"],
@@ -71,7 +72,7 @@ class Phase:
 
 
 def phases(truth: dict[str, Any], rows: Sequence[Row]) -> list[Phase]:
-    """The surfaces of a run with what the service made of them."""
+    """Phases of a run: the surfaces of its truth with the estimates on them."""
     result = []
     for surface in truth["surfaces"]:
         inside = [r for r in rows if surface["from_s"] < r.t_us / 1e6 <= surface["to_s"]]
@@ -98,7 +99,7 @@ def _found(outputs: Outputs, mu_max: float) -> bool:
 
 
 def phase_table(found: Sequence[Phase]) -> Table:
-    """Truth against estimate, a row a surface."""
+    """Table of truth and estimate, a row a surface."""
     columns = (
         "surface", "from s", "mu_max", "estimated", "error", "lambda_m", "estimated",
         "found", "used",

@@ -13,7 +13,7 @@ from adhesion_can.service.outputs import Outputs, Setpoint
 from adhesion_can.service.states import Status
 
 ROWS = 10_000
-"""Rows that are written at once."""
+"""Number of rows written at once."""
 
 
 def _number(name: str, comment: str, unit: str = "") -> Field:
@@ -25,7 +25,7 @@ FIELDS = (
     Field(
         "status",
         np.dtype(np.uint8),
-        comment="of the service",
+        comment="status of the service",
         names={float(status): status.name for status in Status},
         text=True,
     ),
@@ -44,7 +44,7 @@ FIELDS = (
 
 
 class _Rows:
-    """Gathers rows and writes many at once."""
+    """Buffer of rows, written many at once."""
 
     def __init__(self, writer: TableWriter) -> None:
         self._writer = writer
@@ -67,7 +67,7 @@ class _Rows:
 
 
 def _row(outputs: Outputs) -> list[float]:
-    """Numbers of a row; what is not available is NaN."""
+    """Numbers of a row; NaN where not available."""
     theta = outputs.theta or (None, None, None)
     axles = [outputs.axles.get(axle, Setpoint()) for axle in _AXLES]
     numbers = (
@@ -88,14 +88,14 @@ def _row(outputs: Outputs) -> list[float]:
 def setpoint_table(
     path: Path, origin: Mapping[str, str]
 ) -> Iterator[Callable[[int, Outputs], None]]:
-    """A file with a row a setpoint; gives what takes the stamp (µs) and the outputs of each.
+    """A file with a row a setpoint; gives the function that adds one by stamp (µs) and outputs.
 
     Args:
-        path: of the file; its suffix says the format.
-        origin: version, inputs and the like; CSV has no place for it.
+        path: Path of the file; its suffix selects the format.
+        origin: Version, inputs and hashes, written where the format has a place for them.
 
     Raises:
-        InputError: no known format, an extra that is missing, or a disk that is full.
+        InputError: The format is unknown, an extra is missing, or the disk is full.
 
     """
     with open_table(path, FIELDS, origin, name="AdhesionSetpoint") as writer:

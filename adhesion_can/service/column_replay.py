@@ -140,7 +140,7 @@ class ColumnInputs:
             totals: Numbers of rejected and lost frames at the due times.
 
         """
-        self._former.take(received.readings)
+        self._former.add(received.readings)
         rows = zip(
             due.tolist(),
             self._former.collect(due),

@@ -97,7 +97,7 @@ class FrameInputs:
     def snapshot(self, t_us: int) -> InputSnapshot:
         """State at a due time, µs; due times come in ascending order."""
         return InputSnapshot(
-            samples=Samples.of(self._former.collect(t_us)),
+            samples=Samples.from_rows(self._former.collect(t_us)),
             stale=any(t_us - message.last_us > message.timeout_us for message in self._supervised),
             speed=self._speed,
             rejected=self._receiver.rejected,

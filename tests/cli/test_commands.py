@@ -263,7 +263,7 @@ def test_identify_says_what_low_slip_cannot_tell(tmp_path, capsys):
     rows = "\n".join(f"{i / 100},{s},{m}" for i, (s, m) in enumerate(zip(slip, mu, strict=True)))
     path.write_text(f"time_s,slip,adhesion\n{rows}\n")
     assert main(["identify", str(path)]) == 0
-    assert "do not tell their peak" in capsys.readouterr().out
+    assert "have no identifiable peak" in capsys.readouterr().out
     assert main(["identify", str(path), "--json", "-"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["identifiable"] == {"mu_max": False, "lambda_m": False}

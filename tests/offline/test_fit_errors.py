@@ -7,7 +7,7 @@ import pytest
 
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.extended.estimator import ExtendedModel
-from adhesion_can.offline.fit_errors import CurveFit
+from adhesion_can.offline.fit_errors import MisfitCollector
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.samples import Samples
 
@@ -44,10 +44,10 @@ def drive(seconds=60.0, curve=mu, slip_noise=0.0, seed=1):
 
 
 def told(samples, model=None, step=12, **how):
-    fit = CurveFit(replace(CONFIG, model=model), **how)
+    fit = MisfitCollector(replace(CONFIG, model=model), **how)
     for row in range(0, len(samples), step):
-        fit.take(samples.select(slice(row, row + step)))
-    return fit.result()
+        fit.add(samples.select(slice(row, row + step)))
+    return fit.compute()
 
 
 def of(name, *values):
@@ -58,7 +58,7 @@ def test_on_one_rail_the_noise_is_left():
     samples = drive()
     result = told(samples)
     assert result.rmse == pytest.approx(NOISE, rel=0.02)
-    assert (result.samples, result.stretches) == (len(samples), 1)
+    assert (result.samples, result.segments) == (len(samples), 1)
 
 
 def test_a_model_takes_its_effect_away_and_the_figure_stays_in_measured_adhesion():
@@ -92,7 +92,7 @@ def test_each_rail_has_its_curve_and_the_passage_is_left_out():
     late = (samples.axle == 6) & (samples.t_us > 33_000_000) & (samples.t_us < 34_000_000)
     adhesion = np.where(late, mu(samples.slip), samples.adhesion)
     result = told(replace(samples, adhesion=adhesion))
-    assert result.stretches == 2
+    assert result.segments == 2
     assert result.rmse == pytest.approx(NOISE, rel=0.03)
     assert len(samples) - 2600 < result.samples < len(samples) - 2000
 
@@ -127,10 +127,10 @@ def test_samples_without_the_channel_of_an_effect_are_left_out():
     samples = drive()
     moist = replace(samples, covariates={"relative_humidity_percent": np.full(len(samples), 70.0)})
     half = len(samples) // 2 // 12 * 12
-    fit = CurveFit(replace(CONFIG, model=of("humidity", -0.003)))
+    fit = MisfitCollector(replace(CONFIG, model=of("humidity", -0.003)))
     for row in range(0, len(samples), 12):
-        fit.take((samples if row < half else moist).select(slice(row, row + 12)))
-    result = fit.result()
+        fit.add((samples if row < half else moist).select(slice(row, row + 12)))
+    result = fit.compute()
     assert result.samples == len(samples) - half
     assert result.rmse == pytest.approx(NOISE, rel=0.03)
 

@@ -1,4 +1,4 @@
-"""What whole recordings are heard to say in blocks, against frame after frame."""
+"""Traces and samples of whole recordings in blocks, against frame after frame."""
 
 import numpy as np
 import pytest
@@ -10,11 +10,11 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import RecordingError
-from adhesion_can.offline.extract_samples import UPDATE_US, Extraction, samples_of
-from adhesion_can.offline.load_traces import hear
+from adhesion_can.offline.extract_samples import UPDATE_US, SampleExtractor, extract_samples
+from adhesion_can.offline.load_traces import load_traces
 from adhesion_can.physics.readings import Role, SpeedSource
 from adhesion_can.physics.samples import Samples
-from tests.service.test_column_core import blocks_of, spoiled
+from tests.service.test_column_replay import blocks_of, spoiled
 
 CONFIG = load_configuration()
 
@@ -32,7 +32,7 @@ def clamped(items):
 @given(st.integers(0, 2**32), st.integers(0, 5))
 def test_readings_of_blocks_are_those_of_frames(seed, cuts):
     items = spoiled(seed, seconds=1.5)
-    heard = hear(blocks_of(items, np.random.default_rng(seed), cuts), CONFIG, "x")
+    loaded = load_traces(blocks_of(items, np.random.default_rng(seed), cuts), CONFIG, "x")
     receiver, expected, source, derived, trailing = Receiver(CONFIG.messages), {}, None, 0, 0
     for frame in clamped(items):
         readings = receiver.accept(frame)
@@ -46,12 +46,12 @@ def test_readings_of_blocks_are_those_of_frames(seed, cuts):
                 derived += source == SpeedSource.DRIVEN_AXLES
                 value = np.nan if source == SpeedSource.DRIVEN_AXLES else value
             expected.setdefault((r.role, r.axle), {})[r.t_us] = value
-    for key, trace in heard.traces().items():
+    for key, trace in loaded.traces().items():
         np.testing.assert_array_equal(trace.t_us, list(expected.get(key, {})))
         np.testing.assert_array_equal(trace.value, list(expected.get(key, {}).values()))
-    assert heard.traces().keys() >= expected.keys()
-    assert (heard.derived, heard.trailing) == (derived, trailing)
-    assert heard.rejected == receiver.rejected
+    assert loaded.traces().keys() >= expected.keys()
+    assert (loaded.derived, loaded.trailing) == (derived, trailing)
+    assert loaded.rejected == receiver.rejected
 
 
 @settings(max_examples=15, derandomize=True)
@@ -59,8 +59,8 @@ def test_readings_of_blocks_are_those_of_frames(seed, cuts):
 def test_samples_of_blocks_are_those_of_frames(seed, cuts):
     """On the grid of collections that blocks use."""
     items = spoiled(seed, seconds=1.5)
-    extraction = Extraction(CONFIG)
-    samples = extraction.run(blocks_of(items, np.random.default_rng(seed), cuts))
+    extractor = SampleExtractor(CONFIG)
+    samples = extractor.run(blocks_of(items, np.random.default_rng(seed), cuts))
     receiver, former, formed, due = Receiver(CONFIG.messages), CONFIG.make_former(), [], None
     frames = list(clamped(items))
     for frame in frames:
@@ -72,7 +72,7 @@ def test_samples_of_blocks_are_those_of_frames(seed, cuts):
         for reading in readings if isinstance(readings, list) else ():
             former.add(reading)
     rows = formed + former.collect(frames[-1].t_us + 1)
-    expected = Samples.of(rows)
+    expected = Samples.from_rows(rows)
     assert len(samples) == len(expected)
     for name in ("t_us", "axle", "slip", "adhesion", "load", "speed_us", "transient_var"):
         np.testing.assert_array_equal(getattr(samples, name), getattr(expected, name))
@@ -80,14 +80,14 @@ def test_samples_of_blocks_are_those_of_frames(seed, cuts):
     for name, column in samples.covariates.items():
         one_by_one = [row.covariates.get(name, np.nan) for row in rows]
         np.testing.assert_array_equal(column, one_by_one)
-    assert extraction.dropped == +former.dropped
-    assert extraction.counts["frames"] == len(frames)
+    assert extractor.dropped == +former.dropped
+    assert extractor.counts["frames"] == len(frames)
 
 
-@pytest.mark.parametrize("take", [hear, samples_of])
-def test_a_recording_without_a_known_frame_is_an_error(take):
-    foreign = Block.of([Frame(0, 0x7A0, b"x")])
+@pytest.mark.parametrize("load", [load_traces, extract_samples])
+def test_a_recording_without_a_known_frame_is_an_error(load):
+    foreign = Block.from_frames([Frame(0, 0x7A0, b"x")])
     with pytest.raises(RecordingError, match="none of its 1 frames"):
-        take([foreign], CONFIG, "x.log")
+        load([foreign], CONFIG, "x.log")
     with pytest.raises(RecordingError, match="not one frame in it"):
-        take([], CONFIG, "x.log")
+        load([], CONFIG, "x.log")

@@ -52,7 +52,7 @@ class Sums:
 
 def blocks_of(items, rng, cuts):
     """The items in blocks that may be empty, with the channels that a reader would give."""
-    whole = Block.of(items)
+    whole = Block.from_frames(items)
     places = [0, *sorted(rng.integers(0, len(items) + 1, cuts).tolist()), len(items)]
     return [whole.select(slice(a, b)) for a, b in pairwise(places) if b > a]
 

@@ -30,7 +30,7 @@ def test_minutes_of_closed_loop_hold_memory_and_find_every_rail():
     for step, frames in enumerate(simulation.run()):
         for frame in frames:
             for answer in core.feed(frame):
-                simulation.hear(answer)
+                simulation.receive(answer)
         if step in (20_000, 199_000):
             used[step] = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()

@@ -43,7 +43,7 @@ def test_an_obeying_drive_holds_the_creep_that_it_is_told(surface, speed, share)
     plant = Plant(replace(VEHICLE, train_mass=1e10), speed, gradient=falling)
     drive = Drive(6, DriveSettings(probe_s=0.0), obey=True)
     wanted = share * surface.lambda_m * speed
-    drive.tell(0.0, known=True, creep_speed=wanted)
+    drive.update_command(0.0, known=True, creep_speed=wanted)
     creeps = []
     run(
         drive,
@@ -75,10 +75,10 @@ def test_a_long_saturation_does_not_wind_the_integral_up():
     # Three seconds of a creep out of reach, then a small one: the effort must let go at once.
     plant = Plant(VEHICLE, 10.0)
     drive = Drive(6, DriveSettings(effort_max=3e4, probe_s=0.0), obey=True)
-    drive.tell(0.0, known=True, creep_speed=2.0)
+    drive.update_command(0.0, known=True, creep_speed=2.0)
     run(drive, plant, RAIL[0].theta, 3.0)
     assert drive.effort == pytest.approx([3e4] * 6, rel=1e-3)
-    drive.tell(3.0, known=True, creep_speed=0.02)
+    drive.update_command(3.0, known=True, creep_speed=0.02)
     run(drive, plant, RAIL[0].theta, 0.5)
     creep = plant.radius * plant.wheel_speed - plant.speed
     assert (creep <= 0.02 * 1.1).all()
@@ -151,20 +151,20 @@ def test_the_setpoint_is_obeyed_only_where_the_rail_is_known_and_probing_is_over
     drive = Drive(6, DriveSettings(probe_s=3.0), obey=True)
     probing = probing_slip(10.0, 6, Pattern.STAGGERED, drive.settings) * 8.0
     assert drive.setpoint(10.0, 8.0) == pytest.approx(probing)  # nothing was said
-    drive.tell(8.0, known=True, creep_speed=0.3)
+    drive.update_command(8.0, known=True, creep_speed=0.3)
     assert drive.setpoint(10.0, 8.0) == pytest.approx(probing)  # known for 2 s only
-    drive.tell(10.5, known=True, creep_speed=0.4)
+    drive.update_command(10.5, known=True, creep_speed=0.4)
     assert drive.setpoint(11.1, 8.0).tolist() == [0.4] * 6
-    drive.tell(11.2, known=True, creep_speed=None)
+    drive.update_command(11.2, known=True, creep_speed=None)
     assert np.ptp(drive.setpoint(11.3, 8.0)) > 0  # not available
-    drive.tell(11.4, known=False, creep_speed=0.4)
+    drive.update_command(11.4, known=False, creep_speed=0.4)
     assert np.ptp(drive.setpoint(11.5, 8.0)) > 0
-    drive.tell(11.6, known=True, creep_speed=0.4)
+    drive.update_command(11.6, known=True, creep_speed=0.4)
     assert np.ptp(drive.setpoint(14.5, 8.0)) > 0
     assert drive.setpoint(14.7, 8.0).tolist() == [0.4] * 6
 
 
 def test_a_drive_that_does_not_obey_does_not():
     drive = Drive(6)
-    drive.tell(0.0, known=True, creep_speed=0.3)
+    drive.update_command(0.0, known=True, creep_speed=0.3)
     assert np.ptp(drive.setpoint(100.0, 8.0)) > 0

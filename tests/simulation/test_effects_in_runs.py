@@ -17,7 +17,7 @@ from adhesion_can.bus.codec import MessagePlan
 from adhesion_can.bus.database import INPUT_MESSAGES, load_database
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
-from adhesion_can.offline.extract_samples import samples_of
+from adhesion_can.offline.extract_samples import extract_samples
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, acts_in_contact, effect_by_id
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.plant import Plant
@@ -382,7 +382,7 @@ def test_samples_of_a_run_lie_on_the_formula_with_what_the_frames_say(effect, fa
     scenario = replace(SWEEP, surroundings=around, load_transfer=False)
     simulation = simulation_of(effect, scenario=scenario, duration=6.4, noise=SILENT)
     frames = [frame for step in simulation.run() for frame in step]
-    samples, _ = samples_of([Block.of(frames)], load_configuration(), "simulated")
+    samples, _ = extract_samples([Block.from_frames(frames)], load_configuration(), "simulated")
     away = np.abs(samples.slip) > 0.02  # where quantised speeds matter little
     wanted = (factor(samples) * mu0(samples.slip))[away]
     assert np.median(np.abs(samples.adhesion[away] - wanted)) < 1.5e-3

@@ -13,7 +13,7 @@ from adhesion_can.bus.e2e import protect
 from adhesion_can.bus.frame import Frame
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.estimation.batch_fit import identify
-from adhesion_can.offline.extract_samples import samples_of
+from adhesion_can.offline.extract_samples import extract_samples
 from adhesion_can.physics.burckhardt import RAIL, peak
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.vehicle import Geometry, Locomotive
@@ -183,7 +183,7 @@ def test_a_closed_loop_holds_the_setpoint_that_it_hears():
     simulation = mute(Simulation(settings_of("dry", 30.0, obey=True), DATABASE))
     for k, _ in enumerate(simulation.run()):
         if k % 10 == 0:
-            simulation.hear(setpoint_frame(simulation.now_us, 1.0, 0.4))
+            simulation.receive(setpoint_frame(simulation.now_us, 1.0, 0.4))
     plant = simulation.plant
     creep = plant.radius * plant.wheel_speed - plant.speed
     assert creep == pytest.approx([0.4] * 6, rel=0.02)
@@ -197,7 +197,7 @@ def test_a_closed_loop_probes_where_the_rail_is_not_known(status, creep):
     slips = []
     for k, _ in enumerate(simulation.run()):
         if k % 10 == 0:
-            simulation.hear(setpoint_frame(simulation.now_us, status, creep))
+            simulation.receive(setpoint_frame(simulation.now_us, status, creep))
         slips.append(simulation.plant.slip)
     assert np.array(slips[2000:]).max() > 1.3 * BY_NAME["dry"].lambda_m
 
@@ -210,7 +210,7 @@ def test_foreign_and_remote_frames_are_not_heard():
         Frame(0, 0x201, b"", is_remote=True),
         Frame(0, 0x201, b"", is_error=True),
     ):
-        simulation.hear(frame)
+        simulation.receive(frame)
     assert simulation._drive.command is before
 
 
@@ -228,7 +228,7 @@ def test_a_repeated_step_is_the_run():
 def run_samples(name, duration, **changes):
     simulation = Simulation(settings_of(name, duration, **changes), DATABASE)
     frames = [f for step in simulation.run() for f in step]
-    samples, receiver = samples_of([Block.of(frames)], configuration(), "simulated")
+    samples, receiver = extract_samples([Block.from_frames(frames)], configuration(), "simulated")
     assert receiver.rejected == 0
     assert receiver.lost == 0
     return samples, simulation

@@ -8,7 +8,7 @@ import pytest
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import load_database
 from adhesion_can.config import load_configuration
-from adhesion_can.offline.extract_samples import samples_of
+from adhesion_can.offline.extract_samples import extract_samples
 from adhesion_can.simulation.plant import Plant, Profile
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
@@ -100,7 +100,7 @@ def test_frames_carry_the_surroundings_of_their_time_and_place():
     for step in simulation.run():
         frames += step
         places.append((simulation.now_us, simulation.plant.position))
-    samples, _ = samples_of([Block.of(frames)], load_configuration(), "simulated")
+    samples, _ = extract_samples([Block.from_frames(frames)], load_configuration(), "simulated")
     times, way = np.array(places).T
     seconds = np.floor(samples.t_us / 1e6 - 0.0018)  # of the last frame before a sample
     channels = samples.covariates
