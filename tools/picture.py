@@ -29,7 +29,7 @@ def simulate():
     for frames in simulation.run():
         for frame in frames:
             for answer in core.feed(frame):
-                simulation.hear(answer)
+                simulation.receive(answer)
         slips.append((simulation.now_us / 1e6, float(simulation.plant.slip[0])))
     return simulation.truth()["surfaces"], rows, np.array(slips)
 

@@ -149,10 +149,10 @@ def _to_log(simulation: Simulation, path: Path, core: ServiceCore | None) -> Non
 
 
 def _answer(simulation: Simulation, core: ServiceCore, frame: Frame, file: Any) -> None:
-    """Let the service answer, and the drive hear it, before the frame is written after it."""
+    """Let the service answer and the drive receive it, before the frame is written after it."""
     for answer in core.feed(frame):
         file.write(format_frame(answer))
-        simulation.hear(answer)
+        simulation.receive(answer)
 
 
 def _on_bus(simulation: Simulation, bus: can.BusABC) -> None:
@@ -165,7 +165,7 @@ def _on_bus(simulation: Simulation, bus: can.BusABC) -> None:
             try:
                 for frame in frames:
                     bus.send(to_message(frame))
-                _hear_all(simulation, bus)
+                _receive_all(simulation, bus)
             except (can.CanError, OSError) as error:
                 raise BusError(
                     str(bus.channel_info),
@@ -176,6 +176,6 @@ def _on_bus(simulation: Simulation, bus: can.BusABC) -> None:
                 show(simulation.now_us / 1e6)
 
 
-def _hear_all(simulation: Simulation, bus: can.BusABC) -> None:
+def _receive_all(simulation: Simulation, bus: can.BusABC) -> None:
     while (message := bus.recv(0.0)) is not None:
-        simulation.hear(from_message(message))
+        simulation.receive(from_message(message))

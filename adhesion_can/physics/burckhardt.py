@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from adhesion_can.arrays import Array
 
 CurveParameters = tuple[float, float, float]
-"""(c1, c2, c3) of a curve: its level, its steepness and its fall beyond the peak, all without unit."""
+"""(c1, c2, c3) of a curve: level, steepness and fall beyond the peak, all without a unit."""
 
 SLIP_MAX = 1.0
 """Largest slip ratio for which a peak is looked for: beyond it the wheel spins freely."""

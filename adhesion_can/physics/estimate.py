@@ -3,48 +3,56 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
+from typing import Any
 
 from adhesion_can.arrays import Array
+from adhesion_can.result_text import html_table, plus_minus
 
 
 @dataclass(frozen=True, slots=True)
 class Identifiable:
-    """Whether the data seen so far can tell the peak's height and its place."""
+    """Whether the data suffice to identify the peak of the curve.
+
+    Attributes:
+        mu_max: Whether the height μ_max of the peak is identifiable.
+        lambda_m: Whether the slip ratio λ_m of the peak is identifiable.
+
+    """
 
     mu_max: bool
     lambda_m: bool
 
     @property
     def both(self) -> bool:
-        """Both of them."""
+        """Whether height and slip ratio of the peak are identifiable."""
         return self.mu_max and self.lambda_m
 
 
 CHANGED = 0.5
-"""Probability of a change of the rail from which it is declared."""
+"""Probability of a change of the surface from which the change is declared."""
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What an estimator believes of the rail, with how far it can be believed.
+    """Estimated adhesion curve with its uncertainty.
 
     Attributes:
-        c1: Burckhardt's parameters, eq. 5.
-        c2: likewise.
-        c3: likewise.
-        covariance: of (c1, c2, c3), shape (3, 3), inf on the diagonal where the data say nothing.
-        mu_max: peak adhesion, eq. 6.
-        mu_max_std: its standard deviation; inf where unknown.
-        lambda_m: optimal slip ratio, eq. 6.
-        lambda_m_std: its standard deviation; inf where unknown.
-        noise_std: of adhesion around the curve.
-        samples: number that the estimate rests on.
-        identifiable: whether the peak can be told from them.
-        surface_since_us: when the present surface was first seen, µs.
-        change_probability: that the surface changed within the last update, 0..1.
-        per_axle: (μ_max, λ_m) of single axles where an estimator tells them apart.
-        mu_max_interval: 90 % interval of μ_max; unbounded where an estimator states none.
-        lambda_m_interval: likewise of λ_m.
+        c1: Level of the Burckhardt curve (eq. 5).
+        c2: Steepness of the Burckhardt curve (eq. 5).
+        c3: Fall of the Burckhardt curve beyond its peak (eq. 5).
+        covariance: Covariance of (c1, c2, c3), shape (3, 3); inf on the diagonal where unknown.
+        mu_max: Largest adhesion coefficient μ_max (eq. 6).
+        mu_max_std: Standard deviation of μ_max; inf where unknown.
+        lambda_m: Slip ratio λ_m at μ_max (eq. 6).
+        lambda_m_std: Standard deviation of λ_m; inf where unknown.
+        noise_std: Standard deviation of the measured adhesion about the curve.
+        samples: Number of samples that the estimate rests on.
+        identifiable: Whether the data suffice to identify the peak.
+        surface_since_us: Stamp of the first sample of the present surface, µs.
+        change_probability: Probability that the surface changed within the last update, 0..1.
+        per_axle: (μ_max, λ_m) by axle number, where an estimator follows single axles.
+        mu_max_interval: 90 % interval of μ_max; unbounded where an estimator gives none.
+        lambda_m_interval: 90 % interval of λ_m; unbounded where an estimator gives none.
 
     """
 
@@ -69,3 +77,36 @@ class Estimate:
     def theta(self) -> tuple[float, float, float]:
         """(c1, c2, c3)."""
         return (self.c1, self.c2, self.c3)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Values and standard deviations as JSON has them.
+
+        The standard deviation of what is not identifiable is None.
+        """
+        known = self.identifiable
+        variances = self.covariance.diagonal()
+
+        def number(value: float, std: float, identifiable: bool) -> dict[str, float | None]:
+            return {"value": value, "std": std if identifiable and std < inf else None}
+
+        curve = {
+            name: number(value, float(max(variance, 0.0)) ** 0.5, known.both)
+            for name, value, variance in zip(("c1", "c2", "c3"), self.theta, variances, strict=True)
+        }
+        return {
+            **curve,
+            "mu_max": number(self.mu_max, self.mu_max_std, known.mu_max),
+            "lambda_m": number(self.lambda_m, self.lambda_m_std, known.lambda_m),
+            "noise_std": self.noise_std,
+            "samples": self.samples,
+            "identifiable": {"mu_max": known.mu_max, "lambda_m": known.lambda_m},
+        }
+
+    def _repr_html_(self) -> str:
+        document = self.to_dict()
+        rows = [
+            (name, plus_minus(document[name]["value"], document[name]["std"]))
+            for name in ("mu_max", "lambda_m", "c1", "c2", "c3")
+        ]
+        title = f"Adhesion curve from {self.samples} samples, ± standard deviation"
+        return html_table(title, ("quantity", "estimate"), rows)

@@ -1,7 +1,6 @@
-"""What the sensors and the vehicle's data get wrong: how readings become what was really there.
+"""Errors of the sensors and of the vehicle's data.
 
-The errors are kept as one value, so that sample formation, criticism and the simulated sensors
-mean the same by them.
+They are one value, used alike by sample formation, diagnosis and the simulated sensors.
 """
 
 from collections.abc import Mapping
@@ -20,12 +19,13 @@ class Instruments:
     """Errors of the sensors and of the vehicle's data; the default has none.
 
     Attributes:
-        radius_error: by axle (1..): true radius = configured radius · (1 + error).
-        inertia_error: true inertia of a wheelset less the configured one, kg·m².
-        speed_error: measured vehicle speed = (1 + error) · true one.
-        speed_delay: a vehicle speed is measured so long before its stamp, s.
-        effort_bias: measured effort less the true one, N, every axle.
-        effort_delay: an effort is measured so long before its stamp, s.
+        radius_error: Relative error of the wheel radius by number of the axle, from 1: true radius
+            = configured radius · (1 + error).
+        inertia_error: True less configured inertia of a wheelset, kg·m².
+        speed_error: Relative error of the vehicle speed: measured = (1 + error) · true.
+        speed_delay: Age of a measured vehicle speed at its stamp, s.
+        effort_bias: Measured less true effort of every axle, N.
+        effort_delay: Age of a measured effort at its stamp, s.
 
     """
 

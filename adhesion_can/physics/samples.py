@@ -18,22 +18,22 @@ class Sample:
     """One point of the adhesion curve, measured at one axle.
 
     Attributes:
-        t_us: of the wheel speed that it stands at, µs.
-        axle: 1...
-        slip: slip ratio λ with its sign.
-        adhesion: adhesion coefficient μ with its sign.
-        creep_speed: r ω − v, m/s.
-        speed: vehicle speed, m/s.
-        load: wheelset load, N.
-        load_std: standard deviation of a load that was not measured, N; 0 where it was.
-        slip_var: variance of `slip` from the resolution and noise of the wheel speed.
-        adhesion_var: variance of `adhesion` from the sensors.
-        slip_common_var: variance of `slip` from the vehicle speed; that error is common to all
+        t_us: Stamp of the wheel speed, µs.
+        axle: Number of the axle, from 1.
+        slip: Slip ratio λ with its sign.
+        adhesion: Adhesion coefficient μ with its sign.
+        creep_speed: Creep speed r·ω − v, m/s.
+        speed: Vehicle speed, m/s.
+        load: Wheelset load, N.
+        load_std: Standard deviation of a load that was not measured, N; 0 for a measured one.
+        slip_var: Variance of `slip` from the resolution and noise of the wheel speed.
+        adhesion_var: Variance of `adhesion` from the sensors.
+        slip_common_var: Variance of `slip` from the vehicle speed; that error is common to all
             samples of one `speed_us`.
-        speed_us: stamp of the vehicle speed that closes the bracket around the sample, µs.
-        transient_var: variance of `adhesion` where effort or wheel speed moved faster than their
-            readings follow; 0 where they did not.
-        covariates: other channels at the time, by name.
+        speed_us: Stamp of the vehicle speed that closes the bracket around the sample, µs.
+        transient_var: Variance of `adhesion` where effort or wheel speed moved faster than their
+            readings follow; 0 elsewhere.
+        covariates: Values of other channels at the time, by name.
 
     """
 
@@ -81,7 +81,7 @@ class Samples:
         return np.asarray(self.slip_var + self.slip_common_var)
 
     @classmethod
-    def of(cls, samples: Iterable[Sample]) -> "Samples":
+    def from_rows(cls, samples: Iterable[Sample]) -> "Samples":
         """Columns of a sequence of samples; the covariates are those that all samples carry."""
         rows = list(samples)
         names = set(rows[0].covariates) if rows else set()

@@ -18,11 +18,11 @@ class Geometry:
     """Heights and lengths that turn effort into transfer of axle load.
 
     Attributes:
-        axles_per_bogie: front bogie first; their sum is the number of axles.
-        pivot_distance: between the bogie pivots, m.
-        axle_spacing: between neighbouring axles of one bogie, m.
-        coupler_height: of the coupler above the rail, m.
-        traction_height: of the link that pulls the body at the bogie, above the rail, m.
+        axles_per_bogie: Number of axles of each bogie, the front one first.
+        pivot_distance: Distance between the bogie pivots, m.
+        axle_spacing: Distance between neighbouring axles of one bogie, m.
+        coupler_height: Height of the coupler above the rail, m.
+        traction_height: Height above the rail of the link that pulls the body at the bogie, m.
 
     """
 
@@ -61,10 +61,10 @@ class Geometry:
         same rule. A single frame takes all of it.
 
         Args:
-            effort: effort at the rim of each axle, N, shape (..., axles), axle 1 in front.
+            effort: Effort at the rim of each axle, N, axle 1 in front; shape (..., axles).
 
         Returns:
-            Change of load, shape (..., axles), N.
+            Change of the axle loads, N; shape (..., axles).
 
         """
         force = np.asarray(effort, dtype=np.float64)
@@ -97,12 +97,12 @@ class Locomotive:
     """A locomotive and its train; the defaults are a heavy Co-Co.
 
     Attributes:
-        wheel_radius: of each axle, m.
-        axle_load: static load of each axle, N.
-        wheelset_inertia: of one wheelset with its motor, at the wheel, kg·m².
-        train_mass: of locomotive and train, kg.
-        geometry: for the transfer of load; None: no transfer is computed.
-        load_std: relative standard deviation of a load that is not measured.
+        wheel_radius: Wheel radius of each axle, m.
+        axle_load: Static load of each axle, N.
+        wheelset_inertia: Inertia of one wheelset with its motor, at the wheel, kg·m².
+        train_mass: Mass of locomotive and train, kg.
+        geometry: Geometry for the transfer of load; None: no transfer is computed.
+        load_std: Relative standard deviation of a load that is not measured.
 
     """
 

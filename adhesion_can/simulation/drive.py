@@ -1,9 +1,9 @@
-"""The drive: a PI controller on the creep speed of each axle, and where its setpoints come from.
+"""The drive: a PI controller on the creep speed of each axle, and its setpoints.
 
-A curve that is never excited cannot be known. So the drive probes: it sweeps the creep of its axles
-from near zero to beyond the peak, each axle at another phase, and the train hardly feels it. Left
-alone it probes all the time; obeying the service it does so as long as the service says that it
-does not know the rail, and holds the setpoint otherwise.
+A curve that is not excited cannot be identified. So the drive probes: it sweeps the creep of its
+axles from near zero to beyond the peak, each axle at another phase, so that the train's effort
+hardly changes. A drive that is left alone probes all the time. A drive that obeys the service
+probes while the service does not know the surface, and holds the service's setpoint otherwise.
 """
 
 from dataclasses import dataclass, field
@@ -19,15 +19,15 @@ class DriveSettings:
     """Gains and limits.
 
     Attributes:
-        gain: N per m/s of creep error.
-        integral_gain: N/s per m/s of creep error.
-        effort_max: of one axle, N.
-        lag_s: of the motor's torque behind its command.
-        slip_low: lower end of a probing sweep.
-        slip_high: upper end, beyond every peak of a rail.
-        period_s: of a sweep, up and down.
-        probe_s: an obeying drive goes on probing for so long after the rail is known again.
-        v_min: creep is controlled as slip · max(v, v_min), m/s.
+        gain: Proportional gain, N per m/s of creep error.
+        integral_gain: Integral gain, N/s per m/s of creep error.
+        effort_max: Largest effort of one axle, N.
+        lag_s: Time constant of the motor's torque, s.
+        slip_low: Lower end of a probing sweep, slip ratio.
+        slip_high: Upper end of a probing sweep, slip ratio, beyond the peak of every surface.
+        period_s: Duration of a probing sweep up and down, s.
+        probe_s: Time for which an obeying drive goes on probing after the surface is known, s.
+        v_min: Smallest speed in the creep setpoint slip · max(v, v_min), m/s.
 
     """
 
@@ -43,7 +43,7 @@ class DriveSettings:
 
 
 class Pattern(Enum):
-    """How a drive that is left alone moves the slip."""
+    """How a drive that is left alone varies the slip."""
 
     STAGGERED = auto()
     """Sweeps in traction, the axles at even phases."""
@@ -54,17 +54,18 @@ class Pattern(Enum):
 SWEEP_PERIOD_S = 20.0
 SWEEP_PARTS = (0.0, 0.32, 0.64, 0.72, 0.80, 1.0)
 SWEEP_HEIGHTS = (0.0, 1.0, 0.0, 1.0, 0.0, 0.0)
-"""Of each half: a slow sweep up and down, a quick one that shows what lags behind, coasting."""
+"""Corners of each half period, as shares of its duration and of `slip_high`: a slow sweep up and
+down, a quick one that excites lags, coasting."""
 
 
 def probing_slip(time_s: float, axles: int, pattern: Pattern, settings: DriveSettings) -> Array:
-    """Slip that the axles are to have, shape (axles,).
+    """Slip ratio that the axles are to have, shape (axles,).
 
     Args:
-        time_s: simulated time.
-        axles: number of axles.
-        pattern: see there.
-        settings: see there.
+        time_s: Simulated time, s.
+        axles: Number of axles.
+        pattern: How the slip varies.
+        settings: Range and duration of the sweeps.
 
     """
     low, high = settings.slip_low, settings.slip_high
@@ -81,12 +82,12 @@ def probing_slip(time_s: float, axles: int, pattern: Pattern, settings: DriveSet
 
 @dataclass(slots=True)
 class Command:
-    """What the service last told the drive.
+    """Content of the latest `AdhesionSetpoint`.
 
     Attributes:
-        known: whether the rail is known: the status was TRACKING.
-        since_s: since when it has been so.
-        creep_speed: setpoint, m/s; None: not available.
+        known: Whether the service knows the surface: its status is TRACKING.
+        since_s: Time from which on `known` has had this value, s.
+        creep_speed: Creep speed setpoint, m/s; None: not available.
 
     """
 
@@ -100,11 +101,11 @@ class Drive:
     """Effort of each axle from its creep.
 
     Attributes:
-        axles: number of axles.
-        settings: see there.
-        pattern: of the probing.
-        obey: whether to follow the service's setpoint where it knows the rail.
-        command: the service's last word.
+        axles: Number of axles.
+        settings: Gains and limits.
+        pattern: How the drive probes.
+        obey: Whether to follow the service's setpoint while it knows the surface.
+        command: Content of the latest `AdhesionSetpoint`.
 
     """
 
@@ -117,7 +118,7 @@ class Drive:
     def __post_init__(self) -> None:
         self._integral = np.zeros(self.axles)
         self.effort: Array = np.zeros(self.axles)
-        """At the rim, N, shape (axles,)."""
+        """Effort at the rim of each axle, N, shape (axles,)."""
 
     def setpoint(self, time_s: float, speed: float) -> Array:
         """Creep speed that each axle is to have, m/s, shape (axles,)."""
@@ -132,10 +133,10 @@ class Drive:
         """Advance by one step; returns the effort of each axle, N.
 
         Args:
-            time_s: simulated time.
-            speed: of the vehicle, m/s.
-            creep_speed: of each axle, m/s, shape (axles,).
-            dt: s.
+            time_s: Simulated time, s.
+            speed: Vehicle speed, m/s.
+            creep_speed: Creep speed of each axle, m/s, shape (axles,).
+            dt: Duration of the step, s.
 
         """
         s = self.settings
@@ -148,7 +149,14 @@ class Drive:
         self.effort = self.effort + (limited - self.effort) * (1.0 - np.exp(-dt / s.lag_s))
         return self.effort
 
-    def tell(self, time_s: float, *, known: bool, creep_speed: float | None) -> None:
-        """The service's word: whether it knows the rail, and its setpoint, m/s."""
+    def update_command(self, time_s: float, *, known: bool, creep_speed: float | None) -> None:
+        """Note the content of an `AdhesionSetpoint`.
+
+        Args:
+            time_s: Simulated time, s.
+            known: Whether the service knows the surface.
+            creep_speed: Creep speed setpoint, m/s; None: not available.
+
+        """
         since = self.command.since_s if known is self.command.known else time_s
         self.command = Command(known, since, creep_speed)

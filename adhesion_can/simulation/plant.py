@@ -1,8 +1,8 @@
 """Six wheelsets on a rail and the train behind them.
 
 Each wheelset: J dω/dt = r (T − F), F = μ(λ) N. The train: M dv/dt = Σ F − resistance − gradient.
-Near the start of the curve the contact is stiff (1000 1/s and more), so a step is linearly implicit
-in ω (Rosenbrock-Euler), and what the rail gives in it is taken from the same balance.
+Near the start of the curve the contact is stiff (1000 1/s and more). So a step is linearly implicit
+in ω (Rosenbrock-Euler), and the force of the rail follows from the same balance.
 
 Effects in the contact turn the curve into F = factor μ(λ') N, with λ' the slip that they change.
 """
@@ -29,19 +29,18 @@ Curves = tuple[Array, Array, Array]
 """c1, c2, c3 under each axle, shape (axles,) each."""
 
 SLOWEST = 0.2
-"""m/s; λ is formed with at least this speed, so that a standing train can start."""
-
+"""Smallest speed in the slip ratio, m/s, so that a standing train can start."""
 
 NUDGE = 1e-6
-"""Change of slip by which the stiffness of a contact is told where effects change the slip."""
+"""Step of the slip in the difference quotient of a contact whose slip effects change."""
 
 
 def running_resistance(speed: float, train_mass: float) -> float:
     """Resistance of a freight train on the level, N: 1.5 + 0.00025 V² N/kN, V in km/h.
 
     Args:
-        speed: m/s.
-        train_mass: kg.
+        speed: Vehicle speed, m/s.
+        train_mass: Mass of locomotive and train, kg.
 
     """
     kmh = 3.6 * speed
@@ -53,11 +52,11 @@ class Profile:
     """A track that keeps the train near a speed: it rises where the train is fast.
 
     Attributes:
-        speed: at which it is level, m/s.
-        rise: gradient per m/s above that speed.
-        steepest: either way, m/m.
-        swing: share by which that speed goes up and down with time.
-        period_s: of the swing, s.
+        speed: Speed at which the track is level, m/s.
+        rise: Gradient per m/s above that speed, m/m per m/s.
+        steepest: Largest gradient up or down, m/m.
+        swing: Relative amplitude with which the speed of the level track swings with time.
+        period_s: Period of the swing, s.
 
     """
 
@@ -77,12 +76,12 @@ class Plant:
     """State of the locomotive and its train.
 
     Args:
-        vehicle: its data, as they really are.
-        speed: at the start, m/s.
-        effects: mechanisms beyond the curve; those of the instruments change nothing here.
-        load_transfer: whether axle loads move under effort.
-        gradient: of the track, m/m, positive uphill; or its profile.
-        surroundings: see there.
+        vehicle: True data of the vehicle.
+        speed: Speed at the start, m/s.
+        effects: Mechanisms beyond the curve; those of the instruments change nothing here.
+        load_transfer: Whether axle loads change under effort.
+        gradient: Gradient of the track, m/m, positive uphill; or its profile.
+        surroundings: Air, rail, sand and curves along the run; None: calm.
 
     """
 
@@ -120,13 +119,13 @@ class Plant:
 
     @property
     def gradient(self) -> float:
-        """Of the track here, m/m, positive uphill."""
+        """Gradient of the track here, m/m, positive uphill."""
         slope = self._gradient
         return slope.at(self.speed, self.time_s) if isinstance(slope, Profile) else slope
 
     @property
     def conditions(self) -> Conditions:
-        """Around the locomotive now."""
+        """Conditions around the locomotive now."""
         return self._surroundings.at(self.time_s, self.position)
 
     @property
@@ -139,9 +138,9 @@ class Plant:
         """Advance by one step.
 
         Args:
-            effort: at the rim of each axle, N, shape (axles,).
-            theta: c1, c2, c3 of the rail under each axle.
-            dt: s.
+            effort: Effort at the rim of each axle, N, shape (axles,).
+            theta: Parameters c1, c2, c3 of the surface under each axle.
+            dt: Duration of the step, s.
 
         """
         r, inertia = self.radius, self.vehicle.wheelset_inertia
@@ -220,8 +219,8 @@ class TrackSection:
     """A surface and when the leading axle enters it.
 
     Attributes:
-        from_s: time at which the leading axle comes onto it.
-        surface: what lies there.
+        from_s: Time at which the leading axle comes onto the section, s.
+        surface: Surface of the section.
 
     """
 
@@ -233,8 +232,9 @@ class Track:
     """Surfaces along the track: an axle finds the change where the leading axle found it.
 
     Args:
-        sections: in the order of their times, the first from 0.
-        behind: distance of each axle behind the leading one, m; zeros change all axles at once.
+        sections: Sections in the order of their times, the first from 0.
+        behind: Distance of each axle behind the leading one, m, shape (axles,); zeros change the
+            surface under all axles at once.
 
     """
 
@@ -249,8 +249,8 @@ class Track:
         """c1, c2, c3 under each axle, shape (axles,) each.
 
         Args:
-            time_s: simulated time.
-            position: of the leading axle, m.
+            time_s: Simulated time, s.
+            position: Position of the leading axle, m.
 
         """
         count = len(self._entered_m)

@@ -19,25 +19,25 @@ from adhesion_can.simulation.sensors import NoiseSettings, PlantState, Sensors
 
 STEP_US = 2000
 TRACKING = 1
-"""`Status` in which the service knows the rail."""
+"""`Status` in which the service knows the surface."""
 
 
 @dataclass(frozen=True)
 class RunSettings:
-    """What a run is made of.
+    """Settings of a run.
 
     Attributes:
-        scenario: see there.
-        duration_s: simulated time, s.
-        seed: of the noise.
-        vehicle: as configured; effects may make the real one another.
-        effects: mechanisms beyond the curve, and errors of sensors and data.
-        noise: of the sensors.
-        drive: of the creep controller.
-        obey: whether the drive follows `AdhesionSetpoint`.
-        load_transfer: whether axle loads move under effort; some scenarios let them anyway.
-        along_track: whether each axle finds a change of surface where the leading one found it,
-            or all at the same moment.
+        scenario: Surfaces, speed and surroundings.
+        duration_s: Simulated time, s.
+        seed: Seed of the sensors' noise.
+        vehicle: Configured vehicle; effects may make the true one differ.
+        effects: Mechanisms beyond the curve, and errors of sensors and data.
+        noise: Standard deviations of the sensors' noise.
+        drive: Gains and limits of the creep controller.
+        obey: Whether the drive follows `AdhesionSetpoint`.
+        load_transfer: Whether axle loads change under effort; in some scenarios they always do.
+        along_track: Whether each axle finds a change of surface where the leading one found it, or
+            all at the same time.
 
     """
 
@@ -54,11 +54,11 @@ class RunSettings:
 
 
 class Simulation:
-    """A run that gives its frames step by step and hears the service's answers.
+    """A run that makes its frames step by step and receives the service's answers.
 
     Args:
-        settings: see there.
-        database: our own message set.
+        settings: Settings of the run.
+        database: The message set of adhesion-can.
 
     """
 
@@ -105,15 +105,15 @@ class Simulation:
         plant.time_s = self.now_us / 1e6  # steps added up would drift off the bus's clock
         return self._sensors.due(self._state(), before, start_us, self.now_us)
 
-    def hear(self, frame: Frame) -> None:
-        """A frame from the bus: the drive takes `AdhesionSetpoint`, all else is passed over."""
+    def receive(self, frame: Frame) -> None:
+        """Process a frame from the bus: `AdhesionSetpoint` is for the drive, others are ignored."""
         if frame.arbitration_id != self._setpoint.frame_id or not frame.is_data:
             return
         word = int.from_bytes(frame.data, "little")
         signals = self._setpoint.signals
         raw = signals["CreepSpeedSetpoint"].raw(word)
         missing = raw == signals["CreepSpeedSetpoint"].not_available
-        self._drive.tell(
+        self._drive.update_command(
             self.now_us / 1e6,
             known=signals["Status"].raw(word) == TRACKING,
             creep_speed=None if missing else signals["CreepSpeedSetpoint"].value(raw),

@@ -1,4 +1,4 @@
-"""Named runs: which rail comes when, how fast the train is and what the drive does."""
+"""Named runs: the surfaces, the speed, the surroundings and the pattern of the drive."""
 
 from dataclasses import dataclass, field
 
@@ -10,7 +10,7 @@ from adhesion_can.simulation.surroundings import Curve, Surroundings, Wave
 _BY_NAME = {surface.name: surface for surface in RAIL}
 
 SPEED_PERIOD_S = 170.0
-"""Of a swing of the speed; the other periods of `sweep` share no multiple with it."""
+"""Period of the swing of the speed, s; the other periods of `sweep` share no multiple with it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,14 +18,14 @@ class Scenario:
     """A run.
 
     Attributes:
-        name: as `--scenario` takes it.
-        surfaces: names of `RAIL` surfaces, each for an even share of the duration.
-        speed: at the start, m/s; the track's profile keeps the train near it.
-        pattern: of a drive that is left alone.
-        meaning: one line.
-        speed_swing: share by which the profile lets the speed go up and down.
-        load_transfer: whether axle loads move under effort without being asked to.
-        surroundings: see there.
+        name: Name for `--scenario`.
+        surfaces: Names of `RAIL` surfaces, each for an even share of the duration.
+        speed: Speed at the start, m/s; the track's profile keeps the train near it.
+        pattern: How a drive that is left alone varies the slip.
+        meaning: Description in one line.
+        speed_swing: Relative amplitude with which the profile lets the speed swing.
+        load_transfer: Whether axle loads always change under effort.
+        surroundings: Air, rail, sand and curves along the run.
 
     """
 
@@ -40,7 +40,7 @@ class Scenario:
 
     @property
     def profile(self) -> Profile:
-        """Of the track: the climb that takes up full effort on dry rail comes 6 m/s faster.
+        """Profile of the track: the climb for full effort on dry rail comes at 6 m/s more.
 
         Where the speed is to change, the track is as steep as it must be for the train to follow.
         """

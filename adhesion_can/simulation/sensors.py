@@ -1,4 +1,4 @@
-"""What the sensors make of the plant's state, and the frames that carry it."""
+"""Sensors: from the plant's state to frames with its noisy measurements."""
 
 from bisect import bisect_right
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from adhesion_can.physics.readings import Direction, SpeedSource
 from adhesion_can.simulation.surroundings import CALM, Conditions
 
 SLOT_US = 250
-"""Two frames of 8 bytes follow each other at 500 kbit/s in about this time."""
+"""Duration of a frame of 8 bytes at 500 kbit/s, about, µs."""
 
 AXLES_PER_MESSAGE = 3
 
@@ -26,10 +26,10 @@ class NoiseSettings:
     """Standard deviations of white noise, one draw a frame and signal.
 
     Attributes:
-        wheel_speed: rad/s.
-        vehicle_speed: m/s.
-        effort: N; 1 % of the axle load.
-        load: N.
+        wheel_speed: Standard deviation of a wheel speed, rad/s.
+        vehicle_speed: Standard deviation of the vehicle speed, m/s.
+        effort: Standard deviation of an axle's effort, N; 1 % of the axle load.
+        load: Standard deviation of an axle's load, N.
 
     """
 
@@ -41,7 +41,7 @@ class NoiseSettings:
 
 @dataclass(frozen=True, slots=True)
 class PlantState:
-    """What can be measured at one moment: SI, arrays of shape (axles,)."""
+    """Quantities that sensors measure, at one time: SI units, arrays of shape (axles,)."""
 
     wheel_speed: Array
     speed: float
@@ -66,7 +66,7 @@ class Past:
     """States of a while ago, for sensors that are late.
 
     Args:
-        depth_us: how far back they are needed.
+        depth_us: Largest age of a state that is needed, µs.
 
     """
 
@@ -77,11 +77,11 @@ class Past:
 
     @property
     def is_empty(self) -> bool:
-        """Whether no state was taken yet."""
+        """Whether no state was added yet."""
         return not self._times
 
     def add(self, t_us: int, state: PlantState) -> None:
-        """Take the state at a stamp; stamps rise."""
+        """Add the state at a stamp; stamps ascend."""
         self._times.append(t_us)
         self._states.append(state)
         # A thousand at a time: to drop one from the front of a list moves all others.
@@ -104,9 +104,9 @@ class Transmitter:
     """One input message: when it is due next, and its payload from a state.
 
     Args:
-        database: with the message.
-        name: of the message.
-        slot: place in the order of the bus; the message's phase.
+        database: Database with the message.
+        name: Name of the message.
+        slot: Place in the order of the bus, from 0: the phase of the message.
 
     """
 
@@ -133,10 +133,10 @@ class Sensors:
     """All input messages of the contract, each at its cycle.
 
     Args:
-        database: our own message set.
-        noise: see there.
-        rng: random numbers.
-        instruments: errors that the sensors have beside the noise.
+        database: The message set of adhesion-can.
+        noise: Standard deviations of the noise.
+        rng: Random numbers.
+        instruments: Errors of the sensors beside the noise.
 
     """
 
@@ -167,10 +167,10 @@ class Sensors:
         """Frames due after `from_us` and until `until_us`, in the order of their stamps.
 
         Args:
-            after: state at `until_us`.
-            before: state at `from_us`.
-            from_us: begin of the step, µs.
-            until_us: end of it.
+            after: State at `until_us`.
+            before: State at `from_us`.
+            from_us: Begin of the step, µs.
+            until_us: End of the step, µs.
 
         """
         if self._past is not None:

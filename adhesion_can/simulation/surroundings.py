@@ -1,6 +1,6 @@
 """What surrounds the locomotive: air, rail, sand and curves, as functions of time and place.
 
-Each has a period of its own, so that what one of them does to adhesion can be told from the rest.
+Each has a period of its own, so that its influence on adhesion can be separated from the others.
 Nothing here is random: a scenario is the same drive each time, but for the noise of its sensors.
 """
 
@@ -17,15 +17,15 @@ from adhesion_can.physics.readings import Role
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """Surroundings at one moment.
+    """Surroundings at one time and place.
 
     Attributes:
-        ambient_temperature: degC.
-        rail_temperature: degC.
-        humidity: of the air, %.
+        ambient_temperature: Temperature of the air, degC.
+        rail_temperature: Temperature of the rail, degC.
+        humidity: Relative humidity of the air, %.
         sanding: 1.0 while sand is strewn, else 0.0.
         rain: 0 none, 1 light, 2 heavy.
-        curvature: of the track, 1/m, positive to the left.
+        curvature: Curvature of the track, 1/m, positive to the left.
 
     """
 
@@ -63,9 +63,9 @@ class Wave:
     """A channel that swings around a mean.
 
     Attributes:
-        mean: in the channel's unit.
-        swing: to either side.
-        period_s: of a swing, s.
+        mean: Mean, in the channel's unit.
+        swing: Amplitude, in the channel's unit.
+        period_s: Period, s.
 
     """
 
@@ -79,7 +79,7 @@ class Wave:
 
 
 TRANSITION_M = 40.0
-"""Over this way curvature grows from 0, and falls back to it."""
+"""Length over which curvature grows from 0 and falls back to it, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +87,9 @@ class Curve:
     """A curve of the track and the straight behind it.
 
     Attributes:
-        length: with both transitions, m.
-        radius: m, negative for a curve to the right.
-        straight: that follows it, m.
+        length: Length with both transitions, m.
+        radius: Radius, m, negative for a curve to the right.
+        straight: Length of the straight behind the curve, m.
 
     """
 
@@ -107,11 +107,11 @@ class Surroundings:
     """How the conditions change along a run; the default is calm.
 
     Attributes:
-        humidity: %.
-        rail_temperature: degC.
-        sanding_period_s: sand is strewn once in so long a time, s.
-        sanding_s: for so long, at the end of each period, s.
-        curves: one after another, and then the first again.
+        humidity: Relative humidity of the air, %.
+        rail_temperature: Temperature of the rail, degC.
+        sanding_period_s: Time from one sanding to the next, s.
+        sanding_s: Duration of a sanding, at the end of each period, s.
+        curves: Curves one after another; after the last one the first comes again.
 
     """
 
@@ -132,7 +132,7 @@ class Surroundings:
         )
 
     def curvature(self, position: float) -> float:
-        """Of the track at a place, m: 1/m."""
+        """Curvature of the track at a place, m: 1/m."""
         if not self.curves:
             return 0.0
         places, bends = self._lap

@@ -1,11 +1,15 @@
 """Effects against formulas written out here, and the registry against the contract."""
 
+import ast
 import math
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import adhesion_can
+from adhesion_can.physics.channels import CHANNEL_BY_NAME
 from adhesion_can.physics.effects import (
     EFFECTS,
     LEAST,
@@ -14,6 +18,7 @@ from adhesion_can.physics.effects import (
     ContactEffect,
     InstrumentEffect,
     LagStates,
+    Requirements,
     acts_in_contact,
     build_instruments,
     compute_change,
@@ -126,6 +131,53 @@ def test_definition_is_complete(effect):
         assert math.isfinite(parameter.lower)
         assert math.isfinite(parameter.upper)
     assert effect.parameters[0].lower <= 0.0 <= effect.parameters[0].upper
+
+
+@EVERY
+def test_definition_states_what_it_requires_and_how_it_shows(effect):
+    assert isinstance(effect.requires, Requirements)
+    observability = effect.observability
+    assert observability.channel in CHANNEL_BY_NAME
+    assert observability.excitation.strip()
+    for separation in observability.separations:
+        assert separation.rival in CONTRACT_IDS - {effect.id}
+        assert separation.manoeuvre.strip()
+    if set(effect.requires.covariates) & set(CHANNEL_BY_NAME):
+        assert observability.channel in effect.requires.covariates
+
+
+def test_forms_of_a_mechanism_agree_on_what_they_require_and_how_they_show():
+    for effect in EFFECTS:
+        first = effect_by_id(effect.id)
+        assert (effect.title, effect.requires, effect.observability) == (
+            *(first.title, first.requires, first.observability),
+        )
+
+
+def test_no_pair_of_effects_is_separated_in_two_ways():
+    pairs = [
+        frozenset({effect_id, separation.rival})
+        for effect_id in CONTRACT_IDS
+        for separation in effect_by_id(effect_id).observability.separations
+    ]
+    assert len(pairs) == len(set(pairs))
+
+
+def test_what_is_particular_to_an_effect_stands_in_its_definition_alone():
+    """No module knows an effect by its id. A role, a label and two fields are called like one."""
+    package = Path(adhesion_can.__file__).parent
+    exempt = {
+        *(package / "physics" / "readings.py", package / "physics" / "channels.py"),
+        package / "config" / "vehicle_section.py",
+    }
+    found = [
+        f"{path.relative_to(package)}:{node.lineno}: {node.value}"
+        for path in sorted(package.rglob("*.py"))
+        if path not in exempt and path.parent != package / "physics" / "effects"
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and node.value in CONTRACT_IDS
+    ]
+    assert found == []
 
 
 def test_only_the_wheel_radius_is_of_one_axle():

@@ -55,7 +55,7 @@ def test_columns_have_the_names_of_the_rows():
 @FIXED
 @given(ROWS)
 def test_columns_hold_the_rows_and_the_covariates_that_all_carry(rows):
-    columns = Samples.of(iter(rows))
+    columns = Samples.from_rows(iter(rows))
     assert len(columns) == len(rows)
     assert columns.t_us.dtype == columns.axle.dtype == np.int64
     assert columns.slip.dtype == np.float64
@@ -65,13 +65,13 @@ def test_columns_hold_the_rows_and_the_covariates_that_all_carry(rows):
 @FIXED
 @given(st.lists(ROWS, min_size=1, max_size=4))
 def test_concatenation_is_that_of_the_rows(parts):
-    whole = Samples.concatenate([Samples.of(part) for part in parts])
+    whole = Samples.concatenate([Samples.from_rows(part) for part in parts])
     assert rows_of(whole) == common([row for part in parts for row in common(part)])
 
 
 def test_empty_parts_take_no_covariates_away_and_all_empty_is_empty():
-    full = Samples.of([Sample(1, 1, 0.1, 0.2, 1, 10, 2e5, covariates={"rain": 1.0})])
-    empty = Samples.of([])
+    full = Samples.from_rows([Sample(1, 1, 0.1, 0.2, 1, 10, 2e5, covariates={"rain": 1.0})])
+    empty = Samples.from_rows([])
     for parts in ([empty, full], [full, empty], [empty, full, empty]):
         assert list(Samples.concatenate(parts).covariates) == ["rain"]
     nothing = Samples.concatenate([empty, empty])
@@ -84,7 +84,7 @@ def test_empty_parts_take_no_covariates_away_and_all_empty_is_empty():
 @FIXED
 @given(ROWS, st.data())
 def test_selection_is_that_of_the_rows(rows, data):
-    columns, known = Samples.of(rows), common(rows)
+    columns, known = Samples.from_rows(rows), common(rows)
     mask = np.array(
         data.draw(st.lists(st.booleans(), min_size=len(rows), max_size=len(rows))), bool
     )
@@ -124,7 +124,7 @@ def test_curve_has_consistent_columns():
 
 def test_frozen():
     with pytest.raises(dataclasses.FrozenInstanceError):
-        Samples.of([]).slip = np.zeros(3)
+        Samples.from_rows([]).slip = np.zeros(3)
 
 
 @pytest.mark.parametrize("mu", [False, True])

@@ -64,7 +64,7 @@ def drive(scenario, duration_s, seed=1):
     for frames in simulation.run():
         for frame in frames:
             for answer in core.feed(frame):
-                simulation.hear(answer)
+                simulation.receive(answer)
     if core.faults or len(recorders) != 1:
         raise RuntimeError(f"the service failed in {scenario}: {core.faults}")
     return recorders[0]

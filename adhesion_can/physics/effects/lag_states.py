@@ -1,4 +1,4 @@
-"""What lags behind: first-order lags, axle by axle, over a whole drive or a step at a time."""
+"""First-order lags, axle by axle, over a whole drive or a step at a time."""
 
 from itertools import pairwise
 from math import expm1, inf
@@ -8,15 +8,15 @@ import numpy as np
 from adhesion_can.arrays import Array
 
 PAUSE_S = 1.0
-"""After a pause this long in an axle's samples, what lags behind begins anew."""
+"""Pause in an axle's samples after which its lags begin anew, s."""
 FEW = 48
-"""Rows that are followed one by one: arrays cost more than they save on so few."""
+"""Number of rows up to which rows are followed one by one: arrays do not pay for so few."""
 _RANGE = 300.0
-"""Exponents that stay finite, and with room for the products with them."""
+"""Largest exponent of a running sum; its exponential stays finite, and so do products with it."""
 
 
 class LagStates:
-    """Stamps, states and targets of first-order lags, by name and axle."""
+    """Latest stamps, states and targets of first-order lags, by name and axle."""
 
     def __init__(self) -> None:
         self._states: dict[tuple[str, int], tuple[float, float, float]] = {}
@@ -33,15 +33,15 @@ class LagStates:
         """X of dx/dt = rate · (target − x), the target a straight line over each step.
 
         Args:
-            name: of the lag.
-            axle: of each row, shape (n,).
-            time_s: of each row, ascending for each axle, shape (n,).
-            target: shape (n,).
-            rate: 1/s, not negative, shape (n,) or a number.
-            start: x at an axle's first row and after a pause; None: the target there.
+            name: Name of the lag.
+            axle: Number of each row's axle, shape (n,).
+            time_s: Time of each row, s, ascending for each axle; shape (n,).
+            target: Value that x follows, in any unit; shape (n,).
+            rate: Rate of the lag, 1/s, not negative; shape (n,) or one number.
+            start: Value of x at an axle's first row and after a pause; None: the target there.
 
         Returns:
-            x, shape (n,).
+            Lagging value x, in the unit of the target; shape (n,).
 
         """
         rates = np.broadcast_to(np.asarray(rate, dtype=np.float64), np.shape(target))

@@ -1,0 +1,74 @@
+"""The example package with an effect of one's own: installed, simulated, diagnosed, replayed."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+EXAMPLE = ROOT / "docs" / "examples" / "own_effect"
+ID = "flange_lubrication"
+LOSS = 0.25
+DURATION_S = 130  # Every curve of the scenario once.
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """Folder in which pip has installed the example, from the file system alone."""
+    target = tmp_path_factory.mktemp("site")
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps"]
+    own = ["--no-build-isolation", "--disable-pip-version-check", "--target", target, EXAMPLE]
+    subprocess.run([*pip, *own], check=True, timeout=300)
+    return target
+
+
+def command(installed, folder, *arguments):
+    """Standard output of a command that finds the installed example."""
+    done = subprocess.run(
+        [sys.executable, "-m", "adhesion_can.cli.main", *map(str, arguments)],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(installed), str(ROOT)])},
+        capture_output=True,
+        text=True,
+        timeout=900,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.timeout(1200)
+def test_an_installed_effect_is_simulated_diagnosed_and_replayed(installed, tmp_path):
+    def run(*arguments):
+        return command(installed, tmp_path, *arguments)
+
+    assert f"{ID} " in run("simulate", "--help")
+    hidden = ("--effect", f"{ID}={LOSS}", "--truth", "truth.json")
+    run("simulate", "--scenario", "sweep", "--duration", DURATION_S, *hidden, "--log", "drive.log")
+    truth = json.loads((tmp_path / "truth.json").read_text())
+    assert truth["effects"] == [{"effect": ID, "form": "", "parameters": {"loss": LOSS}}]
+
+    report = run("diagnose", "drive.log", "--extended", "model.toml", "--json", "found.json")
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found["verdict"] == "named"
+    assert [cause["effect"] for cause in found["causes"]] == [ID]
+    assert found["causes"][0]["parameters"]["loss"]["value"] == pytest.approx(LOSS, abs=0.02)
+    assert "grease of the wheel flanges" in report.lower()
+
+    assert f'id = "{ID}"' in (tmp_path / "model.toml").read_text()
+    replay = ("replay", "drive.log", "--to", 20, "--json", "replay.json", "--frames")
+    run(*replay, "extended.log", "--model", "model.toml")
+    assert json.loads((tmp_path / "replay.json").read_text())["model"]["path"] == "model.toml"
+    run(*replay, "plain.log")
+    assert (tmp_path / "extended.log").read_bytes() != (tmp_path / "plain.log").read_bytes()
+
+
+def test_without_the_package_its_effect_is_unknown(tmp_path, capsys):
+    from adhesion_can.cli.main import main
+
+    drive = ["simulate", "--scenario", "sweep", "--duration", "1", "--log", str(tmp_path / "a.log")]
+    assert main([*drive, "--effect", ID]) == 2
+    assert f"no effect '{ID}'" in capsys.readouterr().err
