@@ -1,4 +1,4 @@
-"""A diagnosis for people and programs: sentences, what a terminal shows, and JSON."""
+"""Reports of a diagnosis: sentences, lines and tables for a terminal, and JSON."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -30,7 +30,6 @@ from adhesion_can.diagnosis.result import (
     Verdict,
 )
 from adhesion_can.physics.channels import channel_label
-from adhesion_can.reporting.provenance import estimate_json
 from adhesion_can.reporting.text import table
 
 SHOWN = 5
@@ -42,13 +41,13 @@ CHANNEL_COLUMNS = ("channel", "unit", "p", "gain")
 
 @dataclass(frozen=True, slots=True)
 class InputFile:
-    """A file that a diagnosis rests on.
+    """An input file of a diagnosis.
 
     Attributes:
-        path: of it.
-        name: by which the diagnosis knows it.
-        sha256: of its bytes, hex.
-        held_out: whether the user gave it for the gain alone.
+        path: Path of the file.
+        name: Name of the file in the diagnosis.
+        sha256: SHA-256 of the file's bytes, hexadecimal.
+        held_out: Whether the user gave it for the gain alone.
 
     """
 
@@ -62,15 +61,15 @@ class InputFile:
 
 
 def verdict_sentences(found: Diagnosis) -> list[str]:
-    """What came out, with how sure it is; a sentence or two an entry, the verdict first."""
-    said = list(_verdict(found))
+    """Verdict, p-values and gain; one or two sentences an entry, the verdict first."""
+    sentences = list(_verdict(found))
     if found.gain is not None:
-        said.append(gain_sentence(found.gain, found))
-    return said
+        sentences.append(gain_sentence(found.gain, found))
+    return sentences
 
 
 def extends(found: Diagnosis) -> bool:
-    """Whether there is a model with something on top of its curve."""
+    """Whether there is a model with effects or a spline."""
     return found.model is not None and bool(found.model.effects or found.model.splines)
 
 
@@ -92,8 +91,8 @@ def _verdict(found: Diagnosis) -> Iterator[str]:
 def _cause_sentence(cause: Cause) -> str:
     numbers = ", ".join(f"{v.name} {_measured(v)}" for v in cause.parameters)
     name = effect_name(cause.effect, cause.form)
-    told = f"{cause.title} ({name}: {numbers}). {chance(cause.p_value)}"
-    return f"{told} {_rivals(cause)}".strip()
+    sentence = f"{cause.title} ({name}: {numbers}). {chance(cause.p_value)}"
+    return f"{sentence} {_rivals(cause)}".strip()
 
 
 def _rivals(cause: Cause) -> str:
@@ -109,32 +108,32 @@ def _unexplained(found: Diagnosis) -> str:
             "Unexplained: something is left that is not noise, and it is neither a known effect "
             "nor a matter of one measured channel."
         )
-    told = (
+    text = (
         f"Unexplained: what is left depends on {channel_label(found.channel)}, and no known effect "
         "says why."
     )
     # A wave's channel has its length behind the name.
     own = [c.p_value for c in found.channels if c.channel.partition(",")[0] == found.channel]
-    return f"{told} {chance(min(own))}" if own else told
+    return f"{text} {chance(min(own))}" if own else text
 
 
 def _nothing(found: Diagnosis) -> str:
-    told = (
+    text = (
         "Nothing found: what the plain curve leaves is noise, as far as these data tell. An effect "
         "may still be there and be too small, or not excited."
     )
     if not found.evidence:
-        return told
+        return text
     first = min(found.evidence, key=lambda e: e.p_value if isfinite(e.p_value) else 1.0)
     name = effect_name(first.effect, first.form, first.axle)
     return (
-        f"{told} The strongest effect is {name}: {p_equation(first.p_value)}, gain "
+        f"{text} The strongest effect is {name}: {p_equation(first.p_value)}, gain "
         f"{fixed(first.gain_percent, 1, ' %')}."
     )
 
 
 def chance(p_value: float) -> str:
-    """How often nothing but chance looks as strong, a sentence."""
+    """P-value in a sentence."""
     if not isfinite(p_value):
         return "How often chance alone looks as strong is not known."
     if p_value < LEAST_P:
@@ -149,7 +148,7 @@ def chance(p_value: float) -> str:
 
 
 def gain_sentence(gain: Gain, found: Diagnosis) -> str:
-    """What the extension gains, and on what."""
+    """Gain of the extension, its interval, and the data that were held out."""
     where = f"Held out: {gain.held_out}."
     extended = extends(found)
     if not extended and gain.rmse_after == gain.rmse_before:
@@ -161,25 +160,25 @@ def gain_sentence(gain: Gain, found: Diagnosis) -> str:
     interval = (
         f"95 % interval {low:.1f} to {high:.1f} %" if isfinite(low + high) else "interval not known"
     )
-    told = (
+    text = (
         f"Gain on data that were not used to decide: {gain.percent:.1f} % ({interval}). RMSE of "
         f"the adhesion {short(gain.rmse_before)} before, {short(gain.rmse_after)} after; noise "
         f"alone is about {short(gain.noise_floor)}."
     )
     if gain.percent <= 0.0:
-        told += " On these data the extension is no better than the plain curve."
+        text += " On these data the extension is no better than the plain curve."
     elif low <= 0.0:
-        told += " The interval reaches down to 0: the gain is not certain."
+        text += " The interval reaches down to 0: the gain is not certain."
     if not extended:
-        told += (
+        text += (
             " This is what an empirical curve gains that no model file can hold, so the plain "
             "curve stands."
         )
-    return f"{told} {where}"
+    return f"{text} {where}"
 
 
 def cause_rows(causes: Sequence[Cause]) -> list[tuple[str, ...]]:
-    """Effect, parameter, value with its standard deviation, meaning; a row a parameter."""
+    """Cells of a table of causes: effect, parameter, value, meaning; one row a parameter."""
     return [
         (effect_name(c.effect, c.form), v.name, _measured(v), v.meaning)
         for c in causes
@@ -188,7 +187,7 @@ def cause_rows(causes: Sequence[Cause]) -> list[tuple[str, ...]]:
 
 
 def evidence_rows(evidence: Sequence[Evidence]) -> list[tuple[str, ...]]:
-    """Cells under `EVIDENCE_COLUMNS`."""
+    """Cells of a table with `EVIDENCE_COLUMNS`."""
     return [
         (
             effect_name(e.effect, e.form, e.axle),
@@ -204,7 +203,7 @@ def evidence_rows(evidence: Sequence[Evidence]) -> list[tuple[str, ...]]:
 
 
 def channel_rows(channels: Sequence[ChannelEvidence]) -> list[tuple[str, ...]]:
-    """Cells under `CHANNEL_COLUMNS`, the smallest p first."""
+    """Cells of a table with `CHANNEL_COLUMNS`, smallest p-value first."""
     ranked = sorted(channels, key=lambda c: (c.p_value, -c.gain_percent))
     return [
         (
@@ -221,7 +220,7 @@ def channel_rows(channels: Sequence[ChannelEvidence]) -> list[tuple[str, ...]]:
 
 
 def terminal(found: Diagnosis) -> Iterator[str | Table]:
-    """What a terminal shows: lines and tables, in order."""
+    """Lines and tables for a terminal, in order."""
     yield from verdict_sentences(found)
     named = {value for cause in found.causes for value in cause_rows([cause])}
     if named:
@@ -245,11 +244,11 @@ def terminal(found: Diagnosis) -> Iterator[str | Table]:
 
 
 def diagnosis_json(found: Diagnosis, input_files: Sequence[InputFile] = ()) -> dict[str, Any]:
-    """A diagnosis as the contract has it, and more under names of its own.
+    """Diagnosis as JSON values.
 
     Args:
-        found: see there.
-        sources: files that it rests on.
+        found: Result of the diagnosis.
+        input_files: Input files of the diagnosis.
 
     """
     held = held_back(found, input_files)
@@ -264,7 +263,7 @@ def diagnosis_json(found: Diagnosis, input_files: Sequence[InputFile] = ()) -> d
         "untested": [untested._asdict() for untested in found.untested],
         "channels": [asdict(channel) for channel in found.channels],
         "surfaces": [
-            _place_json(s) | {"base": estimate_json(s.base), "extended": estimate_json(s.extended)}
+            _place_json(s) | {"base": s.base.to_dict(), "extended": s.extended.to_dict()}
             for s in found.surfaces
         ],
         "base": _curves_json(found, "base"),
@@ -317,17 +316,17 @@ def _place_json(surface: SegmentResult) -> dict[str, Any]:
 
 
 def _curves_json(found: Diagnosis, which: str) -> dict[str, Any] | None:
-    """Identify's fields: the longest surface, and every one in `segments`; null without any."""
+    """Fields of `identify`: longest segment, and each one in `segments`; None without any."""
     longest = longest_surface(found)
     if longest is None:
         return None
-    return estimate_json(getattr(longest, which)) | {
-        "segments": [_place_json(s) | estimate_json(getattr(s, which)) for s in found.surfaces]
+    return getattr(longest, which).to_dict() | {
+        "segments": [_place_json(s) | getattr(s, which).to_dict() for s in found.surfaces]
     }
 
 
 def held_back(found: Diagnosis, input_files: Sequence[InputFile]) -> set[str]:
-    """Names of the files that were held out as a whole, by the user or for want of others."""
+    """Names of the files that were held out whole, by the user or by the diagnosis."""
     named = {input_file.name for input_file in input_files if input_file.held_out}
     if named or found.gain is None or len(input_files) < 2:
         return named
@@ -335,7 +334,7 @@ def held_back(found: Diagnosis, input_files: Sequence[InputFile]) -> set[str]:
 
 
 def longest_surface(found: Diagnosis) -> SegmentResult | None:
-    """The surface that lasts longest, the first of several; None without any."""
+    """Longest segment, the first of several; None without any."""
     return max(found.surfaces, key=lambda s: s.to_s - s.from_s, default=None)
 
 

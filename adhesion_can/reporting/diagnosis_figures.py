@@ -1,4 +1,4 @@
-"""A diagnosis' figures: before and after, each against what was measured; as Plotly's JSON."""
+"""Figures of a diagnosis as Plotly's JSON: before and after, each against the measurement."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -26,7 +26,7 @@ from adhesion_can.reporting.page import Figure
 BEFORE, AFTER, MEASURED = "#d55e00", "#0b5fa5", "#8a95a3"
 PLAIN, EXTENDED = "plain curve (before)", "extended (after)"
 MOST_POINTS = 3000
-"""Of a cloud."""
+"""Largest number of points of a scatter plot."""
 
 
 def gain_figure(gain: Gain) -> Figure:
@@ -108,7 +108,8 @@ def simulation_figure(simulation_plot: SimulationPlot, *, extended: bool) -> Fig
     height = 560
     layout = rows(axes, "time, s", height)
     caption = (
-        f"{simulation_plot.recording}, axle {simulation_plot.axle}, measured against simulated. Wheel speed is "
+        f"{simulation_plot.recording}, axle {simulation_plot.axle}, measured against simulated. "
+        "Wheel speed is "
         f"simulated from the measured effort and vehicle speed, begun anew every "
         f"{simulation_plot.restart_s:g} s; adhesion is predicted from the measured slip."
     )
@@ -215,7 +216,7 @@ def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -
 
 
 def _peak(estimate: Estimate, style: Trace) -> list[Trace]:
-    """The peak with its standard deviations, where the data tell it."""
+    """Peak with its standard deviations, where it is identifiable."""
     if not estimate.identifiable.both:
         return []
     colour = style["line"]["color"]
@@ -252,12 +253,12 @@ def _line(style: Mapping[str, Any], x: Array, y: Array, *, legend: bool) -> Trac
 
 
 def _known(std: Array) -> Array:
-    """Standard errors, 0 where there is none to be drawn."""
+    """Standard errors, 0 where there is none."""
     return np.where(np.isfinite(std), std, 0.0)
 
 
 def _y_span(clouds: list[Array]) -> list[float]:
-    """Range that holds all but the outermost of the data, and 0."""
+    """Range of the axis: all but the outermost data, and 0."""
     values = np.concatenate(clouds)
     values = values[np.isfinite(values)]
     if not len(values):

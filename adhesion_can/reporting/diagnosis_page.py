@@ -1,4 +1,4 @@
-"""The page of a diagnosis: every section is always there, and says so where it has nothing."""
+"""Page of a diagnosis; every section is always there, with a sentence where it is empty."""
 
 from collections.abc import Mapping, Sequence
 
@@ -25,11 +25,11 @@ from adhesion_can.reporting.diagnosis import (
 from adhesion_can.reporting.diagnosis_figures import (
     curve_figure,
     gain_figure,
-    simulation_figure,
     profile_figure,
+    simulation_figure,
 )
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
-from adhesion_can.reporting.text import plus_minus
+from adhesion_can.result_text import plus_minus
 
 Parts = list[Text | Items | Table | Figure]
 
@@ -40,19 +40,19 @@ def page(
     provenance: Mapping[str, str],
     problems: Sequence[str] = (),
 ) -> Page:
-    """The page of a diagnosis.
+    """Build the page of a diagnosis.
 
     Args:
-        found: see there.
-        sources: files that it rests on.
-        provenance: version, command and the like, by name.
-        problems: with the inputs, a sentence each.
+        found: Result of the diagnosis.
+        input_files: Input files of the diagnosis.
+        provenance: Version, command, database and configuration by name.
+        problems: Sentence for each problem of an input.
 
     """
     sections = {
         "What the simulation gets wrong": _wrong(found),
         "Gain": _gain(found),
-        "Measured against simulated": _pictures(found),
+        "Measured against simulated": _simulation_plots(found),
         "What is left": _profile(found),
         "Curve and data": _curve(found),
         "Evidence for every effect": _evidence(found),
@@ -73,11 +73,11 @@ def page(
 
 def _lead(input_files: Sequence[InputFile], held: set[str]) -> str:
     used = [input_file.name for input_file in input_files if input_file.name not in held]
-    told = f"Diagnosis of {', '.join(used)}"
+    text = f"Diagnosis of {', '.join(used)}"
     if held:
-        told += f"; held out for the gain: {', '.join(sorted(held))}"
+        text += f"; held out for the gain: {', '.join(sorted(held))}"
     return (
-        f"{told}. The simulation is the adhesion curve μ(λ) = c1(1 − e^(−c2 λ)) − c3 λ with the "
+        f"{text}. The simulation is the adhesion curve μ(λ) = c1(1 − e^(−c2 λ)) − c3 λ with the "
         "configured vehicle; what it cannot reproduce is tested against the known effects, one by "
         "one and two by two, and against every measured channel."
     )
@@ -110,11 +110,11 @@ def _gain(found: Diagnosis) -> Parts:
         spans.setdefault(name, []).append(f"{begin:.1f} to {end:.1f} s")
     parts: Parts = [gain_figure(gain), Text(f"Held out: {gain.held_out}.")]
     if spans:
-        parts.append(Items([f"{name}: {', '.join(told)}" for name, told in spans.items()]))
+        parts.append(Items([f"{name}: {', '.join(own)}" for name, own in spans.items()]))
     return parts
 
 
-def _pictures(found: Diagnosis) -> Parts:
+def _simulation_plots(found: Diagnosis) -> Parts:
     if not found.simulation_plots:
         return [Text("There is no stretch to show.")]
     return [
@@ -172,7 +172,7 @@ def _evidence(found: Diagnosis) -> Parts:
         "p: how often chance alone looks as strong, all that was tested counted. absorbed: share "
         "of the effect's signature that c1, c2 and c3 imitate; over 90 % it can hardly be seen in "
         "these data. most alike: the effect whose signature is nearest; with a cosine over 0.9 the "
-        "two cannot be told apart. gain: by how much it alone would lower the error of the data "
+        "two cannot be text apart. gain: by how much it alone would lower the error of the data "
         "that decided."
     )
     rows = evidence_rows(found.evidence)
@@ -217,7 +217,7 @@ def _model(found: Diagnosis) -> Parts:
 
 
 def model_parts(model: ExtendedModel) -> Parts:
-    """An extended model in words and numbers."""
+    """Text and tables that describe an extended model."""
     c1, c2, c3 = model.base
     parts: Parts = [
         Text(
