@@ -1,7 +1,8 @@
-"""Where axles coast: what counts as coasting, and the rolling speeds that belong to it."""
+"""Detection of coasting axles, and the rolling speeds while they coast."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,29 +14,36 @@ from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.traces import Trace
 
 SOFTEST_CONTACT = min(s.c1 * s.c2 - s.c3 for s in RAIL)
-"""Slope dμ/dλ at zero slip of the softest of our rail surfaces: an adhesion μ that is taken for
-coasting leaves a creep of μ/slope at most."""
+"""Least slope dμ/dλ at zero slip of our rail surfaces.
+
+An adhesion μ that counts as coasting leaves a slip ratio of at most μ/slope.
+"""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationSettings:
-    """What counts as coasting, and when a quantity counts as told.
+    """Definition of coasting, and limits from which a quantity is estimated.
 
     Attributes:
-        adhesion_max: |F/N| of a coasting axle, the wheelset's inertia taken off, at most.
-        settle_s: an axle coasts so long before its speed is used.
-        acceleration_max: of the vehicle, m/s²; brakes that no signal tells are left out by it.
-        speed_min: no use of slower stretches, m/s.
-        window_s: over which effort and acceleration are averaged, which are too noisy singly.
-        gap_s: readings further apart bracket nothing.
-        block_s: length of the blocks that standard errors come from.
-        blocks_min: a radius needs coasting in so many blocks.
-        coasting_min_s: and so much of it in all.
-        offset_std_max: an offset whose standard error would be larger is not estimated, m/s:
-            0.01 m/s are 0.1 % of a radius at 10 m/s.
-        delay_std_max: likewise a delay, s.
-        delay_s: known delay of the vehicle speed; None: to be estimated.
-        huber: k, in standard deviations; 1.345 costs 5 % of efficiency under normal errors.
+        adhesion_max: Largest |F/N| of a coasting axle, without the wheelset's inertia, 1. Larger:
+            more data, and more creep left in the radii.
+        settle_s: Time for which an axle must have coasted before its speed is used, s.
+        acceleration_max: Largest acceleration of the vehicle, m/s². Smaller: brakes without a
+            signal are left out more surely, with less data.
+        speed_min: Least vehicle speed that is used, m/s.
+        window_s: Window of the averages of effort and acceleration, s. Larger: less noise in them,
+            slower detection of coasting.
+        gap_s: Largest distance of two readings between which values are interpolated, s.
+        block_s: Length of the jackknife's blocks, s. It must exceed about five times the
+            correlation time of the speed's errors; longer blocks are fewer.
+        blocks_min: Least number of blocks with coasting for a radius.
+        coasting_min_s: Least total duration of coasting for a radius, s.
+        offset_std_max: Largest standard error of an offset that is estimated, m/s; 0.01 m/s are
+            0.1 % of a radius at 10 m/s.
+        delay_std_max: Largest standard error of a delay that is estimated, s.
+        delay_s: Known delay of the vehicle speed, s; None: it is estimated.
+        huber: Tuning constant k of Huber's loss, in standard deviations; 1.345 costs 5 % of
+            efficiency under normal errors. Smaller: less influence of outliers.
 
     """
 
@@ -56,12 +64,12 @@ class CalibrationSettings:
 
 @dataclass(frozen=True, slots=True)
 class CoastingDrive:
-    """One recording's signals; a role without a signal is not among the keys.
+    """Signals of one recording; an axle without a signal is not among the keys.
 
     Attributes:
-        speed: of the vehicle, m/s.
-        wheel_speed: ω by axle, rad/s.
-        effort: F at the rim by axle, N.
+        speed: Vehicle speed, m/s.
+        wheel_speed: Wheel speed ω by axle, rad/s.
+        effort: Tractive effort F at the rim by axle, N.
 
     """
 
@@ -70,17 +78,17 @@ class CoastingDrive:
     effort: Mapping[int, Trace]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CoastingRows:
-    """Coasting on the stamps of the vehicle speed, n of them, m axles.
+    """Signals of n stamps of the vehicle speed and m axles, with the coasting among them.
 
     Attributes:
-        speed: v, shape (n,), m/s.
-        rolling: ω, shape (n, m), rad/s.
-        acceleration: a, shape (n,), m/s².
-        used: shape (n, m).
-        span: time that a row stands for, shape (n,), s.
-        block: number of its block, ascending, shape (n,).
+        speed: Vehicle speed v, m/s, shape (n,).
+        rolling: Wheel speed ω, rad/s, shape (n, m).
+        acceleration: Acceleration a of the vehicle, m/s², shape (n,).
+        used: Whether the axle coasts and its value is used, shape (n, m).
+        span: Time to the next row, s, 0 over a gap, shape (n,).
+        block: Number of the row's block, ascending, shape (n,).
 
     """
 
@@ -92,10 +100,10 @@ class CoastingRows:
     block: NDArray[np.int64]
 
 
-def coasting_rows(
+def find_coasting(
     drive: CoastingDrive, axles: Sequence[int], vehicle: Locomotive, settings: CalibrationSettings
 ) -> CoastingRows:
-    """Signals of one drive on the stamps of its vehicle speed, and which axle coasts when."""
+    """Signals of one drive at the stamps of its vehicle speed, with the coasting of each axle."""
     t, v = drive.speed.t_us, drive.speed.value
     gap_us, window_us = settings.gap_s * 1e6, settings.window_s * 1e6
     wheels = [drive.wheel_speed[axle] for axle in axles]
@@ -110,7 +118,7 @@ def coasting_rows(
             effort = drive.effort[axle].mean(t, window_us, gap_us)
             contact = effort - wheelset_effort(spin[:, i], vehicle.wheelset_inertia, radius[i])
             idle[axle] = np.abs(contact) <= settings.adhesion_max * vehicle.axle_load[axle - 1]
-    # An axle without effort of its own is taken to coast where all the others do.
+    # An axle without an effort signal counts as coasting where all the others do.
     others = np.ones(len(t), dtype=np.bool_)
     for coasting in idle.values():
         others = others & coasting
@@ -118,17 +126,17 @@ def coasting_rows(
     good = np.isfinite(rolling) & (coasts & moving[:, None])
     steps = np.diff(t, append=t[-1:]) / 1e6
     return CoastingRows(
-        v,
-        rolling,
-        acceleration,
-        np.column_stack([_settled(column, t, settings) for column in good.T]),
-        np.where(steps > settings.gap_s, 0.0, steps),
-        t // round(settings.block_s * 1e6),
+        speed=v,
+        rolling=rolling,
+        acceleration=acceleration,
+        used=np.column_stack([_settled(column, t, settings) for column in good.T]),
+        span=np.where(steps > settings.gap_s, 0.0, steps),
+        block=t // round(settings.block_s * 1e6),
     )
 
 
 def _row_median(values: Array) -> Array:
-    """Median of what is finite in each row, NaN where nothing is."""
+    """Median of the finite values in each row, shape (n,); NaN without any."""
     result = np.full(len(values), np.nan)
     some = np.isfinite(values).any(axis=1)
     result[some] = np.nanmedian(values[some], axis=1)
@@ -138,7 +146,7 @@ def _row_median(values: Array) -> Array:
 def _settled(
     good: NDArray[np.bool_], t_us: NDArray[np.int64], settings: CalibrationSettings
 ) -> NDArray[np.bool_]:
-    """Those good stamps before which all was good, without a gap, for the settling time."""
+    """Whether a stamp and all before it within the settling time are good, shape (n,)."""
     if not len(t_us):
         return good
     breaks = ~good | (np.diff(t_us, prepend=t_us[0]) > settings.gap_s * 1e6)
@@ -147,21 +155,24 @@ def _settled(
     return np.asarray(good & (t_us - last_break >= settings.settle_s * 1e6))
 
 
-def joined(parts: Sequence[CoastingRows]) -> CoastingRows:
-    """Rows of all drives in which any axle coasts; blocks numbered through."""
-    kept, base = [], 0
-    for part in parts:
-        rows = part.used.any(axis=1)
-        block = np.unique(part.block[rows], return_inverse=True)[1] + base
+def join_coasting(parts: Sequence[CoastingRows]) -> CoastingRows:
+    """Rows of all drives in which any axle coasts, with consecutive numbers of the blocks."""
+    rows = [part.used.any(axis=1) for part in parts]
+    blocks, base = [], 0
+    for part, own in zip(parts, rows, strict=True):
+        block = np.unique(part.block[own], return_inverse=True)[1] + base
         base += int(np.ptp(block)) + 1 if len(block) else 0
-        kept.append(
-            (
-                part.speed[rows],
-                part.rolling[rows],
-                part.acceleration[rows],
-                part.used[rows],
-                part.span[rows],
-                block,
-            )
-        )
-    return CoastingRows(*(np.concatenate(columns) for columns in zip(*kept, strict=True)))
+        blocks.append(block)
+
+    def column(name: str) -> NDArray[Any]:
+        pairs = zip(parts, rows, strict=True)
+        return np.concatenate([getattr(part, name)[own] for part, own in pairs])
+
+    return CoastingRows(
+        speed=column("speed"),
+        rolling=column("rolling"),
+        acceleration=column("acceleration"),
+        used=column("used"),
+        span=column("span"),
+        block=np.concatenate(blocks),
+    )

@@ -1,18 +1,18 @@
 """Wheel radii, and zero error and delay of the vehicle speed, from coasting.
 
-A wheel that transmits nothing rolls. So while axle i coasts
+A wheel that transmits no force rolls without slip. So while axle i coasts
 
     v(t) = r_i ω_i(t) + o − τ a(t) + e(t)
 
 with the measured vehicle speed v, its zero error o, its delay τ and the acceleration a of the
 vehicle; e is an error that all axles share and that is correlated over seconds. The radii are
-relative to the vehicle speed: a scale error of it cannot be told from one of all the radii.
+relative to the vehicle speed: a scale error of it is indistinguishable from one of all radii.
 
 All r_i, o and τ are fitted together by Huber's M-estimator (Huber 1964; weights k·s/|e| beyond
 k·s, s from the median absolute residual), which short slides cannot drag. Standard errors come
-from deleting one block of several seconds at a time (jackknife; Künsch 1989), since those per
-sample take a correlated error for many independent ones. o and τ are estimated only where the data
-tell them: in a drive at one speed o is a part of every radius.
+from deleting one block of several seconds at a time (block jackknife; Künsch 1989), since standard
+errors per sample would treat a correlated error as many independent ones. o and τ are estimated
+only where they are identifiable: in a drive at one speed o is a part of every radius.
 """
 
 from collections.abc import Sequence
@@ -28,13 +28,13 @@ from adhesion_can.calibration.coasting import (
     CalibrationSettings,
     CoastingDrive,
     CoastingRows,
-    coasting_rows,
-    joined,
+    find_coasting,
+    join_coasting,
 )
 from adhesion_can.physics.vehicle import Locomotive
 
 _SMALLEST_SCALE = 1e-6
-"""m/s; keeps Huber's weights above 0 where the data have no noise at all."""
+"""Least scale of the residuals, m/s; keeps Huber's weights above 0 without any noise."""
 
 _SINGULAR = 1e10
 """Condition number of the scaled normal equations beyond which they are not solved."""
@@ -42,7 +42,14 @@ _SINGULAR = 1e10
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """An estimate with its standard error and 95 % interval (Student's t over the blocks)."""
+    """Estimate of one quantity.
+
+    Attributes:
+        value: Estimate, in the quantity's unit.
+        std: Standard error, in the quantity's unit.
+        interval: 95 % interval by Student's t over the blocks, in the quantity's unit.
+
+    """
 
     value: float
     std: float
@@ -51,14 +58,14 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class AxleRadius:
-    """What coasting says of one axle.
+    """Radius of one axle from coasting.
 
     Attributes:
-        axle: 1...
-        configured: radius so far, m.
-        estimate: radius, m; None: not told.
-        coasting_s: time that it rests on.
-        blocks: number of blocks with coasting.
+        axle: Number of the axle, from 1.
+        configured: Configured radius, m.
+        estimate: Estimated radius, m; None: too little coasting.
+        coasting_s: Total duration of its coasting, s.
+        blocks: Number of blocks with coasting.
 
     """
 
@@ -70,29 +77,30 @@ class AxleRadius:
 
     @property
     def ratio(self) -> float:
-        """Estimated over configured radius; 1 where it is not told."""
+        """Estimated over configured radius; 1 where it is not estimated."""
         return 1.0 if self.estimate is None else self.estimate.value / self.configured
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """Radii, and what else the data tell.
+    """Result of a calibration.
 
     Attributes:
-        axles: those with a wheel speed, in their order.
-        offset: zero error of the vehicle speed, m/s: true = measured − offset; None: not told,
-            and the radii hold for an offset of 0.
-        delay: of the vehicle speed against the wheels, s; None: not told or known.
-        delay_used_s: delay that the radii hold for.
-        offset_std: what the standard error of an offset would be, m/s; inf: without any bound.
-        delay_std: likewise of a delay, s.
-        noise_std: of vehicle speed against the wheels, m/s, from the median absolute residual.
-        outliers: share of samples whose weight was cut below a half.
-        effort_known: whether effort told coasting; otherwise speed was only steady, and the slip
-            of traction is inside the radii.
-        speed_range: lowest and highest vehicle speed used, m/s.
-        mean_speed: m/s.
-        mean_acceleration: m/s².
+        axles: Radii of the axles with a wheel speed, in their order.
+        offset: Zero error of the vehicle speed, m/s, true = measured − offset; None: not
+            identifiable, and the radii hold for an offset of 0.
+        delay: Delay of the vehicle speed against the wheels, s; None: not identifiable, or known.
+        delay_used_s: Delay for which the radii hold, s.
+        offset_std: Standard error that an estimated offset would have, m/s; inf: unbounded.
+        delay_std: Standard error that an estimated delay would have, s; inf: unbounded.
+        noise_std: Standard deviation of the vehicle speed against the wheels, m/s, from the median
+            absolute residual.
+        outliers: Share of the samples with a weight below a half.
+        effort_known: Whether coasting was detected from effort; otherwise from steady speed alone,
+            and the slip of traction is a part of the radii.
+        speed_range: Lowest and highest vehicle speed used, m/s.
+        mean_speed: Mean vehicle speed, m/s.
+        mean_acceleration: Mean acceleration of the vehicle, m/s².
 
     """
 
@@ -116,22 +124,24 @@ def calibrate(
     """Radii from the coasting of one or more drives.
 
     Args:
-        drives: at least one, all with the same axles.
-        vehicle: with the radii so far, its loads and the wheelsets' inertia.
-        settings: see there.
+        drives: Signals of the drives, at least one, all with the same axles.
+        vehicle: Vehicle with the configured radii, the loads and the wheelsets' inertia.
+        settings: Definition of coasting, and limits of the estimates.
 
     Returns:
-        The calibration; no axle has an estimate where none coasts for long enough.
+        Calibration; no axle has an estimate where none coasts for long enough.
 
     """
     axles = sorted(drives[0].wheel_speed)
     configured = np.array([vehicle.wheel_radius[axle - 1] for axle in axles])
-    rows = joined([coasting_rows(drive, axles, vehicle, settings) for drive in drives])
+    rows = join_coasting([find_coasting(drive, axles, vehicle, settings) for drive in drives])
     coasting_s = rows.span @ rows.used
     blocks = [len(np.unique(rows.block[column])) for column in rows.used.T]
     enough = (coasting_s >= settings.coasting_min_s) & (np.array(blocks) >= settings.blocks_min)
     effort_known = any(drive.effort for drive in drives)
-    fit, told = _fit_what_is_told(rows, enough, settings) if enough.any() else (None, _Told())
+    fit, stds = (
+        _fit_identifiable(rows, enough, settings) if enough.any() else (None, _Identifiability())
+    )
     place = np.cumsum(enough) - 1
     moving = rows.used.any(axis=1)
     v, a = rows.speed[moving], rows.acceleration[moving]
@@ -151,8 +161,8 @@ def calibrate(
         delay_used_s=float(fit.values[fit.delay])
         if fit and fit.delay is not None
         else settings.delay_s or 0.0,
-        offset_std=told.offset_std,
-        delay_std=told.delay_std,
+        offset_std=stds.offset_std,
+        delay_std=stds.delay_std,
         noise_std=fit.scale if fit else inf,
         outliers=fit.outliers if fit else 0.0,
         effort_known=effort_known,
@@ -163,8 +173,14 @@ def calibrate(
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
-    """Standard errors of offset and delay fitted together: what the data could tell."""
+class _Identifiability:
+    """Identifiability of offset and delay when both are fitted.
+
+    Attributes:
+        offset_std: Standard error of the offset, m/s; inf: unbounded.
+        delay_std: Standard error of the delay, s; inf: unbounded.
+
+    """
 
     offset_std: float = inf
     delay_std: float = inf
@@ -172,7 +188,18 @@ class _Told:
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """Radii first, then offset and delay where they were fitted."""
+    """Robust fit of the radii, then offset and delay where they are fitted.
+
+    Attributes:
+        values: Estimates, m, m/s and s, shape (p,).
+        stds: Standard errors, in the same units, shape (p,).
+        freedom: Degrees of freedom of each, blocks less one.
+        offset: Index of the offset; None where it is not fitted.
+        delay: Index of the delay; None where it is not fitted.
+        scale: Robust standard deviation of the residuals, m/s.
+        outliers: Share of the samples with a weight below a half.
+
+    """
 
     values: Array
     stds: Array
@@ -188,26 +215,26 @@ class _Fit:
         return Quantity(value, std, (value - reach, value + reach))
 
 
-def _fit_what_is_told(
+def _fit_identifiable(
     rows: CoastingRows, enough: NDArray[np.bool_], settings: CalibrationSettings
-) -> tuple[_Fit | None, _Told]:
-    """Fit with offset and delay, and again without those that it cannot tell.
+) -> tuple[_Fit | None, _Identifiability]:
+    """Fit with offset and delay, repeated without those that are not identifiable.
 
-    Where acceleration follows speed the two look alike, and neither is told.
+    Where acceleration is proportional to speed the two are collinear, and neither is.
     """
     unknown = settings.delay_s is None
     full = _fit(rows, enough, settings, offset=True, delay=unknown)
     if full is None:  # nothing accelerates
         full = _fit(rows, enough, settings, offset=True, delay=False)
-    told = _Told()
+    limits = _Identifiability()
     if full is not None and full.offset is not None:
         delay_std = inf if full.delay is None else float(full.stds[full.delay])
-        told = _Told(float(full.stds[full.offset]), delay_std)
-    offset = told.offset_std <= settings.offset_std_max
-    delay = unknown and told.delay_std <= settings.delay_std_max
+        limits = _Identifiability(float(full.stds[full.offset]), delay_std)
+    offset = limits.offset_std <= settings.offset_std_max
+    delay = unknown and limits.delay_std <= settings.delay_std_max
     if full is not None and offset and delay is (full.delay is not None):
-        return full, told
-    return _fit(rows, enough, settings, offset=offset, delay=delay), told
+        return full, limits
+    return _fit(rows, enough, settings, offset=offset, delay=delay), limits
 
 
 def _fit(
@@ -218,7 +245,7 @@ def _fit(
     offset: bool,
     delay: bool,
 ) -> _Fit | None:
-    """Huber's fit and its jackknife over blocks; None where the equations are singular."""
+    """Huber's M-estimate and its block jackknife; None where the equations are singular."""
     row, axle = np.nonzero(rows.used[:, enough])
     count = int(enough.sum())
     speed, acceleration, block = rows.speed[row], rows.acceleration[row], rows.block[row]
@@ -263,16 +290,16 @@ def _solve(normal: Array, right: Array) -> Array | None:
 
 
 def _jackknife(X: Array, error: Array, weight: Array, block: NDArray[np.int64]) -> Array:
-    """Standard errors from deleting one block at a time, shape (p,); inf where one is needed.
+    """Standard errors by the block jackknife, shape (p,); inf where a block cannot be left out.
 
     The fit without a block is one Newton step from the whole fit, in which samples on the flat
     part of Huber's loss have no curvature: Δβ = −(Σ ψ' x xᵀ)⁻¹ Σ_block ψ x.
 
     Args:
-        X: shape (n, p).
-        error: of each row, shape (n,).
-        weight: Huber's, 1 on the quadratic part, shape (n,).
-        block: of each row, ascending, shape (n,).
+        X: Scaled regressors, shape (n, p).
+        error: Residual of each row, m/s, shape (n,).
+        weight: Huber's weight of each row, 1 on the quadratic part, shape (n,).
+        block: Number of each row's block, ascending, shape (n,).
 
     """
     starts = np.flatnonzero(np.diff(block, prepend=-1))

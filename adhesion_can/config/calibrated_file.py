@@ -1,4 +1,4 @@
-"""A user's configuration file with calibrated values in it; all else stays as written."""
+"""Calibrated values in a user's configuration file; all else stays as written."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -15,19 +15,19 @@ from adhesion_can.config.configuration import Configuration
 from adhesion_can.physics.readings import Role
 
 MARK = "calibrated:"
-"""Begins our part of a comment behind a value; what stands before it is the user's."""
+"""Begin of our part of a comment behind a value; the part before it is the user's."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Correction:
-    """What a calibration changes, with a remark for each: standard error and origin.
+    """Changes by a calibration, with a remark on standard error and origin for each.
 
     Attributes:
-        radius_ratio: new over old radius by axle, of those that were told.
-        offset: zero error found in the vehicle speed as it is read now, m/s; None: not told.
-        radii_remark: goes behind `wheel_radius_m`.
-        factor_remark: goes behind the role of a wheel speed given at the rim, by axle.
-        offset_remark: goes behind the role of the vehicle speed.
+        radius_ratio: New over configured radius by axle, of the estimated radii.
+        offset: Zero error of the vehicle speed as configured so far, m/s; None: not identifiable.
+        radii_remark: Remark behind `wheel_radius_m`.
+        factor_remark: Remark behind the role of a wheel speed given at the rim, by axle.
+        offset_remark: Remark behind the role of the vehicle speed.
 
     """
 
@@ -41,8 +41,8 @@ class Correction:
 def rim_axles(configuration: Configuration) -> set[int]:
     """Axles whose wheel speed is given as speed of the rim.
 
-    It was computed with a radius of its sender's, and the configured radius, which turns it into
-    rad/s, cancels out of the slip ratio: what corrects it is the role's `factor`.
+    Its sender computed it with a radius of its own. The configured radius, which converts it into
+    rad/s, cancels out of the slip ratio, so that the role's `factor` has to correct it.
     """
     return {
         signal.axle
@@ -58,10 +58,10 @@ def with_correction(
     """Text of the configuration file with the correction in it, comments and order kept.
 
     Args:
-        configuration: as it was loaded.
-        source: its file; None: the defaults, of which a new file is begun.
-        target: where the text will be written: the path of the database is made relative to it.
-        correction: see there.
+        configuration: Configuration as it was loaded.
+        source: Path of its file; None: the defaults, and a new file is begun.
+        target: Path of the new file; the path of the database is made relative to it.
+        correction: Changes to write.
 
     """
     text = "" if source is None else source.read_bytes().decode("utf-8")
@@ -91,7 +91,7 @@ def with_correction(
 
 
 def _name_database(document: Any, configuration: Configuration, target: Path) -> None:
-    """Let the file in its new place find the database that was used."""
+    """Set the path of the database so that the new file finds it."""
     used = configuration.database.path.resolve()
     if used == packaged_path().resolve():
         return
@@ -118,7 +118,7 @@ def _set_radii(
 
 
 def _roles(document: Any, configuration: Configuration) -> Any:
-    """Table of the roles; one role in a file displaces all defaults, so they are all written."""
+    """Table of the roles. One role in a file replaces all defaults, so all of them are written."""
     if "roles" not in document:
         roles = tomlkit.table()
         for choice in configuration.choices:
@@ -128,7 +128,7 @@ def _roles(document: Any, configuration: Configuration) -> Any:
 
 
 def _set_keys(roles: Any, choice: SignalChoice, keys: Mapping[str, float], remark: str) -> None:
-    """Set keys of a role, however the file spells it."""
+    """Set keys of a role, in each of the spellings of a role."""
     table, name = roles, choice.name
     if name not in roles:
         # An unquoted wheel_speed.1 is a table in a table.
@@ -148,7 +148,7 @@ def _set_keys(roles: Any, choice: SignalChoice, keys: Mapping[str, float], remar
 
 
 def _put(table: Any, key: str, value: Any) -> None:
-    """Replace a value; the comment behind it stays."""
+    """Replace a value and keep the comment behind it."""
     comment = table[key].trivia.comment if key in table else ""
     table[key] = value
     if comment:
@@ -156,7 +156,7 @@ def _put(table: Any, key: str, value: Any) -> None:
 
 
 def _remark(table: Any, key: str, remark: str) -> None:
-    """Add a remark to the comment behind a value, in the place of an earlier one of ours.
+    """Add a remark to the comment behind a value, replacing an earlier remark.
 
     Within an inline table TOML has no comments: there the remark is left out.
     """

@@ -5,7 +5,13 @@ from functools import cached_property
 from math import hypot, sqrt
 
 from adhesion_can.bus.database import CanDatabase
-from adhesion_can.bus.roles import BoundMessage, SignalChoice, bind, cycles_of, resolutions_of
+from adhesion_can.bus.roles import (
+    BoundMessage,
+    SignalChoice,
+    bind,
+    cycles_by_role,
+    resolutions_by_role,
+)
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.extended.correction import require_axles, require_channels
@@ -100,7 +106,7 @@ class Configuration:
     @cached_property
     def sensors_as_sent(self) -> Sensors:
         """`sensors` with the quantisation of their signals: a raw step q adds a variance q²/12."""
-        steps = resolutions_of(self.messages)
+        steps = resolutions_by_role(self.messages)
 
         def with_step(std: float, role: Role) -> float:
             return hypot(std, steps.get(role, 0.0) / sqrt(12.0))
@@ -163,7 +169,7 @@ class Configuration:
         model = self.model
         return SampleFormer(
             self.vehicle,
-            cycles_of(self.messages),
+            cycles_by_role(self.messages),
             self.sampling,
             self.sensors_as_sent,
             PERFECT if model is None else model.instruments,
@@ -172,7 +178,7 @@ class Configuration:
 
     def make_column_former(self) -> ColumnFormer:
         """New sample former for columns of readings."""
-        return ColumnFormer(self.make_former().by)
+        return ColumnFormer(self.make_former().equations)
 
     def make_estimator(self, name: str | None = None) -> Estimator:
         """New estimator by name; without a name the configured one.

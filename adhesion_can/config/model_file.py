@@ -32,7 +32,15 @@ _MATRIX = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True, slots=True)
 class _Base:
-    """[base] as a file spells it."""
+    """Table `[base]` of the file.
+
+    Attributes:
+        c1: Level of the curve, 1.
+        c2: Steepness of the curve, 1.
+        c3: Fall of the curve beyond its peak, 1.
+        covariance: Covariance of (c1, c2, c3), shape (3, 3).
+
+    """
 
     c1: float
     c2: float
@@ -41,10 +49,10 @@ class _Base:
 
 
 def read_model(path: Path) -> ExtendedModel:
-    """Extended model of a file.
+    """Extended model from a file.
 
     Raises:
-        ConfigError: it cannot be read, or says what nobody understands.
+        ConfigError: The file cannot be read, or has unknown keys or wrong values.
 
     """
     document, sha256 = load_toml(path)
@@ -85,7 +93,7 @@ def _tables(value: object, where: str, key: str) -> Iterator[tuple[dict[str, Any
 
 
 def _stated(kind: type, value: object, where: str, keys: tuple[str, ...]) -> Any:
-    """A frozen dataclass from a table in which some keys must stand."""
+    """Dataclass from a table in which some keys are required."""
     table = table_of(value, where)
     for key in keys:
         if key not in table:
@@ -151,7 +159,7 @@ def write_model(model: ExtendedModel, path: Path) -> None:
     """Write a model where `read_model` finds it; whole or not at all.
 
     Raises:
-        InputError: the folder does not exist or cannot be written to.
+        InputError: The folder does not exist or cannot be written to.
 
     """
     with whole_file(path) as file:
@@ -180,7 +188,11 @@ def model_text(model: ExtendedModel) -> str:
             for p, value in zip(effect.parameters, active.values, strict=True)
         ]
     for spline in model.splines:
-        lines += ["", "[[spline]]", "# adhesion over a channel, as it was seen: no known effect"]
+        lines += [
+            "",
+            "[[spline]]",
+            "# adhesion over a channel, as it was seen: no known effect",
+        ]
         lines += [f"channel = {_text(spline.channel)}", f"kind = {_text(spline.kind)}"]
         lines += [f"knots = {_list(spline.knots)}", f"coefficients = {_list(spline.coefficients)}"]
     if model.provenance:
@@ -190,7 +202,7 @@ def model_text(model: ExtendedModel) -> str:
 
 
 def _number(value: float) -> str:
-    """With all its digits."""
+    """Number with all its digits."""
     return repr(float(value))
 
 
@@ -206,5 +218,5 @@ def _matrix(matrix: Matrix | None) -> list[str]:
 
 def _text(text: str) -> str:
     """A TOML string; a character that UTF-8 does not have is written as its number."""
-    told = text.encode("utf-8", "backslashreplace").decode("utf-8")
-    return json.dumps(told, ensure_ascii=False).replace("\x7f", "\\u007f")
+    valid = text.encode("utf-8", "backslashreplace").decode("utf-8")
+    return json.dumps(valid, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,4 +1,4 @@
-"""A calibration in words, as a table and as JSON."""
+"""A calibration as sentences, as a table and as JSON."""
 
 from collections.abc import Collection
 from math import inf
@@ -8,10 +8,11 @@ from rich.table import Table
 
 from adhesion_can.calibration.coasting import SOFTEST_CONTACT, CalibrationSettings
 from adhesion_can.calibration.fit import AxleRadius, Calibration, Quantity
-from adhesion_can.reporting.text import plus_minus, table
+from adhesion_can.reporting.text import table
+from adhesion_can.result_text import plus_minus
 
 IMPLAUSIBLE = 0.1
-"""A radius off by more than this share is no wear."""
+"""Relative change of a radius beyond which it is no wear."""
 
 
 def _quantity(found: Quantity | None) -> dict[str, Any]:
@@ -23,7 +24,7 @@ def _quantity(found: Quantity | None) -> dict[str, Any]:
 def calibration_json(
     result: Calibration, settings: CalibrationSettings, rim: Collection[int]
 ) -> dict[str, Any]:
-    """As `calibrate --json` writes it; what was not told is null."""
+    """Document of `calibrate --json`; quantities that are not identifiable are null."""
     return {
         "axles": [
             {
@@ -54,7 +55,7 @@ def calibration_json(
 def calibration_notes(
     result: Calibration, settings: CalibrationSettings, rim: Collection[int], reference: str
 ) -> list[str]:
-    """What a reader must know to take the figures for what they are, a sentence each."""
+    """Limits and assumptions of the figures, one sentence each."""
     notes = [
         f"Radii are relative to {reference}: a scale error of it is a part of all of them alike."
     ]
@@ -63,16 +64,16 @@ def calibration_notes(
         notes.append(
             f"Coasting is an adhesion below {settings.adhesion_max:g}; the creep left in it is "
             f"within {share:.2f} % of a radius on a greasy rail, and not in the standard errors. "
-            "Brakes that no signal tells would add to it."
+            "Brakes without a signal would add to it."
         )
     else:
         notes.append(
-            "No role gives tractive effort, so coasting could not be told: speed was only steady "
-            f"(within {settings.acceleration_max:g} m/s²), and the slip of traction is inside the "
-            "radii."
+            "No role gives tractive effort, so coasting could not be detected: "
+            f"speed was only steady (within {settings.acceleration_max:g} m/s²), and the "
+            "slip of traction is inside the radii."
         )
     notes += [_too_little(axle, settings) for axle in result.axles if axle.estimate is None]
-    notes += _untold(result, settings)
+    notes += _not_identifiable(result, settings)
     if rim:
         axles = ", ".join(map(str, sorted(rim)))
         notes.append(
@@ -97,20 +98,21 @@ def _too_little(axle: AxleRadius, settings: CalibrationSettings) -> str:
     )
 
 
-def _untold(result: Calibration, settings: CalibrationSettings) -> list[str]:
-    """What offset and delay were not estimated, and what they would do to the radii."""
+def _not_identifiable(result: Calibration, settings: CalibrationSettings) -> list[str]:
+    """Sentences on an offset and a delay that were not estimated, with their effect."""
     speed = result.mean_speed
     low, high = result.speed_range
     notes = []
     if result.offset is None:
         notes.append(
-            f"An offset of the vehicle speed is not told (speeds {low:.1f} to {high:.1f} m/s, "
-            f"{_would_be(result.offset_std, 'm/s')}) and taken as 0; one of 0.1 m/s would change "
-            f"the radii by {100 * 0.1 / speed:.2f} %."
+            "An offset of the vehicle speed is not identifiable "
+            f"(speeds {low:.1f} to {high:.1f} m/s, {_would_be(result.offset_std, 'm/s')}) and taken "
+            "as 0; one of 0.1 m/s would change the radii by "
+            f"{100 * 0.1 / speed:.2f} %."
         )
     if result.delay is None and settings.delay_s is None:
         notes.append(
-            "A delay of the vehicle speed is not told "
+            "A delay of the vehicle speed is not identifiable "
             f"({_would_be(result.delay_std, 's')}) and taken as 0; one of 0.1 s would change the "
             f"radii by {abs(100 * 0.1 * result.mean_acceleration / speed):.2f} %."
         )
@@ -122,7 +124,7 @@ def _would_be(std: float, unit: str) -> str:
 
 
 def radius_table(result: Calibration, rim: Collection[int]) -> Table:
-    """Radii, a row an axle; `rim`: the axles whose wheel speed is given as speed of the rim."""
+    """Table of the radii, a row per axle; `rim` has the axles with the speed of the rim."""
     rows = [
         (
             str(axle.axle),
@@ -144,7 +146,7 @@ def radius_table(result: Calibration, rim: Collection[int]) -> Table:
 
 
 def speed_lines(result: Calibration, settings: CalibrationSettings) -> list[str]:
-    """Offset and delay of the vehicle speed, a line each."""
+    """Lines with the offset and the delay of the vehicle speed."""
     delay = _quantity_text(result.delay, "s")
     if settings.delay_s is not None:
         delay = f"{settings.delay_s:g} s, as given"
@@ -155,4 +157,4 @@ def speed_lines(result: Calibration, settings: CalibrationSettings) -> list[str]
 
 
 def _quantity_text(found: Quantity | None, unit: str) -> str:
-    return "not told" if found is None else f"{plus_minus(found.value, found.std)} {unit}"
+    return "not identifiable" if found is None else f"{plus_minus(found.value, found.std)} {unit}"

@@ -52,7 +52,7 @@ def drive(
     pulls = (t % CYCLE) < TRACTION
     slip = np.where(pulls, creep, 0.0)
     if slides:
-        # Brakes that no signal tells hold all wheels at 10 % of slip for 4 s, now and then.
+        # Brakes without a signal hold all wheels at 10 % of slip for 4 s, now and then.
         held = np.random.default_rng(99).random(len(t) // 80 + 1) < slides
         slip = slip - 0.1 * held.repeat(80)[: len(t)]
     stamps = np.round(t * 1e6).astype(np.int64)
@@ -111,7 +111,7 @@ def coverage(rounds, offset, delay, **limits):
 @pytest.mark.parametrize(
     ("offset", "delay", "limits"),
     [(0.1, 0.1, FREE), (0.0, 0.0, FIXED), (0.0, 0.0, {})],
-    ids=["free", "fixed", "as the data tell"],
+    ids=["free", "fixed", "as the data allow"],
 )
 def test_95_percent_intervals_hold_under_correlated_errors(rounds, offset, delay, limits):
     """Errors of the speed with a correlation time of 1 s: 10 s blocks, some 24 of them."""
@@ -129,7 +129,7 @@ def test_per_sample_errors_would_be_several_times_too_small():
         assert a.estimate.std > 3 * b.estimate.std
 
 
-def test_at_one_speed_the_offset_is_not_told_and_nothing_is_invented():
+def test_at_one_speed_the_offset_is_not_identifiable_and_stays_none():
     result = run(drive(np.random.default_rng(4), swing=0.05, offset=0.14))
     assert result.offset is None
     assert result.offset_std > 0.03
@@ -152,7 +152,7 @@ def test_where_acceleration_follows_speed_offset_and_delay_are_not_parted():
     known = run(one, offset_std_max=0.03, delay_s=0.0)
     assert known.delay is None
     assert known.delay_used_s == 0.0
-    assert known.offset is not None, "a known delay leaves the offset to be told"
+    assert known.offset is not None, "a known delay makes the offset identifiable"
     assert known.offset.value == pytest.approx(0.0, abs=3 * known.offset.std)
 
 
@@ -184,7 +184,7 @@ def test_a_delay_that_is_left_out_biases_and_one_that_is_known_does_not():
 
 def test_without_effort_speed_is_only_steady_and_the_slip_of_traction_is_inside():
     """0.3 % of creep in 27 % of the time cannot be parted from 0.08 % of wear."""
-    told, untold = (
+    with_effort, without_effort = (
         run(
             drive(np.random.default_rng(8), duration=900, creep=0.003, effort=known),
             acceleration_max=0.4,
@@ -192,9 +192,9 @@ def test_without_effort_speed_is_only_steady_and_the_slip_of_traction_is_inside(
         )
         for known in (True, False)
     )
-    assert told.effort_known
-    assert not untold.effort_known
-    for a, b in zip(told.axles, untold.axles, strict=True):
+    assert with_effort.effort_known
+    assert not without_effort.effort_known
+    for a, b in zip(with_effort.axles, without_effort.axles, strict=True):
         assert b.coasting_s > a.coasting_s
         assert 100 * (b.ratio / a.ratio - 1) == pytest.approx(-0.08, abs=0.04)
 
@@ -328,6 +328,6 @@ def test_window_mean_is_missing_where_a_part_of_the_window_is():
 
 
 def test_of_two_readings_with_one_stamp_the_later_counts():
-    trace = Trace.of(np.array([0, 5, 5, 9]), np.array([1.0, 2.0, 3.0, 4.0]))
+    trace = Trace.from_readings(np.array([0, 5, 5, 9]), np.array([1.0, 2.0, 3.0, 4.0]))
     assert trace.t_us.tolist() == [0, 5, 9]
     assert trace.value.tolist() == [1, 3, 4]

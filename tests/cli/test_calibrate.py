@@ -329,7 +329,13 @@ def test_any_way_to_write_the_file_takes_the_correction_twice(tmp_path, text):
     path = tmp_path / "mine.toml"
     path.write_bytes(text.encode())
     first = load_configuration(path)
-    correction = Correction({1: 0.98}, 0.05, "radii", {1: "factor"}, "offset")
+    correction = Correction(
+        radius_ratio={1: 0.98},
+        offset=0.05,
+        radii_remark="radii",
+        factor_remark={1: "factor"},
+        offset_remark="offset",
+    )
     for _ in range(2):
         now = load_configuration(path)
         path.write_bytes(with_correction(now, path, path, correction).encode())
@@ -448,4 +454,4 @@ def test_a_car_on_the_road_agrees_with_its_data_sheet(realdata, tmp_path, capsys
         assert axle["change_percent"] == pytest.approx(sheet, abs=max(std, 0.1))
         assert 0.01 < std < 0.15
     assert result["offset_mps"]["value"] is None, "60 s near one speed do not tell it"
-    assert "could not be told" in capsys.readouterr().out
+    assert "could not be detected" in capsys.readouterr().out
