@@ -121,7 +121,7 @@ class Block:
             )
 
     @classmethod
-    def of(cls, items: Iterable[Frame | Mark], channels: tuple[str, ...] = ()) -> "Block":
+    def from_frames(cls, items: Iterable[Frame | Mark], channels: tuple[str, ...] = ()) -> "Block":
         """Columns of frames and marks.
 
         Args:

@@ -61,7 +61,7 @@ class SignalPlan:
     not_available: int | None
 
     @classmethod
-    def of(cls, signal: Signal, size: int) -> "SignalPlan":
+    def from_signal(cls, signal: Signal, size: int) -> "SignalPlan":
         """Plan of cantools' signal in a payload of `size` bytes."""
         big = signal.byte_order == "big_endian"
         shift = signal.start
@@ -244,7 +244,7 @@ class MessagePlan:
         self.frame_id = message.frame_id
         self.is_extended = message.is_extended_frame
         self.size = message.length
-        self.signals = {s.name: SignalPlan.of(s, message.length) for s in message.signals}
+        self.signals = {s.name: SignalPlan.from_signal(s, message.length) for s in message.signals}
         self.multiplexed = {
             s.name: (s.multiplexer_signal, frozenset(s.multiplexer_ids))
             for s in message.signals

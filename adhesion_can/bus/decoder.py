@@ -87,7 +87,7 @@ class DecodeReport:
         remote: remote requests.
         error: error frames.
         marks: marks of a service.
-        left_out: what can never be decoded, 'Message' or 'Message.Signal', and why.
+        undecodable: what can never be decoded, 'Message' or 'Message.Signal', and why.
 
     """
 
@@ -98,7 +98,7 @@ class DecodeReport:
     remote: int = 0
     error: int = 0
     marks: int = 0
-    left_out: dict[str, str] = field(default_factory=dict)
+    undecodable: dict[str, str] = field(default_factory=dict)
 
     @property
     def messages(self) -> dict[str, MessageCount]:
@@ -138,7 +138,7 @@ class Decoder:
         # Of several messages with one id the last one counts, as in cantools.
         by_key = {_key_of(message): message for message in database.db.messages}
         self._messages = {
-            key: _MessageDecoder(message, wanted, self.report.left_out)
+            key: _MessageDecoder(message, wanted, self.report.undecodable)
             for key, message in by_key.items()
         }
         self._codes = KeyCodes(self._messages)
@@ -168,7 +168,7 @@ class Decoder:
         if data is not None:
             self._count_kinds(block)
         keys = block.key if data is None else block.key[data]
-        codes = self._codes.of(keys)
+        codes = self._codes.encode(keys)
         order = np.argsort(codes, kind="stable")  # of 16 bits: a radix sort
         begin = 0
         for code, count in enumerate(np.bincount(codes).tolist()):
@@ -207,13 +207,13 @@ class _MessageDecoder:
         self,
         message: Message,
         wanted: Callable[[str, str], bool] | None,
-        left_out: dict[str, str],
+        undecodable: dict[str, str],
     ) -> None:
         self.message = message
-        self.signals = MessageSignals(message, wanted, left_out)
+        self.signals = MessageSignals(message, wanted, undecodable)
         data_id = e2e_data_id(message)
         if data_id is not None and message.length < 2:
-            left_out[f"{message.name}.E2EDataId"] = f"no room for it in {message.length} bytes"
+            undecodable[f"{message.name}.E2EDataId"] = f"no room for it in {message.length} bytes"
             data_id = None
         cycle_us = (message.cycle_time or 0) * 1000 or None
         self._acceptance = MessageAcceptance(CONVERT_POLICY, message.length, data_id, cycle_us)

@@ -121,7 +121,7 @@ class CounterSupervision:
     cycle_us: int | None
     lost: int = 0
     _baseline: int | None = field(default=None, init=False)
-    _heard_us: int = field(default=0, init=False)
+    _received_us: int = field(default=0, init=False)
     _run: int = field(default=0, init=False)
     _run_count: int = field(default=-1, init=False)
 
@@ -136,8 +136,8 @@ class CounterSupervision:
             None where the frame is accepted.
 
         """
-        silence = t_us - self._heard_us
-        self._heard_us = t_us
+        silence = t_us - self._received_us
+        self._received_us = t_us
         if count >= COUNTS:
             self.interrupt()
             return Rejection.ORDER
@@ -147,12 +147,12 @@ class CounterSupervision:
         step = 1 if new_start or self._baseline is None else (count - self._baseline) % COUNTS
         if 1 <= step <= ACCEPTED_STEP:
             self.lost += step - 1
-            self._take(count)
+            self._set_baseline(count)
             return None
         self._run = self._run + 1 if count == (self._run_count + 1) % COUNTS and self._run else 1
         self._run_count = count
         if self._run >= TAKEOVER_FRAMES:
-            self._take(count)
+            self._set_baseline(count)
             return None
         return Rejection.REPEAT if step == 0 else Rejection.ORDER
 
@@ -234,7 +234,7 @@ class CounterSupervision:
         steps = counts + np.uint8(COUNTS) - former
         steps -= np.uint8(COUNTS) * (steps >= COUNTS)
         if self.cycle_us is not None:
-            silence = np.diff(t_us, prepend=self._heard_us)
+            silence = np.diff(t_us, prepend=self._received_us)
             steps[silence >= SILENCE_CYCLES * self.cycle_us] = 1
         if self._baseline is None:
             steps[:1] = 1
@@ -252,13 +252,13 @@ class CounterSupervision:
         """Take the frames from `begin` to before `end`, each a good step behind the last."""
         if begin < end:
             self.lost += int(lost[begin:end].sum())
-            self._heard_us = int(t_us[end - 1])
-            self._take(int(counts[end - 1]))
+            self._received_us = int(t_us[end - 1])
+            self._set_baseline(int(counts[end - 1]))
 
     def interrupt(self) -> None:
         """A frame was rejected for another reason: a run of frames that follow each other ends."""
         self._run = 0
 
-    def _take(self, count: int) -> None:
+    def _set_baseline(self, count: int) -> None:
         self._baseline = count
         self._run = 0

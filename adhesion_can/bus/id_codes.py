@@ -39,7 +39,7 @@ class KeyCodes:
             self._learn(key)
         self._most = len(self.keys) + _LEARNED
 
-    def of(self, keys: _Keys) -> NDArray[np.uint16]:
+    def encode(self, keys: _Keys) -> NDArray[np.uint16]:
         """Codes of keys, shape (n,); `UNSEEN` once more than a thousand unknown ids came."""
         codes = self._look_up(keys)
         room = self._most - len(self.keys)

@@ -8,7 +8,7 @@ from cantools.database.can import Message, Signal
 
 from adhesion_can.bus.codec import MessagePlan, SignalPlan
 from adhesion_can.bus.database import CanDatabase, e2e_data_id
-from adhesion_can.bus.signal_columns import obstacle_of
+from adhesion_can.bus.signal_columns import find_obstacle
 from adhesion_can.bus.units import known_units, to_si
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.readings import Role, role_name
@@ -219,7 +219,7 @@ def _data_id(choices: Sequence[SignalChoice], message: Message, where: str) -> i
 
 def _require_decodable(choice: SignalChoice, signal: Signal, message: Message, where: str) -> None:
     # Databases are loaded with all their faults: those of other signals are no concern of ours.
-    obstacle = obstacle_of(signal, message)
+    obstacle = find_obstacle(signal, message)
     if obstacle:
         raise ConfigError(
             f"{where}: roles.{choice.name}",
@@ -266,7 +266,7 @@ def _agreed(choices: Sequence[SignalChoice], key: str, where: str) -> Any:
     return stated.pop() if stated else None
 
 
-def cycles_of(messages: Iterable[BoundMessage]) -> Mapping[Role, int]:
+def cycles_by_role(messages: Iterable[BoundMessage]) -> Mapping[Role, int]:
     """Cycle of each role, µs; the longest where several messages carry it."""
     cycles: dict[Role, int] = {}
     for message in messages:
@@ -275,7 +275,7 @@ def cycles_of(messages: Iterable[BoundMessage]) -> Mapping[Role, int]:
     return cycles
 
 
-def resolutions_of(messages: Iterable[BoundMessage]) -> Mapping[Role, float]:
+def resolutions_by_role(messages: Iterable[BoundMessage]) -> Mapping[Role, float]:
     """Step of one raw bit of each role, SI; the coarsest where several signals carry it."""
     steps: dict[Role, float] = {}
     for message in messages:

@@ -48,7 +48,7 @@ class MessageSignals:
     Args:
         message: cantools' message.
         wanted: whether a signal is decoded, by the names of message and signal; None: all are.
-        left_out: filled with what can never be decoded, by name, and why.
+        undecodable: filled with what can never be decoded, by name, and why.
 
     """
 
@@ -56,19 +56,19 @@ class MessageSignals:
         self,
         message: Message,
         wanted: Callable[[str, str], bool] | None,
-        left_out: dict[str, str],
+        undecodable: dict[str, str],
     ) -> None:
         self._plans: list[_SignalNumbers] = []
         self._selectors = _Selectors(message)
         obstacle = "a container of other messages" if message.is_container else None
         obstacle = obstacle or self._selectors.obstacle
         if obstacle:
-            left_out[message.name] = obstacle
+            undecodable[message.name] = obstacle
             return
         for signal in message.signals:
             obstacle = _obstacle(signal, message.length)
             if obstacle:
-                left_out[f"{message.name}.{signal.name}"] = obstacle
+                undecodable[f"{message.name}.{signal.name}"] = obstacle
             elif wanted is None or wanted(message.name, signal.name):
                 self._plans.append(_SignalNumbers(signal, message.length))
 
@@ -91,7 +91,7 @@ class MessageSignals:
         return columns, selection.unknown()
 
 
-def obstacle_of(signal: Signal, message: Message) -> str | None:
+def find_obstacle(signal: Signal, message: Message) -> str | None:
     """Why a signal of a message cannot be decoded, its multiplexers included; None: it can."""
     own = _obstacle(signal, message.length)
     if own or signal.multiplexer_signal is None:
@@ -107,7 +107,7 @@ class _SignalNumbers:
         self.page: _Page | None = None
         if signal.multiplexer_signal is not None:
             self.page = signal.multiplexer_signal, frozenset(signal.multiplexer_ids or ())
-        self._plan = SignalPlan.of(signal, size)
+        self._plan = SignalPlan.from_signal(signal, size)
         # The conversion without its value table.
         conversion = BaseConversion.factory(
             scale=signal.conversion.scale,
@@ -262,7 +262,7 @@ def _obstacle(signal: Signal, size: int) -> str | None:
         return "longer than 64 bits"
     if signal.conversion.is_float and signal.length not in (16, 32, 64):
         return f"a float of {signal.length} bits"
-    shift = SignalPlan.of(signal, size).shift
+    shift = SignalPlan.from_signal(signal, size).shift
     if shift < 0 or shift + signal.length > 8 * size:
         return f"reaches over the {size} bytes of its message"
     return None

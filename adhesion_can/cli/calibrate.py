@@ -14,7 +14,6 @@ from adhesion_can.cli.common import (
     add_configuration,
     add_json,
     configuration,
-    open_recordings,
     read_problems,
     require_outputs,
     require_positive,
@@ -29,7 +28,7 @@ from adhesion_can.files import file_sha256, whole_file
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.reference_speed import read_reference, reference_path
-from adhesion_can.recordings.sequence import blocks_in_sequence
+from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.calibration import (
     calibration_json,
     calibration_notes,
@@ -105,7 +104,9 @@ def run(options: argparse.Namespace) -> int:
         [*inputs, config.database.path],
         renewed="--out",
     )
-    reference = None if options.speed is None else Trace.from_readings(*read_reference(options.speed))
+    reference = (
+        None if options.speed is None else Trace.from_readings(*read_reference(options.speed))
+    )
     _require_roles(config, reference)
     recordings = open_recordings(options.log)
     heard = []

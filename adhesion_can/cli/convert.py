@@ -18,7 +18,6 @@ from adhesion_can.bus.decoder import Decoder
 from adhesion_can.cli.common import (
     add_json,
     names_of,
-    open_recordings,
     read_problems,
     require_outputs,
     talk,
@@ -29,6 +28,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError, RecordingError
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.recordings.recording import Recording
+from adhesion_can.recordings.sequence import open_recordings
 from adhesion_can.reporting.export import SUFFIXES, Writer, open_recording, require_format
 from adhesion_can.reporting.export.messages import MessageRows, id_text
 from adhesion_can.reporting.provenance import provenance, texts
@@ -101,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
     ):
         for file, recording in enumerate(recordings):
             for block in watched(recording.blocks()):
-                conversion.take(block, file, writer)
+                conversion.process(block, file, writer)
         conversion.require_decoded(", ".join(map(str, options.log)))
     document = conversion.as_json(recordings)
     if options.out.suffix.lower() == ".mf4" and conversion.runs_back(recordings):
@@ -165,13 +165,13 @@ class _Conversion:
         self._rows = MessageRows(database)
         self._channel = channel
         self._elsewhere: Counter[str] = Counter()
-        self._heard_on: dict[_Key, set[str]] = {}
+        self._received_on: dict[_Key, set[str]] = {}
         self._file = 0
         self._first_ns: int | None = None
         self._last_ns = 0
         self._early: list[int] = []
 
-    def take(self, block: Block, file: int, writer: Writer) -> None:
+    def process(self, block: Block, file: int, writer: Writer) -> None:
         """The next rows of the recordings, of which they are the `file`-th."""
         if not len(block):
             return
@@ -182,17 +182,17 @@ class _Conversion:
             self._early.append(file)
         self._file, self._last_ns = file, int(block.t_ns[-1])
         if self._channel is not None:
-            block = self._of_channel(block, self._channel)
+            block = self._select_channel(block, self._channel)
         decoded = self._decoder.decode(block)
         for columns in decoded:
             message = columns.message
             buses = np.bincount(block.channel[columns.rows])
             key = message.name, message.frame_id, message.is_extended_frame
-            heard = self._heard_on.setdefault(key, set())
-            heard.update(block.channels[place] for place in np.flatnonzero(buses).tolist())
-        writer.write(self._rows.of(decoded))
+            channels = self._received_on.setdefault(key, set())
+            channels.update(block.channels[place] for place in np.flatnonzero(buses).tolist())
+        writer.write(self._rows.build(decoded))
 
-    def _of_channel(self, block: Block, name: str) -> Block:
+    def _select_channel(self, block: Block, name: str) -> Block:
         for place, other in enumerate(block.channels):
             if other != name:
                 self._elsewhere[other] += int(np.count_nonzero(block.channel == place))
@@ -278,18 +278,22 @@ class _Conversion:
         for file in self._early:
             begins = "begins before the end of the file in front of it; its stamps are kept"
             yield f"{files[file]}: {begins}"
-        several = {name: heard for (name, *_), heard in self._heard_on.items() if len(heard) > 1}
+        several = {
+            name: channels
+            for (name, *_), channels in self._received_on.items()
+            if len(channels) > 1
+        }
         if several:
             names = ", ".join(list(several)[:_SHOWN])
             buses = ", ".join(sorted(set().union(*several.values())))
             yield f"heard on several channels ({buses}), and mixed: {names}; --channel takes one"
-        yield from self._undecodable({name for name, _, _ in self._heard_on})
+        yield from self._undecodable({name for name, _, _ in self._received_on})
 
     def _undecodable(
         self, messages: Collection[str], chosen: _Chosen | None = None
     ) -> Iterator[str]:
         """Sentences about what of these messages can never be decoded; None: chosen or not."""
-        for name, reason in self._decoder.report.left_out.items():
+        for name, reason in self._decoder.report.undecodable.items():
             message, _, signal = name.partition(".")
             if message in messages and (not (signal and chosen) or chosen(message, signal)):
                 yield f"{name}: cannot be decoded: {reason}"

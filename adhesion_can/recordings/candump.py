@@ -16,7 +16,7 @@ from adhesion_can.bus.frame import MARKS, Frame, Mark
 
 ERROR_FLAG = 0x20000000
 LAST_US = 9_223_372_036_000_000
-"""Latest stamp of a recording, in the year 2262: later ones do not fit 64 bits as ns."""
+"""Latest stamp of a recording, in the year 2262: add_difference ones do not fit 64 bits as ns."""
 HEAD_LINES = 256
 """Lines that tell what their stamps are."""
 DIFFERENCES = "time stamps read as differences (candump -td) and summed"
@@ -59,13 +59,13 @@ class ReadReport:
         """Lines that could not be read."""
         return sum(self.kinds[kind] for kind in ("malformed", "untimed", "cut"))
 
-    def passed(self, kind: str, number: int) -> None:
+    def _pass_over(self, kind: str, number: int) -> None:
         """Note a line that was passed over."""
         self.kinds[kind] += 1
         if len(self.bad_lines) < 10:
             self.bad_lines.append(number)
 
-    def left_out(self, kind: str, number: int, *, is_whole: bool) -> None:
+    def skip(self, kind: str, number: int, *, is_whole: bool) -> None:
         """Note a line that gave no frame.
 
         Args:
@@ -77,7 +77,7 @@ class ReadReport:
         if kind in ("blank", "comment"):
             self.kinds[kind] += 1
         else:
-            self.passed("cut" if kind == "malformed" and not is_whole else kind, number)
+            self._pass_over("cut" if kind == "malformed" and not is_whole else kind, number)
 
 
 def looks_like_candump(line: bytes) -> bool:
@@ -105,21 +105,21 @@ def read_candump(lines: Iterable[bytes], report: ReadReport) -> Iterator[Frame |
     for number, line in chain(head, numbered):
         item = read_line(line)
         if isinstance(item, str):
-            report.left_out(item, number, is_whole=line.endswith(b"\n"))
+            report.skip(item, number, is_whole=line.endswith(b"\n"))
             continue
         if isinstance(item, Mark):
             report.kinds["mark"] += 1
         else:
             if differences:
-                clock = later(clock, item.t_us)
+                clock = add_difference(clock, item.t_us)
                 item = item._replace(t_us=clock)
-            report.kinds[kind_of(item)] += 1
+            report.kinds[frame_kind(item)] += 1
             report.backwards += item.t_us < last
             last = item.t_us
         yield item
 
 
-def kind_of(frame: Frame) -> str:
+def frame_kind(frame: Frame) -> str:
     """Kind of a frame, as `ReadReport` counts it."""
     if frame.is_error:
         return "error"
@@ -128,7 +128,7 @@ def kind_of(frame: Frame) -> str:
     return "fd" if frame.is_fd else "frame"
 
 
-def later(t_us: int, difference_us: int) -> int:
+def add_difference(t_us: int, difference_us: int) -> int:
     """A stamp and the difference to the next, kept within what a stamp can be."""
     return max(-LAST_US, min(t_us + difference_us, LAST_US))
 
@@ -268,7 +268,7 @@ def format_frame(frame: Frame, channel: str = "can0") -> str:
     """A frame as `candump -L` writes it, with its line end.
 
     Args:
-        frame: data, remote or FD frame; stamped at 0 or later.
+        frame: data, remote or FD frame; stamped at 0 or add_difference.
         channel: name taken where the frame has none.
 
     """

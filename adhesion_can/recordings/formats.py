@@ -30,7 +30,7 @@ def _inner_suffix(path: Path) -> str:
     return Path(path.stem if packed else path.name).suffix.lower()
 
 
-def format_of(path: Path, head: bytes) -> str:
+def detect_format(path: Path, head: bytes) -> str:
     """Suffix of the format of a recording, `CANDUMP` for candump text.
 
     A name that says one format and first bytes that say another are an error: read as the one it

@@ -97,7 +97,7 @@ class _Part(NamedTuple):
     order: NDArray[np.float64]
     rows: Block
 
-    def take(self, rows: slice | NDArray[np.int64]) -> "_Part":
+    def select(self, rows: slice | NDArray[np.int64]) -> "_Part":
         return _Part(self.order[rows], self.rows.select(rows))
 
     @classmethod
@@ -119,7 +119,7 @@ class _Group:
     def __init__(self, mdf: Any, index: int, name: str) -> None:
         self._mdf, self._index, self._name = mdf, index, name
         self._start = mdf.header.start_time.timestamp()
-        self._taken = 0
+        self._done = 0
         self.left: int = mdf.groups[index].channel_group.cycles_nr
 
     def read(self, count: int) -> _Part:
@@ -130,7 +130,7 @@ class _Group:
             signal = self._mdf.get(
                 self._name,
                 self._index,
-                record_offset=self._taken,
+                record_offset=self._done,
                 record_count=count,
                 raw=False,
             )
@@ -138,7 +138,7 @@ class _Group:
             raise NotInColumnsError(str(error)) from error
         if len(signal.samples) != count or len(signal.timestamps) != count:
             raise NotInColumnsError("some records are missing, or marked as invalid")
-        self._taken += count
+        self._done += count
         self.left -= count
         return self._part(signal.samples, signal.timestamps)
 
@@ -246,12 +246,12 @@ def _merged(groups: list[_Group], size: int) -> Iterator[_Part]:
         for place, group in enumerate(groups):
             head = heads.pop(group)
             cut = int(np.searchsorted(head.order, end, "right" if place <= last else "left"))
-            parts.append(head.take(slice(cut)))
+            parts.append(head.select(slice(cut)))
             if cut < len(head.order):
-                heads[group] = head.take(slice(cut, None))
+                heads[group] = head.select(slice(cut, None))
         merged = _Part.joined(parts)
         in_order = len(groups) == 1
-        yield merged if in_order else merged.take(np.argsort(merged.order, kind="stable"))
+        yield merged if in_order else merged.select(np.argsort(merged.order, kind="stable"))
 
 
 def _gathered(parts: Iterable[_Part], least: int) -> Iterator[Block]:

@@ -27,7 +27,7 @@ class _Listener(logging.Handler):
 
 
 @contextmanager
-def python_can_told(notes: list[str]) -> Iterator[None]:
+def collect_python_can_warnings(notes: list[str]) -> Iterator[None]:
     """Add one note of all that python-can's readers warn of, when they are done or stopped.
 
     Args:
@@ -46,7 +46,7 @@ def python_can_told(notes: list[str]) -> Iterator[None]:
             notes.append(f"python-can gives {lines} on lines or frames in it: {listener.first}")
 
 
-def lost_lines(suffix: str, lines: Iterable[bytes], frames: int) -> str | None:
+def find_lost_lines(suffix: str, lines: Iterable[bytes], frames: int) -> str | None:
     """What a text of lines that was read to its end shows to have been lost; None: nothing.
 
     Nothing can be known of a .csv, whose reader stops at any fault, and little of an .asc, which

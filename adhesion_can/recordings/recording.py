@@ -16,15 +16,15 @@ from adhesion_can.recordings.candump import (
     HEAD_LINES,
     LAST_US,
     ReadReport,
-    kind_of,
+    frame_kind,
     read_candump,
     times_are_differences,
 )
 from adhesion_can.recordings.candump_columns.parse import read_chunks
-from adhesion_can.recordings.candump_columns.text_source import Packing, Source
-from adhesion_can.recordings.formats import CANDUMP, HEAD, format_of
+from adhesion_can.recordings.candump_columns.text_source import Packing, TextSource
+from adhesion_can.recordings.formats import CANDUMP, HEAD, detect_format
 from adhesion_can.recordings.mf4 import NotInColumnsError, mf4_blocks, open_mf4
-from adhesion_can.recordings.reader_losses import lost_lines, python_can_told
+from adhesion_can.recordings.reader_losses import collect_python_can_warnings, find_lost_lines
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
 _ROWS = 50_000  # of a block of a format that is read frame by frame
@@ -55,12 +55,12 @@ class Recording:
                     str(path), "is a pipe or a device, not a file", "write it to a file first"
                 )
             with path.open("rb") as file:
-                self._packing = Packing.of(file.read(4))
+                self._packing = Packing.from_head(file.read(4))
         except OSError as error:
             raise RecordingError(
                 str(path), error.strerror or "cannot be read", "check the path"
             ) from error
-        self._format = format_of(path, self._head())
+        self._format = detect_format(path, self._head())
         if self._format != CANDUMP and self._packing is Packing.ZSTD:
             raise RecordingError(
                 str(path), "python-can reads no zstd", "unpack it with 'zstd -d', or use gzip"
@@ -102,8 +102,8 @@ class Recording:
             yield from self._python_can_blocks()
         self.position = self.size
 
-    def _source(self, report: ReadReport) -> Source:
-        return Source(self.path, self._packing, report)
+    def _source(self, report: ReadReport) -> TextSource:
+        return TextSource(self.path, self._packing, report)
 
     def _head(self) -> bytes:
         """First bytes, unpacked; none where they cannot be: reading will tell why."""
@@ -161,7 +161,7 @@ class Recording:
                 stopped = error  # raised when what came before it is given
             if not rows:
                 break
-            block = Block.of(rows, channels)
+            block = Block.from_frames(rows, channels)
             channels = block.channels
             self.position = _position(self._reader)
             yield block
@@ -174,23 +174,26 @@ class Recording:
         last = count = 0
         trc = self._format == ".trc"
         try:
-            with python_can_told(self.report.notes), can.LogReader(self.path) as self._reader:
-                self._tell_cut(self._reader)
+            with (
+                collect_python_can_warnings(self.report.notes),
+                can.LogReader(self.path) as self._reader,
+            ):
+                self._report_cut(self._reader)
                 for message in self._reader:
                     if trc and isinstance(message.channel, int):
                         message.channel -= 1  # PEAK counts its buses from 1
                     frame = _possible(from_message(message))
                     count += 1
                     if count > given:
-                        self.report.kinds[kind_of(frame)] += 1
+                        self.report.kinds[frame_kind(frame)] += 1
                         self.report.backwards += frame.t_us < last
                         yield frame
                     last = frame.t_us
-            self._tell_lost(count)
+            self._report_lost(count)
         except Exception as error:
             raise self._stopped(error) from error
 
-    def _tell_cut(self, reader: can.io.generic.MessageReader) -> None:
+    def _report_cut(self, reader: can.io.generic.MessageReader) -> None:
         # Of all the formats only the head of .blf says how long the file is.
         length = getattr(reader, "file_size", 0)
         if self._packing is Packing.NONE and length > self.size:
@@ -198,9 +201,9 @@ class Recording:
                 f"the file is cut: it has {self.size} of the {length} bytes that its head says"
             )
 
-    def _tell_lost(self, frames: int) -> None:
+    def _report_lost(self, frames: int) -> None:
         with self._source(ReadReport()) as source:
-            note = lost_lines(self._format, source.lines(), frames)
+            note = find_lost_lines(self._format, source.lines(), frames)
         self.report.notes.extend([note] if note else [])
 
     def _stopped(self, error: Exception) -> RecordingError:

@@ -1,6 +1,7 @@
 """Several recordings one after another, less frames whose stamps are broken."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.candump import ReadReport
 from adhesion_can.recordings.recording import Recording
+from adhesion_can.recordings.sample_table import is_table
 
 STRAY_US = 60_000_000
 """A stamp this far ahead, taken back by the next one, is a broken stamp and not a hole in time."""
@@ -28,7 +30,7 @@ class _Strays:
         self._last: int | None = None
         self._held: int | None = None
 
-    def take(self, t_us: int) -> tuple[bool, bool]:
+    def add(self, t_us: int) -> tuple[bool, bool]:
         """Take the next stamp: whether the one that is held is good, and whether this one is."""
         held_is_good = False
         if self._held is not None:
@@ -65,7 +67,7 @@ def _without_strays(items: Iterable[Frame | Mark], report: ReadReport) -> Iterat
     strays = _Strays(report)
     held: Frame | Mark | None = None
     for item in items:
-        held_is_good, good = strays.take(item.t_us)
+        held_is_good, good = strays.add(item.t_us)
         if held is not None and held_is_good:
             yield held
         held = None if good else item
@@ -88,7 +90,7 @@ def _blocks_without_strays(blocks: Iterable[Block], report: ReadReport) -> Itera
         skip = 0 if held is None else 1  # the held row was taken with its own block
         keep = np.zeros(len(rows), dtype=np.bool_)
         for place, t_us in enumerate(rows.t_us.tolist()[skip:], start=skip):
-            held_is_good, keep[place] = strays.take(t_us)
+            held_is_good, keep[place] = strays.add(t_us)
             if place and not keep[place - 1]:
                 keep[place - 1] = held_is_good
         held = None if keep[-1] else rows.select(slice(len(rows) - 1, None))
@@ -142,3 +144,21 @@ def _out_of_order(recording: Recording) -> RecordingError:
         "begins before the recording in front of it ends",
         "name the recordings in the order of their times, or replay them one by one",
     )
+
+
+def open_recordings(paths: Sequence[Path]) -> list[Recording]:
+    """Recordings of files.
+
+    Args:
+        paths: Paths of the files.
+
+    Raises:
+        RecordingError: A file is missing, of no known format, or a table of samples.
+
+    """
+    for path in paths:
+        if path.exists() and is_table(path):
+            raise RecordingError(
+                str(path), "a table of samples, not a recording", "give it to 'identify'"
+            )
+    return [Recording(path) for path in paths]

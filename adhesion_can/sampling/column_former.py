@@ -21,12 +21,12 @@ from adhesion_can.arrays import Array
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.samples import Samples
-from adhesion_can.sampling.column_history import NEVER, ColumnTrack, Stamps
+from adhesion_can.sampling.column_history import NEVER, ColumnHistory, Stamps
 from adhesion_can.sampling.equations import (
     TRAVEL,
-    TRAVEL_OF,
-    Forming,
+    TRAVEL_BY_DIRECTION,
     Measured,
+    SampleEquations,
 )
 
 Signal = tuple[Role, int]
@@ -59,26 +59,26 @@ class ColumnFormer:
     """Forms samples from columns of readings; holds what the next block may still need.
 
     Args:
-        by: how.
+        equations: Settings and equations of the samples.
 
     """
 
-    def __init__(self, by: Forming) -> None:
-        self._by = by
-        axles = range(1, by.vehicle.axles + 1)
-        self._wheel = {i: ColumnTrack(by.gap_us(Role.WHEEL_SPEED)) for i in axles}
-        effort_gap = by.gap_us(Role.TRACTIVE_EFFORT)
-        self._effort = {i: ColumnTrack(effort_gap, by.effort_lag_us) for i in axles}
-        self._load = {i: ColumnTrack(by.gap_us(Role.AXLE_LOAD)) for i in axles}
-        self._speed = ColumnTrack(by.gap_us(Role.VEHICLE_SPEED), by.speed_lag_us)
-        self._direction = ColumnTrack(0.0)
-        self._covariates = {name: ColumnTrack(0.0) for name in (TRAVEL, *COVARIATES.values())}
+    def __init__(self, equations: SampleEquations) -> None:
+        self._equations = equations
+        axles = range(1, equations.vehicle.axles + 1)
+        self._wheel = {i: ColumnHistory(equations.gap_us(Role.WHEEL_SPEED)) for i in axles}
+        effort_gap = equations.gap_us(Role.TRACTIVE_EFFORT)
+        self._effort = {i: ColumnHistory(effort_gap, equations.effort_lag_us) for i in axles}
+        self._load = {i: ColumnHistory(equations.gap_us(Role.AXLE_LOAD)) for i in axles}
+        self._speed = ColumnHistory(equations.gap_us(Role.VEHICLE_SPEED), equations.speed_lag_us)
+        self._direction = ColumnHistory(0.0)
+        self._covariates = {name: ColumnHistory(0.0) for name in (TRAVEL, *COVARIATES.values())}
         self.dropped: Counter[str] = Counter()
         """Wheel-speed readings that gave no sample, by reason."""
 
-    def take(self, readings: Readings) -> None:
+    def add(self, readings: Readings) -> None:
         """Readings that come after those taken so far; stamps of a signal do not run backwards."""
-        wrong = self._by.instruments
+        wrong = self._equations.instruments
         for (role, axle), (stamps, values) in readings.items():
             if role is Role.WHEEL_SPEED and axle in self._wheel:
                 self._wheel[axle].extend(stamps, values)
@@ -97,14 +97,14 @@ class ColumnFormer:
         told = np.isfinite(values)
         stamps, values = stamps[told], np.trunc(values[told])
         travel = np.full(len(values), np.nan)
-        for direction, sign in TRAVEL_OF.items():
+        for direction, sign in TRAVEL_BY_DIRECTION.items():
             travel[values == direction] = sign
         # A direction that says neither leaves the travel as it was, forwards at first.
         last = np.maximum.accumulate(np.where(np.isfinite(travel), np.arange(len(travel)), -1))
         was = self._direction.value[-1] if len(self._direction.value) else 1.0
         travel = np.where(last >= 0, travel[last], was)
         self._direction.extend(stamps, travel)
-        if self._by.with_travel:
+        if self._equations.with_travel:
             self._covariates[TRAVEL].extend(stamps, travel)
 
     def collect(self, due_us: Stamps) -> Iterator[Samples]:
@@ -153,7 +153,7 @@ class ColumnFormer:
             load=measured.load,
             load_std=np.concatenate([part.load_std for part in parts])[order],
             speed_us=np.concatenate([part.speed_us for part in parts])[order],
-            **self._by.derive(measured)._asdict(),
+            **self._equations.derive(measured)._asdict(),
             covariates=self._covariates_of(t_us, due_us[collection]),
         )
         if len(due_us):
@@ -167,7 +167,7 @@ class ColumnFormer:
             # The present ones, unless samples had to wait for late readings.
             place = (
                 np.searchsorted(track.t_us, t_us, side="right") - 1
-                if self._by.lag_us
+                if self._equations.lag_us
                 else track.before(due_us)
             )
             if len(track.t_us) and (place >= 0).any():
@@ -175,9 +175,12 @@ class ColumnFormer:
         return out
 
     def _forget(self, now_us: int) -> None:
-        by = self._by
+        equations = self._equations
         waiting = [int(wheel.t_us[0]) for wheel in self._wheel.values() if len(wheel.t_us)]
-        oldest = max(min(waiting, default=now_us), round(now_us - 4 * by.patience_us - by.lag_us))
+        oldest = max(
+            min(waiting, default=now_us),
+            round(now_us - 4 * equations.patience_us - equations.lag_us),
+        )
         tracks = (self._speed, self._direction, *self._effort.values(), *self._load.values())
         for track in (*tracks, *self._covariates.values()):
             track.forget_before(oldest)
@@ -186,7 +189,7 @@ class ColumnFormer:
 
     def _form(self, axle: int, due: _Due) -> _Formed:
         """Samples of an axle that come in these collections; the wheel forgets what is settled."""
-        wheel, by = self._wheel[axle], self._by
+        wheel, equations = self._wheel[axle], self._equations
         t = wheel.t_us[1:-1]
         omega, before, after = wheel.value[1:-1], wheel.value[:-2], wheel.value[2:]
         since, until = t - wheel.t_us[:-2], wheel.t_us[2:] - t
@@ -196,7 +199,7 @@ class ColumnFormer:
         ready = due.after(wheel.t_us[2:])
         bracketed = np.maximum(np.maximum(v.known_us, effort.known_us), wheel.t_us[2:])
         needed = np.where(lost | gap, ready, due.after(bracketed))
-        slow = v.value < by.settings.v_min
+        slow = v.value < equations.settings.v_min
         whole = ~(lost | gap) & np.isfinite(v.value) & np.isfinite(effort.value) & ~slow
         load = self._load[axle].held_at(t)
         load_std = np.zeros(len(t))
@@ -206,14 +209,14 @@ class ColumnFormer:
                 axle, t[guessed], effort.value[guessed], bracketed[guessed], due
             )
             load[guessed], load_std[guessed], needed[guessed] = guess
-        patient = due.after((t + by.give_up_us).astype(np.float64))
+        patient = due.after((t + equations.give_up_us).astype(np.float64))
         settled = (
             np.maximum.accumulate(np.where(lost | gap, needed, np.minimum(needed, patient)))
             if len(t)
             else needed
         )
         done = int(np.searchsorted(settled, len(due.t_us)))
-        light = load < by.settings.min_load_share * by.vehicle.axle_load[axle - 1]
+        light = load < equations.settings.min_load_share * equations.vehicle.axle_load[axle - 1]
         reasons = (
             (lost, "wheel speed not available"),
             (gap, "gap in wheel speed"),
@@ -261,15 +264,15 @@ class ColumnFormer:
         The transfer asks axle after axle for its effort and waits for its bracket; an axle that
         was never heard by then, or that has no value there, ends the asking in doubt.
         """
-        by = self._by
-        static = by.vehicle.axle_load[axle - 1]
-        spread = by.vehicle.load_std * static
+        equations = self._equations
+        static = equations.vehicle.axle_load[axle - 1]
+        spread = equations.vehicle.load_std * static
         size = len(t)
         load, std = np.full(size, static), np.full(size, spread)
         needed = due.after(bracketed)
-        if by.transfer is None:
+        if equations.transfer is None:
             return load, std, needed
-        row = by.transfer[axle - 1]
+        row = equations.transfer[axle - 1]
         doubt = np.array([hypot(spread, one * sum(row)) for one in effort.tolist()])
         asking = np.ones(size, dtype=np.bool_)
         shift, latest = np.zeros(size), bracketed
@@ -299,4 +302,4 @@ class ColumnFormer:
         return load, std, needed
 
 
-_NOTHING = Samples.of([])
+_NOTHING = Samples.from_rows([])

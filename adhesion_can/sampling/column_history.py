@@ -31,7 +31,7 @@ class Bracketed(NamedTuple):
 
 
 @dataclass(slots=True)
-class ColumnTrack:
+class ColumnHistory:
     """Readings that a bracket may still need, in the order of their stamps.
 
     Attributes:

@@ -73,12 +73,12 @@ class SamplingSettings:
             raise ValueError("min_load_share must be in 0..1")
 
 
-TRAVEL_OF: Mapping[int, float] = {Direction.FORWARD: 1.0, Direction.REVERSE: -1.0}
+TRAVEL_BY_DIRECTION: Mapping[int, float] = {Direction.FORWARD: 1.0, Direction.REVERSE: -1.0}
 """Value of `TRAVEL` by direction; another direction leaves it as it is."""
 
 
 @dataclass(frozen=True)
-class Forming:
+class SampleEquations:
     """What samples are formed by.
 
     Attributes:

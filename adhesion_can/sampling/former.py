@@ -21,13 +21,13 @@ from adhesion_can.physics.samples import Sample
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.equations import (
     TRAVEL,
-    TRAVEL_OF,
-    Forming,
+    TRAVEL_BY_DIRECTION,
     Measured,
+    SampleEquations,
     SamplingSettings,
     Sensors,
 )
-from adhesion_can.sampling.signal_history import WAITING, Track, Waiting
+from adhesion_can.sampling.signal_history import WAITING, SignalHistory, Waiting
 
 
 class _Row(NamedTuple):
@@ -74,7 +74,7 @@ class SampleFormer:
         *,
         with_travel: bool = False,
     ) -> None:
-        self.by = by = Forming(
+        self.equations = equations = SampleEquations(
             vehicle,
             cycles_us,
             settings or SamplingSettings(),
@@ -83,10 +83,10 @@ class SampleFormer:
             with_travel,
         )
         axles = range(1, vehicle.axles + 1)
-        self._wheel = {i: Track(by.gap_us(Role.WHEEL_SPEED)) for i in axles}
-        self._effort = {i: Track(by.gap_us(Role.TRACTIVE_EFFORT)) for i in axles}
-        self._load = {i: Track(by.gap_us(Role.AXLE_LOAD)) for i in axles}
-        self._speed = Track(by.gap_us(Role.VEHICLE_SPEED))
+        self._wheel = {i: SignalHistory(equations.gap_us(Role.WHEEL_SPEED)) for i in axles}
+        self._effort = {i: SignalHistory(equations.gap_us(Role.TRACTIVE_EFFORT)) for i in axles}
+        self._load = {i: SignalHistory(equations.gap_us(Role.AXLE_LOAD)) for i in axles}
+        self._speed = SignalHistory(equations.gap_us(Role.VEHICLE_SPEED))
         self._next = dict.fromkeys(axles, 1)
         self._travel = 1.0
         self._covariates: dict[str, float] = {}
@@ -100,20 +100,20 @@ class SampleFormer:
         What a sensor measured earlier than it is stamped goes back to when that was; samples wait
         for it.
         """
-        role, axle, wrong = reading.role, reading.axle, self.by.instruments
+        role, axle, wrong = reading.role, reading.axle, self.equations.instruments
         if role is Role.WHEEL_SPEED and axle in self._wheel:
             self._wheel[axle].add(reading.t_us, reading.value)
         elif role is Role.TRACTIVE_EFFORT and axle in self._effort:
             effort = None if reading.value is None else reading.value - wrong.effort_bias
-            self._effort[axle].add(reading.t_us - self.by.effort_lag_us, effort)
+            self._effort[axle].add(reading.t_us - self.equations.effort_lag_us, effort)
         elif role is Role.VEHICLE_SPEED:
             speed = None if reading.value is None else reading.value / (1.0 + wrong.speed_error)
-            self._speed.add(reading.t_us - self.by.speed_lag_us, speed)
+            self._speed.add(reading.t_us - self.equations.speed_lag_us, speed)
         elif role is Role.AXLE_LOAD and axle in self._load:
             self._load[axle].add(reading.t_us, reading.value)
         elif role is Role.DIRECTION and reading.value is not None:
-            self._travel = TRAVEL_OF.get(int(reading.value), self._travel)
-            if self.by.with_travel and self._covariates.get(TRAVEL) != self._travel:
+            self._travel = TRAVEL_BY_DIRECTION.get(int(reading.value), self._travel)
+            if self.equations.with_travel and self._covariates.get(TRAVEL) != self._travel:
                 self._set_covariate(TRAVEL, self._travel, reading.t_us)
         elif role in COVARIATES:
             self._set_covariate(COVARIATES[role], reading.value, reading.t_us)
@@ -122,12 +122,12 @@ class SampleFormer:
         # A new mapping, since the samples formed so far share the old one.
         rest = {key: old for key, old in self._covariates.items() if key != name}
         self._covariates = rest if value is None else {**rest, name: value}
-        if self.by.lag_us:
+        if self.equations.lag_us:
             self._history.append((t_us, self._covariates))
 
     def _covariates_at(self, t_us: int) -> dict[str, float]:
         """Those of a sample: the present ones, unless it had to wait for late readings."""
-        if not self.by.lag_us:
+        if not self.equations.lag_us:
             return self._covariates
         before = bisect_right(self._history, t_us, key=lambda entry: entry[0]) - 1
         return self._history[before][1] if before >= 0 else {}
@@ -146,7 +146,7 @@ class SampleFormer:
             while k < len(wheel.times) - 1:
                 outcome = self._form(axle, k)
                 if outcome is WAITING:
-                    if now_us - wheel.times[k] <= self.by.give_up_us:
+                    if now_us - wheel.times[k] <= self.equations.give_up_us:
                         break
                     outcome = "no bracket"
                 if isinstance(outcome, _Row):
@@ -167,7 +167,8 @@ class SampleFormer:
             if len(wheel.times) >= self._next[axle]
         ]
         oldest = max(
-            min(waiting, default=now_us), round(now_us - 4 * self.by.patience_us - self.by.lag_us)
+            min(waiting, default=now_us),
+            round(now_us - 4 * self.equations.patience_us - self.equations.lag_us),
         )
         for track in (self._speed, *self._effort.values(), *self._load.values()):
             track.forget_before(oldest)
@@ -192,13 +193,16 @@ class SampleFormer:
             return "vehicle speed not available"
         if effort is None:
             return "tractive effort not available"
-        if v < self.by.settings.v_min:
+        if v < self.equations.settings.v_min:
             return "below v_min"
         loaded = self._load_at(axle, t, effort)
         if isinstance(loaded, Waiting):
             return WAITING
         load, load_std = loaded
-        if load < self.by.settings.min_load_share * self.by.vehicle.axle_load[axle - 1]:
+        if (
+            load
+            < self.equations.settings.min_load_share * self.equations.vehicle.axle_load[axle - 1]
+        ):
             return "axle load implausibly low"
         later = (after - omega) / ((wheel.times[k + 1] - t) * 1e-6)
         earlier = (omega - before) / ((t - wheel.times[k - 1]) * 1e-6)
@@ -224,7 +228,7 @@ class SampleFormer:
         columns = np.array(rows, dtype=np.float64)
         axle = columns[:, 1].astype(np.int64)
         *_, omega, accel, span, speed, effort, load, _, _, bend, spread = columns.T
-        derived = self.by.derive(
+        derived = self.equations.derive(
             Measured(axle, omega, accel, span, speed, effort, load, bend, spread)
         )
         values = zip(*(column.tolist() for column in derived), strict=True)
@@ -261,11 +265,11 @@ class SampleFormer:
         measured = self._load[axle].held_at(t_us)
         if measured is not None:
             return measured, 0.0
-        static = self.by.vehicle.axle_load[axle - 1]
-        spread = self.by.vehicle.load_std * static
-        if self.by.transfer is None:
+        static = self.equations.vehicle.axle_load[axle - 1]
+        spread = self.equations.vehicle.load_std * static
+        if self.equations.transfer is None:
             return static, spread
-        row = self.by.transfer[axle - 1]
+        row = self.equations.transfer[axle - 1]
         shift = 0.0
         for j, share in enumerate(row, start=1):
             track = self._effort[j]

@@ -11,7 +11,7 @@ class Waiting:
 WAITING = Waiting()
 
 
-class Track:
+class SignalHistory:
     """Recent readings of one signal, in the order of their stamps."""
 
     __slots__ = ("max_gap_us", "times", "values")

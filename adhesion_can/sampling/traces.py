@@ -26,7 +26,7 @@ class Trace:
     value: Array
 
     @classmethod
-    def of(cls, t_us: NDArray[np.int64], value: Array) -> "Trace":
+    def from_readings(cls, t_us: NDArray[np.int64], value: Array) -> "Trace":
         """Trace of stamps that do not run backwards; of two with one stamp the later one counts."""
         last = np.ones(len(t_us), dtype=np.bool_)
         last[:-1] = t_us[1:] > t_us[:-1]

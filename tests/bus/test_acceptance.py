@@ -89,7 +89,7 @@ def test_columns_equal_frame_by_frame_under_every_policy(policy, protected, cycl
     ends = sorted({0, len(drive), *(cut for cut in cuts if cut < len(drive))})
     got, got_lost = [], []
     for begin, end in zip(ends, ends[1:], strict=False):
-        block = Block.of(drive[begin:end], channels=("can0", "can1"))
+        block = Block.from_frames(drive[begin:end], channels=("can0", "can1"))
         found = accept_rows(many, block, np.arange(end - begin), decode_rows)
         for code, value in zip(found.outcome.tolist(), found.columns.tolist(), strict=True):
             got.append((code, None) if code else (0, value))
@@ -106,7 +106,9 @@ def outcome(policy, data, *, data_id=None, size=4):
     found = accept_frame(acceptance, frame, decode_frame)
     rejection = found if isinstance(found, Rejection) else None
     acceptance = MessageAcceptance(policy, size, data_id, CYCLE)
-    (code,) = accept_rows(acceptance, Block.of([frame]), np.array([0]), decode_rows).outcome
+    (code,) = accept_rows(
+        acceptance, Block.from_frames([frame]), np.array([0]), decode_rows
+    ).outcome
     assert code == (REJECTION_CODE[rejection] if rejection else 0)
     return rejection
 

@@ -310,7 +310,7 @@ def test_signals_below_eight_bits_have_no_way_to_say_not_available():
     for message in OWN.messages:
         for signal in message.signals:
             if signal.length < 8:
-                plan = SignalPlan.of(signal, 8)
+                plan = SignalPlan.from_signal(signal, 8)
                 assert plan.not_available is None
                 assert plan.raw(plan.encode(1e9)) == (1 << signal.length) - 1
                 with pytest.raises(ValueError, match=signal.name):
@@ -320,7 +320,7 @@ def test_signals_below_eight_bits_have_no_way_to_say_not_available():
 @pytest.mark.parametrize("length", range(1, 65))
 @pytest.mark.parametrize("signed", [False, True])
 def test_not_available_is_all_ones_from_eight_bits_on(length, signed):
-    plan = SignalPlan.of(Signal("S", 0, length, is_signed=signed), 8)
+    plan = SignalPlan.from_signal(Signal("S", 0, length, is_signed=signed), 8)
     if length < 8:
         assert plan.not_available is None
     else:
@@ -341,7 +341,7 @@ def test_bits_not_named_are_zero():
 )
 def test_ieee_floats_go_out_as_they_come_in(length, form):
     signal = Signal("F", 0, length, conversion=BaseConversion.factory(is_float=True))
-    plan = SignalPlan.of(signal, 8)
+    plan = SignalPlan.from_signal(signal, 8)
     for value in (0.0, 1.5, -2.25, 1024.0, 6.103515625e-05):
         (bits,) = struct.unpack({16: "<H", 32: "<I", 64: "<Q"}[length], struct.pack(form, value))
         assert plan.value(bits) == value
@@ -351,13 +351,13 @@ def test_ieee_floats_go_out_as_they_come_in(length, form):
 @pytest.mark.parametrize("bad", [math.inf, -math.inf, math.nan])
 def test_a_float_that_is_no_number_is_out_of_range(bad):
     signal = Signal("F", 0, 32, conversion=BaseConversion.factory(is_float=True))
-    plan = SignalPlan.of(signal, 8)
+    plan = SignalPlan.from_signal(signal, 8)
     (bits,) = struct.unpack("<I", struct.pack("<f", bad))
     assert not plan.in_range(plan.value(bits))
 
 
 def ranged(lowest, highest, scale=0.5):
-    return SignalPlan.of(
+    return SignalPlan.from_signal(
         Signal(
             "S",
             0,

@@ -86,7 +86,7 @@ def check_signal(name, column, outcome, results):
 
 
 def check_block(known, decoder, items):
-    block = Block.of(items)
+    block = Block.from_frames(items)
     heard, others = by_cantools(known, items)
     decoded = decoder.decode(block)
     keys = {(c.message.frame_id, c.message.is_extended_frame): c for c in decoded}
@@ -128,7 +128,7 @@ def check_all(known, blocks):
     assert sum(count.decoded for count in report.messages.values()) == rejected.pop(None, 0)
     assert sum((count.rejected for count in report.messages.values()), Counter()) == rejected
     assert report.frames + report.marks == sum(len(items) for items in blocks)
-    assert not report.left_out
+    assert not report.undecodable
 
 
 # --- random databases ----------------------------------------------------------------------------
@@ -349,7 +349,7 @@ def test_j1939_pages_by_hand():
     payloads = ["0700000000000000", "11FFFFFFFF000000", "9300000000010203", "0200000000000000"]
     number = known.db.get_message_by_name("Tree").frame_id
     items = [Frame(i, number, bytes.fromhex(p), is_extended=True) for i, p in enumerate(payloads)]
-    (tree,) = Decoder(known).decode(Block.of(items))
+    (tree,) = Decoder(known).decode(Block.from_frames(items))
     assert tree.outcome.tolist() == [0, 0, 0, 1 + REJECTIONS.index("multiplexer")]
     present = {name: column.present for name, column in tree.signals.items()}
     assert present["Group"] is None
@@ -367,7 +367,7 @@ def test_j1939_pages_by_hand():
 def test_types_follow_the_conversion():
     known = from_text(without(J1939, "SG_ Across"))
     frames = [Frame(0, 100, b"\xff" * 64, is_fd=True), Frame(0, 100, bytes(64), is_fd=True)]
-    (columns,) = Decoder(known).decode(Block.of(frames))
+    (columns,) = Decoder(known).decode(Block.from_frames(frames))
     found = {name: column.values for name, column in columns.signals.items()}
     assert found["Total"].dtype == np.uint64
     assert found["Total"].tolist() == [2**64 - 1, 0]
@@ -385,7 +385,7 @@ def test_floats_come_out_as_they_are():
         for t_us, (bits, shift) in enumerate([(1, 63), *patterns])
     ]
     check_all(known, [frames])
-    (columns,) = Decoder(known).decode(Block.of(frames))
+    (columns,) = Decoder(known).decode(Block.from_frames(frames))
     energy = columns.signals["Energy"].values
     assert np.signbit(energy[0])
     assert energy[:5].tolist() == [0.0, 0.0, math.inf, -math.inf, 5e-324]

@@ -79,7 +79,7 @@ def test_faults_are_judged_as_frame_by_frame(seed, size):
     for begin in range(0, len(items), size):
         part = items[begin : begin + size]
         reasons = [None] * len(part)
-        for columns in decoder.decode(Block.of(part)):
+        for columns in decoder.decode(Block.from_frames(part)):
             for row, code in zip(columns.rows.tolist(), columns.outcome.tolist(), strict=True):
                 reasons[row] = REJECTIONS[code - 1] if code else None
         found += reasons
@@ -106,20 +106,22 @@ def test_each_channel_has_counters_of_its_own():
     ]
     decoder = Decoder(OWN)
     for part in (items[:31], items[31:]):
-        block = Block.of(part, channels=("can0", "can1"))
+        block = Block.from_frames(part, channels=("can0", "can1"))
         (columns,) = decoder.decode(block)
         assert not columns.outcome.any()
     assert decoder.report.messages["WheelSpeeds1"].lost == 0
-    (columns,) = Decoder(OWN).decode(Block.of([i._replace(channel="") for i in items]))
+    (columns,) = Decoder(OWN).decode(Block.from_frames([i._replace(channel="") for i in items]))
     assert columns.outcome.any()
 
 
 def test_a_protected_frame_that_is_too_long_is_refused_and_an_open_one_is_decoded():
     long = sealed(0x101, 0, bytes(8)) + bytes(4)
-    (columns,) = Decoder(OWN).decode(Block.of([Frame(0, 0x101, long, is_fd=True)]))
+    (columns,) = Decoder(OWN).decode(Block.from_frames([Frame(0, 0x101, long, is_fd=True)]))
     assert [REJECTIONS[code - 1] for code in columns.outcome] == ["length"]
     known = database(Message(1, "Open", 2, [Signal("S", 0, 16, byte_order="little_endian")]))
-    (columns,) = Decoder(known).decode(Block.of([Frame(0, 1, b"\x01\x02" + bytes(10), is_fd=True)]))
+    (columns,) = Decoder(known).decode(
+        Block.from_frames([Frame(0, 1, b"\x01\x02" + bytes(10), is_fd=True)])
+    )
     assert columns.outcome.tolist() == [0]
     assert columns.signals["S"].values.tolist() == [0x0201]
 
@@ -129,7 +131,7 @@ def test_a_long_message_in_short_frames_is_refused(others):
     signals = [Signal("First", 0, 8), Signal("Last", 504, 8), Signal("Across", 60, 8)]
     known = database(Message(1, "Long", 64, signals, is_fd=True))
     items = [*others, Frame(0, 1, b"\x07\x01"), Frame(0, 1, bytes(8))]
-    (columns,) = Decoder(known).decode(Block.of(items))
+    (columns,) = Decoder(known).decode(Block.from_frames(items))
     assert [REJECTIONS[code - 1] for code in columns.outcome] == ["length", "length"]
     assert columns.words.shape == (2, 8)
     assert columns.signals.keys() == {"First", "Last", "Across"}
@@ -141,7 +143,7 @@ def test_a_long_message_in_short_frames_is_refused(others):
 def test_signals_not_wanted_are_passed_over_and_told():
     decoder = Decoder(OWN, lambda message, signal: (message, signal) == ("WheelSpeeds1", "Alive"))
     frames = [Frame(0, number, sealed(number, 3, bytes(8))) for number in (0x101, 0x102, 0x102)]
-    (columns,) = decoder.decode(Block.of(frames))
+    (columns,) = decoder.decode(Block.from_frames(frames))
     assert columns.signals.keys() == {"Alive"}
     assert columns.signals["Alive"].values.tolist() == [3]
     assert decoder.report.passed_over == {"WheelSpeeds2": 2}
@@ -159,11 +161,11 @@ def test_what_cannot_be_decoded_is_left_out_and_told():
     )  # fmt: skip
     decoder = Decoder(known)
     frames = [Frame(0, 1, bytes(8)), Frame(0, 2, bytes(range(16)), is_fd=True)]
-    (columns,) = decoder.decode(Block.of(frames))
+    (columns,) = decoder.decode(Block.from_frames(frames))
     assert columns.signals.keys() == {"Good"}
     assert columns.signals["Good"].values.tolist() == [10]
     assert decoder.report.passed_over == {"Box": 1}
-    assert decoder.report.left_out == {
+    assert decoder.report.undecodable == {
         "Box": "a container of other messages",
         "Odd.Wide": "longer than 64 bits",
         "Odd.Behind": "reaches over the 16 bytes of its message",
@@ -180,10 +182,10 @@ BA_DEF_DEF_ "E2EDataId" 0;
 BA_ "E2EDataId" BO_ 5 7;
 """
     decoder = Decoder(CanDatabase(Path("short.dbc"), "", load_string(text)))
-    (columns,) = decoder.decode(Block.of([Frame(0, 5, b"\x09")]))
+    (columns,) = decoder.decode(Block.from_frames([Frame(0, 5, b"\x09")]))
     assert columns.signals["S"].values.tolist() == [9]
     assert columns.outcome.tolist() == [0]
-    assert decoder.report.left_out == {"Short.E2EDataId": "no room for it in 1 bytes"}
+    assert decoder.report.undecodable == {"Short.E2EDataId": "no room for it in 1 bytes"}
 
 
 def test_a_row_of_unknown_selector_keeps_its_counter():
@@ -195,7 +197,7 @@ def test_a_row_of_unknown_selector_keeps_its_counter():
         for i, page in enumerate(pages)
     ]
     decoder = Decoder(OWN)
-    (columns,) = decoder.decode(Block.of(frames))
+    (columns,) = decoder.decode(Block.from_frames(frames))
     assert columns.message is message
     assert [REJECTIONS[code - 1] if code else None for code in columns.outcome] == [
         None, None, "multiplexer", None,
@@ -205,8 +207,8 @@ def test_a_row_of_unknown_selector_keeps_its_counter():
 
 def test_a_block_without_a_row():
     decoder = Decoder(OWN)
-    assert decoder.decode(Block.of([])) == []
-    assert decoder.decode(Block.of([Mark(0, "advance")])) == []
+    assert decoder.decode(Block.from_frames([])) == []
+    assert decoder.decode(Block.from_frames([Mark(0, "advance")])) == []
     assert decoder.report.frames == 0
     assert decoder.report.marks == 1
 
@@ -215,9 +217,9 @@ def test_a_block_without_a_row():
 def test_a_message_that_no_frame_can_carry_is_left_out(size):
     """As databases of SAE J1939 have them, whose parts come under another id."""
     decoder = Decoder(database(Message(0x10, "Long", 100, [Signal("S", 700, 16)], strict=False)))
-    assert decoder.decode(Block.of([Frame(0, 0x10, bytes(size), is_fd=size > 8)])) == []
+    assert decoder.decode(Block.from_frames([Frame(0, 0x10, bytes(size), is_fd=size > 8)])) == []
     assert decoder.report.passed_over == {"Long": 1}
-    assert "100 bytes" in decoder.report.left_out["Long.S"]
+    assert "100 bytes" in decoder.report.undecodable["Long.S"]
 
 
 # --- codes of ids --------------------------------------------------------------------------------
@@ -231,7 +233,7 @@ def test_codes_tell_every_id_apart(known, blocks):
     codes = KeyCodes(known)
     every = [key for block in blocks for key in block]
     for block in [known, *blocks, [*known, *every]]:
-        found = codes.of(np.array(block, dtype=np.uint32))
+        found = codes.encode(np.array(block, dtype=np.uint32))
         assert [codes.keys[code] for code in found.tolist()] == block
     assert codes.keys[1 : 1 + len(known)] == known
 
@@ -241,12 +243,12 @@ def test_a_bus_of_random_ids_is_counted_though_no_code_is_left():
     keys = (rng.integers(0, 1 << 29, 6000) | EXTENDED).astype(np.uint32)
     decoder = Decoder(OWN)
     codes = KeyCodes([0x101])
-    assert (codes.of(keys) == UNSEEN).any()
-    assert (codes.of(np.array([0x101], dtype=np.uint32)) == 1).all()
+    assert (codes.encode(keys) == UNSEEN).any()
+    assert (codes.encode(np.array([0x101], dtype=np.uint32)) == 1).all()
     frames = [Frame(0, key & ~EXTENDED, b"", is_extended=True) for key in keys.tolist()]
     frames += [Frame(0, 0x101, sealed(0x101, 0, bytes(8)))]
     for part in (frames[:3000], frames[3000:]):
-        decoder.decode(Block.of(part))
+        decoder.decode(Block.from_frames(part))
     report = decoder.report
     every = Counter((key & ~EXTENDED, True) for key in keys.tolist())
     assert 1000 <= len(report.unknown) < 1100
@@ -262,7 +264,7 @@ def test_messages_of_one_name_are_counted_each_for_itself():
     )
     decoder = Decoder(known)
     for items in ([(0x10, b"a"), (0x20, b""), (0x20, b"b")], [(0x20, b"c")]):
-        decoder.decode(Block.of([Frame(0, number, data) for number, data in items]))
+        decoder.decode(Block.from_frames([Frame(0, number, data) for number, data in items]))
     report = decoder.report
     assert {key: count.frames for key, count in report.counts.items()} == {
         ("M", 0x10, False): 1,

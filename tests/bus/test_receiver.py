@@ -16,7 +16,7 @@ from adhesion_can.bus.database import CanDatabase, load_database
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.rejection import Rejection
-from adhesion_can.bus.roles import SignalChoice, bind, contract_choices, cycles_of
+from adhesion_can.bus.roles import SignalChoice, bind, contract_choices, cycles_by_role
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.readings import Reading, Role
 from tests.bus.bus_helpers import payload_of, sealed
@@ -124,7 +124,7 @@ def test_every_bound_message_has_the_cycle_of_the_contract():
         "Environment": 1000 * MS,
         "TrackGeometry": 200 * MS,
     }
-    assert cycles_of(BOUND)[Role.VEHICLE_SPEED] == 20 * MS
+    assert cycles_by_role(BOUND)[Role.VEHICLE_SPEED] == 20 * MS
     assert {m.data_id for m in BOUND} == {m.plan.frame_id for m in BOUND}
 
 
@@ -470,7 +470,7 @@ def test_a_number_that_is_none_in_si_is_out_of_range_in_blocks_too(unit, value):
     frames = [Frame(i, 256, struct.pack("<d", number)) for i, number in enumerate((value, 1.0))]
     one, other = Receiver(messages), Receiver(messages)
     outcomes = [one.accept(frame) for frame in frames]
-    received = other.accept_block(Block.of(frames), np.array([0, 1]))
+    received = other.accept_block(Block.from_frames(frames), np.array([0, 1]))
     (times, values) = received.readings[Role.TRACTIVE_EFFORT, 1]
     fits = abs(value) * {"N": 1, "kN": 1000}[unit] < inf
     assert (outcomes[0] is not Rejection.RANGE) == fits

@@ -69,7 +69,7 @@ CONTENTS = st.lists(st.binary(min_size=64, max_size=64) | EXTREMES, max_size=8)
 
 
 def check_signal(signal, size, contents):
-    plan = SignalPlan.of(signal, size)
+    plan = SignalPlan.from_signal(signal, size)
     rows = [content[:size] for content in contents]
     words = as_words(rows, 1 if size <= 8 else 8)
     raw = plan.raw_column(words)
@@ -110,7 +110,7 @@ def test_every_place_and_length_in_two_words(big, signed):
     numbers = [int.from_bytes(row, order) for row in rows]
     for first in range(128):
         for length in range(1, min(64, 128 - first) + 1):
-            plan = SignalPlan.of(
+            plan = SignalPlan.from_signal(
                 Signal(
                     "S",
                     motorola_start(first) if big else first,

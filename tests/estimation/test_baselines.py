@@ -37,7 +37,7 @@ DRY, WET, GREASY = (surface.theta for surface in RAIL)
 PAPER = ((0.5, 30.0, 0.08), (0.25, 20.0, 0.10), (0.4, 40.0, 0.06))
 LIMITS = IdentifiabilitySettings()
 BLOCK = 500
-NOTHING = Samples.of([])
+NOTHING = Samples.from_rows([])
 
 
 def curve(h, c1, c2, c3):

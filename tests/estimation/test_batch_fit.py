@@ -311,7 +311,7 @@ def test_samples_that_cannot_be_used_are_left_out_and_counted():
 
 
 def test_nothing_usable_is_none():
-    assert identify(Samples.of([])) is None
+    assert identify(Samples.from_rows([])) is None
     assert identify(Samples.curve(np.array([np.nan, 0.9]), np.array([0.1, 0.1]))) is None
 
 

@@ -510,7 +510,7 @@ def test_without_samples_the_estimate_is_held():
     w, adhesion = world_of(speed, seconds=2.0)
     inner = Tracker()
     estimator = ExtendedEstimator(inner, model_of("speed_dependence"))
-    nothing = Samples.of([])
+    nothing = Samples.from_rows([])
     assert estimator.update(nothing, 0) is None
     for samples in w.batches(adhesion):
         estimate = estimator.update(samples, int(samples.t_us[-1]))

@@ -352,7 +352,7 @@ def test_no_estimate_before_the_first_block_and_the_same_between_blocks():
     assert estimator.update(block(DRY, 1, n=BLOCK - 1), 0) is None
     first = estimator.update(block(DRY, 2, n=1), 0)
     assert first is not None
-    assert estimator.update(Samples.of([]), 0) is first
+    assert estimator.update(Samples.from_rows([]), 0) is first
     assert estimator.update(block(DRY, 3, n=BLOCK - 1), 0) is first
 
 
@@ -367,7 +367,7 @@ def test_same_seed_same_estimates():
 
 def test_a_standing_train_costs_neither_memory_nor_time():
     # No sample comes below v_min; the service still calls every 20 ms, 180 000 times an hour.
-    estimator, nothing = PaperEstimator(), Samples.of([])
+    estimator, nothing = PaperEstimator(), Samples.from_rows([])
 
     def calls(count):
         begin = time.perf_counter()

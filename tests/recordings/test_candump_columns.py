@@ -19,9 +19,9 @@ from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark
 from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.candump import format_frame, format_mark, parse_line
-from adhesion_can.recordings.candump_columns import parse as scan
+from adhesion_can.recordings.candump_columns import parse as chunk_parser
 from adhesion_can.recordings.candump_columns.ascii_numbers import decimal, hexadecimal, keep
-from adhesion_can.recordings.candump_columns.line_layouts import layout_of, match_lines
+from adhesion_can.recordings.candump_columns.line_layouts import find_layout, match_lines
 from adhesion_can.recordings.candump_columns.text_source import BACK, FRONT, LINE_LIMIT, Chunk
 from adhesion_can.recordings.recording import Recording, from_message
 from tests.bus.bus_helpers import real_data
@@ -32,12 +32,12 @@ GOOD = b"(1700000000.123456) can0 123#1122334455667788\n"
 
 @contextmanager
 def eager():
-    """A scan that reads the smallest group of lines in columns."""
-    before, scan._FEW = scan._FEW, 1
+    """A parser that reads the smallest group of lines in columns."""
+    before, chunk_parser._FEW = chunk_parser._FEW, 1
     try:
         yield
     finally:
-        scan._FEW = before
+        chunk_parser._FEW = before
 
 
 def chunk_of(content):
@@ -87,7 +87,7 @@ def assert_same_content(folder, content, size=1 << 20):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("scan")
+    return tmp_path_factory.mktemp("chunks")
 
 
 # --- words ---------------------------------------------------------------------------------------
@@ -155,13 +155,13 @@ FAST = [
 @pytest.mark.parametrize("end", [b"\n", b""])
 def test_lines_of_these_forms_are_read_in_columns(line, end):
     chunk = chunk_of(line + end)
-    layout = layout_of(line + end)
+    layout = find_layout(line + end)
     found = match_lines(layout, chunk.text, np.array([FRONT]), np.array([FRONT + len(line)]))
     assert found.t_ns.shape == (1,)
     with eager():
-        scanned = scan.scan(chunk)
-    assert list(scanned.block.items()) == [parse_line(line + end)]
-    assert scanned.layouts == (layout,)
+        parsed = chunk_parser.parse_chunk(chunk)
+    assert list(parsed.block.items()) == [parse_line(line + end)]
+    assert parsed.layouts == (layout,)
 
 
 NEAR = [
@@ -455,7 +455,9 @@ def test_python_can_reads_the_same(tmp_path):
 def test_lines_of_one_form_are_not_read_one_by_one(tmp_path, monkeypatch):
     """What makes it fast: the slow way sees the lines of other forms alone."""
     seen = []
-    monkeypatch.setattr(scan, "read_line", lambda line: seen.append(line) or parse_line(line))
+    monkeypatch.setattr(
+        chunk_parser, "read_line", lambda line: seen.append(line) or parse_line(line)
+    )
     path = tmp_path / "a.log"
     lines = [*map(format_frame, plain_log(20_000, random.Random(3)))]
     lines += [format_mark(Mark(i, ADVANCE)) for i in range(200)]
@@ -467,7 +469,7 @@ def test_lines_of_one_form_are_not_read_one_by_one(tmp_path, monkeypatch):
     recording = Recording(path)
     assert sum(map(len, recording.blocks(100_000))) == len(lines)
     assert seen.count(b"rubbish\n") == 3
-    assert len(seen) < 3 + 2 * scan._FEW
+    assert len(seen) < 3 + 2 * chunk_parser._FEW
 
 
 # --- stamps --------------------------------------------------------------------------------------
@@ -593,12 +595,12 @@ def test_more_names_than_columns_can_tell_are_an_error(folder):
 @given(seed=st.integers(0, 1 << 32), hinted=st.integers(0, 1 << 32))
 def test_hints_change_nothing(seed, hinted):
     with eager():
-        hints = scan.scan(chunk_of(any_log(random.Random(hinted), 60))).layouts
+        hints = chunk_parser.parse_chunk(chunk_of(any_log(random.Random(hinted), 60))).layouts
         chunk = chunk_of(any_log(random.Random(seed), 100))
-        alone, helped = scan.scan(chunk), scan.scan(chunk, hints)
+        alone, helped = chunk_parser.parse_chunk(chunk), chunk_parser.parse_chunk(chunk, hints)
     assert list(alone.block.items()) == list(helped.block.items())
     assert alone.block.t_ns.tolist() == helped.block.t_ns.tolist()
-    assert (alone.lines, alone.left_out) == (helped.lines, helped.left_out)
+    assert (alone.lines, alone.skipped) == (helped.lines, helped.skipped)
 
 
 @pytest.mark.parametrize("packed", [False, True])

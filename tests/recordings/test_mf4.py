@@ -46,7 +46,7 @@ def framewise(path):
         frames.extend(recording)
     except RecordingError as stopped:
         error = str(stopped)
-    return Block.of(frames), recording.report, error
+    return Block.from_frames(frames), recording.report, error
 
 
 def assert_equal(found, wanted):
@@ -58,7 +58,7 @@ def assert_equal(found, wanted):
 
 
 def joined(blocks):
-    return Block.concatenate(blocks) if blocks else Block.of([])
+    return Block.concatenate(blocks) if blocks else Block.from_frames([])
 
 
 def direct(path, size=50_000):

@@ -107,7 +107,7 @@ def recorded(count=600, seed=1):
         except DecodeError:
             continue
         expected.append((t_ns, message.name, values))
-    block = Block.of([frame._replace(t_us=0) for frame in frames])
+    block = Block.from_frames([frame._replace(t_us=0) for frame in frames])
     return replace(block, t_ns=np.array([frame.t_us for frame in frames])), expected
 
 
@@ -115,7 +115,7 @@ def write(path, block, size=10_000, *, fail=False):
     decoder, rows = Decoder(DATABASE), MessageRows(DATABASE)
     with open_recording(path, ORIGIN) as writer:
         for first in range(0, len(block), size):
-            writer.write(rows.of(decoder.decode(block.select(slice(first, first + size)))))
+            writer.write(rows.build(decoder.decode(block.select(slice(first, first + size)))))
         if fail:
             raise KeyboardInterrupt
     return decoder.report
@@ -224,8 +224,10 @@ def test_the_time_of_mf4_begins_where_the_recording_does(tmp_path):
         writer.begin(T0_NS)
         decoder, rows = Decoder(DATABASE), MessageRows(DATABASE)
         frames = [Frame(0, 291, bytes(8)), Frame(0, 291, bytes(8))]
-        block = replace(Block.of(frames), t_ns=np.array([T0_NS + 5 * 10**9, T0_NS + 7 * 10**9]))
-        writer.write(rows.of(decoder.decode(block)))
+        block = replace(
+            Block.from_frames(frames), t_ns=np.array([T0_NS + 5 * 10**9, T0_NS + 7 * 10**9])
+        )
+        writer.write(rows.build(decoder.decode(block)))
     start_ns, columns = mf4_columns(tmp_path / "a.mf4")
     assert start_ns == T0_NS
     assert columns["Plain", "Count"][0].tolist() == [5.0, 7.0]
@@ -321,7 +323,7 @@ def test_a_name_that_stands_twice_gets_its_id(tmp_path):
     database = CanDatabase(Path("t.dbc"), "", cantools.database.load_string(text, strict=False))
     frames = [Frame(1, 291, bytes(8)), Frame(2, 292, b"\1" + bytes(7))]
     with open_recording(tmp_path / "a.csv", {}) as writer:
-        writer.write(MessageRows(database).of(Decoder(database).decode(Block.of(frames))))
+        writer.write(MessageRows(database).of(Decoder(database).decode(Block.from_frames(frames))))
     first, second = csv_rows(tmp_path / "a.csv")
     assert (first["message"], first["Plain@123.Scaled"]) == ("Plain@123", "-3.5")
     assert (second["message"], second["Plain@124.Scaled"]) == ("Plain@124", "1")

@@ -12,9 +12,9 @@ from adhesion_can.physics.readings import Reading, Role
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.sampling.column_former import ColumnFormer
-from adhesion_can.sampling.column_history import ColumnTrack
+from adhesion_can.sampling.column_history import ColumnHistory
 from adhesion_can.sampling.former import SampleFormer
-from adhesion_can.sampling.signal_history import Track
+from adhesion_can.sampling.signal_history import SignalHistory
 
 CYCLES = {
     Role.WHEEL_SPEED: 10_000,
@@ -84,7 +84,7 @@ def one_by_one(former, readings, due):
         while reading is not None and reading.t_us < t_us:
             former.add(reading)
             reading = next(waiting)
-        out.append(Samples.of(former.collect(t_us)))
+        out.append(Samples.from_rows(former.collect(t_us)))
     return out
 
 
@@ -96,7 +96,7 @@ def in_columns(former, readings, due, cuts):
         columns = {}
         for r in own:
             columns.setdefault((r.role, r.axle), []).append(r)
-        former.take(
+        former.add(
             {
                 key: (
                     np.array([r.t_us for r in rows], dtype=np.int64),
@@ -146,7 +146,7 @@ def test_columns_give_what_readings_give(seed, vehicle, instruments, faults, tra
     due = list(range(start, 2_200_000, step))
     cuts = sorted(int(c) for c in rng.integers(0, len(readings) + 1, blocks))
     one = SampleFormer(vehicle, *settings_, with_travel=travel)
-    other = ColumnFormer(SampleFormer(vehicle, *settings_, with_travel=travel).by)
+    other = ColumnFormer(SampleFormer(vehicle, *settings_, with_travel=travel).equations)
     expected = one_by_one(one, readings, due)
     assert_same(in_columns(other, readings, due, cuts), expected)
     assert other.dropped == +one.dropped
@@ -154,18 +154,18 @@ def test_columns_give_what_readings_give(seed, vehicle, instruments, faults, tra
 
 def test_a_faultless_drive_gives_samples_at_all():
     """That two empty lists are equal shows nothing."""
-    former = ColumnFormer(SampleFormer(Locomotive(), CYCLES).by)
+    former = ColumnFormer(SampleFormer(Locomotive(), CYCLES).equations)
     readings = drive(1, Locomotive(), 0.0)
     got = in_columns(former, readings, list(range(0, 1_500_000, 20_000)), [500])
     assert sum(map(len, got)) > 6 * 70
 
 
 def test_it_forgets_what_is_settled():
-    former = ColumnFormer(SampleFormer(TWO_AXLES, CYCLES).by)
+    former = ColumnFormer(SampleFormer(TWO_AXLES, CYCLES).equations)
     t = np.arange(0, 100_000, 10_000, dtype=np.int64)
     for block in range(200):
         at = t + 100_000 * block
-        former.take(
+        former.add(
             {
                 (Role.WHEEL_SPEED, 1): (at, np.full(10, 16.0)),
                 (Role.TRACTIVE_EFFORT, 1): (at, np.full(10, 3e4)),
@@ -180,15 +180,15 @@ def test_it_forgets_what_is_settled():
 
 @pytest.mark.parametrize("first", [0, 5])
 def test_an_empty_block_changes_nothing(first):
-    former = ColumnFormer(SampleFormer(TWO_AXLES, CYCLES).by)
+    former = ColumnFormer(SampleFormer(TWO_AXLES, CYCLES).equations)
     assert list(former.collect(np.empty(0, dtype=np.int64))) == []
-    former.take({})
+    former.add({})
     assert [len(s) for s in former.collect(np.array([first, 20_000]))] == [0, 0]
 
 
 def test_a_late_reading_before_time_zero_is_kept():
     """A recording that begins at 0, a model with a delay, a block that ends within the delay."""
-    one, other = Track(60_000), ColumnTrack(60_000, lag_us=35_000)
+    one, other = SignalHistory(60_000), ColumnHistory(60_000, lag_us=35_000)
     for stamps in ([0, 20_000], [40_000, 60_000]):
         for t_us in stamps:
             one.add(t_us - 35_000, float(t_us))
@@ -200,9 +200,9 @@ def test_a_late_reading_before_time_zero_is_kept():
 def test_a_direction_that_is_no_direction_leaves_the_travel_as_it_was():
     odd = [1e30, 1.9, -1e300, 2.5]
     one = SampleFormer(TWO_AXLES, CYCLES, with_travel=True)
-    other = ColumnFormer(one.by)
+    other = ColumnFormer(one.equations)
     stamps = np.arange(4, dtype=np.int64) * 1000
-    other.take({(Role.DIRECTION, 0): (stamps, np.array(odd))})
+    other.add({(Role.DIRECTION, 0): (stamps, np.array(odd))})
     for t_us, value in zip(stamps.tolist(), odd, strict=True):
         one.add(Reading(t_us, Role.DIRECTION, 0, value))
     assert other._direction.value[-1] == one._travel == -1.0

@@ -66,7 +66,7 @@ class Layout:
 
 
 @dataclass(frozen=True, slots=True)
-class Matched:
+class MatchedLines:
     """Columns of the lines that fit a layout: shapes (n,), words (n, w).
 
     Attributes:
@@ -82,10 +82,10 @@ class Matched:
     words: Words
     names: Words
 
-    def select(self, chosen: NDArray[np.bool_]) -> "Matched":
+    def select(self, chosen: NDArray[np.bool_]) -> "MatchedLines":
         """Those that a mask names."""
         places = np.flatnonzero(chosen)
-        return Matched(
+        return MatchedLines(
             rows=places if self.rows is None else self.rows[places],
             t_ns=self.t_ns[places],
             key=self.key[places],
@@ -95,7 +95,7 @@ class Matched:
         )
 
 
-def layout_of(line: bytes) -> Layout | None:
+def find_layout(line: bytes) -> Layout | None:
     """The layout that a line has, or None where it is for `parse_line` alone."""
     if match := _FRAME.fullmatch(line):
         return _frame_layout(match)
@@ -131,7 +131,7 @@ def _frame_layout(match: re.Match[bytes]) -> Layout:
 
 
 def _mark_layout(match: re.Match[bytes]) -> Layout:
-    (kind,) = Block.of([Mark(0, match[3].decode())]).kind.tolist()
+    (kind,) = Block.from_frames([Mark(0, match[3].decode())]).kind.tolist()
     head = match[0].rstrip()
     return Layout(
         kind=Kind(kind),
@@ -182,7 +182,7 @@ def _fixed(head: bytes, free: set[int]) -> tuple[tuple[int, np.uint64, np.uint64
     return tuple(words)
 
 
-def match_lines(layout: Layout, text: Text, starts: Places, ends: Places) -> Matched | None:
+def match_lines(layout: Layout, text: Text, starts: Places, ends: Places) -> MatchedLines | None:
     """The lines that fit a layout in every character.
 
     Args:
@@ -211,7 +211,7 @@ def match_lines(layout: Layout, text: Text, starts: Places, ends: Places) -> Mat
     sizes -= layout.size + len(layout.tail)
     length, words, right = _payloads(layout, text, starts + layout.size, sizes)
     good &= right
-    found = Matched(
+    found = MatchedLines(
         rows=rows,
         t_ns=t_ns.view(np.int64),
         key=key,

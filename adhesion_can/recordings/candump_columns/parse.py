@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from adhesion_can.bus.block import Block, Kind, to_micros
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.errors import RecordingError
-from adhesion_can.recordings.candump import ReadReport, later, read_line, stamp_ns
+from adhesion_can.recordings.candump import ReadReport, add_difference, read_line, stamp_ns
 from adhesion_can.recordings.candump_columns.ascii_numbers import WORD, Words
 from adhesion_can.recordings.candump_columns.line_layouts import (
     Layout,
-    Matched,
+    MatchedLines,
     Places,
-    layout_of,
+    find_layout,
     match_lines,
 )
 from adhesion_can.recordings.candump_columns.text_source import FRONT, LINE_LIMIT, Chunk, Text
@@ -44,7 +44,7 @@ _NAMES = {
 }
 
 
-class LeftOut(NamedTuple):
+class SkippedLine(NamedTuple):
     """A line that gave no row: its number in the chunk, from 0 on, and what it is."""
 
     row: int
@@ -53,24 +53,24 @@ class LeftOut(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Scanned:
+class ParsedChunk:
     """What a chunk holds.
 
     Attributes:
         block: its rows, with channels of its own.
         lines: how many it has.
-        left_out: those that gave no row, in their order.
+        skipped: those that gave no row, in their order.
         layouts: forms that its lines have, the most frequent first: a hint for the next chunk.
 
     """
 
     block: Block
     lines: int
-    left_out: list[LeftOut]
+    skipped: list[SkippedLine]
     layouts: tuple[Layout, ...]
 
 
-def scan(chunk: Chunk, layouts: tuple[Layout, ...] = ()) -> Scanned:
+def parse_chunk(chunk: Chunk, layouts: tuple[Layout, ...] = ()) -> ParsedChunk:
     """Read a chunk.
 
     Args:
@@ -78,10 +78,10 @@ def scan(chunk: Chunk, layouts: tuple[Layout, ...] = ()) -> Scanned:
         layouts: forms to try first; they change how long it takes and nothing else.
 
     """
-    return _Scan(chunk, layouts).result()
+    return _ChunkParser(chunk, layouts).result()
 
 
-class _Scan:
+class _ChunkParser:
     """One chunk on its way from lines to columns."""
 
     def __init__(self, chunk: Chunk, layouts: tuple[Layout, ...]) -> None:
@@ -98,9 +98,9 @@ class _Scan:
         self._layouts = list(layouts)
         self._used: Counter[Layout] = Counter()
         self._singles: list[tuple[int, Frame | Mark, int]] = []
-        self._left_out: list[LeftOut] = []
+        self._skipped: list[SkippedLine] = []
 
-    def result(self) -> Scanned:
+    def result(self) -> ParsedChunk:
         self._read()
         self._put_singles()
         block = Block(
@@ -112,10 +112,10 @@ class _Scan:
             words=self._words,
             channels=tuple(self._names),
         )
-        if self._left_out:
+        if self._skipped:
             block = block.select(self._kind != _NOTHING)
         layouts = tuple(layout for layout, _ in self._used.most_common())
-        return Scanned(block, self._lines, self._left_out, layouts)
+        return ParsedChunk(block, self._lines, self._skipped, layouts)
 
     def _read(self) -> None:
         """Lines by the known layouts, by those that they show themselves, and one by one."""
@@ -125,7 +125,7 @@ class _Scan:
                 break
             left = self._read_alike(layout, left)
         while len(left) >= _FEW and len(self._layouts) < _LAYOUTS:
-            layout_here = layout_of(self._line(left[0]))
+            layout_here = find_layout(self._line(left[0]))
             if layout_here is None or layout_here in self._layouts:
                 self._read_single(int(left[0]))
                 left = left[1:]
@@ -160,7 +160,7 @@ class _Scan:
     def _put(
         self,
         rows: slice | Places,
-        found: Matched | Block,
+        found: MatchedLines | Block,
         kind: int | NDArray[np.uint8],
         channel: NDArray[np.uint16],
     ) -> None:
@@ -175,7 +175,7 @@ class _Scan:
         self._channel[rows] = channel
         self._words[rows, :width] = found.words[:, :width]
 
-    def _channels(self, layout: Layout, found: Matched) -> NDArray[np.uint16]:
+    def _channels(self, layout: Layout, found: MatchedLines) -> NDArray[np.uint16]:
         """Places of the lines' buses in `_names`, `_NO_NAME` where that is none, shape (n,)."""
         channel = np.zeros(found.names.shape[1], np.uint16)
         if not layout.name:
@@ -201,7 +201,7 @@ class _Scan:
         line = self._line(row)
         item = read_line(line)
         if isinstance(item, str):
-            self._left_out.append(LeftOut(row, item, line.endswith(b"\n")))
+            self._skipped.append(SkippedLine(row, item, line.endswith(b"\n")))
         else:
             self._singles.append((row, item, stamp_ns(line, item.t_us)))
 
@@ -217,7 +217,7 @@ class _Scan:
             )
         }
         _require_few(self._names)
-        block = Block.of(items, tuple(self._names))
+        block = Block.from_frames(items, tuple(self._names))
         block = replace(block, t_ns=np.array(t_ns, np.int64))
         self._put(np.array(rows), block, block.kind, block.channel)
 
@@ -273,7 +273,7 @@ def _require_few(names: dict[str, int]) -> None:
         )
 
 
-class Sequence:
+class ChunkSequence:
     """What one chunk hands on to the next: names, line numbers and the clock.
 
     Args:
@@ -288,12 +288,12 @@ class Sequence:
         self._names: dict[str, int] = {}
         self._lines = self._clock_us = self._last_us = 0
 
-    def follow(self, scanned: Scanned) -> Block:
+    def follow(self, parsed: ParsedChunk) -> Block:
         """The next chunk's rows as they stand in the recording."""
-        for row, kind, is_whole in scanned.left_out:
-            self._report.left_out(kind, self._lines + row + 1, is_whole=is_whole)
-        self._lines += scanned.lines
-        block = self._renamed(scanned.block)
+        for row, kind, is_whole in parsed.skipped:
+            self._report.skip(kind, self._lines + row + 1, is_whole=is_whole)
+        self._lines += parsed.lines
+        block = self._renamed(parsed.block)
         frames = block.kind < Kind.ADVANCE
         if self._differences:
             block = self._summed(block, frames)
@@ -324,7 +324,7 @@ class Sequence:
     def _summed(self, block: Block, frames: NDArray[np.bool_]) -> Block:
         """Stamps of frames as sums of the differences that were read."""
         steps = to_micros(block.t_ns[frames])
-        sums = accumulate(steps.tolist(), later, initial=self._clock_us)
+        sums = accumulate(steps.tolist(), add_difference, initial=self._clock_us)
         clock = np.fromiter(sums, np.int64, len(steps) + 1)
         self._clock_us = int(clock[-1])
         t_ns = block.t_ns.copy()
@@ -359,11 +359,11 @@ def read_chunks(
     # Without this one, whose pages are never touched, the kernel clears those of every column anew,
     # which takes as long as all the reading.
     np.empty(_FREED, np.uint8)
-    sequence = Sequence(report, differences=differences)
+    sequence = ChunkSequence(report, differences=differences)
     layouts: tuple[Layout, ...] = ()
     for chunk in chunks:
-        scanned = scan(chunk, layouts)
-        layouts = scanned.layouts
-        block = sequence.follow(scanned)
+        parsed = parse_chunk(chunk, layouts)
+        layouts = parsed.layouts
+        block = sequence.follow(parsed)
         if len(block):
             yield block, chunk.position

@@ -37,7 +37,7 @@ class Packing(Enum):
     ZSTD = b"\x28\xb5\x2f\xfd"
 
     @classmethod
-    def of(cls, head: bytes) -> "Packing":
+    def from_head(cls, head: bytes) -> "Packing":
         """The one that a file's first bytes tell."""
         return next(way for way in (cls.GZIP, cls.ZSTD, cls.NONE) if head.startswith(way.value))
 
@@ -57,7 +57,7 @@ class Chunk(NamedTuple):
     position: int
 
 
-class Source:
+class TextSource:
     """A file of text that is open for reading, once; a context manager.
 
     A compressed file that cannot be read to its end gives the whole lines in front of the fault.
@@ -105,7 +105,7 @@ class Source:
             is_whole = line.endswith(b"\n") or len(line) == LINE_LIMIT
             if is_whole or not self._fault:
                 yield line
-        self._tell_fault()
+        self._report_fault()
 
     def head(self, size: int) -> bytes:
         """The first bytes, as many as there are; in place of all else that is read."""
@@ -147,7 +147,7 @@ class Source:
             rest = text[stop:end]
             if stop > FRONT:
                 yield Chunk(text, stop, self._stored.tell())
-        self._tell_fault()
+        self._report_fault()
 
     def _skip_mark(self) -> None:
         # An editor that stores UTF-8 may put it in front: it belongs to no line.
@@ -158,7 +158,7 @@ class Source:
     def _fault(self) -> Exception | None:
         return self._unpacked.fault if self._unpacked else None
 
-    def _tell_fault(self) -> None:
+    def _report_fault(self) -> None:
         if self._fault:
             self._report.kinds["cut"] += 1
             self._report.notes.append(

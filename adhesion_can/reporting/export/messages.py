@@ -29,7 +29,7 @@ class MessageRows:
         self._times_named = Counter(message.name for message in database.db.messages)
         self._groups: dict[tuple[int, bool], Group] = {}
 
-    def of(self, decoded: Sequence[MessageColumns]) -> list[Rows]:
+    def build(self, decoded: Sequence[MessageColumns]) -> list[Rows]:
         """Rows of one block, in the order of the recording."""
         kept = [columns.outcome == 0 for columns in decoded]
         places = [
