@@ -32,11 +32,12 @@ def parse_effects(texts: Iterable[str], vehicle: Locomotive) -> tuple[ActiveEffe
     """Effects from the texts of `--effect`.
 
     Args:
-        texts: one for each use of the option.
-        vehicle: on which they act, as configured.
+        texts: Argument of each use of the option.
+        vehicle: Configured vehicle, on which the effects act.
 
     Raises:
-        InputError: an unknown name, a value that makes no sense, an effect given twice.
+        InputError: An unknown name, a value that makes no sense, an effect given twice, or one
+            that requires a channel which is not simulated.
 
     """
     actives: list[ActiveEffect] = []
@@ -104,7 +105,12 @@ def _number(text: str, parameter: Parameter, where: str, axles: int = 0) -> floa
 
 
 def _require_some_adhesion(active: ActiveEffect, vehicle: Locomotive, where: str) -> None:
-    """Raise an InputError where nothing of the adhesion is left on a common rail."""
+    """Raise an InputError where nothing of the adhesion is left in calm surroundings."""
+    covariates = CALM.covariates(gradient=0.0)
+    required = active.effect.requires.covariates
+    if required and covariates.keys().isdisjoint(required):
+        what = f"{active.effect.id} needs {' or '.join(required)}, which is not simulated"
+        raise InputError(where, what, "take another effect")
     loads = np.array(vehicle.axle_load)
     axle = np.arange(1.0, vehicle.axles + 1)
 
@@ -120,7 +126,7 @@ def _require_some_adhesion(active: ActiveEffect, vehicle: Locomotive, where: str
         axle=axle,
         place=axle,
         adhesion=every(0.2),
-        covariates={name: every(value) for name, value in CALM.covariates(gradient=0.0).items()},
+        covariates={name: every(value) for name, value in covariates.items()},
     )
     if np.min(compute_change([active], common, LagStates()).factor) <= LEAST:
         raise InputError(where, "leaves no adhesion on a common rail", "give a smaller size")

@@ -21,7 +21,11 @@ from numpy.typing import NDArray
 from adhesion_can.diagnosis.build_diagnosis import build_diagnosis, build_empty_diagnosis
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.thinning import thin_drive
-from adhesion_can.diagnosis.inference.candidates import candidates_of, remarks, too_little
+from adhesion_can.diagnosis.inference.candidates import (
+    build_candidates,
+    describe_insufficient_data,
+    find_untestable,
+)
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import confirm_on_hold_out
 from adhesion_can.diagnosis.inference.detect_effects import detect_effects
 from adhesion_can.diagnosis.inference.find_residual_channels import find_residual_channels
@@ -89,13 +93,13 @@ def diagnose(
     """
     settings = settings or DiagnoseSettings()
     used = [drive for drive in (*drives, *holdout) if len(drive)]
-    candidates, untested = candidates_of(used) if used else ((), [])
+    candidates, untested = build_candidates(used) if used else ((), [])
     thin = tuple(thin_drive(drive, settings.rate_hz) for drive in used)
     block_length_s = choose_block_length(thin) if thin else 1.0
     # Step 1
     held_out = choose_held_out_drives(used, [drive for drive in holdout if len(drive)])
     block = split_hold_out(thin, held_out, block_length_s)
-    why = too_little(thin, block) if thin else "no usable row in any input"
+    why = describe_insufficient_data(thin, block) if thin else "no usable row in any input"
     if why:
         return build_empty_diagnosis(drives, [*untested, Untested("everything", why)])
     # Step 2
@@ -114,7 +118,7 @@ def diagnose(
     show("gain", 0.85)
     confirmed = confirm_on_hold_out(found, other_drives=any(held_out))
     diagnosis = build_diagnosis(
-        used, found, confirmed, [*untested, *remarks(used)], other_drives=any(held_out)
+        used, found, confirmed, [*untested, *find_untestable(used)], other_drives=any(held_out)
     )
     show("done", 1.0)
     return diagnosis

@@ -1,4 +1,4 @@
-"""Numbers, units and names as sentences and tables have them."""
+"""Numbers, units and names as text for sentences and tables."""
 
 from math import floor, isfinite, log10
 
@@ -7,7 +7,7 @@ import numpy as np
 from adhesion_can.physics.effects import known_effects
 
 LEAST_P = 1e-3
-"""A p-value below this is told as being below it."""
+"""Smallest p-value that is printed; a smaller one is printed as being below it."""
 
 
 def effect_name(effect: str, form: str = "", axle: int = 0) -> str:
@@ -16,7 +16,7 @@ def effect_name(effect: str, form: str = "", axle: int = 0) -> str:
 
 
 def title(effect: str) -> str:
-    """What an effect is, a clause; its id where the library does not have it."""
+    """Title of an effect, a clause; the id of an effect that is not known."""
     return next((known.title for known in known_effects() if known.id == effect), effect)
 
 
@@ -43,8 +43,8 @@ def _plus_minus(value: float, std: float | None) -> str:
     factor = 10.0**power if scaled else 1.0
     # Two digits of the standard deviation.
     digits = 3 if std == 0.0 else max(1 - floor(log10(std / factor)), 0)
-    told = f"{value / factor:.{digits}f} ± {std / factor:.{digits}f}"
-    return f"({told})e{power}" if scaled else told
+    text = f"{value / factor:.{digits}f} ± {std / factor:.{digits}f}"
+    return f"({text})e{power}" if scaled else text
 
 
 def short(value: float) -> str:

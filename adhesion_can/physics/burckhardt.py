@@ -27,10 +27,10 @@ def adhesion(slip: ArrayLike, c1: ArrayLike, c2: ArrayLike, c3: ArrayLike) -> Ar
     """Adhesion coefficient μ(λ) = c1(1 − e^(−c2 λ)) − c3 λ (eq. 5), with the sign of λ.
 
     Args:
-        slip: slip ratio λ, any shape.
-        c1: level of the curve.
-        c2: steepness; c1·c2 − c3 is the slope at λ = 0.
-        c3: fall beyond the peak.
+        slip: Slip ratio λ, any shape.
+        c1: Level of the curve, adhesion.
+        c2: Steepness, per unit of slip; c1·c2 − c3 is the slope at λ = 0.
+        c3: Fall beyond the peak, adhesion per unit of slip.
 
     Returns:
         μ, of the broadcast shape of all arguments.
@@ -55,8 +55,8 @@ def falling_factor(creep_speed: ArrayLike, c4: ArrayLike) -> Array:
     """Factor e^(−c4 |λ V|) of eq. 4.
 
     Args:
-        creep_speed: λ·V = r ω − v, m/s.
-        c4: s/m.
+        creep_speed: Creep speed λ·V = r·ω − v, m/s.
+        c4: Fall of the adhesion with creep speed, s/m.
 
     """
     size = np.abs(np.asarray(creep_speed, dtype=np.float64))
@@ -67,8 +67,8 @@ def load_factor(load: ArrayLike, c5: ArrayLike) -> Array:
     """Factor 1 − c5 F_Z² of eq. 4.
 
     Args:
-        load: wheelset load F_Z, N.
-        c5: 1/N².
+        load: Wheelset load F_Z, N.
+        c5: Fall of the adhesion with the squared load, 1/N².
 
     """
     n = np.asarray(load, dtype=np.float64)
@@ -88,12 +88,12 @@ def adhesion_full(
     """Full Burckhardt curve, eq. 4: eq. 5 times e^(−c4 λ V) times (1 − c5 F_Z²).
 
     Args:
-        slip: slip ratio λ.
-        speed: vehicle speed V, m/s.
-        load: wheelset load F_Z, N.
-        c1: as in `adhesion`.
-        c2: as in `adhesion`.
-        c3: as in `adhesion`.
+        slip: Slip ratio λ.
+        speed: Vehicle speed V, m/s.
+        load: Wheelset load F_Z, N.
+        c1: Level of the curve, adhesion.
+        c2: Steepness, per unit of slip.
+        c3: Fall beyond the peak, adhesion per unit of slip.
         c4: s/m.
         c5: 1/N².
 
@@ -108,10 +108,10 @@ class Peak(NamedTuple):
     """Largest adhesion of a curve and where it stands.
 
     Attributes:
-        mu_max: μ_m.
-        lambda_m: λ_m, the optimal slip ratio.
-        interior: False where the curve still rises at `slip_max`, so that the values are those
-            of the end of the valid range and not a maximum, or where it never rises at all.
+        mu_max: Peak adhesion μ_m.
+        lambda_m: Optimal slip ratio λ_m.
+        interior: Whether the peak is a maximum. False where the curve still rises at `slip_max`,
+            so that the values are those at the end of the valid range, or where it never rises.
 
     """
 
@@ -130,10 +130,10 @@ def peak(c1: ArrayLike, c2: ArrayLike, c3: ArrayLike, slip_max: float = SLIP_MAX
     - c1 c2 ≤ c3: the curve falls from the start; λ_m = μ_m = 0 and `interior` is False.
 
     Args:
-        c1: level, any shape.
-        c2: steepness, > 0.
-        c3: fall.
-        slip_max: end of the valid range.
+        c1: Level of the curve, adhesion, any shape.
+        c2: Steepness, per unit of slip, > 0.
+        c3: Fall beyond the peak, adhesion per unit of slip.
+        slip_max: End of the valid range, slip ratio.
 
     """
     c1, c2, c3 = np.broadcast_arrays(*(np.asarray(c, dtype=np.float64) for c in (c1, c2, c3)))
@@ -171,11 +171,11 @@ def slip_at(
     """Inverse of the curve: the smallest λ ≥ 0 with μ(λ) ≥ `mu`; NaN above the peak.
 
     Args:
-        mu: adhesion wanted, any shape, of either sign; the result carries its sign.
-        c1: as in `adhesion`.
-        c2: as in `adhesion`.
-        c3: as in `adhesion`.
-        slip_max: as in `peak`.
+        mu: Adhesion, any shape, of either sign; the result carries its sign.
+        c1: Level of the curve, adhesion.
+        c2: Steepness, per unit of slip.
+        c3: Fall beyond the peak, adhesion per unit of slip.
+        slip_max: End of the valid range, slip ratio.
 
     """
     mu, c1, c2, c3 = np.broadcast_arrays(
@@ -224,11 +224,11 @@ class Surface:
     """A named Burckhardt curve.
 
     Attributes:
-        name: as in its source.
-        c1: level.
-        c2: steepness.
-        c3: fall.
-        source: where the numbers stand.
+        name: Name as in its source.
+        c1: Level of the curve, adhesion.
+        c2: Steepness, per unit of slip.
+        c3: Fall beyond the peak, adhesion per unit of slip.
+        source: Reference of the numbers.
 
     """
 

@@ -17,9 +17,9 @@ def creep_speed(wheel_speed: ArrayLike, speed: ArrayLike, radius: ArrayLike) -> 
     """Creep speed v_s = r ω − v in m/s (eq. 1).
 
     Args:
-        wheel_speed: ω, rad/s.
-        speed: vehicle speed v, m/s.
-        radius: wheel radius r, m.
+        wheel_speed: Wheel speed ω, rad/s.
+        speed: Vehicle speed v, m/s.
+        radius: Wheel radius r, m.
 
     """
     return np.asarray(np.asarray(radius) * np.asarray(wheel_speed) - np.asarray(speed))
@@ -28,7 +28,15 @@ def creep_speed(wheel_speed: ArrayLike, speed: ArrayLike, radius: ArrayLike) -> 
 def slip_ratio(
     wheel_speed: ArrayLike, speed: ArrayLike, radius: ArrayLike, v_min: float = V_MIN
 ) -> Array:
-    """Slip ratio λ = (r ω − v)/v (eq. 2); NaN below `v_min`. Arguments as in `creep_speed`."""
+    """Slip ratio λ = (r ω − v)/v (eq. 2); NaN below `v_min`.
+
+    Args:
+        wheel_speed: Wheel speed ω, rad/s.
+        speed: Vehicle speed v, m/s.
+        radius: Wheel radius r, m.
+        v_min: Smallest vehicle speed with a slip ratio, m/s.
+
+    """
     v = np.asarray(speed, dtype=np.float64)
     creep = creep_speed(wheel_speed, v, radius)
     fast = np.broadcast_to(v >= v_min, creep.shape)
@@ -39,9 +47,9 @@ def wheelset_effort(wheel_accel: ArrayLike, inertia: ArrayLike, radius: ArrayLik
     """Effort at the rim that accelerates the wheelset itself, J·(dω/dt)/r, in N.
 
     Args:
-        wheel_accel: dω/dt, rad/s².
-        inertia: J of the wheelset with its motor, kg·m².
-        radius: wheel radius r, m.
+        wheel_accel: Angular acceleration dω/dt, rad/s².
+        inertia: Inertia J of the wheelset with its motor, kg·m².
+        radius: Wheel radius r, m.
 
     """
     return np.asarray(np.asarray(inertia) * np.asarray(wheel_accel) / np.asarray(radius))
@@ -57,11 +65,11 @@ def adhesion_coefficient(
     """Adhesion coefficient μ = (F − J·(dω/dt)/r)/N (eq. 3); NaN where the load is not positive.
 
     Args:
-        effort: tractive effort F at the rim from motor torque, N; negative in braking.
-        load: wheelset load N, N.
-        wheel_accel: dω/dt, rad/s².
-        inertia: J, kg·m².
-        radius: r, m.
+        effort: Tractive effort F at the rim from motor torque, N; negative in braking.
+        load: Wheelset load N, N.
+        wheel_accel: Angular acceleration dω/dt, rad/s².
+        inertia: Inertia J of the wheelset with its motor, kg·m².
+        radius: Wheel radius r, m.
 
     """
     force = np.asarray(effort, dtype=np.float64) - wheelset_effort(wheel_accel, inertia, radius)

@@ -52,10 +52,10 @@ class Reading:
     """One signal of one accepted frame.
 
     Attributes:
-        t_us: time stamp, µs.
-        role: what it is.
-        axle: 1.. for roles per axle, else 0.
-        value: in SI units; None where the sender says 'not available'.
+        t_us: Time stamp, µs.
+        role: Meaning of the signal.
+        axle: Number of the axle, from 1; 0 for roles without an axle.
+        value: Value in SI units; None where the sender marks it as not available.
 
     """
 

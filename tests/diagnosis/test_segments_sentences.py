@@ -7,7 +7,7 @@ import pytest
 
 from adhesion_can.config import load_configuration
 from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
-from adhesion_can.diagnosis.inference.candidates import candidates_of
+from adhesion_can.diagnosis.inference.candidates import build_candidates
 from adhesion_can.diagnosis.regression.find_surface_changes import (
     EXCLUDED_AROUND_S,
     build_regression_data,
@@ -41,7 +41,7 @@ def course_of_world(kind, seed, folder, duration_s, names=()):
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_changes_of_the_rail_are_found_where_they_are(seed, tmp_path):
     drive, true = course_of_world("null:surfaces", seed, tmp_path, 120.0)
-    found = find_surface_changes(drive, candidates_of([drive])[0])
+    found = find_surface_changes(drive, build_candidates([drive])[0])
     # Where nothing is pulled nothing is seen: a change may be found a coasting phase late.
     for time in true:
         assert min(abs(time - t) for t in found) < 8.0
@@ -61,7 +61,7 @@ def test_changes_of_the_rail_are_found_where_they_are(seed, tmp_path):
 )
 def test_a_rail_that_stays_the_same_has_no_changes(kind, names, tmp_path):
     drive, _ = course_of_world(kind, 4, tmp_path, 120.0, names)
-    assert find_surface_changes(drive, candidates_of([drive])[0]) == []
+    assert find_surface_changes(drive, build_candidates([drive])[0]) == []
 
 
 def test_rows_beside_a_change_belong_to_no_surface():

@@ -1,4 +1,4 @@
-"""What the data can tell at all, and why not where they cannot."""
+"""Effects that the data can identify, and the reasons for those that they cannot."""
 
 from collections.abc import Sequence
 
@@ -14,14 +14,14 @@ LEAST_ROWS, LEAST_BLOCKS = 400, 9
 LEAST_RANGE = 0.004
 """Range of |λ| (5 to 95 % of the rows) below which there is no curve in the data."""
 LEAST_ADHESION = 0.01
-"""Likewise of |μ|."""
+"""Range of |μ| (5 to 95 % of the rows) below which there is no curve in the data."""
 IMITATED = 0.995
-"""Share of a signature that the curve imitates, from which nothing can be said of the effect."""
+"""Share of a signature that the curve's parameters imitate, from which it is not testable."""
 COASTING = 0.005
 """|μ| of an axle that coasts."""
 
 
-def candidates_of(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...], list[Untested]]:
+def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...], list[Untested]]:
     """Effects that the recordings can be tested for, and those that they cannot."""
     found: list[Candidate] = []
     untested: dict[str, str] = {}
@@ -80,7 +80,7 @@ def _constant(drives: Sequence[DriveData], name: str) -> bool:
     return not len(values) or float(np.ptp(values)) == 0.0
 
 
-def too_little(drives: Sequence[DriveData], block: NDArray[np.int64]) -> str:
+def describe_insufficient_data(drives: Sequence[DriveData], block: NDArray[np.int64]) -> str:
     """Why the data carry no verdict at all; '' where they do.
 
     Args:
@@ -115,8 +115,8 @@ def too_little(drives: Sequence[DriveData], block: NDArray[np.int64]) -> str:
     return ""
 
 
-def remarks(drives: Sequence[DriveData]) -> list[Untested]:
-    """What else these drives cannot tell."""
+def find_untestable(drives: Sequence[DriveData]) -> list[Untested]:
+    """What else cannot be identified from these drives."""
     found = []
     for drive in drives:
         if drive.table:
@@ -127,7 +127,7 @@ def remarks(drives: Sequence[DriveData]) -> list[Untested]:
                 Untested(
                     f"wheel against ground speed in {drive.name}",
                     "no axle coasts for a second: errors of speed and radius and a bias of effort "
-                    "are told by the curve alone",
+                    "are identified by the curve alone",
                 )
             )
         found += [
