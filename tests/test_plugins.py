@@ -9,7 +9,7 @@ import pytest
 
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
-from adhesion_can.errors import ConfigError, PluginError
+from adhesion_can.errors import ConfigError, InputError, PluginError
 from adhesion_can.estimation.registry import ESTIMATORS, estimator_by_name, known_estimators
 from adhesion_can.physics.effects import (
     EFFECTS,
@@ -22,7 +22,9 @@ from adhesion_can.physics.effects import (
     known_effects,
     registry,
 )
+from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.plugins import load_plugins
+from adhesion_can.simulation.effect_option import parse_effects
 
 CACHES = (known_effects, registry._positions, known_estimators)
 
@@ -130,6 +132,13 @@ def test_a_broken_distribution_is_one_line_of_the_command(installed, capsys):
     error = capsys.readouterr().err.strip()
     assert error.startswith("adhesion-can: bad-effects: entry point 'theirs'")
     assert "\n" not in error
+
+
+def test_an_effect_over_a_channel_that_is_not_simulated_is_refused(installed):
+    leaves = Halved(requires=Requirements(covariates=("leaf_film", "leaf_cover")))
+    installed("adhesion_can.effects", "theirs", leaves)
+    with pytest.raises(InputError, match="leaf_film or leaf_cover, which is not simulated"):
+        parse_effects(["halved"], Locomotive())
 
 
 def test_an_estimator_is_made_by_its_name(installed):

@@ -19,15 +19,12 @@ from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, f
 from adhesion_can.diagnosis.result import SegmentResult
 from adhesion_can.estimation.batch_fit import fit as fit_curve
 from adhesion_can.estimation.extended.model import ExtendedModel, Matrix
+from adhesion_can.physics.channels import model_channel
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
-ONLINE_CHANNELS = {"slip": "slip", "speed": "speed", "axle_load": "load", "time": "time_s"}
-"""Names in an extended model of the channels that its spline can have, beside the covariates."""
-OFFLINE_CHANNELS = frozenset({"position", "slip_rate", "tractive_effort", "axle"})
-"""Channels that are not available to an extended model online."""
 LEAST_ROWS, MOST_ROWS = 10, 20_000
 """Rows without which a segment gets no curve, and to which it is thinned."""
 LEAST_FACTOR = 0.05
@@ -37,14 +34,14 @@ LEAST_FACTOR = 0.05
 def build_spline(residual_channel: ResidualChannel) -> Empirical | None:
     """The spline of a residual channel as part of a model; None where a model cannot have it."""
     channel = residual_channel.channel
-    known = ONLINE_CHANNELS.get(channel.name)
-    if known is None and (channel.period or channel.name in OFFLINE_CHANNELS):
+    name = model_channel(channel.name)
+    if not name or channel.period:
         return None
     knots = tuple(map(float, channel.knots))
     coefficients = residual_channel.coefficients[-residual_channel.basis.shape[1] :]
     if channel.levels is not None or len(coefficients) != len(knots) - 4:
         return None
-    spline = Empirical(known or channel.name, "factor", knots, tuple(map(float, coefficients)))
+    spline = Empirical(name, "factor", knots, tuple(map(float, coefficients)))
     # A constant factor belongs to the curve: the spline is 0 on average.
     mean = float(np.mean(spline.at(channel.values)))
     if mean <= LEAST_FACTOR - 1.0:

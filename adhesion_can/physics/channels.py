@@ -100,3 +100,14 @@ def channel_label(name: str) -> str:
     """Label of a channel; a column of a TABLE that the catalogue does not have keeps its name."""
     channel = CHANNEL_BY_NAME.get(name)
     return name if channel is None else channel.label
+
+
+def model_channel(name: str) -> str:
+    """Name of a channel in an extended model: its attribute of `Contact`, or the covariate.
+
+    '' for a channel that a contact does not have: an estimator online has no value of it.
+    """
+    channel = CHANNEL_BY_NAME.get(name)
+    if channel is None or channel.origin is ChannelOrigin.COVARIATE:
+        return name
+    return channel.contact

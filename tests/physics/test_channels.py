@@ -9,6 +9,7 @@ from adhesion_can.physics.channels import (
     ChannelOrigin,
     channel_label,
     channel_unit,
+    model_channel,
 )
 from adhesion_can.physics.effects import Contact
 from adhesion_can.physics.readings import PER_AXLE, Role
@@ -42,3 +43,14 @@ def test_units_and_labels_of_known_and_of_other_columns():
     assert channel_label("rail_temperature_degC") == "rail temperature"
     assert channel_unit("slip_angle_deg") == ""
     assert channel_label("slip_angle_deg") == "slip_angle_deg"
+
+
+def test_an_extended_model_has_what_a_contact_has_and_covariates():
+    assert [model_channel(name) for name in ("axle_load", "time", "slip")] == [
+        "load",
+        "time_s",
+        "slip",
+    ]
+    assert model_channel("position") == model_channel("tractive_effort") == ""
+    assert model_channel("rain") == "rain"
+    assert model_channel("slip_angle_deg") == "slip_angle_deg"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.result import Untested
+from adhesion_can.physics.channels import CHANNEL_BY_NAME
 from adhesion_can.physics.effects import Effect, known_effects
 
 LEAST_ROWS, LEAST_BLOCKS = 400, 9
@@ -49,7 +50,7 @@ def _missing(effect: Effect, drives: Sequence[DriveData]) -> str:
     if requires.several_axles and axles < 2:
         return "all rows are of one axle"
     if requires.speed and not all(drive.has_speed for drive in drives):
-        return "the table has no column speed_mps"
+        return f"the table has no column {CHANNEL_BY_NAME['speed'].column}"
     if requires.load and not all(drive.has_load for drive in drives):
         return "the loads are not measured"
     return ""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.errors import ConfigError, InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.physics.channels import CHANNEL_BY_NAME
 from adhesion_can.physics.effects import ActiveEffect, Contact, LagStates, compute_change
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import PERFECT, Instruments
@@ -91,7 +92,12 @@ def channels_used(active: ActiveEffect) -> set[str]:
     return {name for name, contact in other.items() if not np.array_equal(outcome(contact), base)}
 
 
-_COLUMN = {"speed": "speed_mps", "load": "normal_load_N", "place": "axle"}
+_COLUMN = {
+    "speed": CHANNEL_BY_NAME["speed"].column,
+    "load": CHANNEL_BY_NAME["axle_load"].column,
+    "place": CHANNEL_BY_NAME["axle"].column,
+}
+"""Column of a TABLE that carries an attribute of `Contact`."""
 
 
 def require_columns(model: ExtendedModel, samples: Samples, where: str) -> None:
