@@ -14,6 +14,15 @@ from adhesion_can.arrays import Array
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.readings import Role
 
+# Looked up once: a plant asks for the covariates in every step.
+AMBIENT_TEMPERATURE = COVARIATES[Role.AMBIENT_TEMPERATURE]
+RAIL_TEMPERATURE = COVARIATES[Role.RAIL_TEMPERATURE]
+HUMIDITY = COVARIATES[Role.HUMIDITY]
+SANDING = COVARIATES[Role.SANDING]
+RAIN = COVARIATES[Role.RAIN]
+GRADIENT = COVARIATES[Role.GRADIENT]
+CURVATURE = COVARIATES[Role.CURVATURE]
+
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
@@ -43,16 +52,15 @@ class Conditions:
             gradient: Gradient of the track, m/m, positive uphill.
 
         """
-        values = {
-            Role.AMBIENT_TEMPERATURE: self.ambient_temperature,
-            Role.RAIL_TEMPERATURE: self.rail_temperature,
-            Role.HUMIDITY: self.humidity,
-            Role.SANDING: self.sanding,
-            Role.RAIN: self.rain,
-            Role.GRADIENT: gradient,
-            Role.CURVATURE: self.curvature,
+        return {
+            AMBIENT_TEMPERATURE: self.ambient_temperature,
+            RAIL_TEMPERATURE: self.rail_temperature,
+            HUMIDITY: self.humidity,
+            SANDING: self.sanding,
+            RAIN: self.rain,
+            GRADIENT: gradient,
+            CURVATURE: self.curvature,
         }
-        return {COVARIATES[role]: value for role, value in values.items()}
 
 
 CALM = Conditions()
