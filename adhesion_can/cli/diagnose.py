@@ -17,7 +17,6 @@ from adhesion_can.cli.common import (
     add_json,
     configuration,
     names_of,
-    open_recordings,
     read_problems,
     require_outputs,
     talk,
@@ -34,7 +33,7 @@ from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.recordings.sample_table import is_table, read_table
-from adhesion_can.recordings.sequence import blocks_in_sequence
+from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.diagnosis import (
     InputFile,
     diagnosis_json,
@@ -70,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
         "Holds the adhesion curve and the configured vehicle against recordings or "
-        "tables of samples: what they get wrong, the cause where the data can tell it, a model "
+        "tables of samples: what they get wrong, the cause where the data identify it, a model "
         "extended by it, and what that gains on data that were held out."
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")

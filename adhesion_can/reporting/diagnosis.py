@@ -1,6 +1,6 @@
 """Reports of a diagnosis: sentences, lines and tables for a terminal, and JSON."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
@@ -30,6 +30,7 @@ from adhesion_can.diagnosis.result import (
     Verdict,
 )
 from adhesion_can.physics.channels import channel_label
+from adhesion_can.physics.estimate import Estimate
 from adhesion_can.reporting.text import table
 
 SHOWN = 5
@@ -99,7 +100,7 @@ def _rivals(cause: Cause) -> str:
     if not cause.rivals:
         return ""
     rivals = " or ".join(f"{rival} ({title(rival)})" for rival in cause.rivals)
-    return f"These data cannot tell it from {rivals}."
+    return f"These data cannot distinguish it from {rivals}."
 
 
 def _unexplained(found: Diagnosis) -> str:
@@ -119,7 +120,7 @@ def _unexplained(found: Diagnosis) -> str:
 
 def _nothing(found: Diagnosis) -> str:
     text = (
-        "Nothing found: what the plain curve leaves is noise, as far as these data tell. An effect "
+        "Nothing found: what the plain curve leaves is noise, as far as these data show. An effect "
         "may still be there and be too small, or not excited."
     )
     if not found.evidence:
@@ -266,8 +267,8 @@ def diagnosis_json(found: Diagnosis, input_files: Sequence[InputFile] = ()) -> d
             _place_json(s) | {"base": s.base.to_dict(), "extended": s.extended.to_dict()}
             for s in found.surfaces
         ],
-        "base": _curves_json(found, "base"),
-        "extended": _curves_json(found, "extended"),
+        "base": _curves_json(found, lambda segment: segment.base),
+        "extended": _curves_json(found, lambda segment: segment.extended),
         "inputs": [
             {
                 "path": str(input_file.path),
@@ -315,13 +316,15 @@ def _place_json(surface: SegmentResult) -> dict[str, Any]:
     }
 
 
-def _curves_json(found: Diagnosis, which: str) -> dict[str, Any] | None:
+def _curves_json(
+    found: Diagnosis, curve: Callable[[SegmentResult], Estimate]
+) -> dict[str, Any] | None:
     """Fields of `identify`: longest segment, and each one in `segments`; None without any."""
     longest = longest_surface(found)
     if longest is None:
         return None
-    return getattr(longest, which).to_dict() | {
-        "segments": [_place_json(s) | getattr(s, which).to_dict() for s in found.surfaces]
+    return curve(longest).to_dict() | {
+        "segments": [_place_json(s) | curve(s).to_dict() for s in found.surfaces]
     }
 
 

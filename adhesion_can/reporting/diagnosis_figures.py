@@ -211,7 +211,7 @@ def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -
         caption += (
             "Below: the extended model's base curve and the data with its effects taken out. "
         )
-    caption += "Diamonds: peaks that the data tell, with standard deviations."
+    caption += "Diamonds: identifiable peaks, with standard deviations."
     return Figure(caption, data, layout, height)
 
 

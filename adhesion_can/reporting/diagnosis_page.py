@@ -116,7 +116,7 @@ def _gain(found: Diagnosis) -> Parts:
 
 def _simulation_plots(found: Diagnosis) -> Parts:
     if not found.simulation_plots:
-        return [Text("There is no stretch to show.")]
+        return [Text("There is no span to show.")]
     return [
         simulation_figure(simulation_plot, extended=extends(found))
         for simulation_plot in found.simulation_plots
@@ -158,10 +158,10 @@ def _surface_table(surfaces: Sequence[SegmentResult], *, extended: bool) -> Tabl
     columns = ("surface", "model", "μ_max", "λ_m", "c1", "c2", "c3")
     also = ", and the extended model's base curve" if extended else ""
     return Table(
-        f"Every stretch of one rail: the plain curve{also}, ± standard deviation.",
+        f"Every segment on one surface: the plain curve{also}, ± standard deviation.",
         columns,
         rows,
-        "± ?: the data do not tell it.",
+        "± ?: not identifiable from these data.",
     )
 
 
@@ -172,7 +172,7 @@ def _evidence(found: Diagnosis) -> Parts:
         "p: how often chance alone looks as strong, all that was tested counted. absorbed: share "
         "of the effect's signature that c1, c2 and c3 imitate; over 90 % it can hardly be seen in "
         "these data. most alike: the effect whose signature is nearest; with a cosine over 0.9 the "
-        "two cannot be text apart. gain: by how much it alone would lower the error of the data "
+        "two cannot be distinguished. gain: by how much it alone would lower the error of the data "
         "that decided."
     )
     rows = evidence_rows(found.evidence)
@@ -197,7 +197,7 @@ def _needed(found: Diagnosis) -> Parts:
     if not rivals:
         return [Text(needed or "There are no rivals: nothing needs to be separated.")]
     return [
-        Text("Effects that these data cannot tell from the named one:"),
+        Text("Effects that these data cannot distinguish from the named one:"),
         Items([f"{rival}: {title(rival)}" for rival in rivals]),
         Text(needed or "No manoeuvre or signal is known that would separate them."),
     ]
@@ -207,7 +207,7 @@ def _untested(found: Diagnosis) -> Parts:
     if not found.untested:
         return [Text("Everything was tested.")]
     rows = [(untested.what, untested.why) for untested in found.untested]
-    return [Table("What these data cannot tell.", ("what", "why"), rows, words=(1,))]
+    return [Table("What these data do not identify.", ("what", "why"), rows, words=(1,))]
 
 
 def _model(found: Diagnosis) -> Parts:

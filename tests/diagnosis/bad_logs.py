@@ -32,7 +32,7 @@ def world(duration_s=60.0, seed=3):
 def readings(duration_s=60.0, seed=3):
     """Its readings, to be spoilt."""
     one = world(duration_s, seed)
-    return drive(one.course, one.vehicle, one.rail, (), one.noise)
+    return drive(one.profile, one.vehicle, one.rail, (), one.noise)
 
 
 def write(path, given, *, without=(), kept=None, stamps=None):

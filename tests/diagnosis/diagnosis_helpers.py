@@ -148,7 +148,7 @@ def _cell(value):
 
 
 class Answer:
-    """What `diagnose` said as a user runs it: exit status, diagnosis, text, line of error."""
+    """Answer of `diagnose` as a user runs it: exit status, diagnosis, text, line of error."""
 
     def __init__(self, status, document, out, err):
         self.status, self.document, self.out, self.err = status, document, out, err
@@ -170,8 +170,8 @@ class Answer:
         return {one["what"]: one["why"] for one in self.document["untested"]}
 
     @property
-    def told(self):
-        """All that it says of what it could not do or did not take."""
+    def notes(self):
+        """All notes about what it could not do or did not use."""
         keys = ("untested", "problems", "lost")
         return json.dumps({key: self.document.get(key) for key in keys}, ensure_ascii=False)
 

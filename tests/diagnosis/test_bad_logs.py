@@ -213,7 +213,7 @@ TIMES = {
 def test_time_that_runs_backwards_or_jumps_is_told(kind, tmp_path):
     answer = run(tmp_path, stamps=TIMES[kind])
     if kind != "a jump of a year":
-        assert "stamped before" in answer.told
+        assert "stamped before" in answer.notes
 
 
 @pytest.mark.parametrize("seconds", [3, 12, 20])
@@ -344,4 +344,4 @@ def test_bytes_that_flip_are_rejected_and_the_rest_is_read(line, tmp_path):
     path.write_text("\n".join(lines) + "\n")
     answer = diagnosed(tmp_path, path)
     assert (answer.status, answer.verdict) == (0, "nothing_found")
-    assert "failed their checks" in answer.told
+    assert "failed their checks" in answer.notes

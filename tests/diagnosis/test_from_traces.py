@@ -250,7 +250,7 @@ def test_instruments_are_taken_out_as_they_are_defined(drive):
 
 @pytest.mark.parametrize(("speed_delay", "effort_delay"), [(0.3, 0.0), (0.0, 0.12), (0.4, 0.2)])
 def test_delays_bring_the_true_values_together(synthetic, speed_delay, effort_delay):
-    """Readings that come late, and a course that is told so: the true slip at the true force."""
+    """Late readings, and instruments with these delays: the true slip at the true force."""
     traces = synthetic.traces()
     late = {Role.VEHICLE_SPEED: speed_delay, Role.TRACTIVE_EFFORT: effort_delay}
     traces = {

@@ -1,4 +1,4 @@
-"""Whole drives kept back: another course of the same world tells the gain."""
+"""Whole drives kept back: another drive in the same world gives the gain."""
 
 import json
 

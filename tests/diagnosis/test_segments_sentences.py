@@ -1,4 +1,4 @@
-"""Where the rail changed; and that whatever is said is said in words."""
+"""Times of surface changes, and sentences without gaps."""
 
 from itertools import permutations
 
@@ -33,8 +33,8 @@ def course_of_world(kind, seed, folder, duration_s, names=()):
     readings = synthetic(world.build_drive_data, world.vehicle, world.rail, hidden, world.noise)
     path = write(folder / "a.log", readings)
     config = load_configuration(None)
-    heard = load_traces(Recording(path).blocks(), config, "a.log")
-    made = build_drive_data_from_traces("a.log", heard.traces(), config.vehicle, V_MIN, SLIP_MAX)
+    loaded = load_traces(Recording(path).blocks(), config, "a.log")
+    made = build_drive_data_from_traces("a.log", loaded.traces(), config.vehicle, V_MIN, SLIP_MAX)
     return made, list(world.rail.begins_s[1:])
 
 
@@ -78,19 +78,19 @@ def test_rows_beside_a_change_belong_to_no_surface():
 
 @pytest.mark.parametrize("effect", IDS)
 def test_for_every_rival_there_is_something_to_do(effect):
-    said = {rival: separation_sentence(effect, [rival]) for rival in IDS if rival != effect}
-    for rival, words in said.items():
-        told = words.removeprefix(f"to tell {effect} from {rival}: ")
-        assert words != told
-        assert len(told) > 25
-        assert "None" not in told
+    sentences = {rival: separation_sentence(effect, [rival]) for rival in IDS if rival != effect}
+    for rival, words in sentences.items():
+        sentence = words.removeprefix(f"to tell {effect} from {rival}: ")
+        assert words != sentence
+        assert len(sentence) > 25
+        assert "None" not in sentence
 
 
 def test_no_two_are_to_vary_independently_of_themselves():
     for one, other in permutations(IDS, 2):
-        told = separation_sentence(one, [other]).split(": ", 1)[1]
-        if "independently" in told:
-            what = told.removeprefix("a drive in which ").split(" vary independently")[0]
+        sentence = separation_sentence(one, [other]).split(": ", 1)[1]
+        if "independently" in sentence:
+            what = sentence.removeprefix("a drive in which ").split(" vary independently")[0]
             words = what.split(" and ")
             halves = (" and ".join(words[:k]) for k in range(1, len(words)))
             assert not any(what == f"{half} and {half}" for half in halves), (one, other)
@@ -98,6 +98,6 @@ def test_no_two_are_to_vary_independently_of_themselves():
 
 def test_of_several_rivals_none_is_forgotten():
     """Words are known for a pair of them: the others need some as well."""
-    told = separation_sentence("effort_delay", ["creep_relaxation", "speed_delay"])
-    assert "third" in told
-    assert len(told) > len(separation_sentence("effort_delay", ["creep_relaxation"])) + 20
+    sentence = separation_sentence("effort_delay", ["creep_relaxation", "speed_delay"])
+    assert "third" in sentence
+    assert len(sentence) > len(separation_sentence("effort_delay", ["creep_relaxation"])) + 20

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.worlds import KINDS, NULLS, OUTSIDE, PAIRS, SINGLES, make_world
-from tests.worlds.course import LEAD, STEP_S
+from tests.worlds.drive_profile import LEAD, STEP_S
 from tests.worlds.encoding import database, messages
 from tests.worlds.fitting import fit
 from tests.worlds.hidden import Hidden, State, contact
@@ -38,7 +38,7 @@ def test_worlds_share_no_code_with_the_product():
 
 
 def test_every_frame_is_what_cantools_and_e2e_make_of_the_readings(world, tmp_path):
-    readings = drive(world.course, world.vehicle, world.rail, (), world.noise)
+    readings = drive(world.profile, world.vehicle, world.rail, (), world.noise)
     world.written((), tmp_path / "a.log", (0.1, 0.6), False)
     frames = [LINE.fullmatch(line) for line in (tmp_path / "a.log").read_text().splitlines()]
     assert all(frames)
@@ -116,17 +116,17 @@ def test_kinds_are_all_singles_all_pairs_nulls_and_the_rest(tmp_path):
 
 def test_drives_have_every_phase_and_keep_their_speed():
     for seed in range(4):
-        course = _World("null:0", seed, 0, 240.0).course
-        mean = course.slip.mean(axis=1)
+        profile = _World("null:0", seed, 0, 240.0).profile
+        mean = profile.slip.mean(axis=1)
         assert np.mean(mean > 0.005) > 0.15
         assert np.mean(mean < -0.005) > 0.15
         assert np.mean(np.abs(mean) < 1e-6) > 0.1
-        assert course.v.min() > 4
-        assert course.v.max() < 25
-        assert np.ptp(course.humidity) > 25
-        assert np.ptp(course.rail_temperature) >= 10
-        assert np.ptp(np.abs(course.curvature)) > 1 / 1600
-        assert np.sum(np.diff(course.sanding) > 0) >= 3
+        assert profile.v.min() > 4
+        assert profile.v.max() < 25
+        assert np.ptp(profile.humidity) > 25
+        assert np.ptp(profile.rail_temperature) >= 10
+        assert np.ptp(np.abs(profile.curvature)) > 1 / 1600
+        assert np.sum(np.diff(profile.sanding) > 0) >= 3
 
 
 def test_the_noise_has_its_size_and_its_memory():
@@ -139,7 +139,7 @@ def test_the_noise_has_its_size_and_its_memory():
 
 
 def test_the_fit_finds_the_curve(world):
-    readings = drive(world.course, world.vehicle, world.rail, (), world.noise)
+    readings = drive(world.profile, world.vehicle, world.rail, (), world.noise)
     c = fit(view(readings, (), world.rail, world.vehicle))
     assert peak(c)[0] == pytest.approx(peak(world.rail.curves[0])[0], rel=0.02)
     assert peak(c)[1] == pytest.approx(peak(world.rail.curves[0])[1], rel=0.1)
@@ -186,14 +186,14 @@ def test_lateral_creep_takes_its_part():
 def test_sensor_effects_shift_what_they_say(world):
     def readings(effect, **parameters):
         hidden = (Hidden(effect, "", parameters),)
-        return drive(world.course, world.vehicle, world.rail, hidden, world.noise)
+        return drive(world.profile, world.vehicle, world.rail, hidden, world.noise)
 
-    plain = drive(world.course, world.vehicle, world.rail, (), world.noise)
+    plain = drive(world.profile, world.vehicle, world.rail, (), world.noise)
     assert np.allclose(readings("effort_bias", bias=500.0).effort - plain.effort, 500, atol=10)
     scaled = readings("speed_scale", error=0.02).speed
-    assert np.allclose(scaled, plain.speed + 0.02 * world.course.v[LEAD::2], atol=0.003)
+    assert np.allclose(scaled, plain.speed + 0.02 * world.profile.v[LEAD::2], atol=0.003)
     late = readings("speed_delay", delay=0.4).speed
-    true = world.course.v[LEAD - 40 : -40 : 2]
+    true = world.profile.v[LEAD - 40 : -40 : 2]
     assert np.std(late - true) == pytest.approx(0.01, rel=0.1)
     small = readings("wheel_radius", error=-0.04, axle=3).wheel_speed
     assert np.allclose(small[:, 2] * 0.96, plain.wheel_speed[:, 2], atol=0.01)
@@ -255,7 +255,7 @@ def _record(kind, causes, verdict="named", channel=None, hidden=None, wanted=Non
     ],
 )
 def test_a_name_is_right_by_itself_or_by_its_rivals(hunting, kind, causes, wanted):
-    assert hunting.judge.judged(_record(kind, causes)).outcome == wanted
+    assert hunting.judge.judge_record(_record(kind, causes)).outcome == wanted
 
 
 @pytest.mark.parametrize(
@@ -274,13 +274,13 @@ def test_what_is_not_known_is_judged_by_its_channel(
     hunting, kind, verdict, channel, wanted, outcome
 ):
     record = _record(kind, [], verdict, channel, wanted=wanted)
-    assert hunting.judge.judged(record).outcome == outcome
+    assert hunting.judge.judge_record(record).outcome == outcome
 
 
 def test_gain_floor_and_parameters_are_judged_beside_the_truth(hunting):
     causes = [_cause("humidity", slope=(-0.0030, 0.0005))]
     hidden = {"humidity": {"slope": -0.0035}}
-    row = hunting.judge.judged(
+    row = hunting.judge.judge_record(
         _record("humidity", causes, hidden=hidden, true_gain=29.0, floor=0.0150)
     )
     assert row.covered
@@ -288,14 +288,16 @@ def test_gain_floor_and_parameters_are_judged_beside_the_truth(hunting):
     assert row.floor_ratio == pytest.approx(0.016 / 0.015)
     assert row.inside == (True,)
     hidden = {"humidity": {"slope": -0.0041}}
-    row = hunting.judge.judged(
+    row = hunting.judge.judge_record(
         _record("humidity", causes, hidden=hidden, true_gain=31.0, floor=0.0150)
     )
     assert not row.covered
     assert row.inside == (False,)
     axle = [_cause("wheel_radius", error=(0.01, 0.001), axle=(3, None))]
     hidden = {"wheel_radius": {"error": 0.01, "axle": 2}}
-    assert hunting.judge.judged(_record("wheel_radius", axle, hidden=hidden)).inside == (False,)
+    assert hunting.judge.judge_record(_record("wheel_radius", axle, hidden=hidden)).inside == (
+        False,
+    )
 
 
 def test_a_target_fails_when_its_bound_excludes_it(hunting):
@@ -311,10 +313,13 @@ def test_a_target_fails_when_its_bound_excludes_it(hunting):
 
 
 def test_a_hunt_plans_its_drives_and_goes_on_where_it_was_killed(hunting, tmp_path):
-    tasks = hunting.plan.tasks_of(7, 2, [])
+    tasks = hunting.plan.build_tasks(7, 2, [])
     assert len(tasks) == 2 * (18 + 10 + 4 + 5)
-    assert tasks[:37] == hunting.plan.tasks_of(7, 1, [])
-    assert {t.kind for t in hunting.plan.tasks_of(7, 1, ["null", PAIRS[3]])} == {*NULLS, PAIRS[3]}
+    assert tasks[:37] == hunting.plan.build_tasks(7, 1, [])
+    assert {t.kind for t in hunting.plan.build_tasks(7, 1, ["null", PAIRS[3]])} == {
+        *NULLS,
+        PAIRS[3],
+    }
     path = tmp_path / "r.jsonl"
     results = hunting.plan.Results(path, "v1")
     results.begin(7)
@@ -328,14 +333,14 @@ def test_a_hunt_plans_its_drives_and_goes_on_where_it_was_killed(hunting, tmp_pa
     assert len(hunting.plan.Results(path, "v1").records()) == 2
     assert hunting.plan.Results(path, "v2").records() == []
     assert hunting.plan.Results(path, "v2").seed is None
-    rows = [hunting.judge.judged(r) for r in again.records()]
+    rows = [hunting.judge.judge_record(r) for r in again.records()]
     assert "| sanding" in hunting.tables.confusion(rows)
     assert "no data" in hunting.tables.target_table(hunting.tables.targets(rows))
 
 
 def test_a_diagnosis_that_crashes_is_a_finding(hunting, tmp_path):
-    orders = hunting.work.Orders(entry="json:loads", timeout_s=60)
-    found = hunting.work.diagnosed(["diagnose"], orders, tmp_path / "said.txt")
+    orders = hunting.work.DiagnosisOptions(entry="json:loads", timeout_s=60)
+    found = hunting.work.run_diagnosis(["diagnose"], orders, tmp_path / "output.txt")
     assert found["status"] == "crashed"
     assert "TypeError" in found["error"]
     assert 5 < found["rss_mb"] < 2048

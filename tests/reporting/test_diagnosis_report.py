@@ -71,7 +71,9 @@ def named():
     cause = Cause(
         "speed_dependence", "", "adhesion at the same slip falls with vehicle speed",
         "Curtius and Kniffler, Elektrische Bahnen 21 (1950) 201-210",
-        (ParameterValue("share", 0.8123, 0.0631, "1", "fall with speed; 1 is Curtius and Kniffler's"),),
+        (
+            ParameterValue("share", 0.8123, 0.0631, "1", "1 is Curtius and Kniffler's"),
+        ),
         0.001, ("slow_drift",),
     )  # fmt: skip
     actives = (
@@ -200,7 +202,7 @@ def test_a_named_cause_is_told_with_its_size_its_certainty_and_its_rivals():
     assert first.startswith("Named: adhesion at the same slip falls with vehicle speed")
     assert "share 0.812 ± 0.063" in first
     assert "0.1 % of drives (p = 0.001" in first
-    assert "cannot tell it from slow_drift (adhesion drifts with time)" in first
+    assert "cannot distinguish it from slow_drift (adhesion drifts with time)" in first
     assert "33.8 % (95 % interval 28.1 to 39.5 %)" in gain
     assert "0.0213 before, 0.0141 after; noise alone is about 0.0122" in gain
     assert "this drive only" in gain

@@ -22,22 +22,22 @@ def fit(view: View, rows: Ints | None = None) -> Floats:
     whole, share = v.contact.entered()
     whole, share = whole[rows].ravel(), share[rows].ravel()
     factor = np.broadcast_to(v.contact.factor, v.adhesion.shape)[rows].ravel() * share
-    told = v.adhesion[rows].ravel() - factor * v.contact.second_hump(whole)
+    observed = v.adhesion[rows].ravel() - factor * v.contact.second_hump(whole)
     std, slip_std = v.std[rows].ravel(), v.slip_std[rows].ravel()
     if v.limits is not None:
-        # What the sensor cut off says nothing of the curve.
+        # Readings that the sensor cut off carry no information about the curve.
         inside = (v.adhesion > v.limits[0] + 1e-3) & (v.adhesion < v.limits[1] - 1e-3)
         std = np.where(inside[rows].ravel(), std, 1e3)
-    c = project(whole, factor, told, 1 / std)
+    c = project(whole, factor, observed, 1 / std)
     for _ in range(2):
         slope = factor * (c[0] * c[1] * np.exp(-c[1] * whole) - c[2])
-        c = project(whole, factor, told, 1 / np.hypot(std, slope * slip_std))
+        c = project(whole, factor, observed, 1 / np.hypot(std, slope * slip_std))
     return c
 
 
-def project(whole: Floats, factor: Floats, told: Floats, weight: Floats) -> Floats:
+def project(whole: Floats, factor: Floats, observed: Floats, weight: Floats) -> Floats:
     """c2 by search, c1 and c3 by least squares for each; c3 not below 0."""
-    target, falls = weight * told, -weight * factor * whole
+    target, falls = weight * observed, -weight * factor * whole
 
     def best(log_c2: float) -> tuple[float, Floats]:
         rises = weight * factor * -np.expm1(-np.exp(log_c2) * whole)

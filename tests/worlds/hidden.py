@@ -1,8 +1,8 @@
 """What can be hidden in a drive, in formulas of the worlds' own.
 
 Two halves: what happens in the contact (`contact`), and what stands between the truth and the bus
-(`between`). Both serve twice: to make the drive, and to tell what the true model would have said
-of the measured data.
+(`between`). Both serve twice: to make the drive, and to predict the measured data by the true
+model.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import solve_banded
 
-from tests.worlds.course import AXLES, INERTIA, RADIUS, STEP_S
+from tests.worlds.drive_profile import AXLES, INERTIA, RADIUS, STEP_S
 from tests.worlds.rail import Floats, Ints
 
 Parameters = Mapping[str, float]

@@ -1,4 +1,4 @@
-"""From a course and what is hidden to the readings on the bus, and back to samples.
+"""From a drive profile and what is hidden to the readings on the bus, and back to samples.
 
 `drive` makes the readings. `view` is what a program that knows a model sees in them: with no
 effects the plain model's slip and adhesion, with the true effects what the truth would have made of
@@ -11,7 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.worlds.course import AXLES, LEAD, RADIUS, STATIC_LOAD, STEP_S, Course, Vehicle
+from tests.worlds.drive_profile import (
+    AXLES,
+    LEAD,
+    RADIUS,
+    STATIC_LOAD,
+    STEP_S,
+    DriveProfile,
+    Vehicle,
+)
 from tests.worlds.hidden import Contact, Hidden, State, between, contact, find
 from tests.worlds.rail import Floats, Rail
 
@@ -75,33 +83,33 @@ def draw_noise(rng: np.random.Generator, rows: int, correlation_s: float) -> Noi
 
 
 def drive(
-    course: Course, vehicle: Vehicle, rail: Rail, effects: Sequence[Hidden], noise: Noise
+    profile: DriveProfile, vehicle: Vehicle, rail: Rail, effects: Sequence[Hidden], noise: Noise
 ) -> Readings:
-    """Run the course with the effects hidden in it."""
+    """Run the profile with the effects hidden in it."""
     state = State(
-        course.t,
-        course.v,
-        course.slip,
-        course.load,
-        course.position,
-        course.curvature,
-        course.humidity,
-        course.rail_temperature,
-        course.sanding,
+        profile.t,
+        profile.v,
+        profile.slip,
+        profile.load,
+        profile.position,
+        profile.curvature,
+        profile.humidity,
+        profile.rail_temperature,
+        profile.sanding,
         vehicle.order,
         vehicle.behind,
     )
-    curves = rail.curves[rail.surface_at(course.t)]
+    curves = rail.curves[rail.surface_at(profile.t)]
     link = between(effects)
-    omega = (1 + course.slip) * course.v[:, None] / link.radius
-    force = contact(state, effects, curves).adhesion(curves) * course.load
+    omega = (1 + profile.slip) * profile.v[:, None] / link.radius
+    force = contact(state, effects, curves).adhesion(curves) * profile.load
     effort = force + link.inertia * np.gradient(omega, STEP_S, axis=0) / link.radius
     # The drive's torsion swings the wheel; the motor, whose torque the effort is, hardly feels it.
-    omega = omega + torsion(course, effects, rail)
-    seen = course.t[LEAD:]
-    late_v = np.interp(seen[::2] - link.speed_delay, course.t, course.v)
+    omega = omega + torsion(profile, effects, rail)
+    seen = profile.t[LEAD:]
+    late_v = np.interp(seen[::2] - link.speed_delay, profile.t, profile.v)
     late_f = np.stack(
-        [np.interp(seen - link.effort_delay, course.t, effort[:, i]) for i in range(AXLES)], axis=1
+        [np.interp(seen - link.effort_delay, profile.t, effort[:, i]) for i in range(AXLES)], axis=1
     )
     measured = late_f + link.bias + noise.effort
     measured = np.clip(measured, -link.saturation, link.saturation)
@@ -109,13 +117,13 @@ def drive(
         wheel_speed=_steps(omega[LEAD:] + noise.wheel, 0.002, 0, 65534),
         speed=_steps(link.scale * late_v + noise.speed, 0.002, 0, 65534),
         effort=_steps(measured, 10.0, -32768, 32766),
-        load=_steps(course.load[LEAD::20] + noise.load, 10.0, 0, 65534),
-        curvature=_steps(course.curvature[LEAD::20], 1e-6, -32768, 32766),
-        gradient=_steps(course.gradient[LEAD::20], 1e-5, -32768, 32766),
-        humidity=_steps(course.humidity[LEAD::100], 0.5, 0, 200),
-        rail_temperature=_steps(course.rail_temperature[LEAD::100] + 40, 0.5, 0, 254) - 40,
-        ambient_temperature=_steps(course.ambient_temperature[LEAD::100] + 40, 0.5, 0, 254) - 40,
-        sanding=course.sanding[LEAD::100],
+        load=_steps(profile.load[LEAD::20] + noise.load, 10.0, 0, 65534),
+        curvature=_steps(profile.curvature[LEAD::20], 1e-6, -32768, 32766),
+        gradient=_steps(profile.gradient[LEAD::20], 1e-5, -32768, 32766),
+        humidity=_steps(profile.humidity[LEAD::100], 0.5, 0, 200),
+        rail_temperature=_steps(profile.rail_temperature[LEAD::100] + 40, 0.5, 0, 254) - 40,
+        ambient_temperature=_steps(profile.ambient_temperature[LEAD::100] + 40, 0.5, 0, 254) - 40,
+        sanding=profile.sanding[LEAD::100],
         forward=vehicle.forward,
     )
 
@@ -124,17 +132,17 @@ def _steps(values: Floats, step: float, lowest: int, highest: int) -> Floats:
     return np.asarray(np.clip(np.rint(values / step), lowest, highest) * step)
 
 
-def torsion(course: Course, effects: Sequence[Hidden], rail: Rail) -> Floats:
+def torsion(profile: DriveProfile, effects: Sequence[Hidden], rail: Rail) -> Floats:
     """Swing of the wheel speeds, rad/s, (n, 6): it grows where the creep lies beyond the peak."""
     found = find(effects, "out:torsion")
     if found is None:
-        return np.zeros_like(course.slip)
+        return np.zeros_like(profile.slip)
     p = found.parameters
     c = rail.curves[0]
     onset = float(np.log(c[0] * c[1] / c[2]) / c[1])
-    x = np.clip((np.abs(course.slip) - onset) / 0.03, 0, 1)
-    envelope = p["amplitude"] * x * x * (3 - 2 * x) * course.v[:, None] / RADIUS
-    turns = p["frequency"] * course.t[:, None] + np.arange(AXLES) * p["shift"]
+    x = np.clip((np.abs(profile.slip) - onset) / 0.03, 0, 1)
+    envelope = p["amplitude"] * x * x * (3 - 2 * x) * profile.v[:, None] / RADIUS
+    turns = p["frequency"] * profile.t[:, None] + np.arange(AXLES) * p["shift"]
     return envelope * np.sin(2 * np.pi * turns)
 
 
@@ -163,10 +171,10 @@ class View:
 
     def residual(self, c: Floats) -> Floats:
         """Adhesion less the model's with curve c, (3,) or (n, 3); (n, 6)."""
-        said = self.contact.adhesion(c)
+        predicted = self.contact.adhesion(c)
         if self.limits is not None:
-            said = np.clip(said, self.limits[0], self.limits[1])
-        return self.adhesion - said
+            predicted = np.clip(predicted, self.limits[0], self.limits[1])
+        return self.adhesion - predicted
 
     def thinned(self, every: int) -> "View":
         """Every so many rows."""
@@ -193,16 +201,16 @@ def view(
     effects: Sequence[Hidden],
     rail: Rail,
     vehicle: Vehicle,
-    course: Course | None = None,
+    profile: DriveProfile | None = None,
 ) -> View:
-    """Samples of the readings under the effects; `course` is what a torsion is known from."""
+    """Samples of the readings under the effects; `profile` gives the torsion."""
     link = between(effects)
     n = len(readings.wheel_speed)
     t = np.arange(n) * STEP_S
     held, slow = np.arange(n) // 20, np.arange(n) // 100
     omega = readings.wheel_speed
-    if course is not None:
-        omega = omega - torsion(course, effects, rail)[LEAD:]
+    if profile is not None:
+        omega = omega - torsion(profile, effects, rail)[LEAD:]
     v = np.interp(t + link.speed_delay, t[::2], readings.speed) / link.scale
     effort = readings.effort - link.bias
     if link.effort_delay:

@@ -7,7 +7,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.worlds.course import wander
+from tests.worlds.drive_profile import wander
 from tests.worlds.fitting import project
 from tests.worlds.hidden import Hidden
 from tests.worlds.rail import Floats, curve, draw_curve
@@ -143,13 +143,13 @@ def _judge(
 
 
 def _write(path: Path, columns: dict[str, Floats], adhesion: Floats) -> None:
-    told = dict(columns)
-    told["longitudinal_force_N"] = adhesion * columns["normal_load_N"]
+    written = dict(columns)
+    written["longitudinal_force_N"] = adhesion * columns["normal_load_N"]
     np.savetxt(
         path,
-        np.stack(list(told.values()), axis=1),
+        np.stack(list(written.values()), axis=1),
         fmt="%.7g",
         delimiter=",",
-        header=",".join(told),
+        header=",".join(written),
         comments="",
     )

@@ -11,7 +11,7 @@ from zlib import crc32
 
 import numpy as np
 
-from tests.worlds.course import LEAD, Course, draw_course, draw_vehicle
+from tests.worlds.drive_profile import LEAD, DriveProfile, draw_profile, draw_vehicle
 from tests.worlds.encoding import write_log
 from tests.worlds.fitting import THIN, fitted_residual, rmse
 from tests.worlds.hidden import Hidden
@@ -77,17 +77,17 @@ class _World:
         surfaces = kind == "null:surfaces"
         self.rail = several_surfaces(self.rng, duration_s) if surfaces else one_surface(self.rng)
         self.vehicle = draw_vehicle(self.rng, self.rail)
-        self.course, self.noise = self._drive()
+        self.profile, self.noise = self._drive()
 
-    def _drive(self) -> tuple[Course, Noise]:
-        course = draw_course(self.rng, self.duration_s, self.vehicle, self.rail)
+    def _drive(self) -> tuple[DriveProfile, Noise]:
+        profile = draw_profile(self.rng, self.duration_s, self.vehicle, self.rail)
         of_noise = self.kind.removeprefix("null:")
         correlation_s = float(of_noise) if of_noise in ("1", "5") else 0.0
-        return course, draw_noise(self.rng, len(course.t) - LEAD, correlation_s)
+        return profile, draw_noise(self.rng, len(profile.t) - LEAD, correlation_s)
 
     def written(self, names: tuple[str, ...], path: Path, excess: Excess, fresh: bool) -> Truth:
         effects, shares = self._sized(names, excess)
-        truth = self._write(self.course, self.noise, effects, shares, path)
+        truth = self._write(self.profile, self.noise, effects, shares, path)
         if effects and truth.rmse_before < (1 + LEAST_EXCESS) * truth.noise_floor:
             # Two that hide each other, or a figure that one row in five flattered.
             raise TooWeakError(self.kind)
@@ -103,7 +103,7 @@ class _World:
     ) -> tuple[tuple[Hidden, ...], tuple[float, ...]]:
         if not names:
             return (), ()
-        largest = float(np.abs(curve(self.rail.curves[0], self.course.slip)).max())
+        largest = float(np.abs(curve(self.rail.curves[0], self.profile.slip)).max())
         largest *= float(self.vehicle.static_load.mean())
         effects, shares = [], []
         for name in names:
@@ -116,9 +116,9 @@ class _World:
 
     def _excess(self, hidden: Hidden) -> float:
         """Share by which an effect alone lifts the plain fit's RMSE above the true model's."""
-        readings = drive(self.course, self.vehicle, self.rail, (hidden,), self.noise)
+        readings = drive(self.profile, self.vehicle, self.rail, (hidden,), self.noise)
         # One row in five: enough for the figure, and no multiple of the 20 ms of the speed.
-        true = view(readings, (hidden,), self.rail, self.vehicle, self.course).thinned(THIN)
+        true = view(readings, (hidden,), self.rail, self.vehicle, self.profile).thinned(THIN)
         if np.min(true.contact.factor) < LEAST_FACTOR:
             raise TooWeakError(hidden.effect)
         plain = view(readings, (), self.rail, self.vehicle).thinned(THIN)
@@ -128,21 +128,21 @@ class _World:
 
     def _write(
         self,
-        course: Course,
+        profile: DriveProfile,
         noise: Noise,
         effects: tuple[Hidden, ...],
         shares: tuple[float, ...],
         path: Path,
     ) -> Truth:
-        readings = drive(course, self.vehicle, self.rail, effects, noise)
+        readings = drive(profile, self.vehicle, self.rail, effects, noise)
         write_log(readings, path)
         plain = view(readings, (), self.rail, self.vehicle)
-        true = view(readings, effects, self.rail, self.vehicle, course)
+        true = view(readings, effects, self.rail, self.vehicle, profile)
         surface = self.rail.surface_at(plain.t)
         before = rmse(fitted_residual(plain, surface)[plain.use])
         floor = rmse(true.residual(self.rail.curves[surface])[true.use])
         still = replace(noise, speed=0 * noise.speed, wheel=0 * noise.wheel, load=0 * noise.load)
-        quiet = drive(course, self.vehicle, self.rail, effects, still)
+        quiet = drive(profile, self.vehicle, self.rail, effects, still)
         return Truth(
             kind=self.kind,
             seed=self.seed,
@@ -159,7 +159,7 @@ class _World:
             fresh=None,
             judge=DriveJudge(
                 view(quiet, (), self.rail, self.vehicle),
-                view(quiet, effects, self.rail, self.vehicle, course),
+                view(quiet, effects, self.rail, self.vehicle, profile),
                 true,
                 surface,
                 self.rail.curves[surface],

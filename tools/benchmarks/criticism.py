@@ -31,19 +31,19 @@ KINDS = (
 DRIVES = (1, 2, 4)
 LONGER = ("null:0", "load_dependence")
 """Whose longer drives are made. The several recordings are null drives of several worlds: what
-they cost, not what they say, is looked at."""
+they cost is measured, not their answer."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Of one diagnosis.
+    """Cost of one diagnosis.
 
     Attributes:
-        seconds: of the whole process by the clock, with the start of the interpreter.
-        start: seconds of the processor for the imports, the same however long the drive is.
-        work: of the processor for the rest: what else a machine does hardly changes it.
-        mib: peak of the memory.
-        said: what came out.
+        seconds: Wall-clock time of the whole process, s.
+        start: Processor time of the imports, s; the same however long the drive is.
+        work: Processor time of the rest, s; other load of the machine hardly changes it.
+        mib: Peak memory, MiB.
+        answer: Named effects, or the verdict.
 
     """
 
@@ -51,10 +51,10 @@ class Cost:
     start: float
     work: float
     mib: float
-    said: str
+    answer: str
 
 
-def diagnosed(paths):
+def measure_diagnosis(paths):
     """Cost of `adhesion-can diagnose` on recordings, as a user calls it, without the page."""
     answer = paths[0].with_suffix(".json")
     words = [sys.executable, str(Path(__file__).with_name("_diagnosis.py"))]
@@ -66,8 +66,8 @@ def diagnosed(paths):
         raise RuntimeError(f"diagnose {' '.join(map(str, paths))} failed:\n{done.stderr}")
     cost = json.loads(done.stdout.splitlines()[-1])
     found = json.loads(answer.read_text())
-    said = " + ".join(cause["effect"] for cause in found["causes"]) or found["verdict"]
-    return Cost(seconds, **cost, said=said)
+    answer = " + ".join(cause["effect"] for cause in found["causes"]) or found["verdict"]
+    return Cost(seconds, **cost, answer=answer)
 
 
 def drive(folder, kind, seed, count=1):
@@ -85,23 +85,26 @@ def time_row(report, options, folder):
         f"drives of {DRIVE_S:.0f} s, six axles at 100 Hz; {options.repeats} of each kind, medians"
     )
     for kind in KINDS:
-        runs = [diagnosed([drive(folder, kind, options.seed + k)]) for k in range(options.repeats)]
-        said = ", ".join(dict.fromkeys(run.said for run in runs))
+        runs = [
+            measure_diagnosis([drive(folder, kind, options.seed + k)])
+            for k in range(options.repeats)
+        ]
+        answers = ", ".join(dict.fromkeys(run.answer for run in runs))
         report.tell(
             f"{kind}: {min(run.seconds for run in runs):.1f} to "
             f"{max(run.seconds for run in runs):.1f} s; of the processor "
             f"{median(run.start for run in runs):.1f} s to start and "
-            f"{median(run.work for run in runs):.1f} to work; said: {said}"
+            f"{median(run.work for run in runs):.1f} to work; found: {answers}"
         )
         report.at_most(f"{kind}: s", median(run.seconds for run in runs), TARGET_S, ".1f")
         report.at_most(f"{kind}: MiB", max(run.mib for run in runs), TARGET_MIB, ".0f")
 
 
-def compared(report, options, what, inputs):
+def compare_durations(report, options, what, inputs):
     """1, 2 and 4 drives side by side; the ratio is of the work a drive to that of one drive."""
     rounds = []
     for number in range(options.repeats):
-        rounds.append([diagnosed(paths) for paths in inputs])
+        rounds.append([measure_diagnosis(paths) for paths in inputs])
         aside(f"{what}: {number + 1} of {options.repeats} rounds")
     for place, count in enumerate(DRIVES):
         runs = [one[place] for one in rounds]
@@ -109,7 +112,7 @@ def compared(report, options, what, inputs):
         report.tell(
             f"{what}, {count}: processor {work:.1f} s without the start, {work / count:.1f} a "
             f"drive; clock {median(run.seconds for run in runs):.1f} s; "
-            f"{max(run.mib for run in runs):.0f} MiB; said: {runs[0].said}"
+            f"{max(run.mib for run in runs):.0f} MiB; found: {runs[0].answer}"
         )
     for place, count in enumerate(DRIVES[1:], start=1):
         ratio = median(one[place].work / count / one[0].work for one in rounds)
@@ -122,20 +125,20 @@ def length_row(report, options, folder):
     """One recording of 1, 2 and 4 drives' length: what a drive's length of it costs."""
     for kind in LONGER:
         inputs = [[drive(folder, kind, options.seed, count)] for count in DRIVES]
-        compared(report, options, f"{kind}, drives in one recording", inputs)
+        compare_durations(report, options, f"{kind}, drives in one recording", inputs)
 
 
 def recordings_row(report, options, folder):
     """1, 2 and 4 recordings together: what one of them costs."""
     paths = [drive(folder, "null:0", options.seed + k) for k in range(DRIVES[-1])]
     inputs = [paths[:count] for count in DRIVES]
-    compared(report, options, "null:0, recordings", inputs)
+    compare_durations(report, options, "null:0, recordings", inputs)
 
 
 ROWS = {"time": time_row, "length": length_row, "recordings": recordings_row}
 
 
-def parsed():
+def parse_options():
     parser = row_parser("criticism", ROWS)
     add = parser.add_argument
     add(
@@ -150,7 +153,7 @@ def parsed():
 
 
 def main():
-    options = parsed()
+    options = parse_options()
     with TemporaryDirectory(prefix="bench-") as folder:
         run_rows(ROWS, options, Path(folder))
 

@@ -14,13 +14,13 @@ ROOT = Path(__file__).resolve().parents[2]
 # The folder of this file is on the path; the worlds need the project's.
 sys.path.insert(1, str(ROOT))
 
-from judge import Judged, judged  # noqa: E402  after the path
-from plan import Results, Task, check_kinds, code_version, tasks_of  # noqa: E402
+from judge import JudgedRecord, judge_record  # noqa: E402  after the path
+from plan import Results, Task, build_tasks, check_kinds, code_version  # noqa: E402
 from tables import confusion, target_table, targets  # noqa: E402
-from work import Orders, work  # noqa: E402
+from work import DiagnosisOptions, work  # noqa: E402
 
 
-def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+def parse_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Options of the command line."""
     parser = argparse.ArgumentParser(prog="tools/hunt", description=__doc__)
     add = parser.add_argument
@@ -36,7 +36,9 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     add("--print", dest="only_print", action="store_true", help="no drives: print the results")
     add("--holdout", action="store_true", help="hold out a fresh drive of the same world")
     add("--keep", type=Path, metavar="DIR", help="leave drives and diagnoses there")
-    add("--entry", default=Orders.entry, metavar="MODULE:FUNCTION", help=argparse.SUPPRESS)
+    add(
+        "--entry", default=DiagnosisOptions.entry, metavar="MODULE:FUNCTION", help=argparse.SUPPRESS
+    )
     options = parser.parse_args(arguments)
     try:
         check_kinds(options.only)
@@ -49,7 +51,7 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Hunt and print; 0: every target met or not excluded, 1: one failed."""
-    options = parsed(arguments)
+    options = parse_options(arguments)
     version = code_version()
     results = Results(options.results, version)
     seed = options.seed if options.seed is not None else results.seed
@@ -59,11 +61,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         results.begin(seed)
         if options.keep:
             options.keep.mkdir(parents=True, exist_ok=True)
-        orders = Orders(options.entry, options.holdout, keep=options.keep)
-        hunt(results, tasks_of(seed, options.rounds, options.only), orders, options.jobs)
+        orders = DiagnosisOptions(options.entry, options.holdout, keep=options.keep)
+        hunt(results, build_tasks(seed, options.rounds, options.only), orders, options.jobs)
         if code_version() != version:
             aside("the code changed while the hunt ran: the figures are of neither version")
-    rows = [judged(record) for record in results.records() if record["holdout"] == options.holdout]
+    rows = [
+        judge_record(record) for record in results.records() if record["holdout"] == options.holdout
+    ]
     text = report(rows, seed, version)
     print(text)
     if options.table:
@@ -71,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 1 if any(t.verdict == "FAILED" for t in targets(rows)) else 0
 
 
-def hunt(results: Results, tasks: Sequence[Task], orders: Orders, jobs: int) -> None:
+def hunt(results: Results, tasks: Sequence[Task], orders: DiagnosisOptions, jobs: int) -> None:
     """Do what is not done yet, each drive in processes of its own; results come as they are."""
     done = {(r["kind"], r["seed"]) for r in results.records() if r["holdout"] == orders.holdout}
     open_tasks = [task for task in tasks if (task.kind, task.seed) not in done]
@@ -90,16 +94,16 @@ def hunt(results: Results, tasks: Sequence[Task], orders: Orders, jobs: int) -> 
         for number, future in enumerate(as_completed(waiting), start=1):
             record = future.result()
             results.add(record)
-            row = judged(record)
+            row = judge_record(record)
             spent = time.perf_counter() - began
             left = spent / number * (len(waiting) - number)
             aside(
-                f"{number}/{len(waiting)} {row.kind}: {row.outcome} {' + '.join(row.said)} "
+                f"{number}/{len(waiting)} {row.kind}: {row.outcome} {' + '.join(row.answer)} "
                 f"({row.seconds:.1f} s; {left / 60:.0f} min to go)"
             )
 
 
-def report(rows: Sequence[Judged], seed: int, version: str) -> str:
+def report(rows: Sequence[JudgedRecord], seed: int, version: str) -> str:
     """The whole of what a hunt has to say, as Markdown."""
     found = targets(rows)
     counts = {v: sum(t.verdict == v for t in found) for v in ("met", "not met", "FAILED")}

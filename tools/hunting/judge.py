@@ -4,35 +4,35 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from plan import group_of
+from plan import find_group
 
 Record = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedRecord:
     """A record, judged.
 
     Attributes:
-        kind: of the world.
-        group: of the kind.
+        kind: Kind of the world.
+        group: Group of the kind.
         outcome: 'named' (by its own name), 'rival' (declared indistinguishable), 'wrong', 'both',
             'one', 'unexplained' (with the right channel where there is one), 'wrong channel',
             'nothing', 'failed'.
-        said: what was named or the channel, for the confusion.
-        inside: whether each parameter that can be compared lies in its interval.
-        covered: whether the gain's interval holds the true gain; None: cannot be said.
-        gain_error: reported less true gain, %; None: cannot be said.
-        floor_ratio: held-out RMSE after extension over the noise floor there.
-        seconds: of the diagnosis.
-        rss_mb: its peak of memory.
+        answer: What was named, or the channel, for the confusion table.
+        inside: Whether each parameter that can be compared lies in its interval.
+        covered: Whether the gain's interval holds the true gain; None: not known.
+        gain_error: Reported less true gain, %; None: not known.
+        floor_ratio: RMSE of the held-out data after extension, over their noise floor.
+        seconds: Duration of the diagnosis, s.
+        rss_mb: Peak memory of the diagnosis, MiB.
 
     """
 
     kind: str
     group: str
     outcome: str
-    said: tuple[str, ...]
+    answer: tuple[str, ...]
     inside: tuple[bool, ...]
     covered: bool | None
     gain_error: float | None
@@ -46,21 +46,21 @@ class Judged:
         return self.outcome in ("named", "rival", "both")
 
 
-def judged(record: Record) -> Judged:
+def judge_record(record: Record) -> JudgedRecord:
     """Judge one record."""
     kind = record["kind"]
     diagnosis = record.get("diagnosis")
     if diagnosis is None or record["status"] != 0:
-        outcome, said, inside = "failed", (str(record["status"]),), ()
+        outcome, answer, inside = "failed", (str(record["status"]),), ()
     else:
-        outcome, said = _outcome(record, diagnosis)
+        outcome, answer = _outcome(record, diagnosis)
         inside = tuple(_inside(record, diagnosis["causes"]))
     covered, error, ratio = _gain(record) if diagnosis else (None, None, None)
-    return Judged(
+    return JudgedRecord(
         kind,
-        group_of(kind),
+        find_group(kind),
         outcome,
-        said,
+        answer,
         inside,
         covered,
         error,
@@ -75,7 +75,7 @@ def _outcome(record: Record, diagnosis: Record) -> tuple[str, tuple[str, ...]]:
     names = tuple(cause["effect"] for cause in causes)
     true = [e["effect"] for e in record["truth"]["effects"]]
     verdict, channel = diagnosis["verdict"], diagnosis["channel"]
-    if group_of(record["kind"]) in ("null", "out"):
+    if find_group(record["kind"]) in ("null", "out"):
         if names or verdict == "named":
             return "wrong", names
         if verdict == "nothing_found":
@@ -123,13 +123,15 @@ def _inside(record: Record, causes: Sequence[Record]) -> list[bool]:
         for cause in causes:
             if cause["effect"] != hidden["effect"]:
                 continue
-            told = cause["parameters"] or {}
+            parameters = cause["parameters"] or {}
             for name, true in hidden["parameters"].items():
-                if name == "axle" or told.get(name) is None:
+                if name == "axle" or parameters.get(name) is None:
                     continue  # another form of the effect has other parameters
-                if told[name]["std"] is not None:
-                    found.append(abs(told[name]["value"] - true) <= 1.96 * told[name]["std"])
-            axle = (told.get("axle") or {}).get("value")
+                if parameters[name]["std"] is not None:
+                    found.append(
+                        abs(parameters[name]["value"] - true) <= 1.96 * parameters[name]["std"]
+                    )
+            axle = (parameters.get("axle") or {}).get("value")
             if axle is not None and axle != hidden["parameters"].get("axle"):
                 found = [False for _ in found]
     return found

@@ -24,7 +24,7 @@ class Task:
     seed: int
 
 
-def group_of(kind: str) -> str:
+def find_group(kind: str) -> str:
     """'single', 'pair', 'null' or 'out'."""
     head = kind.partition(":")[0]
     return head if head in GROUPS else "single"
@@ -42,7 +42,7 @@ def check_kinds(chosen: Sequence[str]) -> None:
             raise ValueError(f"no kind {name!r}: one of {', '.join(GROUPS)}, {', '.join(SINGLES)}")
 
 
-def tasks_of(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
+def build_tasks(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
     """Every drive of a hunt, round by round.
 
     Args:
@@ -56,7 +56,7 @@ def tasks_of(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
         rng = np.random.default_rng([seed, number])
         sampled = [PAIRS[k] for k in rng.choice(len(PAIRS), PAIRS_A_ROUND, replace=False)]
         everything = [*SINGLES, *sampled, *NULLS, *OUTSIDE]
-        kinds = [k for k in everything if not only or k in only or group_of(k) in only]
+        kinds = [k for k in everything if not only or k in only or find_group(k) in only]
         kinds += [k for k in only if k in PAIRS and k not in kinds]
         tasks += [Task(kind, seed + number) for kind in kinds]
     return tasks

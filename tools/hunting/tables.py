@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from judge import Judged
+from judge import JudgedRecord
 from scipy.stats import beta
 
 from tests.worlds import NULLS, OUTSIDE, SINGLES
@@ -58,7 +58,7 @@ def at_most(what: str, value: float | None, most: float, unit: str, also: str = 
     return Target(what, f"{value:.3g} {unit}{also}", wanted, "met" if value <= most else "FAILED")
 
 
-def targets(rows: Sequence[Judged]) -> list[Target]:
+def targets(rows: Sequence[JudgedRecord]) -> list[Target]:
     """Every target of the hunt."""
     singles = [r for r in rows if r.group == "single"]
     pairs = [r for r in rows if r.group == "pair"]
@@ -109,8 +109,8 @@ def target_table(found: Sequence[Target]) -> str:
     return _table(head, [(t.what, t.wanted, t.figure, t.verdict) for t in found])
 
 
-def confusion(rows: Sequence[Judged]) -> str:
-    """Every kind and what was said of it, as Markdown."""
+def confusion(rows: Sequence[JudgedRecord]) -> str:
+    """Every kind and what was answered, as Markdown."""
     parts = [
         _outcomes(
             rows,
@@ -131,7 +131,7 @@ def confusion(rows: Sequence[Judged]) -> str:
 
 
 def _outcomes(
-    rows: Sequence[Judged], title: str, kinds: Sequence[str], columns: Sequence[str]
+    rows: Sequence[JudgedRecord], title: str, kinds: Sequence[str], columns: Sequence[str]
 ) -> str:
     lines = []
     for kind in kinds:
@@ -139,23 +139,23 @@ def _outcomes(
         if own:
             counts = Counter(r.outcome for r in own)
             # A null that is called unexplained went wrong, whatever channel is blamed.
-            said = Counter(" + ".join(r.said) for r in own if not r.found and r.said)
-            # What was right needs no telling.
+            answers = Counter(" + ".join(r.answer) for r in own if not r.found and r.answer)
+            # Right answers are not listed.
             if kind in OUTSIDE:
-                said = Counter(
-                    " + ".join(r.said) for r in own if r.outcome != "unexplained" and r.said
+                answers = Counter(
+                    " + ".join(r.answer) for r in own if r.outcome != "unexplained" and r.answer
                 )
-            told = ", ".join(f"{name} {n}" for name, n in said.most_common())
-            lines.append((kind, str(len(own)), *(_count(counts[c]) for c in columns), told))
+            instead = ", ".join(f"{name} {n}" for name, n in answers.most_common())
+            lines.append((kind, str(len(own)), *(_count(counts[c]) for c in columns), instead))
     return _table((title, "drives", *columns, "instead"), lines) if lines else ""
 
 
-def _pairs(rows: Sequence[Judged]) -> str:
+def _pairs(rows: Sequence[JudgedRecord]) -> str:
     """Pairs by the effects that are in them."""
     pairs = [r for r in rows if r.group == "pair"]
     columns = ("both", "one", "wrong", "unexplained", "nothing", "failed")
 
-    def line(name: str, has: Callable[[Judged], bool]) -> tuple[str, ...]:
+    def line(name: str, has: Callable[[JudgedRecord], bool]) -> tuple[str, ...]:
         own = [r for r in pairs if has(r)]
         counts = Counter(r.outcome for r in own)
         return (name, str(len(own)), *(_count(counts[c]) for c in columns))

@@ -21,14 +21,14 @@ NO_WORLD = "no world"
 
 
 @dataclass(frozen=True)
-class Orders:
+class DiagnosisOptions:
     """How to diagnose.
 
     Attributes:
         entry: MODULE:FUNCTION that takes the command line.
-        holdout: whether a fresh drive is made and held out.
-        timeout_s: after which a diagnosis is ended.
-        keep: folder that drives and diagnoses are left in; None: nowhere.
+        holdout: Whether a fresh drive is made and held out.
+        timeout_s: Time after which a diagnosis is ended, s.
+        keep: Folder in which drives and diagnoses are kept; None: nowhere.
 
     """
 
@@ -38,7 +38,7 @@ class Orders:
     keep: Path | None = None
 
 
-def work(task: Task, orders: Orders) -> dict[str, Any]:
+def work(task: Task, orders: DiagnosisOptions) -> dict[str, Any]:
     """Record of a drive, fit for JSON."""
     with TemporaryDirectory(prefix="hunt-") as folder:
         name = f"{task.kind}-{task.seed}".replace(":", "_").replace("+", "-")
@@ -59,23 +59,23 @@ def work(task: Task, orders: Orders) -> dict[str, Any]:
         if truth.fresh:
             arguments += ["--holdout", truth.fresh.path]
         record["truth"] = truth.to_dict()
-        record |= diagnosed(arguments, orders, path.with_name(f"{name}.txt"))
+        record |= run_diagnosis(arguments, orders, path.with_name(f"{name}.txt"))
         if record["status"] == 0:
             try:
-                record["diagnosis"] = shortened(json.loads(answer.read_text()))
-                record |= compared(truth, record["diagnosis"])
+                record["diagnosis"] = shorten_diagnosis(json.loads(answer.read_text()))
+                record |= compare_with_truth(truth, record["diagnosis"])
             except (OSError, ValueError, KeyError, TypeError) as error:
                 record |= {"status": "unreadable", "error": repr(error)}
     return record
 
 
-def diagnosed(arguments: list[str], orders: Orders, said: Path) -> dict[str, Any]:
+def run_diagnosis(arguments: list[str], orders: DiagnosisOptions, output: Path) -> dict[str, Any]:
     """Run the command in a process of its own: exit status, seconds, peak memory."""
     # The imports are made once, in a server from which each diagnosis is forked.
     context = get_context("forkserver")
     context.set_forkserver_preload(["adhesion_can.cli.main", "adhesion_can.diagnosis.diagnose"])
     ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_call, args=(orders.entry, arguments, str(said), theirs))
+    process = context.Process(target=_call, args=(orders.entry, arguments, str(output), theirs))
     process.start()
     theirs.close()
     found: dict[str, Any] = {"status": "timeout", "seconds": orders.timeout_s, "rss_mb": None}
@@ -89,13 +89,13 @@ def diagnosed(arguments: list[str], orders: Orders, said: Path) -> dict[str, Any
     process.join()
     if found["status"] != 0:
         with suppress(OSError):
-            found["error"] = said.read_text(errors="replace")[-2000:]
+            found["error"] = output.read_text(errors="replace")[-2000:]
     return found
 
 
-def _call(entry: str, arguments: list[str], said: str, pipe: Any) -> None:
-    """In the new process: everything that the command says goes to a file."""
-    out = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+def _call(entry: str, arguments: list[str], output: str, pipe: Any) -> None:
+    """In the new process: all output of the command goes to a file."""
+    out = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(out, 1)
     os.dup2(out, 2)
     began = time.perf_counter()
@@ -123,7 +123,7 @@ def _peak_mb() -> float:
     raise OSError("no VmHWM in /proc/self/status")
 
 
-def shortened(diagnosis: dict[str, Any]) -> dict[str, Any]:
+def shorten_diagnosis(diagnosis: dict[str, Any]) -> dict[str, Any]:
     """What of a diagnosis is needed to judge it."""
     gain = diagnosis.get("gain") or {}
     return {
@@ -140,7 +140,7 @@ def shortened(diagnosis: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def compared(truth: Truth, diagnosis: dict[str, Any]) -> dict[str, Any]:
+def compare_with_truth(truth: Truth, diagnosis: dict[str, Any]) -> dict[str, Any]:
     """Gain and noise floor as the world knows them, on what the diagnosis held out."""
     if truth.fresh:
         return {

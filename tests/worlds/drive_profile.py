@@ -52,7 +52,7 @@ class Vehicle:
 
 
 @dataclass(frozen=True)
-class Course:
+class DriveProfile:
     """A drive, row by row of 10 ms; n rows, the first LEAD of them before the recording.
 
     Attributes:
@@ -96,16 +96,16 @@ def draw_vehicle(rng: np.random.Generator, rail: Rail) -> Vehicle:
 
 
 def wander(rng: np.random.Generator, t: Floats, shortest_s: float, longest_s: float) -> Floats:
-    """A smooth random course from −1 to 1, (n,)."""
+    """A smooth random signal from −1 to 1, (n,)."""
     periods = np.exp(rng.uniform(np.log(shortest_s), np.log(longest_s), 5))
     phases = rng.uniform(0, 2 * np.pi, 5)
     x = np.sin(2 * np.pi * t[:, None] / periods + phases).sum(axis=1)
     return np.asarray(2 * (x - x.min()) / (x.max() - x.min()) - 1)
 
 
-def draw_course(
+def draw_profile(
     rng: np.random.Generator, duration_s: float, vehicle: Vehicle, rail: Rail
-) -> Course:
+) -> DriveProfile:
     """Draw a drive with every kind of phase in it."""
     n = LEAD + round(duration_s / STEP_S)
     t = (np.arange(n) - LEAD) * STEP_S
@@ -120,7 +120,7 @@ def draw_course(
     position -= position[LEAD]
     low, high = 40 + 12 * rng.random(), 90 - 12 * rng.random()
     humidity = (low + high) / 2 + (high - low) / 2 * wander(rng, t, 40, 200)
-    return Course(
+    return DriveProfile(
         t=t,
         v=v,
         slip=slip,
@@ -149,15 +149,15 @@ def _phases(
         wanted = mode * _sweeps(rng, end - row, curves[row:end])
         force = (curve(curves[row:end], wanted) * vehicle.static_load).sum(axis=1)
         pull = force / vehicle.mass - 0.015 - 9.81 * gradient[row:end]
-        course = speed + np.cumsum(pull) * STEP_S
-        outside = np.flatnonzero((course < SPEEDS[0]) | (course > SPEEDS[1]))
+        profile = speed + np.cumsum(pull) * STEP_S
+        outside = np.flatnonzero((profile < SPEEDS[0]) | (profile > SPEEDS[1]))
         if len(outside):
             length = round(0.9 * int(outside[0]))
             if length < 300:
                 return None
             continue
-        v[row:end], slip[row:end] = course, wanted
-        speed, row = float(course[-1]), end
+        v[row:end], slip[row:end] = profile, wanted
+        speed, row = float(profile[-1]), end
         if mode:
             counts[mode] += length >= 400
             last = mode
