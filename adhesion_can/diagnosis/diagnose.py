@@ -103,7 +103,7 @@ def diagnose(
     if why:
         return build_empty_diagnosis(drives, [*untested, Untested("everything", why)])
     # Step 2
-    show("rails", 0.05)
+    show("surface changes", 0.05)
     change_times = [find_surface_changes(drive, candidates) for drive in thin]
     # Steps 3 to 6
     analysis = _Analysis(thin, candidates, block, block_length_s, settings, show)
@@ -150,7 +150,7 @@ class _Analysis:
         rng = np.random.default_rng(self.settings.seed)
         data = build_regression_data(self.drives, change_times)
         # Step 3
-        self.show("curves", 0.15)
+        self.show("regression", 0.15)
         prepared = prepare_regression(
             data, fit_start_curves(data), self.block, self.candidates, self.block_length_s
         )
@@ -160,7 +160,7 @@ class _Analysis:
         # Step 5
         selection = select_effects(prepared, detection.test)
         # Step 6
-        self.show("what is left", 0.7)
+        self.show("channels", 0.7)
         alpha, plain, best = self.settings.alpha, selection.plain, selection.best
         of_plain = find_residual_channels(prepared.regression, plain.fitted, alpha, rng)
         of_best = of_plain

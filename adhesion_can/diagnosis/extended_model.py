@@ -101,10 +101,10 @@ def _estimate_segment(
 
     """
     rows = rows[:: max(len(rows) // MOST_ROWS, 1)]
-    seen = drive.observe()
+    observed = drive.observe()
     own = rows - start
     clear = np.abs(evaluation.factor[rows]) > LEAST_FACTOR
-    plain = _fit_estimate(seen.slip[own], seen.adhesion[own])
+    plain = _fit_estimate(observed.slip[own], observed.adhesion[own])
     extended = plain
     if clear.sum() >= LEAST_ROWS:
         corrected = evaluation.adhesion[rows][clear] / evaluation.factor[rows][clear]

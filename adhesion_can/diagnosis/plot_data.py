@@ -46,12 +46,12 @@ def find_plotted_channel(
 
 def _build_derived_channel(data: RegressionData, name: str) -> Channel | None:
     """A channel that is plotted and never tested; None where there is none of that name."""
-    seen = [drive.observe() for drive in data.drives]
+    observed = [drive.observe() for drive in data.drives]
     if name == "creep_speed":
-        values = np.abs(np.concatenate([one.creep_speed for one in seen]))
+        values = np.abs(np.concatenate([one.creep_speed for one in observed]))
         return Channel(name, channel_unit(name), ChannelKind.FACTOR, values)
     if name == "signed_slip":
-        values = np.concatenate([one.slip for one in seen])
+        values = np.concatenate([one.slip for one in observed])
         return Channel(name, channel_unit(name), ChannelKind.OFFSET, values)
     return None
 
@@ -179,7 +179,7 @@ def simulate_wheel_speed(
 
     """
     instruments = build_instruments(model.active_effects)
-    seen = drive.observe(instruments)
+    observed = drive.observe(instruments)
     evaluation = _evaluate_drive(drive, model, surface)
     c1, log_c2, c3 = model.curves.values[surface]
     c2 = float(np.exp(log_c2))
@@ -187,9 +187,9 @@ def simulate_wheel_speed(
     radius = float(radii[drive.axle[rows[0]] - 1])
     inertia = max(drive.inertia + instruments.inertia_error, 1.0)
     effort = drive.effort[rows] - instruments.effort_bias
-    speed, load = seen.speed[rows], seen.load[rows]
-    slip_change, factor = (evaluation.slip - seen.slip)[rows], evaluation.factor[rows]
-    measured_slip = seen.slip[rows]
+    speed, load = observed.speed[rows], observed.load[rows]
+    slip_change, factor = (evaluation.slip - observed.slip)[rows], evaluation.factor[rows]
+    measured_slip = observed.slip[rows]
     t_s = drive.t_s[rows]
     slip = np.empty(len(rows))
     restarted = t_s[0]

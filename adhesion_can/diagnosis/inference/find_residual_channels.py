@@ -78,12 +78,12 @@ def find_residual_channels(
 
     """
     data, model = regression.data, fitted.model
-    likely = evaluate_model(data, model.curves, model.active_effects, regression.slip_correction)
-    channels = build_channels(data, likely)
-    bases = [channel.build_basis(likely) for channel in channels]
-    jacobian = compute_curve_jacobian(data, model.curves, likely)
+    corrected = evaluate_model(data, model.curves, model.active_effects, regression.slip_correction)
+    channels = build_channels(data, corrected)
+    bases = [channel.build_basis(corrected) for channel in channels]
+    jacobian = compute_curve_jacobian(data, model.curves, corrected)
     found = fit_residual_channels(regression, fitted, channels, bases, jacobian, rng)
-    wave = find_wave(regression, model, likely, rng)
+    wave = find_wave(regression, model, corrected, rng)
     if wave is not None and wave[2] <= alpha / 2:
         channel, basis, p_value = wave
         (one,) = fit_residual_channels(regression, fitted, [channel], [basis], jacobian, rng)

@@ -97,10 +97,10 @@ class Findings:
         regression, best = self.prepared.regression, self.selection.best.fitted.model
         data, used = regression.data, regression.used
         effects = best.active_effects
-        likely = evaluate_model(data, best.curves, effects, regression.slip_correction)
-        columns = [channel.build_basis(likely) for channel in build_channels(data, likely)]
+        corrected = evaluate_model(data, best.curves, effects, regression.slip_correction)
+        columns = [channel.build_basis(corrected) for channel in build_channels(data, corrected)]
         columns += [one.basis for one in self.channels_of_best if one.channel.period]
-        jacobian = compute_curve_jacobian(data, best.curves, likely)
+        jacobian = compute_curve_jacobian(data, best.curves, corrected)
         design = np.column_stack([jacobian, *columns])[used]
         residual = evaluate_model(data, best.curves, effects).residual[used]
         answer = solve_normal_equations(design.T @ design, design.T @ residual)

@@ -120,8 +120,8 @@ def evaluate_hold_out(
     if channel is not None and other_drives:
         after = after - channel.spline_change
         # At the estimated true slips, as the channel was fitted.
-        likely = evaluate_model(data, extended.curves, effects, regression.slip_correction)
-        jacobian = compute_curve_jacobian(data, extended.curves, likely)
+        corrected = evaluate_model(data, extended.curves, effects, regression.slip_correction)
+        jacobian = compute_curve_jacobian(data, extended.curves, corrected)
         own = jacobian[rows]
         after = after - jacobian @ solve_normal_equations(own.T @ own, own.T @ after[rows])
     elif channel is not None:

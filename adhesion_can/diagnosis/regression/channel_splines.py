@@ -103,9 +103,9 @@ def build_channels(data: RegressionData, evaluation: Evaluation) -> list[Channel
         evaluation: Model evaluated at the estimated true slips.
 
     """
-    seen = [drive.observe() for drive in data.drives]
+    observed = [drive.observe() for drive in data.drives]
     speed, load = (
-        np.concatenate([getattr(one, name) for one in seen]) for name in ("speed", "load")
+        np.concatenate([getattr(one, name) for one in observed]) for name in ("speed", "load")
     )
     curve = ChannelKind.CURVE
     found = [

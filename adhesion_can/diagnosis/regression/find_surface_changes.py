@@ -45,10 +45,10 @@ DEFAULT_CURVE = (0.3, 40.0, 0.1)
 
 def build_samples(drive: DriveData, rows: NDArray[np.int64] | slice = slice(None)) -> Samples:
     """Rows of a drive as samples, in the order of `rows`."""
-    seen = drive.observe()
-    plain = Samples.curve(seen.slip[rows], seen.adhesion[rows])
+    observed = drive.observe()
+    plain = Samples.curve(observed.slip[rows], observed.adhesion[rows])
     t_us = np.round(drive.t_s[rows] * 1e6).astype(np.int64)
-    return replace(plain, t_us=t_us, axle=drive.axle[rows], speed=seen.speed[rows])
+    return replace(plain, t_us=t_us, axle=drive.axle[rows], speed=observed.speed[rows])
 
 
 def find_surface_changes(drive: DriveData, candidates: tuple[Candidate, ...]) -> list[float]:

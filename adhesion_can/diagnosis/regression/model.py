@@ -128,23 +128,23 @@ def _apply_effects(
     drive: DriveData, active_effects: Sequence[ActiveEffect], slip_correction: Array | None
 ) -> tuple[Array, Array, Array]:
     """Observed adhesion, slip ratio at the curve, and factor of the adhesion; shape (n,) each."""
-    seen = drive.observe(build_instruments(active_effects))
-    slip, creep_speed = seen.slip, seen.creep_speed
+    observed = drive.observe(build_instruments(active_effects))
+    slip, creep_speed = observed.slip, observed.creep_speed
     if slip_correction is not None:
-        slip, creep_speed = slip + slip_correction, creep_speed + slip_correction * seen.speed
+        slip, creep_speed = slip + slip_correction, creep_speed + slip_correction * observed.speed
     contact = Contact(
         slip=slip,
         creep_speed=creep_speed,
-        speed=seen.speed,
-        load=seen.load,
+        speed=observed.speed,
+        load=observed.load,
         time_s=drive.time_s,
         axle=drive.axle.astype(np.float64),
         place=drive.place,
-        adhesion=seen.adhesion,
+        adhesion=observed.adhesion,
         covariates=drive.covariates,
     )
     change = compute_change(active_effects, contact, LagStates())
-    return seen.adhesion, change.slip, np.broadcast_to(change.factor, change.slip.shape)
+    return observed.adhesion, change.slip, np.broadcast_to(change.factor, change.slip.shape)
 
 
 def compute_curve_jacobian(

@@ -184,10 +184,10 @@ def _saturated_residual(
 ) -> Array:
     """Residual of the saturated, linearised model (all effects, all splines), adhesion; (n,)."""
     data = regression.data
-    likely = evaluate_model(data, model.curves, (), regression.slip_correction)
-    columns = [compute_curve_jacobian(data, model.curves, likely)]
+    corrected = evaluate_model(data, model.curves, (), regression.slip_correction)
+    columns = [compute_curve_jacobian(data, model.curves, corrected)]
     columns += [regression.compute_signature(model, candidate) for candidate in candidates]
-    columns += [channel.build_basis(likely) for channel in build_channels(data, likely)]
+    columns += [channel.build_basis(corrected) for channel in build_channels(data, corrected)]
     design = np.column_stack(columns)
     residual = evaluate_model(data, model.curves).residual
     white = regression.whiten(np.column_stack([design, residual]))

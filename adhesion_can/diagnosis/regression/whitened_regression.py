@@ -111,8 +111,8 @@ class WhitenedRegression:
         error of the slip is not in both, and does not flatten the curve.
         """
         effects = model.active_effects
-        likely = evaluate_model(self.data, model.curves, effects, self.slip_correction)
-        parts = [compute_curve_jacobian(self.data, model.curves, likely)]
+        corrected = evaluate_model(self.data, model.curves, effects, self.slip_correction)
+        parts = [compute_curve_jacobian(self.data, model.curves, corrected)]
         parts += [
             compute_effect_jacobian(self.data, *remove_effect(model, place), self.slip_correction)
             for place in range(len(model.candidates))

@@ -20,17 +20,17 @@ from adhesion_can.physics.effects import EFFECTS
 from adhesion_can.recordings.recording import Recording
 from tests.diagnosis.bad_logs import write
 from tests.diagnosis.diagnosis_helpers import SLIP_MAX, V_MIN, SyntheticDrive
-from tests.worlds.plant import synthetic
+from tests.worlds.plant import drive as run_drive
 from tests.worlds.world import _World
 
 IDS = list(dict.fromkeys(effect.id for effect in EFFECTS))
 
 
-def course_of_world(kind, seed, folder, duration_s, names=()):
-    """Course of a world, and the times at which its rail changes."""
+def build_drive_of_world(kind, seed, folder, duration_s, names=()):
+    """Drive data of a world, and the times at which its surface changes."""
     world = _World(kind, seed, 0, duration_s)
     hidden = world._sized(names, (0.1, 0.6))[0]
-    readings = synthetic(world.build_drive_data, world.vehicle, world.rail, hidden, world.noise)
+    readings = run_drive(world.profile, world.vehicle, world.rail, hidden, world.noise)
     path = write(folder / "a.log", readings)
     config = load_configuration(None)
     loaded = load_traces(Recording(path).blocks(), config, "a.log")
@@ -39,8 +39,8 @@ def course_of_world(kind, seed, folder, duration_s, names=()):
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_changes_of_the_rail_are_found_where_they_are(seed, tmp_path):
-    drive, true = course_of_world("null:surfaces", seed, tmp_path, 120.0)
+def test_surface_changes_are_found_where_they_are(seed, tmp_path):
+    drive, true = build_drive_of_world("null:surfaces", seed, tmp_path, 120.0)
     found = find_surface_changes(drive, build_candidates([drive])[0])
     # Where nothing is pulled nothing is seen: a change may be found a coasting phase late.
     for time in true:
@@ -60,7 +60,7 @@ def test_changes_of_the_rail_are_found_where_they_are(seed, tmp_path):
     ],
 )
 def test_a_rail_that_stays_the_same_has_no_changes(kind, names, tmp_path):
-    drive, _ = course_of_world(kind, 4, tmp_path, 120.0, names)
+    drive, _ = build_drive_of_world(kind, 4, tmp_path, 120.0, names)
     assert find_surface_changes(drive, build_candidates([drive])[0]) == []
 
 
