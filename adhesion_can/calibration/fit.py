@@ -15,9 +15,10 @@ errors per sample would treat a correlated error as many independent ones. o and
 only where they are identifiable: in a drive at one speed o is a part of every radius.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
+from typing import Any
 
 import numpy as np
 import scipy
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.calibration.coasting import (
+    SOFTEST_CONTACT,
     CalibrationSettings,
     CoastingDrive,
     CoastingRows,
@@ -32,6 +34,7 @@ from adhesion_can.calibration.coasting import (
     join_coasting,
 )
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.result_text import html_table, plus_minus
 
 _SMALLEST_SCALE = 1e-6
 """Least scale of the residuals, m/s; keeps Huber's weights above 0 without any noise."""
@@ -101,6 +104,8 @@ class Calibration:
         speed_range: Lowest and highest vehicle speed used, m/s.
         mean_speed: Mean vehicle speed, m/s.
         mean_acceleration: Mean acceleration of the vehicle, m/s².
+        systematic_percent: Bound of the radii's systematic error by the creep left while coasting,
+            %; None where coasting was not detected from effort.
 
     """
 
@@ -116,6 +121,63 @@ class Calibration:
     speed_range: tuple[float, float]
     mean_speed: float
     mean_acceleration: float
+    systematic_percent: float | None
+
+    def to_dict(self, rim_speed_axles: Collection[int] = ()) -> dict[str, Any]:
+        """Radii and errors of the vehicle speed, as JSON has them.
+
+        Quantities that are not identifiable are None.
+
+        Args:
+            rim_speed_axles: Axles whose wheel speed is sent as speed of the rim, so that its factor
+                is corrected and not the radius.
+
+        """
+        return {
+            "axles": [
+                {
+                    "axle": axle.axle,
+                    "configured_m": axle.configured,
+                    "radius_m": _quantity(axle.estimate)
+                    if axle.estimate
+                    else {"value": axle.configured, "std": None, "interval": None},
+                    "change_percent": 100 * (axle.ratio - 1) if axle.estimate else None,
+                    "coasting_s": axle.coasting_s,
+                    "blocks": axle.blocks,
+                    "corrected_by": "factor" if axle.axle in rim_speed_axles else "wheel_radius_m",
+                }
+                for axle in self.axles
+            ],
+            "offset_mps": _quantity(self.offset),
+            "delay_s": _quantity(self.delay),
+            "relative_to": "vehicle speed",
+            "coasting_told_by": "tractive effort" if self.effort_known else None,
+            "systematic_percent": self.systematic_percent,
+            "noise_std_mps": self.noise_std,
+            "outliers_percent": 100 * self.outliers,
+        }
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                str(axle.axle),
+                f"{axle.configured:.4f}",
+                plus_minus(
+                    None if axle.estimate is None else axle.estimate.value,
+                    None if axle.estimate is None else axle.estimate.std,
+                ),
+                f"{axle.coasting_s:.1f}",
+            )
+            for axle in self.axles
+        ]
+        columns = ("axle", "configured m", "radius m", "coasting s")
+        return html_table("Wheel radii, ± standard error", columns, rows)
+
+
+def _quantity(found: Quantity | None) -> dict[str, Any]:
+    if found is None:
+        return {"value": None, "std": None, "interval": None}
+    return {"value": found.value, "std": found.std, "interval": list(found.interval)}
 
 
 def calibrate(
@@ -169,6 +231,7 @@ def calibrate(
         speed_range=(float(v.min(initial=inf)), float(v.max(initial=-inf))),
         mean_speed=float(v.mean()) if len(v) else 0.0,
         mean_acceleration=float(a.mean()) if len(a) else 0.0,
+        systematic_percent=100 * settings.adhesion_max / SOFTEST_CONTACT if effort_known else None,
     )
 
 

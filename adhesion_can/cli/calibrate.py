@@ -5,10 +5,13 @@ from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 
-import numpy as np
-
 from adhesion_can import __version__
-from adhesion_can.calibration.coasting import CalibrationSettings, CoastingDrive
+from adhesion_can.api.calibration import (
+    build_coasting_drive,
+    require_calibration_roles,
+    require_calibration_signals,
+)
+from adhesion_can.calibration.coasting import CalibrationSettings
 from adhesion_can.calibration.fit import Calibration, calibrate
 from adhesion_can.cli.common import (
     add_configuration,
@@ -23,14 +26,13 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.config.calibrated_file import Correction, rim_axles, with_correction
-from adhesion_can.errors import ConfigError, InputError, RecordingError
+from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256, whole_file
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.reference_speed import read_reference, reference_path
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.calibration import (
-    calibration_json,
     calibration_notes,
     radius_table,
     speed_lines,
@@ -107,28 +109,28 @@ def run(options: argparse.Namespace) -> int:
     reference = (
         None if options.speed is None else Trace.from_readings(*read_reference(options.speed))
     )
-    _require_roles(config, reference)
+    require_calibration_roles(config, reference)
     recordings = open_recordings(options.log)
-    heard = []
+    loaded = []
     with reading("reading", recordings) as watched:
         for recording in recordings:
             blocks = watched(blocks_in_sequence([recording]))
-            heard.append(load_traces(blocks, config, str(recording.path)))
-    drives = [_drive(one, config, reference) for one in heard]
+            loaded.append(load_traces(blocks, config, str(recording.path)))
+    drives = [build_coasting_drive(one, config, reference) for one in loaded]
     where = ", ".join(map(str, options.log))
-    _require_signals(drives, options, where)
+    require_calibration_signals(drives, where, options.speed)
     result = calibrate(drives, config.vehicle, settings)
     if all(axle.estimate is None for axle in result.axles):
         raise InputError(where, *_no_coasting(result, settings))
     rim = rim_axles(config)
     named = "the vehicle speed" if options.speed is None else f"--speed {options.speed}"
     notes = calibration_notes(result, settings, rim, named)
-    notes += _notes_on_source(result, heard, reference)
+    notes += _notes_on_source(result, loaded, reference)
     problems = read_problems(recordings)
     write_json(
         options.json,
         {
-            **calibration_json(result, settings, rim),
+            **result.to_dict(rim),
             "notes": notes,
             "problems": problems,
             **provenance(config, inputs),
@@ -172,77 +174,6 @@ def _settings(options: argparse.Namespace) -> CalibrationSettings:
     )
 
 
-# --- what is heard
-
-
-def _drive(heard: LoadedTraces, config: Configuration, reference: Trace | None) -> CoastingDrive:
-    """Columns of what was heard; a reference takes the place of the vehicle speed."""
-
-    def traces(role: Role) -> dict[int, Trace]:
-        axles = sorted(choice.axle for choice in config.choices if choice.role is role)
-        return {axle: heard.trace(role, axle) for axle in axles}
-
-    return CoastingDrive(
-        reference or traces(Role.VEHICLE_SPEED)[0],
-        traces(Role.WHEEL_SPEED),
-        traces(Role.TRACTIVE_EFFORT),
-    )
-
-
-# --- what is needed
-
-
-def _require_roles(config: Configuration, reference: Trace | None) -> None:
-    roles = config.roles()
-    if Role.WHEEL_SPEED not in roles:
-        raise ConfigError(
-            config.where, "no role gives a wheel speed", "map wheel_speed.1, .. under [roles]"
-        )
-    if reference is None and Role.VEHICLE_SPEED not in roles:
-        raise ConfigError(
-            config.where,
-            "no role gives the vehicle speed",
-            "map vehicle_speed under [roles], or give --speed CSV[:COLUMN]",
-        )
-
-
-def _require_signals(drives: list[CoastingDrive], options: argparse.Namespace, where: str) -> None:
-    """Raise a RecordingError where a role was never heard, or a reference is of another time."""
-    wheels = [trace for drive in drives for trace in drive.wheel_speed.values()]
-    _require_heard(wheels, "wheel speed", where, "check the roles wheel_speed")
-    if options.speed is None:
-        speeds = [drive.speed for drive in drives]
-        _require_heard(
-            speeds,
-            "vehicle speed that is independent of the driven axles",
-            where,
-            "give one of another recorder with --speed CSV[:COLUMN]",
-        )
-    else:
-        stamps = np.concatenate([trace.t_us for trace in wheels]) / 1e6
-        speed = drives[0].speed.t_us / 1e6
-        if speed[-1] < stamps.min() or speed[0] > stamps.max():
-            raise InputError(
-                f"--speed {options.speed}",
-                f"its times ({speed[0]:.1f} to {speed[-1]:.1f} s) lie outside the recording's "
-                f"({stamps.min():.1f} to {stamps.max():.1f} s)",
-                "bring both onto one clock",
-            )
-    efforts = [trace for drive in drives for trace in drive.effort.values()]
-    if efforts:
-        _require_heard(
-            efforts,
-            "tractive effort, so coasting cannot be told",
-            where,
-            "check the roles tractive_effort; without them stretches of steady speed are used",
-        )
-
-
-def _require_heard(traces: list[Trace], what: str, where: str, mend: str) -> None:
-    if not any(np.isfinite(trace.value).any() for trace in traces):
-        raise RecordingError(where, f"holds no {what}", mend)
-
-
 def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[str, str]:
     """What is wrong and the mend, where no axle has enough coasting."""
     longest = max(axle.coasting_s for axle in result.axles)
@@ -256,16 +187,17 @@ def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[st
 
 
 def _notes_on_source(
-    result: Calibration, heard: list[LoadedTraces], reference: Trace | None
+    result: Calibration, loaded: list[LoadedTraces], reference: Trace | None
 ) -> list[str]:
-    """What is to be known of where the vehicle speed came from."""
+    """Notes on the source of the vehicle speed."""
     if reference is not None:
-        told = result.offset is not None
-        return ["The offset is that of --speed, so no role is given it."] if told else []
+        if result.offset is None:
+            return []
+        return ["The offset is that of --speed, so no role is given it."]
     notes = []
-    if derived := sum(one.derived for one in heard):
+    if derived := sum(one.derived for one in loaded):
         notes.append(f"{derived} vehicle speeds derived from the driven axles were left out.")
-    if any(one.trailing for one in heard):
+    if any(one.trailing for one in loaded):
         notes.append(
             "The vehicle speed comes from a trailing axle: the error of its radius is in all."
         )
@@ -278,24 +210,26 @@ def _correction(
     options: argparse.Namespace,
     sources: Sequence[Path],
 ) -> Correction:
-    """What the configuration file is to say."""
+    """Values and remarks for the configuration file."""
     origin = f"by adhesion-can {__version__} from " + ", ".join(
         f"{path.name} (sha256 {file_sha256(path)[:12]})" for path in sources
     )
     rim = rim_axles(config)
-    told = {a.axle: a for a in result.axles if a.estimate is not None}
+    estimated = {a.axle: a for a in result.axles if a.estimate is not None}
     radii = ", ".join(
-        f"axle {i} ± {a.estimate.std:.2g}" for i, a in told.items() if a.estimate and i not in rim
+        f"axle {i} ± {a.estimate.std:.2g}"
+        for i, a in estimated.items()
+        if a.estimate and i not in rim
     )
     factor = {c.axle: c.factor for c in config.choices if c.role is Role.WHEEL_SPEED}
     offset = result.offset if options.speed is None else None
     return Correction(
-        radius_ratio={i: a.ratio for i, a in told.items()},
+        radius_ratio={i: a.ratio for i, a in estimated.items()},
         offset=offset.value if offset else None,
         radii_remark=f"standard errors in m: {radii}; {origin}",
         factor_remark={
             i: f"factor ± {factor[i] * a.estimate.std / a.configured:.2g}; {origin}"
-            for i, a in told.items()
+            for i, a in estimated.items()
             if a.estimate
         },
         offset_remark=f"offset ± {offset.std:.2g} m/s; {origin}" if offset else "",

@@ -7,7 +7,6 @@ from adhesion_can.cli.common import (
     add_configuration,
     add_json,
     configuration,
-    open_recordings,
     read_problems,
     require_outputs,
     talk,
@@ -16,7 +15,7 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.reading import reading
 from adhesion_can.offline.check import CheckResult, check, mean_cycle_ms
 from adhesion_can.offline.extract_samples import require_known
-from adhesion_can.recordings.sequence import blocks_in_sequence
+from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 

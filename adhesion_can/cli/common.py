@@ -17,10 +17,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.config.model_file import read_model
-from adhesion_can.errors import BusError, InputError, RecordingError
+from adhesion_can.errors import BusError, InputError
 from adhesion_can.files import whole_file
 from adhesion_can.recordings.recording import Recording
-from adhesion_can.recordings.sample_table import is_table
 from adhesion_can.reporting.text import console
 
 
@@ -123,21 +122,6 @@ def finite(value: Any) -> Any:
 def talk(options: argparse.Namespace) -> bool:
     """Whether stdout is for people: not when it carries the JSON."""
     return getattr(options, "json", None) != "-"
-
-
-def open_recordings(paths: Sequence[Path]) -> list[Recording]:
-    """Recordings of the given paths.
-
-    Raises:
-        RecordingError: one is missing, of no known format, or a TABLE.
-
-    """
-    for path in paths:
-        if path.exists() and is_table(path):
-            raise RecordingError(
-                str(path), "a table of samples, not a recording", "give it to 'identify'"
-            )
-    return [Recording(path) for path in paths]
 
 
 @contextmanager

@@ -16,7 +16,6 @@ from adhesion_can.cli.common import (
     configuration,
     left_out_lines,
     names_of,
-    open_recordings,
     read_problems,
     require_outputs,
     talk,
@@ -36,7 +35,7 @@ from adhesion_can.offline.extract_samples import extract_samples
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.sample_table import Table, is_table, read_table
-from adhesion_can.recordings.sequence import blocks_in_sequence
+from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 from adhesion_can.result_text import plus_minus
@@ -72,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(
             ", ".join(map(str, options.inputs)),
             "not one usable sample (a moving vehicle, slip within the curve's range)",
-            "; ".join(left_out_lines(left_out)) or "see what 'adhesion-can check' says of it",
+            "; ".join(left_out_lines(left_out)) or "see the result of 'adhesion-can check'",
         )
     extension = {} if config.model is None else _extension_json(config.model, left_out)
     write_json(
@@ -178,8 +177,8 @@ def _print(result: BatchResult, problems: list[str], model: ExtendedModel | None
     columns = ("time s", "samples", "mu_max", "lambda_m", "c1", "c2", "c3", "noise", "identifiable")
     out.print(table("Batch fit, ± standard deviation", columns, rows))
     if model is not None:
-        taken = ", ".join(model.names) or "no effects"
-        out.print(f"Base curve of the extended model {model.where}: without {taken}.", markup=False)
+        effects = ", ".join(model.names) or "no effects"
+        out.print(f"Base curve of the extended model {model.where}: without {effects}.", markup=False)
     if len(result.segments) > 1:
         out.print(
             f"The curve changed {len(result.segments) - 1} times: one for all does not "

@@ -18,7 +18,6 @@ from adhesion_can.cli.common import (
     add_model,
     configuration,
     left_out_lines,
-    open_recordings,
     read_problems,
     require_outputs,
     talk,
@@ -32,7 +31,7 @@ from adhesion_can.files import whole_file
 from adhesion_can.offline.extract_samples import require_known
 from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
 from adhesion_can.recordings.candump import format_frame
-from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence
+from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence, open_recordings
 from adhesion_can.reporting.export import require_format
 from adhesion_can.reporting.provenance import provenance, texts
 from adhesion_can.reporting.setpoints import setpoint_table

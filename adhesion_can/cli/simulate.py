@@ -7,6 +7,7 @@ from typing import Any
 
 import can
 
+from adhesion_can.api.simulation import build_run_settings
 from adhesion_can.bus.database import load_database
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.common import (
@@ -18,22 +19,18 @@ from adhesion_can.cli.common import (
     configuration,
     progress,
     require_outputs,
-    require_positive,
     write_json,
 )
-from adhesion_can.cli.effect_option import SYNTAX, effects_help, parse_effects
 from adhesion_can.config import Configuration
 from adhesion_can.errors import BusError, InputError
-from adhesion_can.estimation.extended.correction import require_axles, require_channels
 from adhesion_can.files import whole_file
-from adhesion_can.physics.channels import COVARIATES
-from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.recording import from_message, to_message
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.service.core import ServiceCore
+from adhesion_can.simulation.effect_option import SYNTAX, effects_help
 from adhesion_can.simulation.run import RunSettings, Simulation
-from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
+from adhesion_can.simulation.scenarios import SCENARIOS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,8 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    settings = _settings(options)
     config = configuration(options)
+    settings = _settings(options, config)
     database = load_database(options.dbc)
     on_bus = "interface" in options or "channel" in options
     if options.log is None:
@@ -94,46 +91,18 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _settings(options: argparse.Namespace) -> RunSettings:
-    require_positive(options.duration, "--duration")
-    if options.seed < 0:
-        raise InputError("--seed", f"{options.seed} is negative", "give 0 or more")
-    try:
-        scenario = scenario_by_name(options.scenario)
-    except KeyError as error:
-        raise InputError(
-            "--scenario",
-            f"no scenario {options.scenario!r}",
-            f"known: {', '.join(s.name for s in SCENARIOS)}",
-        ) from error
-    config = configuration(options)
-    return RunSettings(
-        scenario,
+def _settings(options: argparse.Namespace, config: Configuration) -> RunSettings:
+    return build_run_settings(
+        options.scenario,
         options.duration,
-        seed=options.seed,
-        vehicle=config.vehicle,
-        effects=(*parse_effects(options.effect, config.vehicle), *_of_model(config, options)),
+        options.seed,
+        options.effect,
+        config,
+        prefix="--",
         obey=options.closed_loop,
         load_transfer=options.load_transfer,
         along_track=options.along_track,
     )
-
-
-def _of_model(config: Configuration, options: argparse.Namespace) -> tuple[ActiveEffect, ...]:
-    """Effects of --model, which must be possible here and not given by --effect as well."""
-    model = config.model
-    if model is None:
-        return ()
-    mend = "take the spline out of the model"
-    require_channels(model, COVARIATES.values(), "the simulated locomotive", mend)
-    require_axles(model, config.vehicle.axles)
-    given = {text.partition("=")[0].partition(":")[0] for text in options.effect}
-    for active in model.effects:
-        if active.effect.id in given:
-            raise InputError(
-                f"--effect {active.effect.id}", "is in the --model as well", "give it once"
-            )
-    return model.actives
 
 
 def _to_log(simulation: Simulation, path: Path, core: ServiceCore | None) -> None:

@@ -19,6 +19,7 @@ from adhesion_can.estimation.identifiability import IdentifiabilitySettings, ass
 from adhesion_can.estimation.likelihood import innovation, sensitivity, sum_of_squares
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
+from adhesion_can.result_text import html_table, plus_minus
 
 STEEPNESS = np.geomspace(2.0, 400.0, 60)
 """Values of c2 in the scan: 9 % apart, well within the convergence range of the refinement."""
@@ -78,6 +79,31 @@ class BatchResult:
     whole: Estimate
     segments: tuple[Segment, ...]
     left_out: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Estimates of all samples together and of each segment, as JSON has them."""
+        return {
+            **self.whole.to_dict(),
+            "segments": [
+                {"from_s": s.from_us / 1e6, "to_s": s.to_us / 1e6, **s.estimate.to_dict()}
+                for s in self.segments
+            ],
+            "left_out": self.left_out,
+        }
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                f"{s.from_us / 1e6:.1f} .. {s.to_us / 1e6:.1f}",
+                str(s.estimate.samples),
+                plus_minus(s.estimate.mu_max, s.estimate.to_dict()["mu_max"]["std"]),
+                plus_minus(s.estimate.lambda_m, s.estimate.to_dict()["lambda_m"]["std"]),
+                "yes" if s.estimate.identifiable.both else "no",
+            )
+            for s in self.segments
+        ]
+        columns = ("time s", "samples", "mu_max", "lambda_m", "identifiable")
+        return html_table("Batch fit by segment, ± standard deviation", columns, rows)
 
 
 def fit(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Estimate:

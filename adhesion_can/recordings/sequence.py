@@ -21,7 +21,7 @@ class _Strays:
     """Finds frames with a broken stamp far ahead, which would hold up all that follow.
 
     Args:
-        report: of the recording, where they are counted.
+        report: Statistics of the recording, where they are counted.
 
     """
 
@@ -31,7 +31,7 @@ class _Strays:
         self._held: int | None = None
 
     def add(self, t_us: int) -> tuple[bool, bool]:
-        """Take the next stamp: whether the one that is held is good, and whether this one is."""
+        """Add the next stamp: whether the one in suspense is good, and whether this one is."""
         held_is_good = False
         if self._held is not None:
             held_is_good = t_us > self._held - STRAY_US
@@ -47,7 +47,7 @@ class _Strays:
         return held_is_good, True
 
     def steady(self, t_us: NDArray[np.int64]) -> bool:
-        """Take stamps with no such leap at all; False, and nothing taken, where there is one."""
+        """Add stamps with no such leap at all; False, and nothing added, where there is one."""
         last = int(t_us[0]) if self._last is None else self._last
         if self._held is not None or (np.diff(t_us, prepend=last) > STRAY_US).any():
             return False
@@ -87,7 +87,7 @@ def _blocks_without_strays(blocks: Iterable[Block], report: ReadReport) -> Itera
             yield block
             continue
         rows = block if held is None else Block.concatenate([held, block])
-        skip = 0 if held is None else 1  # the held row was taken with its own block
+        skip = 0 if held is None else 1  # the held row was added with its own block
         keep = np.zeros(len(rows), dtype=np.bool_)
         for place, t_us in enumerate(rows.t_us.tolist()[skip:], start=skip):
             held_is_good, keep[place] = strays.add(t_us)

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection
 from math import inf
-from typing import Any
 
 from rich.table import Table
 
@@ -13,43 +12,6 @@ from adhesion_can.result_text import plus_minus
 
 IMPLAUSIBLE = 0.1
 """Relative change of a radius beyond which it is no wear."""
-
-
-def _quantity(found: Quantity | None) -> dict[str, Any]:
-    if found is None:
-        return {"value": None, "std": None, "interval": None}
-    return {"value": found.value, "std": found.std, "interval": list(found.interval)}
-
-
-def calibration_json(
-    result: Calibration, settings: CalibrationSettings, rim: Collection[int]
-) -> dict[str, Any]:
-    """Document of `calibrate --json`; quantities that are not identifiable are null."""
-    return {
-        "axles": [
-            {
-                "axle": axle.axle,
-                "configured_m": axle.configured,
-                "radius_m": _quantity(axle.estimate)
-                if axle.estimate
-                else {"value": axle.configured, "std": None, "interval": None},
-                "change_percent": 100 * (axle.ratio - 1) if axle.estimate else None,
-                "coasting_s": axle.coasting_s,
-                "blocks": axle.blocks,
-                "corrected_by": "factor" if axle.axle in rim else "wheel_radius_m",
-            }
-            for axle in result.axles
-        ],
-        "offset_mps": _quantity(result.offset),
-        "delay_s": _quantity(result.delay),
-        "relative_to": "vehicle speed",
-        "coasting_told_by": "tractive effort" if result.effort_known else None,
-        "systematic_percent": 100 * settings.adhesion_max / SOFTEST_CONTACT
-        if result.effort_known
-        else None,
-        "noise_std_mps": result.noise_std,
-        "outliers_percent": 100 * result.outliers,
-    }
 
 
 def calibration_notes(

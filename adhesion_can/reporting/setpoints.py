@@ -53,7 +53,7 @@ class _Rows:
 
     def add(self, t_us: int, outputs: Outputs) -> None:
         self._t_us.append(t_us)
-        self._values.append(_row(outputs))
+        self._values.append(setpoint_row(outputs))
         if len(self._t_us) >= ROWS:
             self.flush()
 
@@ -66,7 +66,7 @@ class _Rows:
         self._t_us, self._values = [], []
 
 
-def _row(outputs: Outputs) -> list[float]:
+def setpoint_row(outputs: Outputs) -> list[float]:
     """Numbers of a row; NaN where not available."""
     theta = outputs.theta or (None, None, None)
     axles = [outputs.axles.get(axle, Setpoint()) for axle in _AXLES]

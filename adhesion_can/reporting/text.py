@@ -27,12 +27,3 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> 
     for row in rows:
         made.add_row(*row)
     return made
-
-
-def plus_minus(value: float | None, std: float | None, digits: int = 4) -> str:
-    """A value with its standard deviation; a dash where it is not available."""
-    if value is None:
-        return "-"
-    if std is None or not std < float("inf"):
-        return f"{value:.{digits}f} ± ?"
-    return f"{value:.{digits}f} ± {std:.{digits}f}"

@@ -152,7 +152,7 @@ class Plant:
         if contact is None:
             mu, slope = _curve(slip, theta), adhesion_slope(slip, *theta)
         else:
-            mu, slope = self._answer(contact, theta)
+            mu, slope = self._compute_adhesion(contact, theta)
         stiffness = np.maximum(slope, 0.0) * self.load * r / v
         gain = dt * r / inertia
         change = gain * (effort - mu * self.load) / (1.0 + gain * stiffness)
@@ -171,7 +171,7 @@ class Plant:
         if contact is not None and self._follows:
             compute_change(self._effects, replace(contact, slip=self.slip), self._lags)
 
-    def _answer(self, contact: Contact, theta: Curves) -> tuple[Array, Array]:
+    def _compute_adhesion(self, contact: Contact, theta: Curves) -> tuple[Array, Array]:
         """Adhesion at the end of a step in which the slip stays, and its slope over that slip.
 
         Both of shape (axles,). A contact that follows the slip moves only a part of the way within

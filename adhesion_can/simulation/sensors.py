@@ -62,8 +62,8 @@ class PlantState:
         )
 
 
-class Past:
-    """States of a while ago, for sensors that are late.
+class StateHistory:
+    """Recent states, for sensors that measure late.
 
     Args:
         depth_us: Largest age of a state that is needed, µs.
@@ -156,7 +156,7 @@ class Sensors:
             "TractiveEffort2": to_us(instruments.effort_delay),
         }
         latest = max(self._delay_us.values())
-        self._past = Past(latest) if latest else None
+        self._history = StateHistory(latest) if latest else None
         self._transmitters = [
             Transmitter(database, name, slot) for slot, name in enumerate(INPUT_MESSAGES)
         ]
@@ -173,18 +173,18 @@ class Sensors:
             until_us: End of the step, µs.
 
         """
-        if self._past is not None:
-            if self._past.is_empty:
-                self._past.add(from_us, before)
-            self._past.add(until_us, after)
+        if self._history is not None:
+            if self._history.is_empty:
+                self._history.add(from_us, before)
+            self._history.add(until_us, after)
         frames = []
         ready = [t for t in self._transmitters if t.due_us <= until_us]
         for transmitter in sorted(ready, key=lambda t: t.due_us):
             share = (transmitter.due_us - from_us) / (until_us - from_us)
             state = before.towards(after, max(share, 0.0))
             delay_us = self._delay_us.get(transmitter.name, 0)
-            if delay_us and self._past is not None:
-                state = self._past.at(transmitter.due_us - delay_us)
+            if delay_us and self._history is not None:
+                state = self._history.at(transmitter.due_us - delay_us)
             frames.append(transmitter.frame(self._values(transmitter.name, state)))
         return frames
 

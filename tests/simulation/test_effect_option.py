@@ -4,11 +4,11 @@ import json
 
 import pytest
 
-from adhesion_can.cli.effect_option import effects_help, parse_effects
 from adhesion_can.cli.main import main
 from adhesion_can.errors import InputError
 from adhesion_can.physics.effects import EFFECTS
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.simulation.effect_option import effects_help, parse_effects
 
 
 def parsed(*texts, vehicle=None):

@@ -1,0 +1,132 @@
+"""Batch fit of the adhesion curve to arrays, samples or recordings."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
+from adhesion_can.api.inputs import RecordingLike, as_recordings, name_of
+from adhesion_can.config.configuration import Configuration
+from adhesion_can.errors import InputError
+from adhesion_can.estimation.batch_fit import BatchResult
+from adhesion_can.estimation.batch_fit import identify as _identify
+from adhesion_can.estimation.extended.correction import correct_samples
+from adhesion_can.offline.extract_samples import extract_samples
+from adhesion_can.physics.samples import Samples
+from adhesion_can.recordings.recording import Recording
+from adhesion_can.recordings.sequence import blocks_in_sequence
+
+
+@overload
+def identify(
+    slip: ArrayLike,
+    adhesion: ArrayLike,
+    *,
+    time_s: ArrayLike | None = None,
+    configuration: ConfigurationLike = None,
+) -> BatchResult: ...
+
+
+@overload
+def identify(
+    slip: Samples | RecordingLike | Iterable[RecordingLike],
+    *,
+    configuration: ConfigurationLike = None,
+    model: ModelLike = None,
+) -> BatchResult: ...
+
+
+def identify(
+    slip: ArrayLike | Samples | RecordingLike | Iterable[RecordingLike],
+    adhesion: ArrayLike | None = None,
+    *,
+    time_s: ArrayLike | None = None,
+    configuration: ConfigurationLike = None,
+    model: ModelLike = None,
+) -> BatchResult:
+    """Maximum-likelihood fit of one curve, and of one for each segment of constant surface.
+
+    Args:
+        slip: Slip ratios λ, shape (n,); or samples, or recordings or their paths.
+        adhesion: Adhesion coefficients μ, shape (n,); with arrays alone.
+        time_s: Times, s, ascending, shape (n,); without them all points are of one segment.
+        configuration: Vehicle, database, roles and settings.
+        model: Extended model whose effects are removed before the fit; with recordings alone.
+
+    Raises:
+        InputError: The arrays do not fit together, or no sample is usable.
+        ConfigError: The roles do not suffice to form adhesion.
+        RecordingError: A recording cannot be read, or holds no known frame.
+
+    Examples:
+        >>> import numpy as np
+        >>> slip = np.linspace(0.001, 0.2, 500)
+        >>> adhesion = 0.4 * (1 - np.exp(-40 * slip)) - 0.06 * slip
+        >>> estimate = identify(slip, adhesion).whole
+        >>> round(estimate.c1, 3), round(estimate.c2, 1), round(estimate.c3, 3)
+        (0.4, 40.0, 0.06)
+
+    """
+    settings = as_configuration(configuration, model)
+    if adhesion is not None:
+        samples = _samples_from_arrays(slip, adhesion, time_s)
+        where = "slip, adhesion"
+    elif isinstance(slip, Samples):
+        samples, where = slip, "samples"
+    elif isinstance(slip, str | Path | Recording) or _are_recordings(slip):
+        recordings = as_recordings(slip)  # type: ignore[arg-type]  # as the lines above tell
+        where = name_of(recordings)
+        samples = _samples_from_recordings(recordings, settings, where)
+    else:
+        raise InputError("adhesion", "is missing", "give slip and adhesion, arrays of one length")
+    result = _identify(samples, settings.estimators.identifiability)
+    if result is None:
+        raise InputError(
+            where,
+            "not one usable sample (a moving vehicle, slip within the curve's range)",
+            "give slip ratios, not percent, of a drive in which the axles pull or brake",
+        )
+    return result
+
+
+def _are_recordings(given: object) -> bool:
+    return (
+        isinstance(given, list | tuple)
+        and bool(given)
+        and all(isinstance(item, str | Path | Recording) for item in given)
+    )
+
+
+def _samples_from_arrays(slip: object, adhesion: ArrayLike, time_s: ArrayLike | None) -> Samples:
+    """Samples from plain arrays; an InputError where they do not fit together."""
+    columns = {}
+    given = {"slip": slip, "adhesion": adhesion} | ({} if time_s is None else {"time_s": time_s})
+    for name, values in given.items():
+        try:
+            columns[name] = np.asarray(values, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(name, f"not numbers ({error})", "give an array of numbers") from error
+    shapes = {name: column.shape for name, column in columns.items()}
+    if any(len(shape) != 1 for shape in shapes.values()) or len(set(shapes.values())) > 1:
+        found = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise InputError("identify", f"shapes differ or are not (n,): {found}", "give one length")
+    if time_s is None:
+        return Samples.curve(columns["slip"], columns["adhesion"])
+    time = columns["time_s"]
+    if not np.isfinite(time).all() or (np.diff(time) < 0).any():
+        raise InputError("time_s", "not finite, or not ascending", "sort the points by time")
+    stamps = np.round(time * 1e6).astype(np.int64)
+    return Samples.curve(columns["slip"], columns["adhesion"], stamps)
+
+
+def _samples_from_recordings(
+    recordings: list[Recording], settings: Configuration, where: str
+) -> Samples:
+    """Samples of recordings one after another, less the effects of the configured model."""
+    samples, _ = extract_samples(blocks_in_sequence(recordings), settings, where)
+    if settings.model is None:
+        return samples
+    return correct_samples(samples, settings.model, settings.vehicle.axles).samples

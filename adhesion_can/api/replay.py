@@ -1,0 +1,89 @@
+"""The service over recordings, its setpoints as a table."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
+from adhesion_can.api.inputs import RecordingLike, as_recordings, name_of
+from adhesion_can.offline.extract_samples import require_known
+from adhesion_can.recordings.sequence import blocks_in_sequence
+from adhesion_can.reporting.setpoints import FIELDS, setpoint_row
+from adhesion_can.result_text import html_table
+from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.outputs import Outputs
+from adhesion_can.service.replay import replay_blocks
+from adhesion_can.service.states import Status
+
+
+class SetpointTable(dict[str, NDArray[Any]]):
+    """Columns of setpoints by name, a row for each `AdhesionSetpoint` message.
+
+    `time_s` (s, on the clock of the recording), `status` (text), `mu_max`, `mu_max_std`,
+    `lambda_m`, `lambda_m_std`, `c1`, `c2`, `c3`, `surface_age_s` (s), `mu_max_ax1` and so on; NaN
+    where not available. It is a dict, so `pandas.DataFrame(table)` takes it as it is.
+    """
+
+    def to_dict(self) -> dict[str, list[Any]]:
+        """Lists in place of arrays, as JSON has them; None where not available."""
+        return {
+            name: [None if value != value else value for value in column.tolist()]  # noqa: PLR0124
+            for name, column in self.items()
+        }
+
+    def _repr_html_(self) -> str:
+        names, counts = np.unique(self["status"], return_counts=True)
+        rows = zip(names.tolist(), counts.tolist(), strict=True)
+        title = f"{len(self['time_s'])} setpoints in {len(self)} columns, by status"
+        return html_table(title, ("status", "setpoints"), rows)
+
+
+def replay(
+    recordings: RecordingLike | Iterable[RecordingLike],
+    configuration: ConfigurationLike = None,
+    *,
+    estimator: str | None = None,
+    model: ModelLike = None,
+    from_s: float = 0.0,
+    to_s: float | None = None,
+) -> SetpointTable:
+    """Setpoints that the service would have sent while recordings were made.
+
+    Args:
+        recordings: Recordings or their paths, in the order of their times.
+        configuration: Vehicle, database, roles and settings.
+        estimator: Name of the estimator; None for the configured one.
+        model: Extended model, whose effects are removed from what is measured.
+        from_s: Begin of the part that is replayed, s after the first frame.
+        to_s: End of that part, s after the first frame; None for the last frame.
+
+    Raises:
+        ConfigError: The roles do not suffice to estimate adhesion, or the estimator is unknown.
+        RecordingError: A recording cannot be read, or holds no known frame.
+
+    """
+    settings = as_configuration(configuration, model)
+    times: list[int] = []
+    rows: list[list[float]] = []
+
+    def add(t_us: int, outputs: Outputs) -> None:
+        times.append(t_us)
+        rows.append(setpoint_row(outputs))
+
+    opened = as_recordings(recordings)
+    core = ServiceCore(settings, lambda: settings.make_estimator(estimator), add)
+    blocks = blocks_in_sequence(opened)
+    summary = replay_blocks(blocks, core, lambda _: None, from_s=from_s, to_s=to_s)
+    require_known(core.receiver, summary.frames, name_of(opened))
+    values = np.array(rows, dtype=np.float64).reshape(-1, len(FIELDS)).T
+    status, *numbers = values
+    names = np.array([status.name for status in Status])
+    return SetpointTable(
+        {
+            "time_s": np.array(times, dtype=np.float64) / 1e6,
+            "status": names[status.astype(np.int64)],
+            **{field.name: column for field, column in zip(FIELDS[1:], numbers, strict=True)},
+        }
+    )

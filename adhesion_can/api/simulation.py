@@ -1,0 +1,176 @@
+"""Simulated drives: frames of a locomotive on surfaces of known truth."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
+from adhesion_can.bus.database import load_database
+from adhesion_can.bus.frame import Frame
+from adhesion_can.config.configuration import Configuration
+from adhesion_can.errors import InputError
+from adhesion_can.estimation.extended.correction import require_axles, require_channels
+from adhesion_can.files import whole_file
+from adhesion_can.physics.channels import COVARIATES
+from adhesion_can.physics.effects import ActiveEffect
+from adhesion_can.recordings.candump import format_frame
+from adhesion_can.result_text import html_table
+from adhesion_can.simulation.effect_option import parse_effects
+from adhesion_can.simulation.run import RunSettings, Simulation
+from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
+
+
+@dataclass(frozen=True)
+class SimulatedDrive:
+    """Frames of a simulated locomotive, with the truth behind them.
+
+    Attributes:
+        frames: Frames in the order of their stamps.
+        truth: Surfaces, vehicle, effects and noise of the simulation, as `simulate --truth` has
+            them.
+
+    """
+
+    frames: tuple[Frame, ...]
+    truth: Mapping[str, Any]
+
+    def write(self, path: str | Path) -> Path:
+        """Write the frames as candump text, gzip where the suffix is .gz; returns the path."""
+        path = Path(path)
+        with whole_file(path) as file:
+            file.writelines(map(format_frame, self.frames))
+        return path
+
+    def to_dict(self) -> dict[str, Any]:
+        """The truth, as JSON has it."""
+        return dict(self.truth)
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                f"{surface['from_s']:g} .. {surface['to_s']:g}",
+                surface["name"],
+                f"{surface['mu_max']:.4f}",
+                f"{surface['lambda_m']:.4f}",
+            )
+            for surface in self.truth["surfaces"]
+        ]
+        title = f"Scenario {self.truth['scenario']}: {len(self.frames)} frames"
+        return html_table(title, ("time s", "surface", "mu_max", "lambda_m"), rows)
+
+
+def simulate(
+    scenario: str,
+    duration_s: float = 60.0,
+    seed: int = 1,
+    *,
+    effects: Mapping[str, float | None] | Iterable[str] = (),
+    configuration: ConfigurationLike = None,
+    model: ModelLike = None,
+) -> SimulatedDrive:
+    """Simulate a drive.
+
+    Args:
+        scenario: Name of the scenario: 'dry', 'wet', 'greasy', 'sweep' and others.
+        duration_s: Simulated time, s.
+        seed: Seed of the noise, 0 or more.
+        effects: Sizes of effects by name, None for the typical size; or texts as `--effect` takes
+            them.
+        configuration: Vehicle, database, roles and settings.
+        model: Extended model whose effects act in the simulation.
+
+    Raises:
+        InputError: The scenario or an effect is unknown, or a value is out of range.
+
+    Examples:
+        >>> drive = simulate("dry", duration_s=0.1)
+        >>> drive.truth["surfaces"][0]["name"]
+        'dry'
+
+    """
+    config = as_configuration(configuration, model)
+    if isinstance(effects, Mapping):
+        effects = [name if size is None else f"{name}={size!r}" for name, size in effects.items()]
+    settings = build_run_settings(scenario, duration_s, seed, effects, config)
+    simulation = Simulation(settings, load_database())
+    frames = tuple(frame for step in simulation.run() for frame in step)
+    return SimulatedDrive(frames, simulation.truth())
+
+
+def build_run_settings(
+    scenario: str,
+    duration_s: float,
+    seed: int,
+    effects: Iterable[str],
+    config: Configuration,
+    *,
+    prefix: str = "",
+    obey: bool = False,
+    load_transfer: bool = False,
+    along_track: bool = False,
+) -> RunSettings:
+    """Settings of a simulated run, from what a caller gave.
+
+    Args:
+        scenario: Name of the scenario.
+        duration_s: Simulated time, s.
+        seed: Seed of the noise.
+        effects: Texts of effects, as `--effect` takes them.
+        config: Vehicle, and the extended model whose effects act besides.
+        prefix: Text before the names of the arguments in error messages.
+        obey: Whether the drive follows the setpoints of a service.
+        load_transfer: Whether the axle loads move under effort.
+        along_track: Whether each axle meets a change of surface where the leading one met it.
+
+    Raises:
+        InputError: A name is unknown, or a value is out of range.
+
+    """
+    if not (isfinite(duration_s) and duration_s > 0):
+        raise InputError(
+            f"{prefix}duration", f"{duration_s} is not a positive number", "give seconds above 0"
+        )
+    if seed < 0:
+        raise InputError(f"{prefix}seed", f"{seed} is negative", "give 0 or more")
+    try:
+        found = scenario_by_name(scenario)
+    except KeyError as error:
+        raise InputError(
+            f"{prefix}scenario",
+            f"no scenario {scenario!r}",
+            f"known: {', '.join(s.name for s in SCENARIOS)}",
+        ) from error
+    texts = list(effects)
+    return RunSettings(
+        found,
+        duration_s,
+        seed=seed,
+        vehicle=config.vehicle,
+        effects=(*parse_effects(texts, config.vehicle), *_effects_of_model(config, texts, prefix)),
+        obey=obey,
+        load_transfer=load_transfer,
+        along_track=along_track,
+    )
+
+
+def _effects_of_model(
+    config: Configuration, texts: Iterable[str], prefix: str
+) -> tuple[ActiveEffect, ...]:
+    """Effects of the extended model, which must be possible here and not given twice."""
+    model = config.model
+    if model is None:
+        return ()
+    mend = "take the spline out of the model"
+    require_channels(model, COVARIATES.values(), "the simulated locomotive", mend)
+    require_axles(model, config.vehicle.axles)
+    given = {text.partition("=")[0].partition(":")[0] for text in texts}
+    for active in model.effects:
+        if active.effect.id in given:
+            raise InputError(
+                f"{prefix}effect {active.effect.id}",
+                f"is in the {prefix}model as well",
+                "give it once",
+            )
+    return model.actives
