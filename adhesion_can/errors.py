@@ -12,9 +12,9 @@ class InputError(AdhesionCanError):
     """Something that the user handed in cannot be used.
 
     Args:
-        where: file, line, key or signal, as the user would look it up.
-        what: what is wrong with it.
-        mend: what to do about it.
+        where: File, line, key or signal, as the user would look it up.
+        what: Fault of the input.
+        mend: Advice how to mend it.
 
     """
 

@@ -28,10 +28,10 @@ def whole_file(path: Path, mode: str = "w", *, keep_part: bool = False) -> Itera
     """Write a file under a temporary name; it gets its own when all is written, else vanishes.
 
     Args:
-        path: of the finished file; a suffix .gz compresses it.
-        mode: 'w' or 'wb'.
-        keep_part: leave what was written until an exception under the name with .part: a recording
-            cannot be made again.
+        path: Path of the finished file; a suffix .gz compresses it.
+        mode: Mode of opening, 'w' or 'wb'.
+        keep_part: Whether the part written before an exception is kept, with the suffix .part: a
+            recording cannot be made again.
 
     Raises:
         InputError: the folder does not exist or cannot be written to, or the disk is full.

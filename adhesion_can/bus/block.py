@@ -1,4 +1,4 @@
-"""Frames of a recording in columns: the twin of `Frame` and `Mark`, many at a time."""
+"""Frames of a recording in columns: many `Frame`s and `Mark`s at a time."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ EXTENDED = 1 << 31
 
 
 class Kind(IntEnum):
-    """What a row is."""
+    """Kind of a row."""
 
     DATA = 0
     FD = 1
@@ -33,14 +33,14 @@ class Block:
     """Rows of a recording, in the order of the file.
 
     Attributes:
-        t_ns: stamps, ns, shape (n,).
-        key: arbitration id, with `EXTENDED` where it has 29 bits; 0 for a mark; shape (n,).
-        kind: a `Kind`, shape (n,).
-        length: bytes of the payload, shape (n,).
-        channel: place of the name of the row's bus in `channels`, shape (n,).
-        words: payload as little-endian words of 8 bytes, 0 behind its end, shape (n, w) with
+        t_ns: Time stamps, ns, shape (n,).
+        key: Arbitration id, with `EXTENDED` where it has 29 bits; 0 for a mark; shape (n,).
+        kind: Number of the row's `Kind`, shape (n,).
+        length: Length of the payload, bytes, shape (n,).
+        channel: Index of the name of the row's bus in `channels`, shape (n,).
+        words: Payload as little-endian words of 8 bytes, 0 behind its end, shape (n, w) with
             w = 1, or 8 where a payload is longer than 8 bytes.
-        channels: names of buses; '' where the format knows none.
+        channels: Names of buses; '' where the format knows none.
 
     """
 
@@ -122,11 +122,11 @@ class Block:
 
     @classmethod
     def from_frames(cls, items: Iterable[Frame | Mark], channels: tuple[str, ...] = ()) -> "Block":
-        """Columns of frames and marks.
+        """Block of frames and marks.
 
         Args:
-            items: in the order of their file.
-            channels: names that stand first among the block's, for blocks that follow each other.
+            items: Frames and marks in the order of their file.
+            channels: Names that stand first among the block's, for blocks that follow each other.
 
         """
         rows = list(items)
@@ -153,7 +153,7 @@ class Block:
 
     @classmethod
     def concatenate(cls, parts: "list[Block]") -> "Block":
-        """One after another, at least one; the channels of each begin with those of the former."""
+        """Join blocks, at least one; the channels of each begin with those of the one before."""
         if len(parts) == 1:
             return parts[0]
         width = max(part.words.shape[1] for part in parts)
@@ -181,11 +181,12 @@ def clamped(t_us: NDArray[np.int64], now_us: int) -> tuple[NDArray[np.int64], ND
     """Stamps that do not run backwards, and which of them were moved for it.
 
     Args:
-        t_us: stamps as they came, shape (n,).
-        now_us: time that was reached before them.
+        t_us: Time stamps as recorded, µs, shape (n,).
+        now_us: Time reached before them, µs.
 
     Returns:
-        Each stamp, or the latest time before it where that is later; and a mask; shape (n,).
+        Each stamp, or the latest time before it where that is later, µs; and the mask of the
+        moved ones; shape (n,) each.
 
     """
     risen = np.maximum(np.maximum.accumulate(t_us), now_us)

@@ -1,8 +1,8 @@
-"""Signals in and out of payloads by a plan that is made once per message.
+"""Signals in and out of payloads, by a plan made once per message.
 
 The plan comes from cantools' parsed database: for each signal a shift and a mask on the payload
-read as one integer. What is named `..._column` does the same for many payloads at once, equal to
-the last bit. cantools is the oracle of its tests.
+read as one integer. A method `..._column` does the same for many payloads at once, equal to the
+last bit. The tests compare with cantools.
 """
 
 import struct
@@ -18,7 +18,7 @@ Raw = NDArray[np.int64] | NDArray[np.uint64]
 """Raw values; uint64 for an unsigned signal of 64 bits alone."""
 
 AVAILABLE_FROM_BITS = 8
-"""Signals of this length and more say 'not available' by all ones."""
+"""Shortest signal, bits, whose raw value of all ones means 'not available'."""
 
 _FLOAT_TYPES = {
     16: (np.uint16, np.float16),
@@ -29,21 +29,22 @@ _FLOAT_TYPES = {
 
 @dataclass(frozen=True)
 class SignalPlan:
-    """How one signal stands in its payload.
+    """Position, type and scaling of one signal in its payload.
 
     Attributes:
-        name: of the signal.
-        length: bits.
-        size: of the payload, bytes.
-        shift: of its lowest bit, in the payload as an integer of `byte_order`.
-        big_endian: Motorola order.
-        signed: two's complement.
-        is_float: IEEE 754.
-        scale: value = raw · scale + offset.
-        offset: likewise.
-        minimum: lowest value allowed, in the signal's unit; None: any.
-        maximum: highest.
-        not_available: raw value that says so; None: none does.
+        name: Name of the signal.
+        length: Length of the signal, bits.
+        size: Length of the payload, bytes.
+        shift: Position of the signal's lowest bit, in the payload read as one integer of the
+            signal's byte order.
+        big_endian: Whether the byte order is big endian (Motorola).
+        signed: Whether the raw value is a two's complement number.
+        is_float: Whether the raw value is an IEEE 754 float.
+        scale: Factor of value = raw · scale + offset, in the signal's unit.
+        offset: Offset of value = raw · scale + offset, in the signal's unit.
+        minimum: Lowest value allowed, in the signal's unit; None: any.
+        maximum: Highest value allowed, in the signal's unit; None: any.
+        not_available: Raw value for 'not available'; None: the signal has none.
 
     """
 
@@ -62,7 +63,7 @@ class SignalPlan:
 
     @classmethod
     def from_signal(cls, signal: Signal, size: int) -> "SignalPlan":
-        """Plan of cantools' signal in a payload of `size` bytes."""
+        """Plan of a signal of cantools in a payload of `size` bytes."""
         big = signal.byte_order == "big_endian"
         shift = signal.start
         if big:
@@ -118,10 +119,10 @@ class SignalPlan:
         """As `raw`, for payloads as `Block.words` has them.
 
         Args:
-            words: shape (n, w), with w · 8 bytes at least the payload's size.
+            words: Payloads as 64-bit words, shape (n, w); 8 w bytes reach the payload's end.
 
         Returns:
-            shape (n,).
+            Raw values, shape (n,).
 
         """
         # The signal is brought to the top of a word and from there down, which spreads its sign.
@@ -153,7 +154,7 @@ class SignalPlan:
         """As `value`, for many raw values.
 
         Args:
-            raw: shape (n,).
+            raw: Raw values, shape (n,).
 
         Returns:
             Values in the signal's unit, shape (n,).
@@ -195,14 +196,16 @@ class SignalPlan:
             return False
         low, high = self.minimum, self.maximum
         if low == high:
-            return True  # [0|0] is a database's way to say 'no range'
+            return True  # databases write [0|0] for 'no range'
         return (low is None or value >= low - slack) and (high is None or value <= high + slack)
 
     def encode(self, value: float | None) -> int:
-        """Raw bits of a value, in place; None says 'not available'; saturates one below that.
+        """Raw bits of a value at their position in the payload; saturates at the ends.
+
+        None is encoded as 'not available', and numbers saturate one step below its raw value.
 
         Raises:
-            ValueError: None for a signal that has no way to say so.
+            ValueError: None for a signal without a raw value for 'not available'.
 
         """
         if value is None:
@@ -235,7 +238,7 @@ class MessagePlan:
     """All signals of a message, with its multiplexing.
 
     Args:
-        message: cantools' message.
+        message: Message of cantools' database.
 
     """
 
@@ -275,7 +278,7 @@ class MessagePlan:
         """Payload of the message; bits of signals not named are 0.
 
         Args:
-            values: by signal name, in the signals' units; None: not available.
+            values: Values by signal name, in the signals' units; None: not available.
 
         """
         little = big = 0

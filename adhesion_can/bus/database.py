@@ -1,4 +1,4 @@
-"""CAN databases: our own, wherever the package is installed, and the user's."""
+"""Loading of CAN databases: the packaged one and the user's."""
 
 from dataclasses import dataclass
 from hashlib import sha256
@@ -37,12 +37,12 @@ def packaged_path() -> Path:
 
 @dataclass(frozen=True)
 class CanDatabase:
-    """A loaded database with where it came from.
+    """Loaded database with its file.
 
     Attributes:
-        path: of the file.
-        sha256: of its bytes, hex.
-        db: cantools' parsed database.
+        path: Path of the database file.
+        sha256: SHA-256 hash of the file, hex.
+        db: Database as cantools parses it.
 
     """
 
@@ -70,9 +70,9 @@ class CanDatabase:
         """A signal by names.
 
         Args:
-            message_name: of its message.
-            signal_name: its own.
-            role: that it is wanted for, for the error.
+            message_name: Name of the message.
+            signal_name: Name of the signal in the message.
+            role: Name of the role that needs the signal, for the error.
 
         Raises:
             DatabaseError: there is no such message or signal.
@@ -133,7 +133,7 @@ def _encoding(content: bytes) -> str | None:
     """
     mark = b"\xef\xbb\xbf"
     if content.isascii() or content.removeprefix(mark).lstrip().startswith(b"<"):
-        return None  # XML says its own
+        return None  # XML declares its own
     try:
         content.decode("utf-8")
     except UnicodeDecodeError:

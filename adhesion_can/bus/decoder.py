@@ -1,7 +1,7 @@
-"""Blocks of frames into columns: arrays of each message's signals, as any database says them.
+"""Decoder of `convert`: blocks of frames into columns of signals, with any database.
 
-Values equal those of cantools' `decode_message`, whose parsed database the plans come from. What
-cannot be decoded is counted by reason, never dropped in silence.
+Values equal those of cantools' `decode_message`. Frames pass the checks of `acceptance` under
+`CONVERT_POLICY`; rejected ones are counted by reason, never dropped in silence.
 """
 
 from collections import Counter
@@ -26,12 +26,12 @@ class MessageColumns:
     """The frames of one message in a block.
 
     Attributes:
-        message: as the database has it.
-        rows: places in the block, ascending, shape (n,).
-        t_ns: stamps, ns, shape (n,).
-        words: payloads as `Block.words` has them, as far as the message reaches, shape (n, w).
+        message: Message of the database.
+        rows: Rows of the block, ascending, shape (n,).
+        t_ns: Time stamps, ns, shape (n,).
+        words: Payloads as 64-bit words, as far as the message reaches, shape (n, w).
         outcome: 0 where decoded, else the code of the rejection, shape (n,).
-        signals: by name, those wanted; what they say in rows not decoded means nothing.
+        signals: Columns of the wanted signals by name; undefined in rejected rows.
 
     """
 
@@ -48,13 +48,13 @@ class MessageColumns:
 
 @dataclass(slots=True)
 class MessageCount:
-    """What became of the frames of one message.
+    """Numbers of frames of one message.
 
     Attributes:
-        frames: heard.
-        decoded: of them.
-        rejected: of them, by reason.
-        lost: frames that were not heard, by the counter.
+        frames: Number of received frames, rejected ones included.
+        decoded: Number of decoded frames.
+        rejected: Number of rejected frames by reason.
+        lost: Number of frames that were not received, by the counter.
 
     """
 
@@ -64,7 +64,7 @@ class MessageCount:
     lost: int = 0
 
     def plus(self, other: "MessageCount") -> "MessageCount":
-        """Counts of two messages in one."""
+        """Sum of the numbers of two messages."""
         return MessageCount(
             self.frames + other.frames,
             self.decoded + other.decoded,
@@ -75,19 +75,20 @@ class MessageCount:
 
 @dataclass(slots=True)
 class DecodeReport:
-    """What became of every row.
+    """Numbers of all rows by their fate.
 
     Attributes:
-        counts: of messages heard and decoded, by name, id and whether that is extended.
-        passed_over: frames of messages without a signal that is wanted or can be decoded, by name.
-        unknown: data frames of ids that the database lacks, by (id, extended), for the first
-            thousand or so of such ids.
-        unknown_beyond: data frames of all further ones: a bus of random ids must not fill the
-            memory.
-        remote: remote requests.
-        error: error frames.
-        marks: marks of a service.
-        undecodable: what can never be decoded, 'Message' or 'Message.Signal', and why.
+        counts: Numbers of frames of each received message, by (name, id, extended).
+        passed_over: Number of frames of messages without a wanted and decodable signal, by name.
+        unknown: Number of data frames of ids that the database lacks, by (id, extended), for the
+            first thousand or so of such ids.
+        unknown_beyond: Number of data frames of all further such ids: a bus of random ids must not
+            fill the memory.
+        remote: Number of remote requests.
+        error: Number of error frames.
+        marks: Number of marks of a service.
+        undecodable: Reasons why a message or a signal can never be decoded, by 'Message' or
+            'Message.Signal'.
 
     """
 
@@ -102,7 +103,7 @@ class DecodeReport:
 
     @property
     def messages(self) -> dict[str, MessageCount]:
-        """Counts by name alone, those of messages of one name together."""
+        """Numbers by name alone, those of messages of one name together."""
         found: dict[str, MessageCount] = {}
         for (name, _, _), count in self.counts.items():
             found[name] = found[name].plus(count) if name in found else count
@@ -110,7 +111,7 @@ class DecodeReport:
 
     @property
     def frames(self) -> int:
-        """Data frames, remote requests and error frames of every id."""
+        """Number of data frames, remote requests and error frames of every id."""
         known = sum(count.frames for count in self.counts.values())
         others = self.passed_over.total() + self.unknown.total() + self.unknown_beyond
         return known + others + self.remote + self.error
@@ -123,11 +124,11 @@ class Decoder:
     each channel for themselves.
 
     Args:
-        database: of any format that cantools reads.
-        wanted: whether a signal is decoded, by the names of message and signal; None: all are.
+        database: Database of any format that cantools reads.
+        wanted: Predicate of the signals to decode, by the names of message and signal; None: all.
 
     Raises:
-        DatabaseError: an E2EDataId is none.
+        DatabaseError: an E2EDataId is no number from 0 to 65535.
 
     """
 
@@ -144,10 +145,10 @@ class Decoder:
         self._codes = KeyCodes(self._messages)
 
     def decode(self, block: Block) -> list[MessageColumns]:
-        """Columns of each message that stands in a block, in the order of the database.
+        """Columns of each message in a block, in the order of the database.
 
         Args:
-            block: the next one of a recording.
+            block: Next block of the recording.
 
         """
         decoded = []

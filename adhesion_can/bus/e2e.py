@@ -21,19 +21,19 @@ ACCEPTED_STEP = 3
 """Largest step of the counter that is accepted; the frames between count as lost."""
 
 TAKEOVER_FRAMES = 3
-"""So many rejected frames that follow each other establish a new count."""
+"""Number of rejected frames with consecutive counts that establish a new count."""
 
 SILENCE_CYCLES = 10
-"""After so many cycles without a frame any count is taken over."""
+"""Cycles without a frame after which any count is accepted."""
 
 
 def protect(payload: bytearray, data_id: int, count: int) -> None:
     """Write counter and checksum into a payload, in place.
 
     Args:
-        payload: at least two bytes.
-        data_id: of the message.
-        count: 0..14.
+        payload: Payload of at least two bytes, changed in place.
+        data_id: Data id of the message, 0..65535.
+        count: Counter, 0..14.
 
     """
     payload[1] = (payload[1] & 0xF0) | count
@@ -52,15 +52,15 @@ def checksum_ok(payload: bytes, data_id: int) -> bool:
 
 
 def checksums_ok(words: NDArray[np.uint64], size: int, data_id: int) -> NDArray[np.bool_]:
-    """As `checksum_ok`, for many payloads of one size.
+    """Whether the checksum of each payload is right: `checksum_ok` for many payloads of one size.
 
     Args:
-        words: payloads as `Block.words` has them, shape (n, w).
-        size: of each payload, 2..8 w bytes.
-        data_id: of the message.
+        words: Payloads as 64-bit words, shape (n, w).
+        size: Length of each payload, bytes, 2..8 w.
+        data_id: Data id of the message, 0..65535.
 
     Returns:
-        shape (n,).
+        Mask of the payloads with a right checksum, shape (n,).
 
     """
     # A checksum without init and final xor is linear over GF(2): it is the xor of what each pair
@@ -113,8 +113,9 @@ class CounterSupervision:
     completes them is the first one accepted. A rejected frame never moves the baseline.
 
     Attributes:
-        cycle_us: of the message; None where unknown, then silence establishes nothing.
-        lost: frames lost so far.
+        cycle_us: Cycle time of the message, µs; None where unknown, then silence establishes
+            no new count.
+        lost: Number of frames lost so far.
 
     """
 
@@ -126,11 +127,11 @@ class CounterSupervision:
     _run_count: int = field(default=-1, init=False)
 
     def accept(self, count: int, t_us: int) -> Rejection | None:
-        """Judge the counter of a frame whose checksum is right.
+        """Check the counter of a frame whose checksum is right.
 
         Args:
-            count: 0..15.
-            t_us: stamp of the frame.
+            count: Counter of the frame, 0..15.
+            t_us: Time stamp of the frame, µs.
 
         Returns:
             None where the frame is accepted.
@@ -162,12 +163,12 @@ class CounterSupervision:
         t_us: NDArray[np.int64],
         sound: NDArray[np.bool_],
     ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-        """As `accept` for one frame after another.
+        """Check the counters of many frames, as `accept` does one after another.
 
         Args:
-            counts: 0..15, shape (n,).
-            t_us: stamps of the frames, shape (n,).
-            sound: false where a frame was rejected for another reason, shape (n,).
+            counts: Counters of the frames, 0..15, shape (n,).
+            t_us: Time stamps of the frames, µs, shape (n,).
+            sound: False where a frame was rejected for another reason, shape (n,).
 
         Returns:
             Outcomes, 0 where accepted or not sound, else `REJECTION_CODE`; and the frames lost
@@ -195,9 +196,10 @@ class CounterSupervision:
         """All frames in order at once, as if each one's forerunner was accepted; else one by one.
 
         Args:
-            counts: shape (n,).
-            t_us: shape (n,).
-            interrupted: whether a frame that was not sound came directly before; None: never.
+            counts: Counters of sound frames, shape (n,).
+            t_us: Time stamps, µs, shape (n,).
+            interrupted: Whether a frame that was not sound came directly before, shape (n,);
+                None: never.
 
         """
         outcome = np.zeros(len(counts), dtype=np.uint8)
@@ -210,7 +212,7 @@ class CounterSupervision:
         begin = 0
         for deviation in other[~accepted_step].tolist():
             if deviation < begin:
-                continue  # already judged
+                continue  # already checked
             self._in_order(counts, t_us, lost, begin, deviation)
             begin = deviation
             accepted = False
@@ -249,7 +251,7 @@ class CounterSupervision:
         begin: int,
         end: int,
     ) -> None:
-        """Take the frames from `begin` to before `end`, each a good step behind the last."""
+        """Accept the frames from `begin` to before `end`, each a good step behind the last."""
         if begin < end:
             self.lost += int(lost[begin:end].sum())
             self._received_us = int(t_us[end - 1])

@@ -1,4 +1,4 @@
-"""A CAN frame as every reader gives it and every writer takes it."""
+"""CAN frame and service mark, as readers give and writers accept them."""
 
 from typing import NamedTuple
 
@@ -10,14 +10,14 @@ class Frame(NamedTuple):
     """One frame with its time stamp.
 
     Attributes:
-        t_us: time stamp, µs, on the clock of the bus or the recording.
-        arbitration_id: 11 or 29 bits.
-        data: payload; empty for a remote frame.
-        channel: name of the bus; '' where unknown.
-        is_extended: 29-bit id.
-        is_fd: CAN FD.
-        is_remote: remote request.
-        is_error: error frame, which carries no payload of ours.
+        t_us: Time stamp, µs, on the clock of the bus or the recording.
+        arbitration_id: Identifier of 11 or 29 bits.
+        data: Payload; empty for a remote frame.
+        channel: Name of the bus; '' where unknown.
+        is_extended: Whether the identifier has 29 bits.
+        is_fd: Whether the frame is one of CAN FD.
+        is_remote: Whether the frame is a remote request.
+        is_error: Whether the frame is an error frame; its payload is not used.
 
     """
 
@@ -37,11 +37,11 @@ class Frame(NamedTuple):
 
 
 class Mark(NamedTuple):
-    """Something that happened to a service between two frames, as its own log tells it.
+    """Event of a service between two frames, as recorded in its log.
 
     Attributes:
-        t_us: when, µs.
-        name: what: 'advance' or 'second-sender'.
+        t_us: Time stamp, µs.
+        name: Kind of the event: 'advance' or 'second-sender'.
 
     """
 

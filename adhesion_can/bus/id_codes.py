@@ -23,7 +23,7 @@ class KeyCodes:
     keys would be of gigabytes.
 
     Args:
-        keys: that get the codes 1, 2, ..
+        keys: Known ids, which get the codes 1, 2, ..
 
     """
 

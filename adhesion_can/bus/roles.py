@@ -1,4 +1,4 @@
-"""Roles bound to the signals of a database: what the service hears, whatever it is called."""
+"""Roles bound to the signals of a database, whatever their names: what the service receives."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,19 +22,19 @@ class SignalChoice:
     """A signal that a configuration names for a role; what is None comes from the database.
 
     Attributes:
-        role: what it means.
-        axle: 1.. for roles per axle, else 0.
-        message: its message.
-        signal: its name.
-        channel: bus that it is heard on; None: any.
-        unit: of its values.
-        factor: multiplies the value after the unit's conversion.
-        sign: +1 or −1.
-        offset: zero error, taken off last, in the role's SI unit.
-        protection: of its message.
-        data_id: of the protection.
-        cycle_us: of its message.
-        not_available: whether all ones in the raw value mean so.
+        role: Meaning of the signal.
+        axle: Number of the axle, 1.. for roles per axle, else 0.
+        message: Name of the message.
+        signal: Name of the signal in the message.
+        channel: Name of the bus that carries the message; None: any.
+        unit: Unit of the signal's values.
+        factor: Factor on the value after the conversion of its unit.
+        sign: Sign of the value, +1 or −1.
+        offset: Zero error, subtracted last, in the role's SI unit.
+        protection: E2E protection of the message.
+        data_id: Data id of the protection, 0..65535.
+        cycle_us: Cycle time of the message, µs.
+        not_available: Whether a raw value of all ones means 'not available'.
 
     """
 
@@ -60,16 +60,17 @@ class SignalChoice:
 
 @dataclass(frozen=True, slots=True)
 class BoundSignal:
-    """A signal that is heard, with its way to SI: value · scale − offset.
+    """A received signal with its conversion to SI: value · scale − offset.
 
     Attributes:
-        role: what it means.
-        axle: 1.. for roles per axle, else 0.
-        plan: of the signal in its message.
-        scale: to SI.
-        offset: in SI units.
-        not_available: raw value that says so; None: none does.
-        at_rim: a wheel speed given as speed of the rim, which is divided by the configured radius.
+        role: Meaning of the signal.
+        axle: Number of the axle, 1.. for roles per axle, else 0.
+        plan: Position and scaling of the signal in its message.
+        scale: Factor from the signal's unit to the role's SI unit.
+        offset: Zero error, in the role's SI unit.
+        not_available: Raw value for 'not available'; None: the signal has none.
+        at_rim: Whether a wheel speed is given as speed of the rim, which is divided by the
+            configured radius.
 
     """
 
@@ -89,14 +90,14 @@ class BoundSignal:
 
 @dataclass(frozen=True)
 class BoundMessage:
-    """A message that is heard, with the signals of it that have a role.
+    """A received message, with its signals that have a role.
 
     Attributes:
-        plan: of the whole message.
-        channel: bus that it is heard on; None: any.
-        signals: with roles.
-        data_id: of its protection; None: unprotected.
-        cycle_us: its cycle; None where nobody says.
+        plan: Positions of all signals of the message.
+        channel: Name of the bus that carries the message; None: any.
+        signals: Signals with a role.
+        data_id: Data id of the E2E protection, 0..65535; None: unprotected.
+        cycle_us: Cycle time, µs; None where unknown.
 
     """
 
@@ -108,7 +109,7 @@ class BoundMessage:
 
     @property
     def roles(self) -> frozenset[Role]:
-        """Of its signals."""
+        """Roles of the signals."""
         return frozenset(signal.role for signal in self.signals)
 
 
@@ -151,10 +152,10 @@ def bind(
     """Look every choice up in the database and group them by message.
 
     Args:
-        choices: roles with the signals that carry them.
-        database: to look in.
-        wheel_radius: of each axle, m, for wheel speeds given at the rim.
-        where: name of the configuration, for errors.
+        choices: Roles with the signals that carry them.
+        database: Database of the messages.
+        wheel_radius: Wheel radius of each axle, m, for wheel speeds given at the rim.
+        where: Name of the configuration, for errors.
 
     Raises:
         DatabaseError: a signal is not in the database.

@@ -30,10 +30,11 @@ class SignalColumn:
     """One signal in the frames of its message.
 
     Attributes:
-        signal: as the database has it.
-        values: in its unit, shape (n,): int64 where scale and offset are integers, uint64 where
-            int64 is too small, float64 where both are, or where the values are no integers.
-        present: rows whose multiplexer selects the signal, shape (n,); None: all.
+        signal: Signal of the database.
+        values: Values in the signal's unit, shape (n,): int64 where scale and offset are integers,
+            uint64 where int64 is too small, float64 where both are, or where the values are no
+            integers.
+        present: Rows whose multiplexer selects the signal, shape (n,); None: all.
 
     """
 
@@ -46,9 +47,9 @@ class MessageSignals:
     """The signals of a message that can be decoded to numbers, and are wanted.
 
     Args:
-        message: cantools' message.
-        wanted: whether a signal is decoded, by the names of message and signal; None: all are.
-        undecodable: filled with what can never be decoded, by name, and why.
+        message: Message of cantools' database.
+        wanted: Predicate of the signals to decode, by the names of message and signal; None: all.
+        undecodable: Reasons why a signal can never be decoded, by name; filled in.
 
     """
 
@@ -79,7 +80,7 @@ class MessageSignals:
         """Columns by name, and the rows whose selectors have values that the database lacks.
 
         Args:
-            words: payloads, shape (n, w).
+            words: Payloads as 64-bit words, shape (n, w).
 
         """
         selection = _Selection(self._selectors, words)
@@ -129,7 +130,7 @@ class _SignalNumbers:
         return _Kind.LINEAR if largest <= 1 << 53 else _Kind.PRODUCT
 
     def values(self, words: NDArray[np.uint64]) -> Values:
-        """Of payloads of shape (n, w), shape (n,)."""
+        """Values, shape (n,), of payloads of shape (n, w)."""
         raw = self._plan.raw_column(words)
         if self._kind is _Kind.RAW:
             return raw
@@ -171,9 +172,9 @@ class _Selectors:
     """The multiplexers of a message.
 
     Attributes:
-        obstacle: why they cannot be followed; None: they can.
-        signals: by name.
-        known: values that the database knows, by name; a selector without any knows all.
+        obstacle: Reason why the multiplexers cannot be followed; None: they can.
+        signals: Selector signals by name.
+        known: Values that the database defines, by name; without any, all are allowed.
 
     """
 
@@ -208,7 +209,7 @@ class _Selectors:
 
 
 class _Selection:
-    """What the selectors say in some payloads."""
+    """Values of the selectors in some payloads."""
 
     def __init__(self, selectors: _Selectors, words: NDArray[np.uint64]) -> None:
         self._selectors = selectors

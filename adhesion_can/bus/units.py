@@ -34,9 +34,9 @@ def to_si(role: Role, unit: str, wheel_radius: float | None) -> float | None:
     A wheel speed may be given as speed of the rim (km/h): it is divided by the configured radius.
 
     Args:
-        role: what the signal means.
-        unit: as the database or the configuration spells it.
-        wheel_radius: of the axle, m; None for roles without axle.
+        role: Meaning of the signal.
+        unit: Unit as the database or the configuration spells it.
+        wheel_radius: Wheel radius of the axle, m; None for roles without axle.
 
     """
     factor = UNITS[role].get(unit)

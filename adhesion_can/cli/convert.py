@@ -117,8 +117,8 @@ class _Chosen:
     """Whether --signals names a signal.
 
     Args:
-        database: of the signals.
-        globs: of --signals.
+        database: Database of the signals.
+        globs: Patterns of --signals.
 
     Raises:
         InputError: one matches nothing.
@@ -286,7 +286,7 @@ class _Conversion:
         if several:
             names = ", ".join(list(several)[:_SHOWN])
             buses = ", ".join(sorted(set().union(*several.values())))
-            yield f"heard on several channels ({buses}), and mixed: {names}; --channel takes one"
+            yield f"received on several channels ({buses}), and mixed: {names}; --channel takes one"
         yield from self._undecodable({name for name, _, _ in self._received_on})
 
     def _undecodable(

@@ -16,9 +16,9 @@ from adhesion_can.bus.frame import MARKS, Frame, Mark
 
 ERROR_FLAG = 0x20000000
 LAST_US = 9_223_372_036_000_000
-"""Latest stamp of a recording, in the year 2262: add_difference ones do not fit 64 bits as ns."""
+"""Latest stamp of a recording, in the year 2262: later ones do not fit 64 bits as ns."""
 HEAD_LINES = 256
-"""Lines that tell what their stamps are."""
+"""Number of first lines that show whether stamps are differences."""
 DIFFERENCES = "time stamps read as differences (candump -td) and summed"
 FD_LENGTHS = frozenset((*range(9), 12, 16, 20, 24, 32, 48, 64))
 _LINE_LIMIT = 16384  # a CAN XL line has 4200 characters; past this a file is not text
@@ -38,14 +38,14 @@ _FINE_STAMP = re.compile(rb"\s*[(<]\s*(\d+)\.(\d{7,9})\d*\s*[)>]")
 
 @dataclass
 class ReadReport:
-    """What a reader met.
+    """Statistics of a read file.
 
     Attributes:
-        kinds: lines or frames by kind: 'frame', 'fd', 'remote', 'error', 'mark', 'blank',
-            'comment', 'malformed', 'untimed', 'cut'.
-        bad_lines: numbers of the first lines that were passed over.
-        backwards: frames stamped before the frame in front of them.
-        notes: what a user should know of the file.
+        kinds: Number of lines or frames by kind: 'frame', 'fd', 'remote', 'error', 'mark',
+            'blank', 'comment', 'malformed', 'untimed', 'cut'.
+        bad_lines: Numbers of the first lines that were passed over.
+        backwards: Number of frames stamped before the frame in front of them.
+        notes: Remarks on the file for the user.
 
     """
 
@@ -56,22 +56,22 @@ class ReadReport:
 
     @property
     def passed_over(self) -> int:
-        """Lines that could not be read."""
+        """Number of lines that could not be read."""
         return sum(self.kinds[kind] for kind in ("malformed", "untimed", "cut"))
 
     def _pass_over(self, kind: str, number: int) -> None:
-        """Note a line that was passed over."""
+        """Count a line that could not be read."""
         self.kinds[kind] += 1
         if len(self.bad_lines) < 10:
             self.bad_lines.append(number)
 
     def skip(self, kind: str, number: int, *, is_whole: bool) -> None:
-        """Note a line that gave no frame.
+        """Count a line that gave no frame.
 
         Args:
-            kind: as `parse_line` tells it.
-            number: from 1 on.
-            is_whole: it has its line end.
+            kind: Kind of the line, as `parse_line` names it.
+            number: Number of the line, from 1 on.
+            is_whole: Whether the line has its line end.
 
         """
         if kind in ("blank", "comment"):
@@ -92,8 +92,8 @@ def read_candump(lines: Iterable[bytes], report: ReadReport) -> Iterator[Frame |
     """Frames of candump text, in the order of its lines.
 
     Args:
-        lines: with their line ends; the last one may be cut.
-        report: filled while reading.
+        lines: Lines with their line ends; the last one may be cut.
+        report: Statistics, filled while reading.
 
     """
     numbered = enumerate(lines, start=1)
@@ -134,7 +134,7 @@ def add_difference(t_us: int, difference_us: int) -> int:
 
 
 def read_line(line: bytes) -> Frame | Mark | str:
-    """What `parse_line` gives; a line stamped past what ns can tell is malformed."""
+    """One line as `parse_line` reads it; a stamp that does not fit 64 bits as ns is malformed."""
     item = parse_line(line)
     return item if isinstance(item, str) or abs(item.t_us) <= LAST_US else "malformed"
 
@@ -143,8 +143,8 @@ def stamp_ns(line: bytes, t_us: int) -> int:
     """Stamp of a line that `parse_line` reads, to all its digits, ns.
 
     Args:
-        line: with a frame or mark.
-        t_us: its stamp, µs.
+        line: Line with a frame or a mark.
+        t_us: Time stamp of the line, µs.
 
     """
     match = _FINE_STAMP.match(line)
@@ -215,7 +215,7 @@ def _column_frame(match: re.Match[bytes]) -> Frame | str:
         return "malformed"
     if payload.startswith(b"remote"):
         return Frame(t_us, number, b"", name, extended, is_remote=True)
-    # What follows the payload (-a) may look like more of it: the length says where it ends.
+    # What follows the payload (-a) may look like more of it: the length gives its end.
     # {E} in place of [8] is the raw length code of a frame with all its 8 bytes (-8).
     size = 8 if length is None else int(length)
     data = _bytes(b"".join(payload.split()[:size]))
@@ -268,8 +268,8 @@ def format_frame(frame: Frame, channel: str = "can0") -> str:
     """A frame as `candump -L` writes it, with its line end.
 
     Args:
-        frame: data, remote or FD frame; stamped at 0 or add_difference.
-        channel: name taken where the frame has none.
+        frame: Data, remote or FD frame, stamped at 0 or later.
+        channel: Name of the bus where the frame has none.
 
     """
     seconds, micros = divmod(frame.t_us, 1_000_000)

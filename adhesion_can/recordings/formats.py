@@ -1,4 +1,4 @@
-"""Which format a recording has, by its name and by its first bytes."""
+"""Format of a recording, by its name and by its first bytes."""
 
 from pathlib import Path
 
@@ -6,11 +6,11 @@ from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.candump import looks_like_candump
 
 PYTHON_CAN = frozenset({".asc", ".blf", ".trc", ".csv", ".db", ".mf4"})
-"""Suffixes that python-can's readers know, besides candump's."""
+"""Suffixes of the formats that python-can reads, besides candump's."""
 CANDUMP = ".log"
-"""Stands for candump text, whose files may have another suffix or none."""
+"""Name of candump text as a format; its files may have another suffix or none."""
 HEAD = 1 << 14
-"""Bytes that tell a format."""
+"""Number of first bytes that show a format."""
 
 _TEXT = frozenset({".log", ".txt", ""})
 _PACKED = (".gz", ".zst")
@@ -33,13 +33,13 @@ def _inner_suffix(path: Path) -> str:
 def detect_format(path: Path, head: bytes) -> str:
     """Suffix of the format of a recording, `CANDUMP` for candump text.
 
-    A name that says one format and first bytes that say another are an error: read as the one it
-    would be rubbish, and reading as the other would guess. Bytes that say nothing are no error,
-    for text may begin with anything.
+    A name of one format and first bytes of another are an error: reading by the name would give
+    rubbish, and reading by the content would be a guess. First bytes of no known format are no
+    error, for text may begin with anything.
 
     Args:
-        path: of the file.
-        head: its first bytes, unpacked.
+        path: Path of the file.
+        head: First bytes of the file, unpacked.
 
     Raises:
         RecordingError: the name is of no known format, or of another one than the content.
@@ -65,7 +65,7 @@ def detect_format(path: Path, head: bytes) -> str:
 
 
 def _by_content(head: bytes) -> str | None:
-    """Suffix of the format that the first bytes tell; None where they tell none."""
+    """Suffix of the format that the first bytes show; None where they show none."""
     for first, suffix in _FIRST_BYTES.items():
         if head.startswith(first):
             return suffix

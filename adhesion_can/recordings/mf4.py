@@ -1,7 +1,8 @@
 """Bus loggings in MDF 4 to blocks: groups of records as arrays, merged by their stamps.
 
 Gives the frames that python-can's MF4Reader gives, in its order. A layout that is not known here
-is left to that reader, and so is every file that cannot be read to its end: it tells why.
+is left to that reader, and so is every file that cannot be read to its end: its error has the
+reason.
 """
 
 from collections.abc import Iterable, Iterator
@@ -36,14 +37,14 @@ _KEPT = np.array([(1 << 8 * count) - 1 for count in range(9)], np.uint64)
 
 
 class NotInColumnsError(Exception):
-    """What is left of a file can only be read frame by frame."""
+    """The rest of a file can only be read frame by frame."""
 
 
 def open_mf4(path: Path) -> Any:
     """A file as asammdf opens it, to be closed.
 
     Args:
-        path: of the file, which is not packed.
+        path: Path of the file, which is not packed.
 
     Raises:
         ImportError: asammdf is needed.
@@ -52,7 +53,7 @@ def open_mf4(path: Path) -> Any:
     """
     from asammdf import MDF  # noqa: PLC0415  an extra is imported where it is needed
 
-    opened: Any = MDF  # which takes more than its signature says
+    opened: Any = MDF  # which accepts more than its signature has
     # Else it goes through the whole file for its ids, and decodes all by a database that is inside.
     return opened(path, process_bus_logging=False)
 
@@ -61,9 +62,9 @@ def mf4_blocks(mdf: Any, report: ReadReport, size: int) -> Iterator[tuple[Block,
     """Frames of a bus logging, each block with the share of all records that was given by then.
 
     Args:
-        mdf: as `open_mf4` gives it.
-        report: told of the frames of the blocks given so far.
-        size: rows that a block has, from half to twice as many but for the last.
+        mdf: File as `open_mf4` opens it.
+        report: Statistics, filled with the blocks given so far.
+        size: Number of rows of a block, from half to twice as many but for the last.
 
     Raises:
         NotInColumnsError: what is behind the frames given so far needs python-can's reader.
@@ -89,8 +90,8 @@ class _Part(NamedTuple):
     """Rows of a group, or of several when they are merged.
 
     Attributes:
-        order: latest stamp of the group until then, s: the row's place among those of others.
-        rows: with the number of a bus, or `_NO_BUS`, for its channel.
+        order: Latest stamp of the group up to each row, s; rows of groups are merged by it.
+        rows: Frames whose channel is the number of a bus, or `_NO_BUS`.
 
     """
 
@@ -110,9 +111,9 @@ class _Group:
     """Records of one kind of frame, read in turn.
 
     Args:
-        mdf: as `open_mf4` gives it.
-        index: of the channel group.
-        name: of the structure that holds a frame.
+        mdf: File as `open_mf4` opens it.
+        index: Index of the channel group.
+        name: Name of the structure that holds a frame.
 
     """
 
@@ -157,7 +158,7 @@ class _Group:
 
 
 def _groups(mdf: Any) -> list[_Group]:
-    """The groups that python-can's reader takes, in its order."""
+    """The groups that python-can's reader reads, in its order."""
     from asammdf.blocks import v4_constants as v4  # noqa: PLC0415
 
     if mdf.version < "4":
@@ -202,7 +203,7 @@ def _rows(fields: dict[str, NDArray[Any]], kind: Kind, t_us: NDArray[np.int64]) 
     kinds = np.full(count, kind, np.uint8)
     key = fields.get("ID", np.zeros(count)).astype(np.uint32) & np.uint32(_ID_BITS)
     if kind != Kind.ERROR:
-        extended = fields.get("IDE", np.ones(count)) != 0  # as python-can takes it
+        extended = fields.get("IDE", np.ones(count)) != 0  # as in python-can
         key |= extended * np.uint32(EXTENDED)
     length, words = np.zeros(count, np.uint8), np.zeros((count, 1), np.uint64)
     if kind == Kind.DATA:

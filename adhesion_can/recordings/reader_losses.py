@@ -1,4 +1,4 @@
-"""What python-can's readers lose of a file, as notes for the user: as far as it can be known."""
+"""Losses of python-can's readers in a file, as notes for the user, as far as they can be known."""
 
 import logging
 import threading
@@ -31,7 +31,7 @@ def collect_python_can_warnings(notes: list[str]) -> Iterator[None]:
     """Add one note of all that python-can's readers warn of, when they are done or stopped.
 
     Args:
-        notes: of the recording that is read.
+        notes: Notes of the recording, to which the note is added.
 
     """
     listener = _Listener()
@@ -47,15 +47,15 @@ def collect_python_can_warnings(notes: list[str]) -> Iterator[None]:
 
 
 def find_lost_lines(suffix: str, lines: Iterable[bytes], frames: int) -> str | None:
-    """What a text of lines that was read to its end shows to have been lost; None: nothing.
+    """Note on lost lines of a text file that was read to its end; None: no loss is visible.
 
     Nothing can be known of a .csv, whose reader stops at any fault, and little of an .asc, which
     may hold lines of all kinds.
 
     Args:
-        suffix: of the format.
-        lines: of the file.
-        frames: that the reader gave.
+        suffix: Suffix of the format.
+        lines: Lines of the file.
+        frames: Number of frames that the reader gave.
 
     """
     if suffix == ".trc":

@@ -1,4 +1,4 @@
-"""Recordings of any format as frames, and files that appear whole or not at all."""
+"""Recordings of any format as frames and as blocks of frames."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -34,7 +34,8 @@ class Recording:
     """A file of frames.
 
     Args:
-        path: candump text (gzip and zstd too), or any format that python-can reads by its suffix.
+        path: Path of candump text (gzip and zstd too), or of any format that python-can reads by
+            its suffix.
 
     Raises:
         RecordingError: the file is missing, no file but a pipe, or of no known format.
@@ -44,9 +45,9 @@ class Recording:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.report = ReadReport()
-        """Filled while the frames are read."""
+        """Statistics, filled while the frames are read."""
         self.position = 0
-        """Bytes of the file, as stored, that the blocks given so far come from."""
+        """Number of bytes of the file, as stored, behind the blocks given so far."""
         self._reader: can.io.generic.MessageReader | None = None
         try:
             if path.exists() and not (path.is_file() or path.is_dir()):
@@ -72,22 +73,22 @@ class Recording:
 
     @property
     def sha256(self) -> str:
-        """Of the file's bytes, hex."""
+        """SHA-256 hash of the file, hex."""
         return file_sha256(self.path)
 
     @property
     def size(self) -> int:
-        """Of the file, bytes."""
+        """Size of the file, bytes."""
         return self.path.stat().st_size
 
     def blocks(self, size: int = 4 * _CHUNK) -> Iterator[Block]:
-        """Frames and marks in columns: what iterating gives, many times as fast, in little memory.
+        """Frames and marks in columns: as by iterating, many times as fast, in little memory.
 
         The channels of each block begin with those of the one before. `report` and `position` are
         those of the blocks given so far.
 
         Args:
-            size: bytes of candump text that a block comes from, give or take a line.
+            size: Number of bytes of candump text a block, to within a line.
 
         Raises:
             RecordingError: the file cannot be read to its end; all that could be is given before.
@@ -106,7 +107,7 @@ class Recording:
         return TextSource(self.path, self._packing, report)
 
     def _head(self) -> bytes:
-        """First bytes, unpacked; none where they cannot be: reading will tell why."""
+        """First bytes, unpacked; none where they cannot be unpacked: reading raises the error."""
         try:
             with self._source(ReadReport()) as source:
                 return source.head(HEAD)
@@ -145,8 +146,8 @@ class Recording:
                 self.report.notes.append(f"read frame by frame: {error}")
             else:
                 return
-        # Slower, and the same frames: python-can's reader takes more layouts, and tells what is
-        # wrong with a file.
+        # Slower, and the same frames: python-can's reader knows more layouts, and its errors name
+        # what is wrong with a file.
         yield from self._python_can_blocks(given, channels)
 
     def _python_can_blocks(self, given: int = 0, channels: tuple[str, ...] = ()) -> Iterator[Block]:
@@ -194,7 +195,7 @@ class Recording:
             raise self._stopped(error) from error
 
     def _report_cut(self, reader: can.io.generic.MessageReader) -> None:
-        # Of all the formats only the head of .blf says how long the file is.
+        # Of all the formats only the head of .blf has the length of the file.
         length = getattr(reader, "file_size", 0)
         if self._packing is Packing.NONE and length > self.size:
             self.report.notes.append(
@@ -207,7 +208,7 @@ class Recording:
         self.report.notes.extend([note] if note else [])
 
     def _stopped(self, error: Exception) -> RecordingError:
-        """What to tell of whatever a parser met, struct.error and sqlite3.Error among it."""
+        """Error for the user, of any exception of a parser, struct.error and sqlite3.Error too."""
         if isinstance(error, NotImplementedError | ImportError):
             return RecordingError(
                 str(self.path), "this format needs asammdf", "pip install 'adhesion-can[mf4]'"
@@ -221,7 +222,7 @@ class Recording:
 
 
 def _possible(frame: Frame) -> Frame:
-    """The frame; a ValueError where no bus carries such a one."""
+    """The frame; a ValueError where no bus can carry it."""
     if len(frame.data) > LONGEST:
         raise ValueError(f"a frame of {len(frame.data)} bytes")
     if abs(frame.t_us) > LAST_US:
@@ -230,7 +231,7 @@ def _possible(frame: Frame) -> Frame:
 
 
 def _position(reader: can.io.generic.MessageReader | None) -> int:
-    """Bytes of its file that a reader has taken; 0 where it does not tell, as a data base."""
+    """Number of bytes of its file that a reader has read; 0 where unknown, as with a data base."""
     file = getattr(reader, "file", None)
     for inner in ("buffer", "fileobj"):  # of text, of gzip
         file = getattr(file, inner, file)

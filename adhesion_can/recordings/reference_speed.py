@@ -24,11 +24,11 @@ def read_reference(option: str) -> tuple[NDArray[np.int64], Array]:
     """Vehicle speed of another recorder.
 
     Args:
-        option: path of a CSV file with `time_s` and speeds in m/s, and behind a colon the name of
+        option: Path of a CSV file with `time_s` and speeds in m/s, and behind a colon the name of
             the column where there are several.
 
     Returns:
-        Stamps, µs, and speeds, m/s, NaN where a cell is empty; shape (n,) each.
+        Time stamps, µs, and speeds, m/s, NaN where a cell is empty; shape (n,) each.
 
     Raises:
         TableError: the file cannot be read as such.

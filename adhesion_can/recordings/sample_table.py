@@ -25,14 +25,14 @@ _KNOWN = frozenset({"time_s", "slip", "adhesion", FORCE, LOAD, "speed_mps", "axl
 
 @dataclass(frozen=True)
 class Table:
-    """Samples with what the table says besides.
+    """Samples of a table, with its segments and statistics.
 
     Attributes:
-        samples: rows whose slip, adhesion and time are finite.
-        segment: number of the segment of each sample; None where the table has none.
-        rows: of the file.
-        left_out: rows without a finite slip, adhesion or time.
-        ignored: columns that are not numeric.
+        samples: Rows whose slip, adhesion and time are finite.
+        segment: Number of the segment of each sample, shape (n,); None where the table has none.
+        rows: Number of rows of the file.
+        left_out: Number of rows without a finite slip, adhesion or time.
+        ignored: Names of the columns that are not numeric.
 
     """
 

@@ -1,7 +1,7 @@
-"""Columns of readings -> samples: the columnar twin of `SampleFormer`, equal to the last bit.
+"""Samples from columns of readings: `SampleFormer` for a whole block, equal to the last bit.
 
-What a sample is made of depends on the readings alone; what the times of collecting decide is in
-which update it comes. A sample is ready when the readings that close its brackets have come, which
+The values of a sample depend on the readings alone; the times of collecting decide in which update
+it comes. A sample is ready when the readings that close its brackets have come, which
 is known for all samples of a block at once. So the frame-by-frame former's waiting is a comparison
 of stamps here: it comes with the first collection after its last closing reading, never before
 the sample in front of it, and is given up with the first one after its patience has ended.
@@ -36,7 +36,7 @@ Readings = Mapping[Signal, tuple[Stamps, Array]]
 
 
 class _Formed(NamedTuple):
-    """Columns of the samples of one axle, and in which collection each of them comes."""
+    """Columns of the samples of one axle, and the number of the collection of each."""
 
     collection: NDArray[np.int64]
     t_us: Stamps
@@ -56,7 +56,7 @@ class _Due(NamedTuple):
 
 
 class ColumnFormer:
-    """Forms samples from columns of readings; holds what the next block may still need.
+    """Forms samples from columns of readings; keeps what the next block may still need.
 
     Args:
         equations: Settings and equations of the samples.
@@ -77,7 +77,7 @@ class ColumnFormer:
         """Wheel-speed readings that gave no sample, by reason."""
 
     def add(self, readings: Readings) -> None:
-        """Readings that come after those taken so far; stamps of a signal do not run backwards."""
+        """Add the readings of the next block; stamps of a signal do not run backwards."""
         wrong = self._equations.instruments
         for (role, axle), (stamps, values) in readings.items():
             if role is Role.WHEEL_SPEED and axle in self._wheel:
@@ -94,12 +94,12 @@ class ColumnFormer:
                 self._covariates[COVARIATES[role]].extend(stamps, values)
 
     def _turn(self, stamps: Stamps, values: Array) -> None:
-        told = np.isfinite(values)
-        stamps, values = stamps[told], np.trunc(values[told])
+        available = np.isfinite(values)
+        stamps, values = stamps[available], np.trunc(values[available])
         travel = np.full(len(values), np.nan)
         for direction, sign in TRAVEL_BY_DIRECTION.items():
             travel[values == direction] = sign
-        # A direction that says neither leaves the travel as it was, forwards at first.
+        # Any other direction leaves the travel as it was, forwards at first.
         last = np.maximum.accumulate(np.where(np.isfinite(travel), np.arange(len(travel)), -1))
         was = self._direction.value[-1] if len(self._direction.value) else 1.0
         travel = np.where(last >= 0, travel[last], was)
@@ -111,7 +111,8 @@ class ColumnFormer:
         """Samples of each time of collecting, as `SampleFormer.collect` gives them.
 
         Args:
-            due_us: ascending; no reading stamped before the last of them is still to come.
+            due_us: Times of collecting, µs, ascending, shape (n,); no reading stamped before the
+                last of them is still to come.
 
         """
         formed, bounds = self.collect_all(due_us)
@@ -131,10 +132,11 @@ class ColumnFormer:
         A covariate that was not available at a sample is NaN there.
 
         Args:
-            due_us: as in `collect`; shape (n,).
+            due_us: Times of collecting, µs, ascending, shape (n,); no reading stamped before the
+                last of them is still to come.
 
         Returns:
-            Samples, and bounds of shape (n + 1,).
+            Samples, and the row at which those of each time begin, shape (n + 1,).
 
         """
         due = _Due(due_us)
@@ -163,15 +165,15 @@ class ColumnFormer:
     def _covariates_of(self, t_us: Stamps, due_us: Stamps) -> dict[str, Array]:
         """Covariates of samples by their stamps and the times at which they were collected."""
         out = {}
-        for name, track in sorted(self._covariates.items()):
+        for name, history in sorted(self._covariates.items()):
             # The present ones, unless samples had to wait for late readings.
             place = (
-                np.searchsorted(track.t_us, t_us, side="right") - 1
+                np.searchsorted(history.t_us, t_us, side="right") - 1
                 if self._equations.lag_us
-                else track.before(due_us)
+                else history.before(due_us)
             )
-            if len(track.t_us) and (place >= 0).any():
-                out[name] = np.where(place >= 0, track.value[place], np.nan)
+            if len(history.t_us) and (place >= 0).any():
+                out[name] = np.where(place >= 0, history.value[place], np.nan)
         return out
 
     def _forget(self, now_us: int) -> None:
@@ -181,9 +183,9 @@ class ColumnFormer:
             min(waiting, default=now_us),
             round(now_us - 4 * equations.patience_us - equations.lag_us),
         )
-        tracks = (self._speed, self._direction, *self._effort.values(), *self._load.values())
-        for track in (*tracks, *self._covariates.values()):
-            track.forget_before(oldest)
+        histories = (self._speed, self._direction, *self._effort.values(), *self._load.values())
+        for history in (*histories, *self._covariates.values()):
+            history.forget_before(oldest)
 
     # ------------------------------------------------------------------------------- an axle
 
@@ -261,8 +263,9 @@ class ColumnFormer:
     ) -> tuple[Array, Array, NDArray[np.int64]]:
         """Loads that were not measured, their standard deviation, and the collection they need.
 
-        The transfer asks axle after axle for its effort and waits for its bracket; an axle that
-        was never heard by then, or that has no value there, ends the asking in doubt.
+        The transfer goes axle by axle and waits for the bracket of each one's effort. An axle
+        without any reading by then, or without a value there, leaves the static load with the
+        whole transfer as its standard deviation.
         """
         equations = self._equations
         static = equations.vehicle.axle_load[axle - 1]
@@ -277,14 +280,14 @@ class ColumnFormer:
         asking = np.ones(size, dtype=np.bool_)
         shift, latest = np.zeros(size), bracketed
         for j, share in enumerate(row, start=1):
-            track = self._effort[j]
-            unheard = asking & (needed < len(due.t_us))
+            history = self._effort[j]
+            unknown = asking & (needed < len(due.t_us))
             # Collected at or before the first message of that axle: nothing of it was known.
             stamp = due.t_us[np.minimum(needed, len(due.t_us) - 1)] if len(due.t_us) else needed
-            unheard &= stamp <= track.first_us
-            std[unheard] = doubt[unheard]
-            asking &= ~unheard
-            other = track.at(t)
+            unknown &= stamp <= history.first_us
+            std[unknown] = doubt[unknown]
+            asking &= ~unknown
+            other = history.at(t)
             latest = np.where(asking, np.maximum(latest, other.known_us), latest)
             needed = np.where(asking, due.after(latest), needed)
             nothing = asking & (other.known_us < NEVER) & ~np.isfinite(other.value)

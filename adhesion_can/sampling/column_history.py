@@ -1,4 +1,4 @@
-"""Readings of one signal as columns, block after block: the columnar twin of `Track`."""
+"""Recent readings of one signal as columns, block after block: `SignalHistory` in columns."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -10,17 +10,21 @@ from adhesion_can.arrays import Array
 
 Stamps = NDArray[np.int64]
 NEVER = np.iinfo(np.int64).max
-"""Stamp of what has not come."""
+"""Stamp of a reading that has not come."""
 
 
 class Bracketed(NamedTuple):
-    """Values at stamps, shape (n,).
+    """Values of a signal at given stamps, interpolated between the readings that bracket them.
 
     Attributes:
-        value: NaN across a gap, beside a missing value, and where the bracket is not closed yet.
-        known_us: stamp of the message that closes the bracket; `NEVER` where none has come.
-        closing_us: time of the reading that closes it.
-        spread: standard deviation of the value, had it stepped within the bracket.
+        value: Values, SI, shape (n,); NaN across a gap, beside a missing value, and where the
+            bracket is not closed yet.
+        known_us: Stamps of the messages that close the brackets, µs, shape (n,); `NEVER` where
+            none has come.
+        closing_us: Times of the readings that close the brackets, µs, shape (n,); `NEVER` where
+            none has come.
+        spread: Standard deviations of the values, had the signal stepped within the bracket, SI,
+            shape (n,).
 
     """
 
@@ -32,13 +36,13 @@ class Bracketed(NamedTuple):
 
 @dataclass(slots=True)
 class ColumnHistory:
-    """Readings that a bracket may still need, in the order of their stamps.
+    """Readings of one signal that a bracket may still need, in the order of their stamps.
 
     Attributes:
-        max_gap_us: readings further apart bracket nothing.
-        lag_us: by how much the readings are stamped late.
-        t_us: when they were measured, strictly ascending.
-        value: SI, NaN where not available.
+        max_gap_us: Longest time between two readings that bracket a stamp, µs.
+        lag_us: Delay of the readings' stamps behind the measurement, µs.
+        t_us: Times of the measurements, µs, strictly ascending, shape (n,).
+        value: Values, SI, shape (n,); NaN where not available.
 
     """
 
@@ -50,7 +54,7 @@ class ColumnHistory:
     """Stamp of the first message ever."""
 
     def extend(self, stamps: Stamps, values: Array) -> None:
-        """Take readings; stamps must not run backwards. Of two with one stamp the later counts."""
+        """Add readings; stamps must not run backwards. Of two with one stamp the later counts."""
         if not len(stamps):
             return
         self.first_us = min(self.first_us, int(stamps[0]))
@@ -59,7 +63,7 @@ class ColumnHistory:
         self.t_us, self.value = t_us[last], np.concatenate([self.value, values])[last]
 
     def forget_before(self, t_us: int) -> None:
-        """Drop what no bracket at or after a stamp needs."""
+        """Drop the readings that no bracket at or after a stamp needs."""
         keep = max(int(np.searchsorted(self.t_us, t_us, side="right")) - 2, 0)
         self.t_us, self.value = self.t_us[keep:].copy(), self.value[keep:].copy()
 
@@ -82,7 +86,7 @@ class ColumnHistory:
         share = (t_us - t0) / np.where(span > 0, span, 1)
         with np.errstate(invalid="ignore"):
             line = left + (right - left) * share
-            # The rounded share of a stamp outside the bracket says nothing.
+            # The rounded share of a stamp outside the bracket means nothing.
             step = np.abs(right - left) * np.sqrt(np.where(inside, share * (1.0 - share), 0.0))
         value = np.where(exact, right, np.where(inside & (span <= self.max_gap_us), line, np.nan))
         return Bracketed(
@@ -101,5 +105,5 @@ class ColumnHistory:
         return np.where(fresh, self.value[before], np.nan)
 
     def before(self, t_us: Stamps) -> NDArray[np.int64]:
-        """Place of the last reading stamped before each stamp; -1 where there is none."""
+        """Index of the last reading stamped before each stamp; -1 where there is none."""
         return np.searchsorted(self.t_us, t_us, side="left") - 1

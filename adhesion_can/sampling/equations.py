@@ -1,7 +1,7 @@
-"""How samples are formed: settings, and the equations from what is measured to a sample.
+"""Settings and equations of the samples: from measured values to slip ratio and adhesion.
 
-Two formers use them: `SampleFormer` takes reading by reading, `ColumnFormer` whole columns. What
-they give is equal to the last bit.
+Two formers use them: `SampleFormer` reading by reading, `ColumnFormer` whole columns. Their samples
+are equal to the last bit.
 """
 
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ from adhesion_can.physics.readings import Direction, Role
 from adhesion_can.physics.vehicle import Locomotive
 
 TRAVEL = "travel"
-"""Covariate: 1 forwards and as long as nobody tells, -1 in reverse."""
+"""Covariate: 1 forwards, and as long as no direction is known; -1 in reverse."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +36,9 @@ class Sensors:
     Noise alone; what the resolution of the signals adds is known from the database.
 
     Attributes:
-        wheel_speed_std: rad/s.
-        vehicle_speed_std: m/s.
-        effort_std: N.
+        wheel_speed_std: Standard deviation of the wheel speed, rad/s.
+        vehicle_speed_std: Standard deviation of the vehicle speed, m/s.
+        effort_std: Standard deviation of the effort of an axle, N.
 
     """
 
@@ -53,12 +53,13 @@ class Sensors:
 
 @dataclass(frozen=True, slots=True)
 class SamplingSettings:
-    """When a sample is formed.
+    """Conditions under which a sample is formed.
 
     Attributes:
-        v_min: no slip ratio below this vehicle speed, m/s.
-        max_gap_cycles: readings further apart than this many of their cycles bracket nothing.
-        min_load_share: no adhesion below this share of the static load.
+        v_min: Lowest vehicle speed with a slip ratio, m/s.
+        max_gap_cycles: Longest time between two readings that bracket a stamp, in cycles of their
+            message.
+        min_load_share: Lowest share of the static load with an adhesion coefficient, 0..1.
 
     """
 
@@ -79,15 +80,15 @@ TRAVEL_BY_DIRECTION: Mapping[int, float] = {Direction.FORWARD: 1.0, Direction.RE
 
 @dataclass(frozen=True)
 class SampleEquations:
-    """What samples are formed by.
+    """Equations of a vehicle's samples, with its data, sensors and settings.
 
     Attributes:
-        stated: radii, loads, inertia as configured.
-        cycles_us: cycle of each role's message, µs; what allows a gap to be told.
-        settings: see there.
-        sensors: see there.
-        instruments: errors of the sensors and of the vehicle's data, taken out of the readings.
-        with_travel: whether samples carry the direction of travel, the covariate `TRAVEL`.
+        stated: Vehicle with the radii, loads and inertia as configured.
+        cycles_us: Cycle time of each role's message, µs; a gap is a multiple of it.
+        settings: Conditions under which a sample is formed.
+        sensors: Standard deviations of the measurements.
+        instruments: Errors of the sensors and of the vehicle's data, corrected in the readings.
+        with_travel: Whether samples carry the direction of travel, the covariate `TRAVEL`.
 
     """
 
@@ -100,26 +101,26 @@ class SampleEquations:
 
     @cached_property
     def vehicle(self) -> Locomotive:
-        """As it is, the errors of its data taken out."""
+        """Vehicle with the errors of its data corrected."""
         return self.instruments.vehicle(self.stated)
 
     @cached_property
     def speed_lag_us(self) -> int:
-        """By how much the vehicle speed is stamped late, µs."""
+        """Delay of the stamps of the vehicle speed, µs."""
         return round(self.instruments.speed_delay * 1e6)
 
     @cached_property
     def effort_lag_us(self) -> int:
-        """By how much the effort is stamped late, µs."""
+        """Delay of the stamps of the effort, µs."""
         return round(self.instruments.effort_delay * 1e6)
 
     @cached_property
     def lag_us(self) -> int:
-        """How long samples wait for late readings, µs."""
+        """Time that samples wait for late readings, µs."""
         return max(self.speed_lag_us, self.effort_lag_us, 0)
 
     def gap_us(self, role: Role) -> float:
-        """Readings of a role that are further apart bracket nothing, µs."""
+        """Longest time between two readings of a role that bracket a stamp, µs."""
         return self.settings.max_gap_cycles * self.cycles_us.get(role, 0)
 
     @cached_property
@@ -130,7 +131,7 @@ class SampleEquations:
 
     @cached_property
     def give_up_us(self) -> float:
-        """A wheel speed that has waited longer for its bracket is given up, µs."""
+        """Longest time that a wheel speed waits for its bracket, µs."""
         return 2 * self.patience_us + self.lag_us
 
     @cached_property
@@ -144,11 +145,11 @@ class SampleEquations:
 
     @cached_property
     def radius(self) -> Array:
-        """Of each axle's wheels, m."""
+        """Wheel radius of each axle, m, shape (axles,)."""
         return np.array(self.vehicle.wheel_radius)
 
     def derive(self, rows: "Measured") -> "Derived":
-        """Eq. 1-3 on measured rows, and the variances that the sensors put on them."""
+        """Slip, adhesion and creep speed of measured rows (eq. 1-3), with their variances."""
         noise, inertia = self.sensors, self.vehicle.wheelset_inertia
         omega, v, load = rows.wheel_speed, rows.speed, rows.load
         r = self.radius[rows.axle - 1]
@@ -173,18 +174,19 @@ class SampleEquations:
 
 
 class Measured(NamedTuple):
-    """Columns of what is measured at wheel-speed stamps: rad/s, rad/s², s, m/s, N; shape (n,).
+    """Columns of measured values at wheel-speed stamps.
 
     Attributes:
-        axle: 1...
-        wheel_speed: rad/s.
-        wheel_accel: dω/dt by the central difference, rad/s².
-        span: of that difference, s.
-        speed: of the vehicle, m/s.
-        effort: N.
-        load: N.
-        bend: by how much dω/dt differs after and before the stamp, rad/s².
-        spread: standard deviation of an effort that stepped somewhere between its readings, N.
+        axle: Number of the axle, 1.., shape (n,).
+        wheel_speed: Angular speed ω of the wheel, rad/s, shape (n,).
+        wheel_accel: Acceleration dω/dt by the central difference, rad/s², shape (n,).
+        span: Time span of the central difference, s, shape (n,).
+        speed: Vehicle speed, m/s, shape (n,).
+        effort: Effort of the axle, N, shape (n,).
+        load: Wheelset load, N, shape (n,).
+        bend: Difference of dω/dt after and before the stamp, rad/s², shape (n,).
+        spread: Standard deviation of an effort that stepped somewhere between its readings, N,
+            shape (n,).
 
     """
 
@@ -200,7 +202,7 @@ class Measured(NamedTuple):
 
 
 class Derived(NamedTuple):
-    """Columns of the fields of `Sample` by the same names, shape (n,)."""
+    """Columns of the derived fields of `Sample`, by the same names, shape (n,) each."""
 
     slip: Array
     adhesion: Array

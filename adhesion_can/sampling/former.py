@@ -1,4 +1,4 @@
-"""Readings of different rates -> samples of the adhesion curve on one time base.
+"""Samples of the adhesion curve on one time base, from readings of different rates.
 
 A sample stands at each wheel-speed stamp. Vehicle speed and effort are interpolated between the
 two readings that bracket it, never extrapolated; dω/dt is the central difference of the wheel
@@ -31,9 +31,9 @@ from adhesion_can.sampling.signal_history import WAITING, SignalHistory, Waiting
 
 
 class _Row(NamedTuple):
-    """Measured at one wheel-speed stamp: rad/s, rad/s², s, m/s, N; sorts by stamp and axle.
+    """Measured values at one wheel-speed stamp, SI; sorts by stamp and axle.
 
-    `bend` is by how much dω/dt differs after and before the stamp, rad/s²; `spread` the standard
+    `bend` is the difference of dω/dt after and before the stamp, rad/s²; `spread` the standard
     deviation of an effort that stepped somewhere between its two readings, N.
     """
 
@@ -52,15 +52,15 @@ class _Row(NamedTuple):
 
 
 class SampleFormer:
-    """Forms samples from readings as they come; holds a fraction of a second of them.
+    """Forms samples from readings as they come; keeps a fraction of a second of them.
 
     Args:
-        vehicle: radii, loads, inertia.
-        cycles_us: cycle of each role's message, µs; what allows a gap to be told.
-        settings: see there.
-        sensors: see there.
-        instruments: errors of the sensors and of the vehicle's data, taken out of the readings.
-        with_travel: whether samples carry the direction of travel, the covariate `TRAVEL`.
+        vehicle: Vehicle with its radii, loads and inertia.
+        cycles_us: Cycle time of each role's message, µs; a gap is a multiple of it.
+        settings: Conditions under which a sample is formed; None: the defaults.
+        sensors: Standard deviations of the measurements; None: the defaults.
+        instruments: Errors of the sensors and of the vehicle's data, corrected in the readings.
+        with_travel: Whether samples carry the direction of travel, the covariate `TRAVEL`.
 
     """
 
@@ -95,10 +95,9 @@ class SampleFormer:
         """Wheel-speed readings that gave no sample, by reason."""
 
     def add(self, reading: Reading) -> None:
-        """Take one reading; stamps must not run backwards.
+        """Add one reading; stamps must not run backwards.
 
-        What a sensor measured earlier than it is stamped goes back to when that was; samples wait
-        for it.
+        A late stamp is moved back to the time of the measurement; samples wait for such readings.
         """
         role, axle, wrong = reading.role, reading.axle, self.equations.instruments
         if role is Role.WHEEL_SPEED and axle in self._wheel:
@@ -126,7 +125,7 @@ class SampleFormer:
             self._history.append((t_us, self._covariates))
 
     def _covariates_at(self, t_us: int) -> dict[str, float]:
-        """Those of a sample: the present ones, unless it had to wait for late readings."""
+        """Covariates of a sample: the present ones, unless it had to wait for late readings."""
         if not self.equations.lag_us:
             return self._covariates
         before = bisect_right(self._history, t_us, key=lambda entry: entry[0]) - 1
@@ -136,7 +135,7 @@ class SampleFormer:
         """Samples that became complete, by stamp and axle.
 
         Args:
-            now_us: present time; a wheel speed that has waited for its bracket longer than the
+            now_us: Present time, µs; a wheel speed that has waited for its bracket longer than the
                 gap allowed is given up.
 
         """
@@ -160,7 +159,7 @@ class SampleFormer:
         return samples
 
     def _forget(self, now_us: int) -> None:
-        """Drop what no waiting wheel speed needs, nor any that may still be bracketed."""
+        """Drop readings that no wheel speed needs which waits or may still be bracketed."""
         waiting = [
             wheel.times[self._next[axle] - 1]
             for axle, wheel in self._wheel.items()
@@ -170,13 +169,13 @@ class SampleFormer:
             min(waiting, default=now_us),
             round(now_us - 4 * self.equations.patience_us - self.equations.lag_us),
         )
-        for track in (self._speed, *self._effort.values(), *self._load.values()):
-            track.forget_before(oldest)
+        for history in (self._speed, *self._effort.values(), *self._load.values()):
+            history.forget_before(oldest)
         gone = bisect_right(self._history, oldest, key=lambda entry: entry[0]) - 1
         del self._history[: max(gone, 0)]
 
     def _form(self, axle: int, k: int) -> _Row | str | Waiting:  # noqa: PLR0911  a reason each
-        """What a sample at the k-th wheel speed of an axle is made of, or why there is none."""
+        """Measured values at the k-th wheel speed of an axle, or the reason why there are none."""
         wheel = self._wheel[axle]
         t = wheel.times[k]
         before, omega, after = wheel.values[k - 1 : k + 2]
@@ -272,9 +271,9 @@ class SampleFormer:
         row = self.equations.transfer[axle - 1]
         shift = 0.0
         for j, share in enumerate(row, start=1):
-            track = self._effort[j]
-            other = track.at(t_us)
-            if isinstance(other, Waiting) and track.times:
+            history = self._effort[j]
+            other = history.at(t_us)
+            if isinstance(other, Waiting) and history.times:
                 return WAITING
             if other is None or isinstance(other, Waiting):
                 # Another axle's effort is unknown: no transfer, but its whole size as doubt.
@@ -290,8 +289,8 @@ def common_load_std(loads: np.ndarray, load_std: np.ndarray) -> float:
     it adds to the standard deviation of the curve's level as a whole.
 
     Args:
-        loads: N, shape (n,).
-        load_std: N, shape (n,).
+        loads: Wheelset loads, N, shape (n,).
+        load_std: Standard deviations of the loads, N, shape (n,).
 
     """
     if not len(loads):

@@ -22,7 +22,7 @@ class SignalHistory:
         self.values: list[float | None] = []
 
     def add(self, t_us: int, value: float | None) -> None:
-        """Take a reading; stamps must not run backwards."""
+        """Add a reading; stamps must not run backwards."""
         if self.times and t_us <= self.times[-1]:
             # Two readings of one stamp: the later one counts, a difference needs two stamps.
             self.values[-1] = value
@@ -31,7 +31,7 @@ class SignalHistory:
         self.values.append(value)
 
     def forget_before(self, t_us: int) -> int:
-        """Drop what no bracket at or after `t_us` needs; returns how many went."""
+        """Drop the readings that no bracket at or after `t_us` needs; returns their number."""
         keep = max(bisect_right(self.times, t_us) - 2, 0)
         if keep:
             del self.times[:keep], self.values[:keep]

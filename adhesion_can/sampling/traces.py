@@ -17,8 +17,8 @@ class Trace:
     """Readings of one signal.
 
     Attributes:
-        t_us: stamps, µs, strictly ascending, shape (n,).
-        value: SI, NaN where not available, shape (n,).
+        t_us: Time stamps, µs, strictly ascending, shape (n,).
+        value: Values, SI, NaN where not available, shape (n,).
 
     """
 
@@ -27,17 +27,17 @@ class Trace:
 
     @classmethod
     def from_readings(cls, t_us: NDArray[np.int64], value: Array) -> "Trace":
-        """Trace of stamps that do not run backwards; of two with one stamp the later one counts."""
+        """Trace of readings in the order of stamps; of two with one stamp the later counts."""
         last = np.ones(len(t_us), dtype=np.bool_)
         last[:-1] = t_us[1:] > t_us[:-1]
         return cls(t_us[last], value[last])
 
     def at(self, t_us: NDArray[np.int64] | Array, gap_us: float) -> Array:
-        """Values at other stamps, shape as theirs.
+        """Values at other stamps by linear interpolation, shape as theirs.
 
         Args:
-            t_us: stamps, µs.
-            gap_us: readings further apart bracket nothing.
+            t_us: Time stamps, µs, any shape.
+            gap_us: Longest time between two readings that bracket a stamp, µs.
 
         """
         if not len(self.t_us):
@@ -60,7 +60,7 @@ class Trace:
         return np.where(lost > 0, np.nan, area / window_us)
 
     def _area(self, t_us: Array, gap_us: float) -> Array:
-        """Integral from the first reading to each stamp, what is missing left out."""
+        """Integral from the first reading to each stamp, missing parts left out."""
         if not len(self.t_us):
             return np.full(np.shape(t_us), np.nan)
         steps = np.diff(self.t_us).astype(np.float64)

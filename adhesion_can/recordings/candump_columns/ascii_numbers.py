@@ -1,7 +1,8 @@
 """ASCII numbers, eight characters at a time: one 64-bit word each, the first character lowest.
 
-Every function works on all bytes of a word at once (SIMD within a register) and tells besides
-which words hold a character that does not belong there, so nothing is taken for what it is not.
+Every function works on all bytes of a word at once (SIMD within a register; L. Lamport, "Multiple
+byte processing with full-word instructions", 1975). It also gives the words that hold a character
+which is no digit, so that no other text is read as a number.
 """
 
 import numpy as np
@@ -45,8 +46,8 @@ def decimal(words: Words, kept: Words) -> tuple[Words, Words]:
     """Numbers of eight decimal digits, the highest first.
 
     Args:
-        words: characters, any shape; overwritten.
-        kept: masks of the bytes that hold digits; the others count as 0; broadcast to `words`.
+        words: Characters, any shape; overwritten.
+        kept: Masks of the bytes that hold digits; the others count as 0; broadcast to `words`.
 
     Returns:
         The numbers, in `words`' own memory, and words that are not 0 where a byte was no digit.
@@ -55,7 +56,7 @@ def decimal(words: Words, kept: Words) -> tuple[Words, Words]:
     words ^= _ZEROS
     words &= kept
     wrong = words + _OVER_NINE
-    wrong |= words  # a byte over 0x89 carries into its neighbour: its own high bit tells of it
+    wrong |= words  # a byte over 0x89 carries into its neighbour: its own high bit shows it
     wrong &= _HIGH_BITS
     words *= _TENS
     words >>= _8
@@ -72,7 +73,7 @@ def hexadecimal(words: Words) -> tuple[NDArray[np.uint8], Words]:
     """Bytes of pairs of hex digits of either case, the higher one first.
 
     Args:
-        words: characters, C-contiguous, shape (.., k).
+        words: Characters, C-contiguous, shape (.., k).
 
     Returns:
         Bytes in the order of the characters, shape (.., 4 k), and words that are not 0 where a

@@ -1,8 +1,8 @@
 """Lines of candump text that look alike, read all at once.
 
-A `Layout` says where the parts of a line stand: how many digits the stamp has, how long the name
-of the bus is, and so on. All the lines of a chunk that fit one are read together, as columns; what
-does not fit in every character is left to `candump.parse_line`.
+A `Layout` holds the positions of the parts of a line: the digits of the stamp, the length of the
+name of the bus, and so on. All the lines of a chunk that fit one are read together, as columns; a
+line that differs in any character is left to `candump.parse_line`.
 """
 
 import re
@@ -39,18 +39,18 @@ _MARK = re.compile(rb"<(\d{1,10})\.(\d{6})> ([a-z-]{1,16}) 000#(\r?)\n?")
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where the parts of a line stand; offsets count from `FRONT` bytes before the line.
+    """Positions of the parts of a line; offsets count from `FRONT` bytes before the line.
 
     Attributes:
-        kind: what the lines are.
-        size: characters in front of the payload.
-        fixed: (offset, characters, mask) of words that are the same in every line.
-        stamp: (offset, mask, ns of its last digit) of words of decimal digits.
-        name: (offset, mask) of words that together hold the name of the bus.
-        letters: characters of the name.
-        digits: of the id; 0 in a mark.
-        hexes: (offset, mask) of words of hex digits: the id, and the flags of CAN FD.
-        tail: what stands behind the payload; ' R' is for ' T' too.
+        kind: Kind of the lines.
+        size: Number of characters in front of the payload.
+        fixed: Words that are the same in every line, as (offset, characters, mask).
+        stamp: Words of decimal digits, as (offset, mask, ns of the last digit).
+        name: Words that together hold the name of the bus, as (offset, mask).
+        letters: Number of characters of the name.
+        digits: Number of hex digits of the id; 0 in a mark.
+        hexes: Words of hex digits (the id, and the flags of CAN FD), as (offset, mask).
+        tail: Characters behind the payload; ' R' stands for ' T' too.
 
     """
 
@@ -67,11 +67,15 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class MatchedLines:
-    """Columns of the lines that fit a layout: shapes (n,), words (n, w).
+    """Columns of the lines that fit a layout.
 
     Attributes:
-        rows: which of the lines given, shape (n,); None for all of them.
-        names: words of the names of their buses, shape (k, n); k = 0 for marks.
+        rows: Indices of the lines that fit, shape (n,); None for all of them.
+        t_ns: Time stamps, ns, shape (n,).
+        key: Arbitration ids, with `EXTENDED` where they have 29 bits; 0 for marks; shape (n,).
+        length: Lengths of the payloads, bytes, shape (n,).
+        words: Payloads as 64-bit words, shape (n, w).
+        names: Characters of the names of the buses as words, shape (k, n); k = 0 for marks.
 
     """
 
@@ -83,7 +87,7 @@ class MatchedLines:
     names: Words
 
     def select(self, chosen: NDArray[np.bool_]) -> "MatchedLines":
-        """Those that a mask names."""
+        """The lines that a mask selects."""
         places = np.flatnonzero(chosen)
         return MatchedLines(
             rows=places if self.rows is None else self.rows[places],
@@ -96,7 +100,7 @@ class MatchedLines:
 
 
 def find_layout(line: bytes) -> Layout | None:
-    """The layout that a line has, or None where it is for `parse_line` alone."""
+    """Layout of a line; None where only `parse_line` can read it."""
     if match := _FRAME.fullmatch(line):
         return _frame_layout(match)
     if (match := _MARK.fullmatch(line)) and match[3].decode() in MARKS:
@@ -186,10 +190,10 @@ def match_lines(layout: Layout, text: Text, starts: Places, ends: Places) -> Mat
     """The lines that fit a layout in every character.
 
     Args:
-        layout: the form.
-        text: characters.
-        starts: of the lines in `text`, shape (n,).
-        ends: past the last character of each, its line end left out, shape (n,).
+        layout: Layout of the lines.
+        text: Characters of the chunk.
+        starts: Positions of the lines in `text`, shape (n,).
+        ends: Positions past the last character of each line, its line end left out, shape (n,).
 
     """
     heads = _gather(text, starts - FRONT, _HEAD)

@@ -1,7 +1,7 @@
 """candump text in columns: chunks of whole lines in, `Block`s out.
 
-What looks as `candump -L` writes it is read many lines at a time (`scan_layout`); every other line
-goes down `candump.parse_line`, one by one. Both ways tell the same of any bytes whatever.
+Lines in the form of `candump -L` are read many at a time (`line_layouts`). Every other line is read
+by `candump.parse_line`, one by one. Both ways give the same for any bytes whatever.
 """
 
 import re
@@ -45,7 +45,14 @@ _NAMES = {
 
 
 class SkippedLine(NamedTuple):
-    """A line that gave no row: its number in the chunk, from 0 on, and what it is."""
+    """A line that gave no row.
+
+    Attributes:
+        row: Number of the line in the chunk, from 0 on.
+        kind: Kind of the line, as `candump.parse_line` names it.
+        is_whole: Whether the line has its line end.
+
+    """
 
     row: int
     kind: str
@@ -54,13 +61,13 @@ class SkippedLine(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ParsedChunk:
-    """What a chunk holds.
+    """Rows of a chunk of text.
 
     Attributes:
-        block: its rows, with channels of its own.
-        lines: how many it has.
-        skipped: those that gave no row, in their order.
-        layouts: forms that its lines have, the most frequent first: a hint for the next chunk.
+        block: Rows of the chunk, with channels of its own.
+        lines: Number of lines of the chunk.
+        skipped: Lines that gave no row, in their order.
+        layouts: Layouts of the lines, the most frequent first: a hint for the next chunk.
 
     """
 
@@ -71,11 +78,11 @@ class ParsedChunk:
 
 
 def parse_chunk(chunk: Chunk, layouts: tuple[Layout, ...] = ()) -> ParsedChunk:
-    """Read a chunk.
+    """Parse a chunk of lines.
 
     Args:
-        chunk: lines.
-        layouts: forms to try first; they change how long it takes and nothing else.
+        chunk: Whole lines.
+        layouts: Layouts to try first; they change the time it takes and nothing else.
 
     """
     return _ChunkParser(chunk, layouts).result()
@@ -274,11 +281,11 @@ def _require_few(names: dict[str, int]) -> None:
 
 
 class ChunkSequence:
-    """What one chunk hands on to the next: names, line numbers and the clock.
+    """State passed from one chunk to the next: names, line numbers and the clock.
 
     Args:
-        report: filled with what the chunks hold.
-        differences: whether stamps are differences, to be summed.
+        report: Statistics, filled with the chunks.
+        differences: Whether stamps are differences, to be summed.
 
     """
 
@@ -350,9 +357,9 @@ def read_chunks(
     """Blocks of the chunks of a file, in order, each with the chunk's position.
 
     Args:
-        chunks: of one file.
-        report: filled as blocks are given.
-        differences: whether stamps are differences, to be summed.
+        chunks: Chunks of one file, in order.
+        report: Statistics, filled as blocks are given.
+        differences: Whether stamps are differences, to be summed.
 
     """
     # glibc keeps freed memory up to twice the largest array freed so far, and gives back the rest.

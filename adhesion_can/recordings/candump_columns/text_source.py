@@ -19,7 +19,7 @@ from adhesion_can.recordings.candump import ReadReport
 Text = NDArray[np.uint8]
 
 LINE_LIMIT = 1 << 16
-"""A longer line is taken for several; bytes with the line end."""
+"""Longest line, bytes with the line end; a longer one is read as several."""
 
 FRONT, BACK = 8, 128
 """Bytes that stand before and behind the lines of a chunk, so that a look aside stays inside."""
@@ -30,7 +30,7 @@ _ZSTD_PIECE = 1 << 14  # packed
 
 
 class Packing(Enum):
-    """How a file is compressed, by its first bytes."""
+    """Compression of a file, by its first bytes."""
 
     NONE = b""
     GZIP = b"\x1f\x8b"
@@ -38,7 +38,7 @@ class Packing(Enum):
 
     @classmethod
     def from_head(cls, head: bytes) -> "Packing":
-        """The one that a file's first bytes tell."""
+        """Compression that a file's first bytes show."""
         return next(way for way in (cls.GZIP, cls.ZSTD, cls.NONE) if head.startswith(way.value))
 
 
@@ -46,9 +46,9 @@ class Chunk(NamedTuple):
     """Some lines of a file.
 
     Attributes:
-        text: whole lines, the last one of a file perhaps cut, behind `FRONT` other bytes.
-        stop: end of the last line in `text`; at least `BACK` other bytes follow.
-        position: bytes of the file, as stored, that were read until here.
+        text: Whole lines, the last one of a file perhaps cut, behind `FRONT` other bytes.
+        stop: Position of the end of the last line in `text`; at least `BACK` other bytes follow.
+        position: Number of bytes of the file, as stored, that were read up to here.
 
     """
 
@@ -63,9 +63,9 @@ class TextSource:
     A compressed file that cannot be read to its end gives the whole lines in front of the fault.
 
     Args:
-        path: of the file.
-        packing: of the file.
-        report: told of a compressed file that ends early.
+        path: Path of the file.
+        packing: Compression of the file.
+        report: Statistics, to which a note is added where a compressed file ends early.
 
     Raises:
         RecordingError: while reading: zstandard is needed and not installed.
@@ -116,7 +116,7 @@ class TextSource:
         """Chunks of whole lines.
 
         Args:
-            size: bytes of text that a chunk has, at least 1, give or take a line.
+            size: Number of bytes of text of a chunk, at least 1, to within a line.
 
         """
         if self._unpacked is None:
@@ -177,10 +177,10 @@ def _end_of_lines(text: Text) -> int:
 
 
 class _Unpacked(io.RawIOBase):
-    """Pieces of bytes as a file, which ends where they cannot be had.
+    """Pieces of bytes as a file, which ends where they cannot be unpacked.
 
     Attributes:
-        fault: why it ends early, None while it does not.
+        fault: Error that ends the file early; None while there is none.
 
     """
 

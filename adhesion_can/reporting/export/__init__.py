@@ -36,14 +36,14 @@ _EXTRAS = {".parquet": ("parquet", "pyarrow"), ".mf4": ("mf4", "asammdf")}
 
 
 class Writer:
-    """Takes rows as they come, and knows a group from its first rows on."""
+    """Writes rows as they come; a group begins with its first rows."""
 
     def __init__(self, path: Path, sink: Sink) -> None:
         self._path = path
         self._sink = sink
 
     def begin(self, t_ns: int) -> None:
-        """Say where the recording begins, ns: the time of MF4 counts from there.
+        """Set the begin of the recording, ns: the time of MF4 counts from there.
 
         Files of one recording that hold other rows lie over each other then. To be called before
         the first rows; without it, time counts from the first row.
@@ -57,7 +57,7 @@ class Writer:
 
 
 class TableWriter:
-    """Takes the rows of one table."""
+    """Writes the rows of one table."""
 
     def __init__(self, writer: Writer, group: Group) -> None:
         self._writer = writer
@@ -67,8 +67,8 @@ class TableWriter:
         """Append rows.
 
         Args:
-            t_ns: stamps, ns, shape (n,).
-            columns: one a field, shape (n,) each.
+            t_ns: Time stamps, ns, shape (n,).
+            columns: Column of each field, shape (n,) each.
 
         """
         self._writer.write([Rows(self._group, np.arange(len(t_ns)), t_ns, columns)])
@@ -78,8 +78,8 @@ def require_format(path: Path, option: str) -> None:
     """Raise an InputError where a file's format is unknown or its extra is not installed.
 
     Args:
-        path: of the file to come.
-        option: of the command line that names it.
+        path: Path of the file to write.
+        option: Option of the command line that names the file.
 
     """
     suffix = _suffix(path)
@@ -103,8 +103,8 @@ def open_recording(path: Path, origin: Mapping[str, str]) -> Iterator[Writer]:
     are written at once.
 
     Args:
-        path: of the file; its suffix says the format.
-        origin: version, inputs and the like; CSV has no place for it.
+        path: Path of the file; its suffix selects the format.
+        origin: Version, inputs and the like, by name; CSV has no place for them.
 
     Raises:
         InputError: no known format, an extra that is missing, or a disk that is full.
@@ -129,11 +129,11 @@ def open_table(
     The time of MF4 counts from the first row.
 
     Args:
-        path: of the file; its suffix says the format.
-        fields: of the table beside the time.
-        origin: version, inputs and the like; CSV has no place for it.
-        name: of the table, where the format has one.
-        decimals: of `time_s` in CSV.
+        path: Path of the file; its suffix selects the format.
+        fields: Fields of the table beside the time.
+        origin: Version, inputs and the like, by name; CSV has no place for them.
+        name: Name of the table, where the format has one.
+        decimals: Number of decimals of `time_s` in CSV.
 
     Raises:
         InputError: no known format, an extra that is missing, or a disk that is full.
@@ -148,7 +148,7 @@ def open_table(
 def _begin(
     path: Path, origin: Mapping[str, str], groups: Sequence[Group] = (), decimals: int = 9
 ) -> Sink:
-    """A file of the format that its name says; groups that are known make it a plain table."""
+    """Begin a file in the format of its suffix; known groups make it a plain table."""
     require_format(path, "output")
     suffix = _suffix(path)
     sink: Sink

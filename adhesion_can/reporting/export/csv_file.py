@@ -25,10 +25,10 @@ class CsvForm:
     """How CSV writes a table.
 
     Args:
-        compressed: with gzip.
-        by_message: rows belong to messages: a column tells which, and the columns of signals are
-            named 'Message.Signal'.
-        decimals: of the stamps, s.
+        compressed: Whether the file is compressed with gzip.
+        by_message: Whether rows belong to messages: a column holds the message's name, and the
+            columns of signals are named 'Message.Signal'.
+        decimals: Number of decimals of the time stamps in s.
 
     """
 
@@ -147,8 +147,8 @@ def time_texts(t_ns: NDArray[np.int64], decimals: int = 9) -> list[str]:
     """Stamps in s as text, exact where it has nine decimals, else cut off.
 
     Args:
-        t_ns: ns, shape (n,).
-        decimals: 1..9.
+        t_ns: Time stamps, ns, shape (n,).
+        decimals: Number of decimals, 1..9.
 
     """
     if not len(t_ns):
@@ -190,9 +190,9 @@ def open_sheet(path: Path, groups: Sequence[Group], decimals: int) -> Sheet:
     """A table as CSV, compressed where its name ends in .gz.
 
     Args:
-        path: of the finished file.
-        groups: those of a plain table; none: messages, which turn up on the way.
-        decimals: of the stamps, s.
+        path: Path of the finished file.
+        groups: Groups of a plain table; none: messages, which turn up on the way.
+        decimals: Number of decimals of the time stamps in s.
 
     """
     compressed = path.suffix.lower() == ".gz"

@@ -1,4 +1,4 @@
-"""What a file of columns is made of, whatever its format: fields, groups of fields, and rows."""
+"""Parts of a file of columns, whatever its format: fields, groups of fields, and rows."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SECOND = 1_000_000_000
-"""In the nanoseconds of every stamp."""
+"""Nanoseconds of a second."""
 
 FLOAT = np.dtype(np.float64)
 
@@ -18,9 +18,9 @@ class Raw:
     """Integers that a field's numbers come from: number = raw · scale + offset, to the last bit.
 
     Attributes:
-        dtype: of the integers.
-        scale: in the field's unit.
-        offset: likewise.
+        dtype: Type of the integers.
+        scale: Step of the integers, in the field's unit.
+        offset: Number of the integer 0, in the field's unit.
 
     """
 
@@ -34,15 +34,16 @@ class Field:
     """One column.
 
     Attributes:
-        name: unique in its group.
-        dtype: of its numbers.
-        unit: '' for none.
-        comment: for people.
-        names: words for some of its numbers.
-        text: the words stand in place of the numbers; every number has one.
-        optional: a row may lack it.
-        raw: integers that may be written in place of the numbers by a format that scales them.
-        spec: of Python's `format` in CSV; '' writes what reads back exactly.
+        name: Name of the field, unique in its group.
+        dtype: Type of the numbers.
+        unit: Unit of the numbers; '' for none.
+        comment: Description for the reader of the file.
+        names: Names of some of the numbers.
+        text: Whether the names stand in place of the numbers; every number has one then.
+        optional: Whether a row may lack the field.
+        raw: Integers that a format with scaling may write in place of the numbers.
+        spec: Format specification of Python for CSV; '' writes the shortest text that reads back
+            exactly.
 
     """
 
@@ -62,9 +63,9 @@ class Group:
     """Fields that share their rows: a message, or a whole table.
 
     Attributes:
-        name: unique in its file.
-        fields: at least one.
-        comment: for people.
+        name: Name of the group, unique in its file.
+        fields: Fields of the group, at least one.
+        comment: Description for the reader of the file.
 
     """
 
@@ -77,8 +78,8 @@ class Column(NamedTuple):
     """Numbers of one field.
 
     Attributes:
-        values: shape (n,).
-        missing: rows that lack it, whatever `values` says there, shape (n,); None: no row does.
+        values: Numbers, shape (n,).
+        missing: Rows without the field, whose number means nothing, shape (n,); None: no row.
 
     """
 
@@ -90,11 +91,11 @@ class Rows(NamedTuple):
     """Rows of one group.
 
     Attributes:
-        group: whose.
-        place: of each row among the rows of all groups that are written at once: 0, 1, 2, .. over
-            the groups, ascending in each; shape (n,).
-        t_ns: stamps, ns, shape (n,).
-        columns: one a field of the group.
+        group: Group of the rows.
+        place: Position of each row among the rows of all groups that are written at once: 0, 1,
+            2, .. over the groups, ascending in each; shape (n,).
+        t_ns: Time stamps, ns, shape (n,).
+        columns: Column of each field of the group.
 
     """
 
@@ -115,10 +116,10 @@ class Rows(NamedTuple):
 
 
 class Sink(Protocol):
-    """A file in the making, which knows a group from its first rows on."""
+    """A file in the making; a group begins with its first rows."""
 
     def begin(self, t_ns: int) -> None:
-        """Where its time begins, if it counts from a start."""
+        """Set the begin of the file's time, if it counts from a start."""
 
     def write(self, rows: Sequence[Rows]) -> None:
         """Append rows; `Rows.place` is their order."""
@@ -131,7 +132,7 @@ class Sink(Protocol):
 
 
 def count(rows: Sequence[Rows]) -> int:
-    """Rows of all groups."""
+    """Number of rows of all groups."""
     return sum(len(part.t_ns) for part in rows)
 
 

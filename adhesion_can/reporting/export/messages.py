@@ -1,4 +1,4 @@
-"""Decoded messages as rows of a file of columns: fields from what the database says of signals."""
+"""Decoded messages as rows of a file of columns, with fields by the database's signals."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -18,10 +18,10 @@ _LARGEST_OFFSET = 1 << 40  # in steps; up to there 53 bits lead from a number ba
 
 
 class MessageRows:
-    """Makes rows of the columns of messages; frames that were rejected are not among them.
+    """Builds rows from the columns of messages; rejected frames are not among them.
 
     Args:
-        database: whose messages they are.
+        database: Database of the messages.
 
     """
 

@@ -27,9 +27,9 @@ class Mf4File:
     wants them to rise, so that rows written at once are sorted by time, each group for itself.
 
     Args:
-        path: of the finished file.
-        origin: version, inputs and the like, for the file's comment.
-        groups: those of a plain table; none: messages of a bus, which turn up on the way.
+        path: Path of the finished file.
+        origin: Version, inputs and the like, by name, for the file's comment.
+        groups: Groups of a plain table; none: messages of a bus, which turn up on the way.
 
     """
 
@@ -49,7 +49,7 @@ class Mf4File:
             self._append(Rows(group, empty, empty, columns), np.empty(0))
 
     def begin(self, t_ns: int) -> None:
-        """Where the file's time begins; before the first rows."""
+        """Set the begin of the file's time; before the first rows."""
         self._start_ns = max(t_ns, 0)  # the format knows none before 1970
 
     def write(self, rows: Sequence[Rows]) -> None:
@@ -85,7 +85,7 @@ class Mf4File:
     def abandon(self) -> None:
         """Leave nothing behind."""
         # On a full disk what is still to be written cannot be, and need not; and what led here is
-        # the error to be told.
+        # the error to be raised.
         for end in (self._mdf.close, self._file.close, self._part.unlink):
             with suppress(OSError):
                 end()

@@ -1,4 +1,4 @@
-"""Parquet: the table of the CSV with types, units and where it comes from."""
+"""Parquet: the table of the CSV with types, units and provenance."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +14,7 @@ from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, R
 from adhesion_can.reporting.export.sheet import Sheet
 
 _CELLS = 1 << 24
-"""Of a row group: what is held in memory."""
+"""Number of cells of a row group, which is held in memory."""
 
 _ROWS = 1 << 20
 
@@ -23,9 +23,9 @@ class ParquetForm:
     """How Parquet writes a table.
 
     Args:
-        by_message: rows belong to messages: a column tells which, and the columns of signals are
-            named 'Message.Signal'.
-        origin: version, inputs and the like, for the file's metadata.
+        by_message: Whether rows belong to messages: a column holds the message's name, and the
+            columns of signals are named 'Message.Signal'.
+        origin: Version, inputs and the like, by name, for the file's metadata.
 
     """
 
@@ -186,9 +186,9 @@ def open_sheet(path: Path, origin: Mapping[str, str], groups: Sequence[Group]) -
     """A table as Parquet.
 
     Args:
-        path: of the finished file.
-        origin: for the file's metadata.
-        groups: those of a plain table; none: messages, which turn up on the way.
+        path: Path of the finished file.
+        origin: Version, inputs and the like, by name, for the file's metadata.
+        groups: Groups of a plain table; none: messages, which turn up on the way.
 
     """
     return Sheet(path, ParquetForm(not groups, origin), groups)

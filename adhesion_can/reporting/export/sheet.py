@@ -36,9 +36,9 @@ class Sheet:
     are joined at the end where there are several; nearly always all groups stand in the first rows.
 
     Args:
-        path: of the finished table.
-        form: its format.
-        groups: known from the start.
+        path: Path of the finished table.
+        form: Format of the table.
+        groups: Groups known from the start.
 
     """
 
@@ -85,7 +85,7 @@ class Sheet:
         with suppress(OSError):
             self._end()
         for path in self._made():
-            # The error that led here is the one to be told.
+            # The error that led here is the one to be raised.
             with suppress(OSError):
                 path.unlink(missing_ok=True)
 
