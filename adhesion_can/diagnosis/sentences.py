@@ -16,7 +16,7 @@ from adhesion_can.physics.effects import Effect, effect_by_id
 def separation_sentence(effect: str, rivals: Sequence[str]) -> str:
     """Manoeuvres or signals that would separate an effect from its rivals, all by their ids."""
     ways = [_separation(effect_by_id(effect), effect_by_id(rival)) for rival in rivals]
-    return f"to tell {effect} from {', '.join(rivals)}: " + "; ".join(dict.fromkeys(ways))
+    return f"to separate {effect} from {', '.join(rivals)}: " + "; ".join(dict.fromkeys(ways))
 
 
 def _separation(effect: Effect, rival: Effect) -> str:

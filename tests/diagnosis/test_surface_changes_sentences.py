@@ -80,7 +80,7 @@ def test_rows_beside_a_change_belong_to_no_surface():
 def test_for_every_rival_there_is_something_to_do(effect):
     sentences = {rival: separation_sentence(effect, [rival]) for rival in IDS if rival != effect}
     for rival, words in sentences.items():
-        sentence = words.removeprefix(f"to tell {effect} from {rival}: ")
+        sentence = words.removeprefix(f"to separate {effect} from {rival}: ")
         assert words != sentence
         assert len(sentence) > 25
         assert "None" not in sentence
