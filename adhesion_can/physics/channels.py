@@ -33,6 +33,7 @@ class ChannelInfo:
         column: Name of the column in a TABLE; '' where a TABLE has none.
         contact: Name of the attribute of `Contact` with the values; '' for a covariate and for what
             a contact does not have.
+        steps: Whether the value holds until the next reading, and is not interpolated between two.
 
     """
 
@@ -43,10 +44,11 @@ class ChannelInfo:
     role: Role | None = None
     column: str = ""
     contact: str = ""
+    steps: bool = False
 
 
-def _covariate(name: str, unit: str, label: str, role: Role) -> ChannelInfo:
-    return ChannelInfo(name, unit, label, ChannelOrigin.COVARIATE, role, column=name)
+def _covariate(name: str, unit: str, label: str, role: Role, *, steps: bool = False) -> ChannelInfo:
+    return ChannelInfo(name, unit, label, ChannelOrigin.COVARIATE, role, column=name, steps=steps)
 
 
 CHANNELS: tuple[ChannelInfo, ...] = (
@@ -73,8 +75,8 @@ CHANNELS: tuple[ChannelInfo, ...] = (
     ),
     _covariate("rail_temperature_degC", "degC", "rail temperature", Role.RAIL_TEMPERATURE),
     _covariate("relative_humidity_percent", "%", "relative humidity", Role.HUMIDITY),
-    _covariate("sanding_active", "", "sanding", Role.SANDING),
-    _covariate("rain", "", "rain", Role.RAIN),
+    _covariate("sanding_active", "", "sanding", Role.SANDING, steps=True),
+    _covariate("rain", "", "rain", Role.RAIN, steps=True),
     _covariate("gradient", "m/m", "gradient", Role.GRADIENT),
     _covariate("curvature_per_m", "1/m", "curvature", Role.CURVATURE),
 )  # fmt: skip

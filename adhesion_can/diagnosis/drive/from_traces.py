@@ -20,14 +20,12 @@ from adhesion_can.diagnosis.drive.smoothing import (
     predict_speed_from_efforts,
     smooth_signal,
 )
-from adhesion_can.physics.channels import COVARIATES
+from adhesion_can.physics.channels import CHANNEL_BY_NAME, COVARIATES
 from adhesion_can.physics.kinematics import slip_ratio
 from adhesion_can.physics.readings import Direction, Role
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.traces import Trace
 
-STEPPING_CHANNELS = frozenset({Role.SANDING, Role.RAIN})
-"""Channels that step; the others are interpolated linearly between their readings."""
 LEAST_LOAD_SHARE = 0.1
 """Share of the static load below which a measured load is implausible."""
 LEAST_LOADS_AVAILABLE = 0.5
@@ -200,7 +198,7 @@ def _interpolate_covariates(
         available = np.isfinite(trace.value)
         if available.mean() < 1.0 - MOST_MISSING or len(stamps) < 2:
             lost[f"channel {name}"] += int((~available).sum())
-        elif role in STEPPING_CHANNELS:
+        elif CHANNEL_BY_NAME[name].steps:
             found[name] = values[np.maximum(np.searchsorted(stamps, t_s, side="right") - 1, 0)]
         else:
             found[name] = np.interp(t_s, stamps, values)
