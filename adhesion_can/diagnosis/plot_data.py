@@ -18,7 +18,6 @@ from adhesion_can.diagnosis.regression.model import (
 )
 from adhesion_can.diagnosis.result import CurveData, Profile, SimulationPlot
 from adhesion_can.physics import burckhardt
-from adhesion_can.physics.channels import channel_unit
 from adhesion_can.physics.effects import Effect, build_instruments
 
 BINS = 24
@@ -49,10 +48,10 @@ def _build_derived_channel(data: RegressionData, name: str) -> Channel | None:
     observed = [drive.observe() for drive in data.drives]
     if name == "creep_speed":
         values = np.abs(np.concatenate([one.creep_speed for one in observed]))
-        return Channel(name, channel_unit(name), ChannelKind.FACTOR, values)
+        return Channel(name, ChannelKind.FACTOR, values)
     if name == "signed_slip":
         values = np.concatenate([one.slip for one in observed])
-        return Channel(name, channel_unit(name), ChannelKind.OFFSET, values)
+        return Channel(name, ChannelKind.OFFSET, values)
     return None
 
 

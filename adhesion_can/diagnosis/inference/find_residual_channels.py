@@ -171,7 +171,7 @@ def find_wave(
     phase = 2 * np.pi * position / lengths[best]
     basis = np.stack([np.cos(phase), np.sin(phase)], axis=1) * evaluation.predicted[:, None]
     values = position % lengths[best]
-    channel = Channel("position", "m", ChannelKind.FACTOR, values, period=lengths[best])
+    channel = Channel("position", ChannelKind.FACTOR, values, period=lengths[best])
     return channel, basis, float(p_value)
 
 

@@ -9,9 +9,11 @@ and Nason (Econometrica 79 (2011)), in its simplest form: each one is compared w
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.detect_effects import SignFlipTest, sign_flip_test
 from adhesion_can.diagnosis.inference.model_comparison import (
     LEAST_WHITENED_GAIN,
@@ -111,6 +113,14 @@ class EffectProposal:
     p_value: float
 
 
+class _Start(NamedTuple):
+    """A candidate, its start values, and the size of the chord of its signature."""
+
+    candidate: Candidate
+    values: tuple[float, ...]
+    chord: float
+
+
 def select_effects(prepared: PreparedRegression, test: SignFlipTest) -> ModelSelection:
     """Select the effects that are at work among the candidates, two at most.
 
@@ -149,40 +159,55 @@ def propose_effects(
 
     """
     starts = [
-        (c, start, chord) for c in candidates for start in c.start_values for chord in c.chord_sizes
+        _Start(candidate, values, chord)
+        for candidate in candidates
+        for values in candidate.start_values
+        for chord in candidate.chord_sizes
     ]
-    signatures = [
-        regression.compute_signature(model, c, start, chord) for c, start, chord in starts
-    ]
+    signatures = [regression.compute_signature(model, *start) for start in starts]
     columns = regression.build_columns(model)
     white = regression.whiten(np.column_stack(signatures))
     grams = regression.compute_grams(np.column_stack([columns[:, :-1], white, columns[:, -1]]))
-    total, p = grams.total, columns.shape[1] - 1
-    groups = [[p + i] for i in range(len(starts))]
+    p = columns.shape[1] - 1
+    groups = [[p + number] for number in range(len(starts))]
     test = sign_flip_test(grams, list(range(p)), groups, np.random.default_rng(len(starts)))
     p_values = dict.fromkeys(candidates, 1.0)
-    for (candidate, _, _), p_value in zip(starts, test.p_value, strict=True):
-        p_values[candidate] = min(p_values[candidate], float(p_value))
-    square = max(float(total[-1, -1]), 1e-300)
+    for start, p_value in zip(starts, test.p_value, strict=True):
+        p_values[start.candidate] = min(p_values[start.candidate], float(p_value))
     found: dict[Candidate, EffectProposal] = {}
-    for number, (candidate, start, chord) in enumerate(starts):
-        places = [*range(p), p + number]
-        right = total[places, -1]
-        answer = solve_normal_equations(total[np.ix_(places, places)], right)
-        first = candidate.free_parameters[0]
-        size = float(np.clip(answer[-1], first.lower, first.upper))
-        # Far beyond the chord the linearisation no longer holds.
-        reach = MOST_CHORDS * chord * abs(first.typical)
-        without = solve_normal_equations(total[:p, :p], right[:p])
-        explained = float(right @ answer - right[:p] @ without) if size * answer[-1] > 0 else 0.0
-        proposal = EffectProposal(
-            model.with_effect(candidate, (float(np.clip(size, -reach, reach)), *start[1:])),
-            explained / square,
-            p_values[candidate],
-        )
-        if candidate not in found or proposal.gain > found[candidate].gain:
-            found[candidate] = proposal
+    for number, start in enumerate(starts):
+        places = [*range(p), p + number, -1]
+        gram = grams.total[np.ix_(places, places)]
+        proposal = _build_proposal(model, start, gram, p_values[start.candidate])
+        if start.candidate not in found or proposal.gain > found[start.candidate].gain:
+            found[start.candidate] = proposal
     return sorted(found.values(), key=lambda proposal: -proposal.gain)
+
+
+def _build_proposal(model: Model, start: _Start, gram: Array, p_value: float) -> EffectProposal:
+    """Add an effect with its linearised size.
+
+    Args:
+        model: Model without the effect.
+        start: Effect, its start values and the size of the chord of its signature.
+        gram: Gram matrix of the model's Jacobian, the signature and the residual; (p + 2, p + 2).
+        p_value: P-value of the effect by sign flips.
+
+    """
+    right = np.ascontiguousarray(gram[:-1, -1])
+    answer = solve_normal_equations(gram[:-1, :-1], right)
+    without = solve_normal_equations(gram[:-2, :-2], right[:-1])
+    first = start.candidate.free_parameters[0]
+    size = float(np.clip(answer[-1], first.lower, first.upper))
+    explained = float(right @ answer - right[:-1] @ without) if size * answer[-1] > 0 else 0.0
+    # Far beyond the chord the linearisation no longer holds.
+    reach = MOST_CHORDS * start.chord * abs(first.typical)
+    size = float(np.clip(size, -reach, reach))
+    return EffectProposal(
+        model.with_effect(start.candidate, (size, *start.values[1:])),
+        explained / max(float(gram[-1, -1]), 1e-300),
+        p_value,
+    )
 
 
 def _fit_singles(

@@ -39,8 +39,7 @@ class Channel:
     """A quantity that is known in every row.
 
     Attributes:
-        name: Name in reports.
-        unit: Unit of the values in reports.
+        name: Name in reports, as in the catalogue `physics.channels`, or a column of a TABLE.
         kind: How the channel acts on the adhesion.
         values: Values in every row, shape (n,).
         columns: Number of columns of its spline.
@@ -49,11 +48,15 @@ class Channel:
     """
 
     name: str
-    unit: str
     kind: ChannelKind
     values: Array
     columns: int = COLUMNS
     period: float = 0.0
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values in reports; '' for a column of a TABLE without a known unit."""
+        return channel_unit(self.name)
 
     @property
     def constant(self) -> bool:
@@ -109,19 +112,19 @@ def build_channels(data: RegressionData, evaluation: Evaluation) -> list[Channel
     )
     curve = ChannelKind.CURVE
     found = [
-        Channel("slip", "1", ChannelKind.FACTOR, np.abs(evaluation.slip)),
-        Channel("tractive_effort", "N", curve, np.abs(evaluation.predicted) * load),
-        Channel("slip_rate", "1/s", ChannelKind.OFFSET, _compute_slip_rate(data, evaluation.slip)),
-        Channel("speed", "m/s", ChannelKind.FACTOR, speed),
-        Channel("axle_load", "N", ChannelKind.FACTOR, load),
-        Channel("axle", "1", ChannelKind.FACTOR, data.column("axle").astype(np.float64)),
-        Channel("time", "s", ChannelKind.FACTOR, data.column("time_s"), DRIVE_COLUMNS),
-        Channel("position", "m", ChannelKind.FACTOR, data.column("position"), DRIVE_COLUMNS),
+        Channel("slip", ChannelKind.FACTOR, np.abs(evaluation.slip)),
+        Channel("tractive_effort", curve, np.abs(evaluation.predicted) * load),
+        Channel("slip_rate", ChannelKind.OFFSET, _compute_slip_rate(data, evaluation.slip)),
+        Channel("speed", ChannelKind.FACTOR, speed),
+        Channel("axle_load", ChannelKind.FACTOR, load),
+        Channel("axle", ChannelKind.FACTOR, data.column("axle").astype(np.float64)),
+        Channel("time", ChannelKind.FACTOR, data.column("time_s"), DRIVE_COLUMNS),
+        Channel("position", ChannelKind.FACTOR, data.column("position"), DRIVE_COLUMNS),
     ]
     names = set.intersection(*(set(drive.covariates) for drive in data.drives))
     for name in sorted(names):
         values = np.concatenate([drive.covariates[name] for drive in data.drives])
-        found.append(Channel(name, channel_unit(name), ChannelKind.FACTOR, values))
+        found.append(Channel(name, ChannelKind.FACTOR, values))
     return [channel for channel in found if not channel.constant]
 
 
