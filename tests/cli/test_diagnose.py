@@ -59,12 +59,12 @@ def tables(tmp_path):
 @pytest.fixture
 def engine(monkeypatch):
     """Stands for the engine: says what it is told to, and keeps what it was asked."""
-    asked = SimpleNamespace(answer=named(), courses=None, holdout=None, stages=[])
+    asked = SimpleNamespace(answer=named(), drives=None, holdout=None, stages=[])
 
-    def diagnose(courses, holdout, show):
-        asked.courses, asked.holdout = list(courses), list(holdout)
+    def diagnose(drives, holdout, show):
+        asked.drives, asked.holdout = list(drives), list(holdout)
         show("effects", 0.5)
-        counts = {course.name: len(course) for course in (*courses, *holdout)}
+        counts = {drive.name: len(drive) for drive in (*drives, *holdout)}
         return replace(asked.answer, samples=counts)
 
     monkeypatch.setitem(sys.modules, ENGINE, SimpleNamespace(diagnose=diagnose))
@@ -91,14 +91,14 @@ def fails(capsys, *arguments):
 # --- what goes in, what comes out
 
 
-def test_logs_go_in_as_courses_and_page_json_and_model_come_out(logs, engine, tmp_path, capsys):
+def test_logs_go_in_as_drives_and_page_json_and_model_come_out(logs, engine, tmp_path, capsys):
     html, model, result = tmp_path / "r.html", tmp_path / "m.toml", tmp_path / "r.json"
     options = ["--html", html, "--extended", model, "--json", result]
     assert diagnose(logs[0], "--holdout", logs[1], *options) == 0
-    (course,), (held,) = engine.courses, engine.holdout
-    assert (course.name, held.name) == ("one.log", "it's two.log")
-    assert min(len(course), len(held)) > 3000
-    assert set(course.axle) == set(range(1, 7))
+    (drive,), (held,) = engine.drives, engine.holdout
+    assert (drive.name, held.name) == ("one.log", "it's two.log")
+    assert min(len(drive), len(held)) > 3000
+    assert set(drive.axle) == set(range(1, 7))
 
     said = capsys.readouterr()
     assert "Named: adhesion at the same slip falls with vehicle speed" in said.out
@@ -112,7 +112,7 @@ def test_logs_go_in_as_courses_and_page_json_and_model_come_out(logs, engine, tm
         ("one.log", False),
         ("it's two.log", True),
     ]
-    for one, path, rows in zip(document["inputs"], logs, (course, held), strict=True):
+    for one, path, rows in zip(document["inputs"], logs, (drive, held), strict=True):
         assert one["sha256"] == file_sha256(path)
         assert one["samples"] == len(rows)
     assert document["version"]
@@ -156,9 +156,9 @@ def test_the_command_survives_names_of_files(name):
 
 def test_tables_go_in_with_their_covariates_and_lost_rows_are_told(tables, engine, capsys):
     assert diagnose(tables[0], "--holdout", tables[1]) == 0
-    (course,), (held,) = engine.courses, engine.holdout
-    assert (course.name, len(course), len(held)) == ("t1.csv", 400, 400)
-    assert "oil_film_um" in course.covariates
+    (drive,), (held,) = engine.drives, engine.holdout
+    assert (drive.name, len(drive), len(held)) == ("t1.csv", 400, 400)
+    assert "oil_film_um" in drive.covariates
     assert "t1.csv: 1 of 401 rows without a finite time" in capsys.readouterr().out
 
 
@@ -168,7 +168,7 @@ def test_files_of_one_name_are_told_apart(engine, tmp_path):
         (tmp_path / folder).mkdir()
         paths.append(write_table(tmp_path / folder / "t.csv", seed))
     assert diagnose(*paths) == 0
-    assert [course.name for course in engine.courses] == [str(path) for path in paths]
+    assert [drive.name for drive in engine.drives] == [str(path) for path in paths]
 
 
 @pytest.mark.parametrize("answer", [named, nothing, unexplained, empty])
@@ -231,7 +231,7 @@ def test_bad_inputs_are_one_line(logs, tables, engine, tmp_path, capsys):
     assert "is a folder" in fails(capsys, tmp_path)
     assert "recordings and tables together" in fails(capsys, logs[0], tables[0])
     assert "recordings and tables together" in fails(capsys, logs[0], "--holdout", tables[0])
-    assert engine.courses is None
+    assert engine.drives is None
 
 
 def test_the_same_drive_is_not_held_out(logs, engine, tmp_path, capsys):
@@ -240,7 +240,7 @@ def test_the_same_drive_is_not_held_out(logs, engine, tmp_path, capsys):
     copy.write_bytes(logs[0].read_bytes())
     assert "hold out another drive" in fails(capsys, logs[0], "--holdout", copy)
     assert "give it once" in fails(capsys, logs[0], copy)
-    assert engine.courses is None
+    assert engine.drives is None
 
 
 @pytest.mark.parametrize("option", ["--html", "--extended", "--json"])
@@ -252,13 +252,13 @@ def test_outputs_that_cannot_be_written_are_told_before_the_work(
     before = tables[0].read_bytes()
     assert "one of the inputs" in fails(capsys, tables[0], option, tables[0])
     assert tables[0].read_bytes() == before
-    assert engine.courses is None
+    assert engine.drives is None
 
 
 def test_two_outputs_need_two_files(tables, engine, tmp_path, capsys):
     both = tmp_path / "f"
     assert "--html" in fails(capsys, tables[0], "--html", both, "--json", both)
-    assert engine.courses is None
+    assert engine.drives is None
 
 
 def test_without_the_extra_the_page_is_refused_before_the_work(
@@ -267,7 +267,7 @@ def test_without_the_extra_the_page_is_refused_before_the_work(
     monkeypatch.setitem(sys.modules, "jinja2", None)
     told = fails(capsys, tables[0], "--html", tmp_path / "r.html")
     assert "pip install 'adhesion-can[report]'" in told
-    assert engine.courses is None
+    assert engine.drives is None
 
 
 def test_without_effort_the_configuration_is_named(logs, engine, tmp_path, capsys):
@@ -277,7 +277,7 @@ def test_without_effort_the_configuration_is_named(logs, engine, tmp_path, capsy
     )
     told = fails(capsys, logs[0], "--config", tmp_path / "c.toml")
     assert "tractive effort" in told
-    assert engine.courses is None
+    assert engine.drives is None
 
 
 # --- the whole of it

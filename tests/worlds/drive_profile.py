@@ -29,7 +29,7 @@ class Vehicle:
         static_load: N, shape (6,).
         transfer: change of each axle's load as a share of the whole effort, shape (6,), travelling
             forward.
-        mass: of loco and train, kg.
+        mass: Mass of loco and train, kg.
         forward: whether axle 1 leads.
 
     """
@@ -60,7 +60,7 @@ class DriveProfile:
         v: m/s, (n,).
         slip: creep of each axle, (n, 6).
         load: N, (n, 6).
-        position: of the leading axle, m, (n,).
+        position: Travelled distance of the leading axle, m; shape (n,).
         curvature: 1/m, (n,).
         humidity: %, (n,).
         rail_temperature: degC, (n,).

@@ -35,13 +35,13 @@ class State:
         v: m/s, (n,).
         slip: signed, (n, 6).
         load: N, (n, 6).
-        position: of the leading axle, m, (n,).
+        position: Travelled distance of the leading axle, m; shape (n,).
         curvature: 1/m, (n,).
         humidity: %, (n,).
         rail_temperature: degC, (n,).
         sanding: 0 or 1, (n,).
         order: place of each axle in the direction of travel, (6,).
-        behind: of each axle behind the leading one, m, (6,).
+        behind: Distance of each axle behind the leading one, m; shape (6,).
 
     """
 

@@ -54,7 +54,7 @@ class Draft:
     Attributes:
         effect: its id.
         form: '' where there is one only.
-        name: of the parameter that is its size.
+        name: Name of the parameter that is its size.
         limit: largest size in the direction drawn; its sign is that direction.
         first: size to begin the search with.
         others: the parameters that are drawn already.
@@ -110,7 +110,7 @@ def draft(rng: np.random.Generator, effect: str, c: Floats, largest_effort: floa
         rng: random numbers.
         effect: its id.
         c: the rail's curve, for what is shaped after it.
-        largest_effort: of the drive, N.
+        largest_effort: Largest effort of the drive, N.
 
     """
     if effect.startswith("out:"):

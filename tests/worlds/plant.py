@@ -154,7 +154,7 @@ class View:
         t: s, (n,).
         adhesion: (n, 6).
         std: standard deviation of an adhesion from the effort noise, (n, 6).
-        slip_std: of λ, (n, 6).
+        slip_std: Standard deviation of the slip ratio; shape (n, 6).
         contact: how the curve is entered.
         limits: lowest and highest adhesion that the effort sensor can show, (2, n, 6); None: all.
         use: rows that a program can use, (n,).

@@ -97,18 +97,18 @@ class Truth:
     """What is hidden in a file.
 
     Attributes:
-        kind: see `kinds.KINDS`.
-        seed: of the world.
-        path: of the file.
+        kind: Kind of the world, one of `kinds.KINDS`.
+        seed: Seed of the world.
+        path: Path of the file.
         effects: what is hidden, with its parameters.
-        channel: that the residual of an effect outside the library depends on.
-        surfaces: of the rail, in the order of time.
+        channel: Channel that the residual of an effect outside the library depends on.
+        surfaces: Surfaces of the rail in the order of time.
         noise_floor: RMSE of the true model on the measured samples, in adhesion.
         rmse_before: RMSE of c1..c3 fitted without the effects, in adhesion.
-        excess: by how much the effects raise the RMSE of that fit, as a share; of each effect
+        excess: Share by which the effects raise the RMSE of that fit, as a share; of each effect
             alone, on the same noise.
         fresh: truth of a second drive in the same world.
-        judge: see there; not part of the JSON.
+        judge: Computes the true gain and noise floor; not part of the JSON.
 
     """
 

@@ -47,12 +47,12 @@ def make_world(
     Args:
         kind: one of `kinds.KINDS`.
         seed: the same kind, seed and options give the same bytes.
-        path: of the file; a fresh drive lies beside it, `_fresh` added to its name.
-        duration_s: of the drive.
+        path: Path of the file; a fresh drive lies beside it, `_fresh` added to its name.
+        duration_s: Duration of the drive, s.
         excess: lowest and highest share by which each effect shall raise the RMSE of the plain
             fit above the noise floor.
         fresh: also write a second drive of the same world: same effects, rail and vehicle, another
-            course.
+            profile.
 
     """
     excess = excess or (PAIR_EXCESS if kind.startswith("pair:") else SINGLE_EXCESS)
