@@ -316,7 +316,7 @@ def test_rls_is_the_textbooks_recursion(cuts):
     estimator = RlsEstimator(RlsSettings(forgetting=0.99, prior_std=(1e4, 1e5, 1e4)))
     at = 0
     for n in cuts:
-        estimator._take(h[at : at + n], z[at : at + n])
+        estimator._add(h[at : at + n], z[at : at + n])
         at += n
     e = np.exp(-45.0 * h)
     want = textbook_rls(np.column_stack([1 - e, -h, h * e]), z, 0.99, 1e8)
@@ -336,13 +336,13 @@ def test_the_linearisation_moves_without_changing_what_the_data_say():
     h, z = stretch(DRY, 1, n=400).folded()
     moved, there = RlsEstimator(), RlsEstimator()
     moved._c2, there._c2 = 59.5, 60.0
-    moved._take(h, z)
+    moved._add(h, z)
     old = moved._solve()
     moved._relinearise()
     shift = moved._c2 - 59.5
     assert shift == pytest.approx(old[2] / old[0])
     there._c2 = moved._c2
-    there._take(h, z)
+    there._add(h, z)
     assert moved._solve() == pytest.approx(there._solve(), rel=0.01, abs=0.01)
 
 

@@ -25,7 +25,7 @@ from adhesion_can.estimation.tracker.curve_sums import (
     residual_at,
     slope_at,
 )
-from adhesion_can.estimation.tracker.points import GlitchGate, points_of
+from adhesion_can.estimation.tracker.points import OutlierGate, build_points
 from adhesion_can.physics.burckhardt import adhesion, adhesion_slope
 from adhesion_can.physics.samples import Sample, Samples
 
@@ -223,7 +223,7 @@ def test_slips_of_noise_alone_reach_nothing(error, size):
         rng = np.random.default_rng(seed)
         samples = Samples.curve(size * rng.standard_normal(n), 0.003 * rng.standard_normal(n))
         stated = {error: np.full(n, size**2), "speed_us": np.zeros(n, dtype=np.int64)}
-        points = points_of(replace(samples, **stated))
+        points = build_points(replace(samples, **stated))
         beyond += increment(points, np.zeros(n), 1.0, SLIP_MAX)[HISTOGRAM][1:].sum()
     assert beyond <= 1e-4 * 20 * n
 
@@ -272,7 +272,7 @@ def sample(slip, adhesion_, **more):
 
 def test_a_slip_larger_than_its_error_brings_its_own_sign():
     exact = Samples.from_rows([sample(-0.02, -0.3), sample(0.03, 0.3), sample(-0.01, 0.1)])
-    points = points_of(exact)
+    points = build_points(exact)
     np.testing.assert_array_equal(points.slip, [0.02, 0.03, 0.01])
     np.testing.assert_array_equal(points.adhesion, [0.3, 0.3, -0.1])
     assert points.exact
@@ -281,14 +281,14 @@ def test_a_slip_larger_than_its_error_brings_its_own_sign():
 def test_a_slip_within_its_error_takes_the_sign_of_the_mean_adhesion():
     noisy = {"slip_common_var": 0.005**2, "speed_us": 1}
     traction = Samples.from_rows([sample(-0.004, 0.1, **noisy), sample(0.05, 0.3, **noisy)])
-    points = points_of(traction)
+    points = build_points(traction)
     np.testing.assert_array_equal(points.slip, [-0.004, 0.05])
     np.testing.assert_array_equal(points.adhesion, [0.1, 0.3])
     np.testing.assert_array_equal(
-        points_of(traction, errors_in_variables=False).slip, [0.004, 0.05]
+        build_points(traction, errors_in_variables=False).slip, [0.004, 0.05]
     )
     braking = Samples.from_rows([sample(0.004, -0.1, **noisy), sample(-0.05, -0.3, **noisy)])
-    np.testing.assert_array_equal(points_of(braking).slip, [-0.004, 0.05])
+    np.testing.assert_array_equal(build_points(braking).slip, [-0.004, 0.05])
 
 
 def test_one_vehicle_speed_is_one_group_on_each_branch():
@@ -297,16 +297,16 @@ def test_one_vehicle_speed_is_one_group_on_each_branch():
     rows = [
         sample(s, s, slip_common_var=1e-6, speed_us=t) for s, t in zip(slips, stamps, strict=True)
     ]
-    np.testing.assert_array_equal(points_of(Samples.from_rows(rows)).group, [0, 0, 1, 2, 3])
+    np.testing.assert_array_equal(build_points(Samples.from_rows(rows)).group, [0, 0, 1, 2, 3])
 
 
 # ------------------------------------------------------------------------------------- glitches
 
 
 def test_gate_leaves_out_one_axle_alone_and_then_believes_it():
-    gate, axle = GlitchGate(), np.repeat(np.arange(1, 7), 2)
+    gate, axle = OutlierGate(), np.repeat(np.arange(1, 7), 2)
     size = np.where(axle == 3, 20.0, 1.0)
-    for _ in range(GlitchGate.PATIENCE):
+    for _ in range(OutlierGate.PATIENCE):
         np.testing.assert_array_equal(gate.passes(size, axle), axle != 3)
     assert gate.passes(size, axle) is None
     assert gate.passes(np.ones(12), axle) is None
@@ -315,6 +315,6 @@ def test_gate_leaves_out_one_axle_alone_and_then_believes_it():
 
 def test_gate_lets_pass_what_more_than_one_axle_says_or_too_few_could_deny():
     axle = np.repeat(np.arange(1, 7), 2)
-    assert GlitchGate().passes(np.where(axle <= 2, 20.0, 1.0), axle) is None
-    assert GlitchGate().passes(np.full(12, 20.0), axle) is None
-    assert GlitchGate().passes(np.array([20.0, 1.0]), np.array([1, 2])) is None
+    assert OutlierGate().passes(np.where(axle <= 2, 20.0, 1.0), axle) is None
+    assert OutlierGate().passes(np.full(12, 20.0), axle) is None
+    assert OutlierGate().passes(np.array([20.0, 1.0]), np.array([1, 2])) is None

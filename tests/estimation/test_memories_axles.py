@@ -1,4 +1,4 @@
-"""Memories of several lengths, and what single axles have of their own."""
+"""FadingMemories of several lengths, and what single axles have of their own."""
 
 from itertools import pairwise
 
@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations, AxleSettings
 from adhesion_can.estimation.tracker.curve_sums import Points, increment
-from adhesion_can.estimation.tracker.memories import Memories, MemorySettings
-from adhesion_can.estimation.tracker.posterior import Noise
+from adhesion_can.estimation.tracker.memories import FadingMemories, MemorySettings
+from adhesion_can.estimation.tracker.posterior import NoisePrior
 from adhesion_can.estimation.tracker.prior import Prior, PriorSettings
 from adhesion_can.estimation.tracker.tracker import Tracker, TrackerSettings
 from adhesion_can.physics.burckhardt import RAIL, adhesion, adhesion_slope, peak
@@ -30,7 +30,7 @@ def sums_of(h, z):
 
 def memories(chosen=None, size=128):
     chosen = chosen or MemorySettings()
-    return Memories(chosen, Prior(PriorSettings()), Noise(1e-4, 4.0), SLIP_MAX, size)
+    return FadingMemories(chosen, Prior(PriorSettings()), NoisePrior(1e-4, 4.0), SLIP_MAX, size)
 
 
 def begun(theta=DRY, n=60, **chosen):
@@ -61,30 +61,30 @@ def test_sums_fade_by_the_time_of_each_memory():
 
 def test_trust_goes_back_to_where_it_began():
     ours = begun()
-    start = ours._trust.copy()
+    start = ours._probability.copy()
     assert start[0] == pytest.approx(1 - MemorySettings().drift)
     away = []
     for _ in range(5):
-        ours._trust = np.array([0.0, 0.0, 1.0]) if not away else ours._trust
+        ours._probability = np.array([0.0, 0.0, 1.0]) if not away else ours._probability
         ours.fade(60.0)
-        assert ours._trust.sum() == pytest.approx(1)
-        away.append(np.abs(ours._trust - start).max())
+        assert ours._probability.sum() == pytest.approx(1)
+        away.append(np.abs(ours._probability - start).max())
     assert all(later < before for before, later in pairwise(away))
 
 
 def test_trust_does_not_depend_on_how_often_one_looks():
     rare, often = begun(), begun()
     for ours, times in ((rare, 1), (often, 3000)):
-        ours._trust = np.array([0.0, 0.0, 1.0])
+        ours._probability = np.array([0.0, 0.0, 1.0])
         for _ in range(times):
             ours.fade(60.0 / times)
-    np.testing.assert_allclose(rare._trust, often._trust, atol=0.002)
+    np.testing.assert_allclose(rare._probability, often._probability, atol=0.002)
 
 
 def test_prediction_is_the_density_of_all_curves_of_all_memories():
     ours = begun()
-    ours._trust = np.array([0.5, 0.3, 0.2])
-    trust, weights = ours._trust.copy(), ours._weights.copy()
+    ours._probability = np.array([0.5, 0.3, 0.2])
+    probability, weights = ours._probability.copy(), ours._weights.copy()
     rng = np.random.default_rng(3)
     h = rng.uniform(0, 0.2, 3)
     z = adhesion(h, *DRY) + 0.01 * rng.standard_normal(3)
@@ -94,8 +94,10 @@ def test_prediction_is_the_density_of_all_curves_of_all_memories():
         r = z[:, None] - adhesion(h[:, None], *curves.theta.T)
         np.testing.assert_allclose(costs[i], (r * r).sum(axis=0), rtol=1e-6, atol=1e-8)
         density[i] = weights[i] @ np.exp(-0.5 * (r * r).sum(axis=0) / ours.noise_var)
-    assert cost == pytest.approx(-2 * ours.noise_var * np.log(trust @ density), rel=1e-6)
-    np.testing.assert_allclose(ours._trust, trust * density / (trust @ density), rtol=1e-6)
+    assert cost == pytest.approx(-2 * ours.noise_var * np.log(probability @ density), rel=1e-6)
+    np.testing.assert_allclose(
+        ours._probability, probability * density / (probability @ density), rtol=1e-6
+    )
 
 
 def test_no_single_update_decides_whom_to_trust():
@@ -107,9 +109,11 @@ def test_no_single_update_decides_whom_to_trust():
     worst = np.argmax(ours._curves[0].costs(added))
     ours._weights[0] = 0.0
     ours._weights[0, worst] = 1.0
-    before = ours._trust.copy()
+    before = ours._probability.copy()
     ours.predict(added)
-    assert ours._trust[0] / ours._trust[1] >= np.exp(-3.0) * before[0] / before[1] * (1 - 1e-9)
+    assert ours._probability[0] / ours._probability[1] >= np.exp(-3.0) * before[0] / before[1] * (
+        1 - 1e-9
+    )
 
 
 def test_what_is_taken_is_in_all_memories_and_weighs_the_curves():
@@ -119,7 +123,7 @@ def test_what_is_taken_is_in_all_memories_and_weighs_the_curves():
     added = sums_of(h, adhesion(h, *DRY) + 0.01 * rng.standard_normal(500))
     before = ours._sums.copy()
     costs, _ = ours.predict(added)
-    ours.take(added, costs)
+    ours.add(added, costs)
     ours.refresh()
     np.testing.assert_allclose(ours._sums, before + added)
     assert ours.count == 560
@@ -134,10 +138,10 @@ def test_what_is_taken_is_in_all_memories_and_weighs_the_curves():
 
 def test_one_memory_has_nothing_to_choose():
     ours = begun(chosen=ONE_MEMORY)
-    np.testing.assert_array_equal(ours._trust, [1.0])
+    np.testing.assert_array_equal(ours._probability, [1.0])
     ours.predict(sums_of(np.array([0.1]), np.array([5.0])))
     ours.fade(100.0)
-    np.testing.assert_allclose(ours._trust, [1.0])
+    np.testing.assert_allclose(ours._probability, [1.0])
     assert len(ours.leading(0.01)) == 1
 
 
@@ -232,7 +236,7 @@ def test_deviations_are_ridge_regression(seed, n, sd):
     for rows in (slice(0, half), slice(half, n)):
         if len(axles[rows]):
             ours.add(axles[rows], *(column[rows] for column in columns))
-    told = ours.of(0.37, 0.07, 1.0, sd**2)
+    told = ours.estimate(0.37, 0.07, 1.0, sd**2)
     assert sorted(told) == sorted(set(axles.tolist()))
     for axle in told:
         own = axles == axle
@@ -251,7 +255,7 @@ def test_deviations_are_ridge_regression(seed, n, sd):
 def test_much_data_find_an_axle_of_its_own(level, slip):
     ours = AxleDeviations(AxleSettings())
     ours.add(*deviating(np.random.default_rng(1), 6000, level=level, slip=slip))
-    told = ours.of(0.37, 0.07, 1.0, 0.005**2)
+    told = ours.estimate(0.37, 0.07, 1.0, 0.005**2)
     # A shift of 0.004 is no small one on a slope of 24: first order tells it to a fifth.
     assert told[2][0] / 0.37 - 1 == pytest.approx(level, abs=0.012)
     assert told[2][1] - 0.07 == pytest.approx(slip, abs=0.0008)
@@ -263,20 +267,20 @@ def test_much_data_find_an_axle_of_its_own(level, slip):
 def test_a_slip_of_its_own_has_the_other_sign_in_braking():
     ours = AxleDeviations(AxleSettings())
     ours.add(*deviating(np.random.default_rng(1), 6000, slip=0.003))
-    assert ours.of(0.37, 0.07, 1.0, 0.005**2)[2][1] == pytest.approx(0.073, abs=0.0008)
-    assert ours.of(0.37, 0.07, -1.0, 0.005**2)[2][1] == pytest.approx(0.067, abs=0.0008)
+    assert ours.estimate(0.37, 0.07, 1.0, 0.005**2)[2][1] == pytest.approx(0.073, abs=0.0008)
+    assert ours.estimate(0.37, 0.07, -1.0, 0.005**2)[2][1] == pytest.approx(0.067, abs=0.0008)
 
 
 def test_little_data_shrink_to_the_pool():
     few = AxleDeviations(AxleSettings())
     few.add(*deviating(np.random.default_rng(1), 12, level=0.5, slip=0.02, sd=0.1))
-    told = few.of(0.37, 0.07, 1.0, 0.1**2)
+    told = few.estimate(0.37, 0.07, 1.0, 0.1**2)
     for mu, lam in told.values():
         assert abs(mu / 0.37 - 1) < 0.03
         assert abs(lam - 0.07) < 0.003
     one = AxleDeviations(AxleSettings())
     one.add(*deviating(np.random.default_rng(1), 12, level=0.5, slip=0.02, sd=0.005))
-    assert abs(told[2][0] - 0.37) < abs(one.of(0.37, 0.07, 1.0, 0.005**2)[2][0] - 0.37)
+    assert abs(told[2][0] - 0.37) < abs(one.estimate(0.37, 0.07, 1.0, 0.005**2)[2][0] - 0.37)
 
 
 def test_what_was_seen_of_an_axle_fades_to_the_pool():
@@ -284,7 +288,7 @@ def test_what_was_seen_of_an_axle_fades_to_the_pool():
     ours.add(*deviating(np.random.default_rng(1), 6000, level=0.05))
     levels = []
     for _ in range(12):
-        levels.append(ours.of(0.37, 0.07, 1.0, 0.005**2)[2][0] / 0.37 - 1)
+        levels.append(ours.estimate(0.37, 0.07, 1.0, 0.005**2)[2][0] / 0.37 - 1)
         ours.fade(60.0)
     assert levels[0] > 0.04
     assert abs(levels[-1]) < 0.2 * levels[0]
@@ -292,19 +296,19 @@ def test_what_was_seen_of_an_axle_fades_to_the_pool():
 
 def test_no_axle_is_no_deviation():
     ours = AxleDeviations(AxleSettings())
-    assert ours.of(0.3, 0.05, 1.0, 1e-4) == {}
+    assert ours.estimate(0.3, 0.05, 1.0, 1e-4) == {}
     ours.add(np.zeros(3, dtype=np.int64), np.full(3, 0.3), -np.ones(3), np.zeros(3), np.ones(3))
-    assert ours.of(0.3, 0.05, 1.0, 1e-4) == {}
+    assert ours.estimate(0.3, 0.05, 1.0, 1e-4) == {}
     ours.add(np.array([3]), np.array([0.3]), -np.ones(1), np.zeros(1), np.ones(1))
-    assert list(ours.of(0.3, 0.05, 1.0, 1e-4)) == [3]
+    assert list(ours.estimate(0.3, 0.05, 1.0, 1e-4)) == [3]
     ours.fade(1.0, share=0.1)
-    assert list(ours.of(0.3, 0.05, 1.0, 1e-4)) == [3]
+    assert list(ours.estimate(0.3, 0.05, 1.0, 1e-4)) == [3]
 
 
 def test_place_of_an_axles_peak_is_never_negative():
     ours = AxleDeviations(AxleSettings(slip_std=1.0))
     ours.add(*deviating(np.random.default_rng(1), 600, slip=-0.05))
-    assert ours.of(0.3, 0.001, 1.0, 1e-6)[2][1] >= 0.0
+    assert ours.estimate(0.3, 0.001, 1.0, 1e-6)[2][1] >= 0.0
 
 
 @pytest.mark.parametrize("name", ["level_std", "slip_std", "memory_s"])
@@ -336,4 +340,4 @@ def test_levels_beyond_all_measure_leave_an_axle_its_pool():
     # A steep curve continued far below zero slip: rounding leaves nothing of the determinant.
     ours, one = AxleDeviations(AxleSettings()), np.ones(1)
     ours.add(np.array([1]), -1e10 * one, 3e12 * one, one, one)
-    assert ours.of(0.3, 0.07, 1.0, 1e-8) == {1: (0.3, 0.07)}
+    assert ours.estimate(0.3, 0.07, 1.0, 1e-8) == {1: (0.3, 0.07)}

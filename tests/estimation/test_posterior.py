@@ -20,12 +20,12 @@ from adhesion_can.estimation.tracker.curve_sums import (
     slope_by_adhesion,
 )
 from adhesion_can.estimation.tracker.posterior import (
-    Noise,
+    NoisePrior,
     draw,
-    effective,
-    joined,
+    effective_size,
+    join_curves,
     log_weights,
-    normalised,
+    normalise,
 )
 from adhesion_can.estimation.tracker.prior import (
     FREEDOM,
@@ -207,7 +207,7 @@ def summary(values, weights):
     return np.array([mean, np.sqrt(weights @ (values - mean) ** 2), low, middle, high])
 
 
-NOISE = Noise(0.01**2, 4.0)
+NOISE = NoisePrior(0.01**2, 4.0)
 HEAVY_TAILS = ("nothing", "one sample")  # of a t distribution in ln c1: no moments
 CASES = {
     "nothing": (DRY, 0.01, 0.0, 0.2, 0),
@@ -231,7 +231,7 @@ def data(name):
 def drawn(name, size):
     _, _, sums = data(name)
     curves = draw(sums, NOISE, Prior(PriorSettings()), SLIP_MAX, size)
-    weights = normalised(log_weights(curves.log_base, curves.costs(sums), sums[DOF], NOISE))
+    weights = normalise(log_weights(curves.log_base, curves.costs(sums), sums[DOF], NOISE))
     return curves, weights
 
 
@@ -250,7 +250,7 @@ def test_many_curves_are_the_posterior_of_the_dense_grid(name):
 def test_as_many_curves_as_in_service_come_near_the_posterior(name):
     grid, grid_weights = grid_posterior(name)
     curves, weights = drawn(name, SIZE)
-    assert effective(weights) > SIZE / 16
+    assert effective_size(weights) > SIZE / 16
     for ours, exact in ((curves.mu_max, grid.mu_max), (curves.lambda_m, grid.lambda_m)):
         low, middle, high = summary(ours, weights)[2:]
         near = 0.18 if name in HEAVY_TAILS else 0.1
@@ -270,12 +270,12 @@ def test_posterior_of_much_data_is_the_fisher_information(n):
     z = model(h, *DRY)
     points = Points(h, z, zero, zero, zero, np.zeros(100, dtype=np.int64), np.ones(100))
     sums = increment(points, zero, 1e-4, SLIP_MAX) * (n / 100)
-    noise = Noise(0.01**2, 1e9)
+    noise = NoisePrior(0.01**2, 1e9)
     curves = draw(sums, noise, Prior(PriorSettings()), SLIP_MAX, SIZE)
-    weights = normalised(log_weights(curves.log_base, curves.costs(sums), sums[DOF], noise))
+    weights = normalise(log_weights(curves.log_base, curves.costs(sums), sums[DOF], noise))
     bound = standard_errors(DRY, h, 0.01)
     mu, lam = summary(curves.mu_max, weights), summary(curves.lambda_m, weights)
-    assert effective(weights) > SIZE / 3
+    assert effective_size(weights) > SIZE / 3
     if n > 100:
         assert mu[1] == pytest.approx(bound.mu_max / np.sqrt(n / 100), rel=0.15)
         assert lam[1] == pytest.approx(bound.lambda_m / np.sqrt(n / 100), rel=0.15)
@@ -296,7 +296,7 @@ def test_slips_of_noise_alone_give_a_draw_as_well():
         slope = slope_at(points, steep)
         own_slope, bend = slope_by_adhesion(points, steep), bend_at(points, slope, steep)
         sums = increment(points, slope, 0.003**2, SLIP_MAX, own_slope, bend)
-        curves = draw(sums, Noise(0.003**2, 1.0), prior, SLIP_MAX, SIZE)
+        curves = draw(sums, NoisePrior(0.003**2, 1.0), prior, SLIP_MAX, SIZE)
         assert np.isfinite(curves.theta).all()
         assert np.isfinite(curves.log_base).any()
 
@@ -307,13 +307,13 @@ def test_no_prior_keeps_the_posterior_from_the_data():
         wide_weight=1e-6, wide_std=(1e-3, 1e-3, 1e-3), narrow_std=(1e-3, 1e-3, 1e-3), library=False
     )
     prior = Prior(sure, [DRY])
-    noise = Noise(0.003**2, 1.0)
+    noise = NoisePrior(0.003**2, 1.0)
     for theta in ((0.05, 300.0, 0.02), (1.4, 6.5, 0.67), GREASY):
         h, _, sums = stretch(theta, 0.003, min(3 * peak(*theta).lambda_m, 0.5), 4000, seed=1)
         curves = draw(sums, noise, prior, SLIP_MAX, SIZE)
-        weights = normalised(log_weights(curves.log_base, curves.costs(sums), sums[DOF], noise))
+        weights = normalise(log_weights(curves.log_base, curves.costs(sums), sums[DOF], noise))
         top = peak(*theta, slip_max=SLIP_MAX)
-        assert effective(weights) > 16
+        assert effective_size(weights) > 16
         for values, true in ((curves.mu_max, top.mu_max), (curves.lambda_m, top.lambda_m)):
             mean, std, *_ = summary(values, weights)
             assert abs(mean - true) < max(4 * std, 0.01 * true)
@@ -325,7 +325,7 @@ def test_no_prior_keeps_the_posterior_from_the_data():
 
 def test_curves_have_peaks_and_order():
     _, _, sums = stretch(DRY, 0.01, 0.02, 12, seed=1)
-    curves = draw(sums, Noise(1e-4, 4.0), Prior(PriorSettings()), SLIP_MAX, SIZE)
+    curves = draw(sums, NoisePrior(1e-4, 4.0), Prior(PriorSettings()), SLIP_MAX, SIZE)
     used = np.isfinite(curves.log_base)
     assert used.mean() > 0.5
     c1, c2, c3 = curves.theta[used].T
@@ -336,43 +336,43 @@ def test_curves_have_peaks_and_order():
 
 def test_draw_is_the_same_twice():
     _, _, sums = stretch(DRY, 0.01, 0.1, 50, seed=1)
-    noise, prior = Noise(1e-4, 4.0), Prior(PriorSettings())
+    noise, prior = NoisePrior(1e-4, 4.0), Prior(PriorSettings())
     one, same = (draw(sums, noise, prior, SLIP_MAX, SIZE) for _ in range(2))
     assert one.theta.tobytes() == same.theta.tobytes()
     assert one.log_base.tobytes() == same.log_base.tobytes()
 
 
 def test_joined_draws_keep_every_curve_and_its_cost():
-    prior, noise = Prior(PriorSettings()), Noise(1e-4, 4.0)
+    prior, noise = Prior(PriorSettings()), NoisePrior(1e-4, 4.0)
     parts = []
     for theta in (DRY, GREASY):
         _, _, sums = stretch(theta, 0.01, 0.2, 50, seed=1)
         parts.append(draw(sums, noise, prior, SLIP_MAX, 64))
-    both = joined(parts)
+    both = join_curves(parts)
     np.testing.assert_array_equal(both.theta, np.concatenate([p.theta for p in parts]))
     expected = np.concatenate([p.costs(sums) for p in parts])
     np.testing.assert_allclose(both.costs(sums), expected, rtol=1e-12)
 
 
 def test_weights_and_their_number():
-    weights = normalised(np.array([[-1e6, -1e6 + np.log(3.0)], [700.0, -np.inf]]))
+    weights = normalise(np.array([[-1e6, -1e6 + np.log(3.0)], [700.0, -np.inf]]))
     np.testing.assert_allclose(weights, [[0.25, 0.75], [1.0, 0.0]])
-    assert effective(np.full(8, 1 / 8)) == pytest.approx(8)
-    assert effective(np.array([1.0, 0.0])) == 1
+    assert effective_size(np.full(8, 1 / 8)) == pytest.approx(8)
+    assert effective_size(np.array([1.0, 0.0])) == 1
 
 
 def test_noise_comes_from_what_was_known_and_what_was_seen():
-    noise = Noise(0.01**2, 4.0)
-    assert noise.given(0.0, 0.0) == pytest.approx(1e-4)
-    assert noise.given(1e5 * 0.02**2, 1e5) == pytest.approx(4e-4, rel=1e-3)
-    told = [noise.given(n * 0.02**2, n) for n in (0, 4, 40, 400)]
+    noise = NoisePrior(0.01**2, 4.0)
+    assert noise.posterior_var(0.0, 0.0) == pytest.approx(1e-4)
+    assert noise.posterior_var(1e5 * 0.02**2, 1e5) == pytest.approx(4e-4, rel=1e-3)
+    told = [noise.posterior_var(n * 0.02**2, n) for n in (0, 4, 40, 400)]
     assert all(a < b for a, b in pairwise(told))
 
 
 def test_no_sums_at_all_give_the_prior():
     prior = Prior(PriorSettings())
     curves = draw(np.zeros(LENGTH), NOISE, prior, SLIP_MAX, 4096)
-    weights = normalised(log_weights(curves.log_base, np.zeros(4096), 0.0, NOISE))
+    weights = normalise(log_weights(curves.log_base, np.zeros(4096), 0.0, NOISE))
     top = peak(*prior.sample(20_000, np.random.default_rng(1)).T, slip_max=SLIP_MAX)
     for ours, theirs in ((curves.mu_max, top.mu_max), (curves.lambda_m, top.lambda_m)):
         low, middle, high = summary(ours, weights)[2:]

@@ -9,7 +9,7 @@ from scipy import stats
 from adhesion_can.estimation.tracker import run_length as changes
 from adhesion_can.estimation.tracker.curve_sums import C2_NODES, LENGTH, X_NODES, Points, increment
 from adhesion_can.estimation.tracker.prior import Prior, PriorSettings
-from adhesion_can.estimation.tracker.run_length import Contenders, RunLengthSettings
+from adhesion_can.estimation.tracker.run_length import RunLengthHypotheses, RunLengthSettings
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.burckhardt import RAIL, adhesion, peak
 from adhesion_can.physics.samples import Samples
@@ -26,7 +26,7 @@ def sums_of(h, z):
 
 
 def contenders(**chosen):
-    return Contenders(RunLengthSettings(**chosen), Prior(PriorSettings()))
+    return RunLengthHypotheses(RunLengthSettings(**chosen), Prior(PriorSettings()))
 
 
 def update(k, theta, rng, *, sd=0.01, top=0.2, size=SIZE, second=None, axles=6):

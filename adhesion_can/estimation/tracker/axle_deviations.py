@@ -1,9 +1,9 @@
-"""How single axles deviate from the common curve, as far as their data tell.
+"""Deviations of single axles from the common curve.
 
 Axle i follows (1 + g_i) μ(λ − d_i): a level of its own (load, cleaner rail behind the first axles)
 and a slip of its own (a wheel radius that is off by 1 % shifts λ by 0.01). To first order its
-residual is g μ − d a with the slope a = dμ/dλ: two regressors, with normal priors that shrink an
-axle with little data to the pool.
+residual is g μ − d a with the slope a = dμ/dλ: a linear regression on two regressors, with normal
+priors that shrink an axle with little data to the common curve (ridge regression).
 """
 
 from collections.abc import Mapping
@@ -15,14 +15,17 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AxleSettings:
-    """How far axles may deviate.
+    """Prior of the deviations of single axles, and their forgetting.
 
     Attributes:
-        level_std: of an axle's level, relative.
-        slip_std: of an axle's slip, absolute.
-        memory_s: time after which what was seen of an axle has faded to a third.
+        level_std: Standard deviation of an axle's adhesion level, relative to the common curve, 1.
+            Larger: axles may differ more, and little data moves them farther.
+        slip_std: Standard deviation of an axle's slip error, as a slip ratio, 1. Larger: likewise
+            for the slip at the peak.
+        memory_s: Time constant of the exponential forgetting, s. Larger: less noise, and slower
+            changes of an axle.
 
     """
 
@@ -36,10 +39,10 @@ class AxleSettings:
 
 
 class AxleDeviations:
-    """Deviations of each axle from the pool.
+    """Deviations of each axle from the common curve.
 
     Args:
-        settings: see there.
+        settings: Prior and forgetting.
 
     """
 
@@ -56,15 +59,16 @@ class AxleDeviations:
         residual: Array,
         weight: Array,
     ) -> None:
-        """Take samples into the normal equations of (g, d) of each axle.
+        """Add samples to the normal equations of (g, d) of each axle.
 
         Args:
-            axle: number of the axle of each sample, (n,); 0 stands for none.
-            level: μ of the pool's curve, the regressor of g, (n,).
-            shifted: −dμ/dλ of it, with the sign of the slip, the regressor of d, (n,): the slip
-                that a radius makes has the same sign in traction and in braking.
-            residual: adhesion less that of the pool's curve, (n,).
-            weight: of each, noise over what is explained of the residual, (n,).
+            axle: Number of each sample's axle, shape (n,); 0 for none.
+            level: Adhesion μ of the common curve, the regressor of g, shape (n,).
+            shifted: Slope −dμ/dλ of the common curve with the sign of the slip, the regressor of d,
+                shape (n,); the slip by an error of the radius has the same sign in traction and
+                in braking.
+            residual: Adhesion less that of the common curve, shape (n,).
+            weight: Weight of each sample, noise variance over residual variance, shape (n,).
 
         """
         terms = weight * np.stack(
@@ -83,19 +87,19 @@ class AxleDeviations:
         self._normal += own.astype(np.float64) @ terms.T
 
     def fade(self, seconds: float, share: float = 1.0) -> None:
-        """Let what was seen fade with time, and by a further share."""
+        """Forget exponentially with time, and by a further factor."""
         self._normal *= share * np.exp(-seconds / self._settings.memory_s)
 
-    def of(
+    def estimate(
         self, mu_max: float, lambda_m: float, sign: float, noise_var: float
     ) -> Mapping[int, tuple[float, float]]:
-        """(μ_max, λ_m) of each axle that was seen.
+        """(μ_max, λ_m) by axle, for the axles with samples.
 
         Args:
-            mu_max: of the pool.
-            lambda_m: of the pool, in its slip.
+            mu_max: Largest adhesion of the common curve, 1.
+            lambda_m: Slip ratio of that adhesion.
             sign: 1 in traction, −1 in braking.
-            noise_var: σ² of the adhesion.
+            noise_var: Variance σ² of the adhesion noise.
 
         """
         if not len(self._normal):
@@ -104,7 +108,7 @@ class AxleDeviations:
         a = n[:, 0] + noise_var / self._settings.level_std**2
         c = n[:, 2] + noise_var / self._settings.slip_std**2
         b = n[:, 1]
-        # Only rounding takes it to 0, after levels beyond all measure: they tell nothing apart.
+        # It is 0 only by rounding, after levels beyond all measure: nothing can be separated then.
         det = a * c - b * b
         det = np.where(det > 0.0, det, np.inf)
         g = (c * n[:, 3] - b * n[:, 4]) / det
@@ -114,5 +118,5 @@ class AxleDeviations:
             np.maximum(lambda_m + sign * d, 0.0).tolist(),
             strict=True,
         )
-        seen = (n[:, 0] > 0).tolist()
-        return {i + 1: value for i, value in enumerate(values) if seen[i]}
+        known = (n[:, 0] > 0).tolist()
+        return {i + 1: value for i, value in enumerate(values) if known[i]}

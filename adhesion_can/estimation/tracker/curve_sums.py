@@ -1,23 +1,22 @@
-"""What a stretch of constant rail says of its curve, in a vector of sums that never grows.
+"""Sufficient statistics of a curve: a vector of sums of constant length for any number of samples.
 
 For a given c2 the curve is linear in c1 and c3, with the regressors f1 = 1 − e^(−c2 λ) and f2 = −λ:
 
     J(θ) = Z − 2 c1 C(c2) − 2 c3 E + c1² A(c2) + 2 c1 c3 B(c2) + c3² D
 
-A = Σ f1², B = Σ f1 f2, C = Σ f1 z are entire functions of x = ln c2, so their values at 40
-Chebyshev points tell them for every c2 between 2 and 500 to 9 digits; D = Σ f2², E = Σ f2 z,
-Z = Σ z² are numbers. The sums are additive: a sample is an increment, two stretches merge by
-addition, forgetting is a multiplication, and J of any θ is linear in them. Bins of λ, the usual
-way, are either coarse or many; this is neither.
+A = Σ f1², B = Σ f1 f2, C = Σ f1 z are entire functions of x = ln c2. Interpolation between their
+values at 40 Chebyshev nodes gives them for every c2 between 2 and 500 to 9 digits. D = Σ f2²,
+E = Σ f2 z, Z = Σ z² are numbers. The sums are additive: samples and segments are added, forgetting
+is a multiplication, and J of any θ is linear in them. Bins of λ would be either coarse or many.
 
-Errors in variables. The slip is not exact: each wheel speed adds an error of its own (private), the
-vehicle speed one that all axles and all samples between two of its frames share (common). With the
-slope a = dμ/dλ of the present curve the adhesion then has the covariance σ² I + diag(a² p) + a aᵀ q
-within such a group, and the sums are those of generalised least squares, exact by the
-Sherman-Morrison formula. The private error would still flatten the slope (regression dilution); it
-is taken out by corrected scores (Nakamura, Biometrika 77, 1990): e^(−c2 λ − c2² p/2) has the
-expectation of e^(−c2 λ) at the true slip, and likewise the products. The common one is taken out by
-`common_shift`, the error that fits the group best.
+Errors in variables (Fuller, "Measurement Error Models", 1987). Each wheel speed adds an error of
+its own to the slip (private). The vehicle speed adds one that all axles and all samples between two
+of its frames share (common). With the slope a = dμ/dλ of the current curve the adhesion then has
+the covariance σ² I + diag(a² p) + a aᵀ q within such a group, and the sums are those of generalised
+least squares, exact by the Sherman-Morrison formula. The private error would still flatten the
+slope (regression dilution); it is removed by corrected scores (Nakamura, Biometrika 77, 1990):
+e^(−c2 λ − c2² p/2) has the expectation of e^(−c2 λ) at the true slip, and likewise the products.
+The common one is removed by `common_shift`, the error that fits the group best.
 """
 
 from typing import NamedTuple
@@ -26,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.physics.burckhardt import CurveParameters
 
 C2_RANGE = (2.0, 500.0)
 NODES = 40
@@ -41,34 +41,31 @@ _BARYCENTRIC = np.where(np.arange(NODES) % 2, -1.0, 1.0) * np.sin(np.arccos(_T))
 
 A, B, C = slice(0, NODES), slice(NODES, 2 * NODES), slice(2 * NODES, 3 * NODES)
 D, E, Z, DOF, COUNT = range(3 * NODES, 3 * NODES + 5)
-"""Places in a vector of sums. DOF is the number of degrees of freedom that J has, a little less
-than COUNT where slips are not exact."""
+"""Indices in a vector of sums. DOF is the number of degrees of freedom of J, a little less than
+COUNT where slips are not exact."""
 SURE = 4.0
 """Standard deviations beyond which the sign of a measured slip is its true one."""
 STEEPEST = 8.0
 WIDE_ERROR, TOO_WIDE = 0.02, 0.1
-"""c2² p from which the private error is as wide as the curve bends."""
+"""c2² p from which the private error is as wide as the bend of the curve."""
 BINS = 64
 HISTOGRAM = slice(COUNT + 1, COUNT + 1 + BINS)
 """Samples by the slip that they surely reached, from 0 to the largest slip of the model."""
 LENGTH = COUNT + 1 + BINS
 
 
-Theta = tuple[float, float, float]
-
-
 class Points(NamedTuple):
-    """Samples on one branch, with what is known of the errors of their slips.
+    """Samples on one branch of the curve, with the variances of their errors.
 
     Attributes:
-        slip: λ; negative only within its own error; shape (n,).
-        adhesion: μ, (n,).
-        private_var: variance of λ from the wheel speed, (n,).
-        common_var: variance of λ from the vehicle speed, (n,).
-        transient_var: variance of μ beyond the noise that all samples have, (n,).
-        group: number of the group that shares the error of its vehicle speed, from one sample to
-            the next the same or one more, (n,).
-        sign: 1 where traction, −1 where braking was folded onto the branch, (n,).
+        slip: Slip ratio λ, negative only within its own error, shape (n,).
+        adhesion: Adhesion coefficient μ, shape (n,).
+        private_var: Variance of λ by the wheel speed, shape (n,).
+        common_var: Variance of λ by the vehicle speed, shape (n,).
+        transient_var: Variance of μ beyond the noise of all samples, shape (n,).
+        group: Number of the group with a common error of the vehicle speed, from one sample to the
+            next the same or one more, shape (n,).
+        sign: 1 for samples in traction, −1 for samples in braking, shape (n,).
 
     """
 
@@ -91,7 +88,7 @@ class Points(NamedTuple):
         return np.asarray(self.slip - SURE * np.sqrt(self.private_var + self.common_var))
 
     def select(self, rows: NDArray[np.bool_]) -> "Points":
-        """The points that a mask names."""
+        """Points selected by a mask."""
         return Points(
             self.slip[rows],
             self.adhesion[rows],
@@ -110,9 +107,9 @@ class Points(NamedTuple):
 
 
 def interpolation(x: ArrayLike) -> Array:
-    """Matrix that takes values at the nodes to values at x = ln c2; shape (n, NODES).
+    """Matrix from values at the Chebyshev nodes to values at x = ln c2; shape (n, NODES).
 
-    The barycentric formula (Berrut & Trefethen, SIAM Review 46, 2004).
+    By the barycentric formula (Berrut & Trefethen, SIAM Review 46, 2004).
     """
     low, high = X_RANGE
     distance = np.clip(np.asarray(x, dtype=np.float64), low, high)[:, None] - X_NODES
@@ -122,10 +119,10 @@ def interpolation(x: ArrayLike) -> Array:
 
 
 def coefficients(theta: Array) -> Array:
-    """What A, B, C, D and E count for in J: c1², 2 c1 c3, −2 c1, c3², −2 c3; shape (5, n).
+    """Coefficients of A, B, C, D and E in J: c1², 2 c1 c3, −2 c1, c3², −2 c3; shape (5, n).
 
     Args:
-        theta: (c1, c2, c3), shape (n, 3).
+        theta: Curve parameters (c1, c2, c3), shape (n, 3).
 
     """
     c1, _, c3 = theta.T
@@ -133,12 +130,12 @@ def coefficients(theta: Array) -> Array:
 
 
 def costs(sums: Array, at_x: Array, factors: Array) -> Array:
-    """J of curves, linear in the sums; shape (n,).
+    """Sums of squares J of curves, linear in the sums; shape (n,).
 
     Args:
-        sums: shape (LENGTH,).
-        at_x: `interpolation` at the curves' ln c2, shape (n, NODES).
-        factors: `coefficients` of the curves, shape (5, n).
+        sums: Vector of sums, shape (LENGTH,).
+        at_x: Interpolation matrix at the curves' ln c2, shape (n, NODES).
+        factors: Coefficients of the curves, shape (5, n).
 
     """
     abc = sums[: 3 * NODES].reshape(3, NODES) @ at_x.T
@@ -154,17 +151,18 @@ def increment(
     own_slope: Array | None = None,
     bend: Array | None = None,
 ) -> Array:
-    """Sums of some samples, shape (LENGTH,).
+    """Vector of sums of samples, shape (LENGTH,).
 
     Args:
-        points: samples.
-        slope: dμ/dλ of the present curve at them, (n,).
-        noise_var: σ² of the adhesion; the sums are in its unit, so that J/DOF estimates it.
-        slip_max: end of the histogram.
-        own_slope: the slope for the weight of the private error, where it is known otherwise than
-            by the slip that has the error: a weight that goes with the error biases the curve.
-        bend: −d²μ/dλ² of the present curve at them, (n,); takes out what the slope, and with it
-            the direction of the common error, has of the private one. None: left in.
+        points: Samples on one branch.
+        slope: Slope dμ/dλ of the current curve at the samples, shape (n,).
+        noise_var: Variance σ² of the adhesion noise; J/DOF of the sums estimates it.
+        slip_max: Upper end of the histogram of slip.
+        own_slope: Slope for the weight of the private error, from another source than the slip
+            with the error, shape (n,): a weight correlated with the error biases the curve. None:
+            `slope`.
+        bend: Curvature −d²μ/dλ² of the current curve at the samples, shape (n,), for the
+            correlation of slope and private error; None: it is not corrected.
 
     """
     h, z, p, q, further, *_ = points
@@ -190,11 +188,11 @@ def increment(
     wh, wz = weight * h, weight * z
     # e* = e^(-c2 λ) · shrink, with the samples' mean variance: one sensor, nearly one speed.
     private = float(p.mean())
-    # Curves that bend within the error itself are corrected less: the series ends, and what is
-    # taken out of few samples may be more than there is.
+    # Curves that bend within the error itself are corrected less: the series diverges there, and a
+    # correction from few samples may exceed the sum.
     corrected = private / (1.0 + (private / TOO_WIDE) * _C2_SQUARES)
     log_shrink = -0.5 * corrected * _C2_SQUARES
-    # A slip below zero is an error; the steepest curves must not make numbers of 1e20 of it.
+    # A slip below zero is an error; the steepest curves must not turn it into 1e20.
     e = np.exp(np.minimum(np.multiply.outer(h, -C2_NODES), STEEPEST) + log_shrink)
     rows = np.vstack([weight, wh, wz, own, in_group])
     we, whe, wze, owne, *group_e = rows @ e
@@ -223,17 +221,17 @@ def _by_group(values: Array, member: NDArray[np.int64], groups: int) -> Array:
     return np.where(member == np.arange(groups)[:, None], values, 0.0)
 
 
-def slope_at(points: Points, theta: Theta) -> Array:
+def slope_at(points: Points, theta: CurveParameters) -> Array:
     """dμ/dλ of a curve at the samples, continued below zero slip; shape (n,)."""
     c1, c2, c3 = theta
     return np.asarray(c1 * c2 * np.exp(-c2 * points.slip) - c3)
 
 
-def bend_at(points: Points, slope: Array, theta: Theta) -> Array:
+def bend_at(points: Points, slope: Array, theta: CurveParameters) -> Array:
     """−d²μ/dλ² of a curve where it has the slopes; shape (n,).
 
-    Held down where the private errors are as wide as the curve bends (c2² p large): there the
-    series in them is at its end.
+    Limited where the private errors are as wide as the curve bends (c2² p large): there the
+    series in them diverges.
     """
     _, c2, c3 = theta
     return np.asarray(
@@ -241,33 +239,33 @@ def bend_at(points: Points, slope: Array, theta: Theta) -> Array:
     )
 
 
-def slope_by_adhesion(points: Points, theta: Theta) -> Array:
+def slope_by_adhesion(points: Points, theta: CurveParameters) -> Array:
     """dμ/dλ of a curve where it has the samples' adhesion, whatever their slips; shape (n,)."""
     c1, c2, c3 = theta
     rest = c1 - c3 * points.slip - points.adhesion
     return np.asarray(c2 * np.minimum(np.maximum(rest, 0.0), c1) - c3)
 
 
-def residual_at(points: Points, theta: Theta) -> Array:
+def residual_at(points: Points, theta: CurveParameters) -> Array:
     """Adhesion less that of a curve continued below zero slip; shape (n,)."""
     c1, c2, c3 = theta
     return np.asarray(points.adhesion + c1 * np.expm1(-c2 * points.slip) + c3 * points.slip)
 
 
-def common_shift(points: Points, theta: Theta, noise_var: float) -> Points:
-    """Samples with the error of each vehicle speed taken out as the present curve tells it.
+def common_shift(points: Points, theta: CurveParameters, noise_var: float) -> Points:
+    """Samples without the error of each vehicle speed, estimated from the current curve.
 
     The group's error e minimises Σ (z − μ(λ − e))²/(σ² + a² p) + e²/q (Gauss-Newton). It only moves
-    the point at which the curve is made linear: with the slope a there and z − a e in place of z,
+    the point of linearisation: with the slope a there and z − a e in place of z,
     `increment` counts e as unknown all the same.
 
     Args:
-        points: samples.
-        theta: (c1, c2, c3) of the present curve.
-        noise_var: σ² of the adhesion.
+        points: Samples on one branch.
+        theta: Parameters (c1, c2, c3) of the current curve.
+        noise_var: Variance σ² of the adhesion noise.
 
     Returns:
-        The samples, each with λ − e in place of λ.
+        Samples with λ − e in place of λ.
 
     """
     h, _, p, q, further, *_ = points

@@ -1,4 +1,4 @@
-"""Samples as points on one branch of the curve, with the errors of their slips, less glitches."""
+"""Samples as points on one branch of the curve, and the rejection of single-axle outliers."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,15 +8,15 @@ from adhesion_can.estimation.tracker.curve_sums import SURE, Points
 from adhesion_can.physics.samples import Samples
 
 ADHESION_MAX = 5.0
-"""Larger ones are faults."""
+"""Largest adhesion of a usable sample; larger ones are faults."""
 
 
 def is_usable(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
-    """Samples that a curve can be told from, shape (n,).
+    """Whether a sample carries information on the curve, shape (n,).
 
-    Left out: what is not finite, slips beyond the model (wheel lock at −1, spin), an adhesion that
-    no contact has, and coasting: where neither slip nor adhesion is larger than its error a sample
-    says that the curve begins at 0, which is known.
+    Left out are samples that are not finite, slips beyond the model (wheel lock at −1, spin), an
+    impossible adhesion, and coasting: where neither slip nor adhesion exceeds its error a sample
+    only shows that the curve begins at 0, which is known.
     """
     size, force = np.abs(samples.slip), np.abs(samples.adhesion)
     slip_var = samples.slip_total_var
@@ -28,16 +28,16 @@ def is_usable(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
     return np.asarray(usable)
 
 
-def points_of(samples: Samples, *, errors_in_variables: bool = True) -> Points:
-    """Traction and braking on one branch.
+def build_points(samples: Samples, *, errors_in_variables: bool = True) -> Points:
+    """Points on one branch from samples in traction and braking.
 
     A slip that is large against its own error carries the sign itself. One that is not takes it
     from the mean adhesion of all samples: folding it at zero by its own noise would make a small
     slip of what is none, and bend the curve where it is steepest.
 
     Args:
-        samples: at least one, finite.
-        errors_in_variables: False takes the slips as exact.
+        samples: Samples, at least one, finite.
+        errors_in_variables: Whether the slips have errors; False takes them as exact.
 
     """
     slip, adhesion = samples.slip, samples.adhesion
@@ -59,11 +59,11 @@ def points_of(samples: Samples, *, errors_in_variables: bool = True) -> Points:
     return Points(sign * slip, sign * adhesion, private, common, further, group, sign)
 
 
-class GlitchGate:
-    """Leaves out what one axle alone says against all others, for a few updates.
+class OutlierGate:
+    """Rejection of an axle that alone contradicts all others, for a few updates.
 
-    A rail changes under all axles within a train's length; a sensor fails on one. An axle that
-    persists is taken at its word.
+    A surface changes under all axles within a train's length; a sensor fails on one. An axle that
+    persists is used again.
     """
 
     FAR, NEAR, AXLES, PATIENCE = 8.0, 4.0, 3, 3
@@ -73,11 +73,11 @@ class GlitchGate:
         self._times = 0
 
     def passes(self, size: Array, axle: NDArray[np.int64]) -> NDArray[np.bool_] | None:
-        """Which samples to take, shape (n,); None for all.
+        """Whether to use each sample, shape (n,); None for all.
 
         Args:
-            size: of the residuals, in standard deviations, (n,).
-            axle: number of the axle of each, (n,).
+            size: Absolute residuals in standard deviations, shape (n,).
+            axle: Number of each sample's axle, shape (n,).
 
         """
         if not size.max() > self.FAR:

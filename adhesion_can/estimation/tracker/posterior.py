@@ -1,13 +1,13 @@
-"""The posterior of a curve given the sums of a stretch: weighted curves, wide or narrow.
+"""Posterior of a curve given the sums of a segment, by importance sampling.
 
-A set of curves is drawn once and then only weighted anew as sums grow: J of every curve is linear
-in the sums. The draw is made of what is known exactly: ln c2 from its own marginal density, on a
-grid that zooms in until it resolves it; then c3 and c1 from the normal density that they have given
-c2, or, for some of the curves, c3 from the prior of the shape and c1 given both, which reaches
-where the data leave c3 open. The weights take out whatever that misses, so neither many data nor
-none, nor a prior of several humps, needs a case of its own.
+A set of curves is drawn once, and only weighted anew as sums grow: J of every curve is linear in
+the sums. The draws are Rao-Blackwellised: ln c2 comes from its marginal density, on a grid that
+zooms in until it resolves it; c3 and c1 then come from their normal density given c2. For some of
+the curves c3 comes from the prior of the shape, and c1 from its density given both, which covers
+data that leave c3 open. The importance weights correct the rest, so that many data, none, and a
+multimodal prior need no case of their own.
 
-The noise is unknown: with an inverse gamma prior it integrates to Student's t,
+The noise variance is unknown. With an inverse gamma prior it integrates out to Student's t,
 ln p(data | θ) = −(ν + n)/2 · ln(ν σ0² + J(θ)) + const.
 """
 
@@ -20,42 +20,42 @@ import scipy
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import curve_sums as segments
+from adhesion_can.estimation.tracker import curve_sums
 from adhesion_can.estimation.tracker.curve_sums import DOF, X_RANGE, coefficients, interpolation
 from adhesion_can.estimation.tracker.prior import C1_MAX, Prior, shape_coordinates
 from adhesion_can.physics.burckhardt import peak
 
 GRID = 48
 DEPTH = 14.0
-"""ln of the density below its maximum to which the grid over ln c2 reaches."""
+"""Log density below its maximum down to which the grid over ln c2 reaches."""
 ZOOMS = 8
 FEWEST = 8
-"""Fewer curves with a peak than these are no draw."""
+"""Least number of curves with a peak in a draw; with fewer the prior is drawn from."""
 FEWEST_SAMPLES = 1.0
-"""Fewer samples leave the prior as it is."""
+"""Least degrees of freedom for a draw from the posterior; with fewer the prior is drawn from."""
 SPREAD = 1.3
-"""Draws are spread so many times wider than the normal density: Student's tails, errors of J."""
-FALL_TOLD = 3.0
-"""c3 over its standard deviation from which the data tell the fall better than the prior does."""
+"""Factor on the standard deviations of the draws, for Student's tails and errors of J."""
+FALL_DETERMINED = 3.0
+"""c3 over its standard deviation from which the data determine it better than the prior."""
 
 _SURROGATE_MEAN, _SURROGATE_STD = np.array([0.35, 0.15]), np.array([0.5, 0.5])
-"""Of (c1, c3), for the draw alone: it keeps it in bounds where the data say nothing."""
+"""Normal prior of (c1, c3) for the draws alone; it bounds them where data are uninformative."""
 
 
-class Noise(NamedTuple):
-    """What is known of the noise beforehand: σ² of the adhesion, and what that is worth.
+class NoisePrior(NamedTuple):
+    """Inverse gamma prior of the variance of the adhesion noise.
 
     Attributes:
-        var: σ0².
-        freedom: ν, samples that the knowledge is worth.
+        var: Prior variance σ0², 1.
+        freedom: Degrees of freedom ν, the number of samples that it is worth.
 
     """
 
     var: float
     freedom: float
 
-    def given(self, cost: float, dof: float) -> float:
-        """σ² with the samples: (ν σ0² + J)/(ν + n)."""
+    def posterior_var(self, cost: float, dof: float) -> float:
+        """Noise variance σ² given samples, (ν σ0² + J)/(ν + n)."""
         return (self.freedom * self.var + max(cost, 0.0)) / (self.freedom + dof)
 
 
@@ -64,14 +64,14 @@ class Curves:
     """Curves drawn for a posterior, to be weighted by sums.
 
     Attributes:
-        theta: (c1, c2, c3), shape (n, 3).
-        at_x: `interpolation` at their ln c2, shape (n, NODES).
-        factors: `coefficients` of them, shape (5, n).
-        log_base: ln of prior over density of the draw, shape (n,).
-        mu_max: of each, within the model's range, shape (n,).
-        lambda_m: likewise.
-        peaks: (μ_m, λ_m, s = c2 λ_m) of each, wherever its peak lies, shape (3, n).
-        order: of the curves by each of these, shape (3, n).
+        theta: Parameters (c1, c2, c3), shape (n, 3).
+        at_x: Interpolation matrix at the curves' ln c2, shape (n, NODES).
+        factors: Coefficients of the sums in the curves' J, shape (5, n).
+        log_base: Log of prior density over density of the draw, shape (n,).
+        mu_max: Largest adhesion within the model's range of slip, 1, shape (n,).
+        lambda_m: Slip ratio of that adhesion, shape (n,).
+        peaks: (μ_m, λ_m, s = c2 λ_m) of the peak, also beyond the range of slip, shape (3, n).
+        order: Indices that sort the curves by each row of `peaks`, shape (3, n).
 
     """
 
@@ -85,12 +85,12 @@ class Curves:
     order: NDArray[np.int64]
 
     def costs(self, sums: Array) -> Array:
-        """J of each curve, shape (n,)."""
-        return segments.costs(sums, self.at_x, self.factors)
+        """Sum of squares J of each curve, shape (n,)."""
+        return curve_sums.costs(sums, self.at_x, self.factors)
 
 
-def joined(parts: Sequence[Curves]) -> Curves:
-    """Several draws as one; what they weigh in it is up to the caller."""
+def join_curves(parts: Sequence[Curves]) -> Curves:
+    """Several draws as one, without their weights."""
 
     def column(name: str, axis: int = 0) -> Array:
         return np.concatenate([getattr(part, name) for part in parts], axis=axis)
@@ -108,44 +108,44 @@ def joined(parts: Sequence[Curves]) -> Curves:
     )
 
 
-def log_weights(log_base: Array, costs: Array, dof: float | Array, noise: Noise) -> Array:
+def log_weights(log_base: Array, costs: Array, dof: float | Array, noise: NoisePrior) -> Array:
     """Logarithm of the posterior weights of curves, not normalised.
 
     Args:
-        log_base: of the curves, shape (.., n).
-        costs: J of the curves, (.., n).
-        dof: degrees of freedom of J, broadcast against it.
-        noise: see there.
+        log_base: Log of prior density over density of the draw, shape (.., n).
+        costs: Sums of squares J of the curves, shape (.., n).
+        dof: Degrees of freedom of J, broadcast against it.
+        noise: Prior of the noise variance.
 
     """
     total = noise.freedom * noise.var + np.maximum(costs, 0.0)
     return np.asarray(log_base - 0.5 * (noise.freedom + dof) * np.log(total))
 
 
-def normalised(log_weights: Array) -> Array:
+def normalise(log_weights: Array) -> Array:
     """Weights that add up to 1 along the last axis."""
     weights = np.exp(log_weights - log_weights.max(axis=-1, keepdims=True))
     return np.asarray(weights / weights.sum(axis=-1, keepdims=True))
 
 
-def effective(weights: Array) -> float:
-    """Number of curves that carry the weight, 1/Σ w²."""
+def effective_size(weights: Array) -> float:
+    """Effective sample size 1/Σ w² (Kish)."""
     return float(1.0 / (weights @ weights))
 
 
-def draw(sums: Array, noise: Noise, prior: Prior, slip_max: float, size: int) -> Curves:
-    """Curves for the posterior of a stretch.
+def draw(sums: Array, noise: NoisePrior, prior: Prior, slip_max: float, size: int) -> Curves:
+    """Curves for the posterior of a segment.
 
     Args:
-        sums: of the stretch, shape (LENGTH,); zeros for none.
-        noise: see there.
-        prior: see there.
-        slip_max: end of the model's range.
-        size: number of curves, even.
+        sums: Sums of the segment's samples, shape (LENGTH,); zeros without samples.
+        noise: Prior of the noise variance.
+        prior: Prior of the curve.
+        slip_max: Largest slip ratio of the model.
+        size: Number of curves, even.
 
     """
     if sums[DOF] < FEWEST_SAMPLES:
-        return _of_the_prior(prior, slip_max, size)
+        return _draw_from_prior(prior, slip_max, size)
     x, log_q, noise_var = _draw_steepness(sums, noise, prior, size)
     at_x = interpolation(x)
     c2 = np.exp(x)
@@ -157,16 +157,16 @@ def draw(sums: Array, noise: Noise, prior: Prior, slip_max: float, size: int) ->
     good &= np.isfinite(phi).all(axis=1)
     phi = np.where(good[:, None], phi, 0.0)
     if good.sum() < FEWEST:
-        # Forces against the slip, say: no curve is near.
-        return _of_the_prior(prior, slip_max, size)
+        # No curve fits, as with forces against the slip.
+        return _draw_from_prior(prior, slip_max, size)
     # From (ln c1, ln c2, ln s) to (c1, ln c2, c3): |d ln s/d c3| = 1/(s c3), d ln c1/d c1 = 1/c1.
     log_prior = prior.log_density(phi) - phi[:, 2] - np.log(c1 * c3)
     log_base = np.where(good, log_prior - log_q - log_q_rest, -np.inf)
     return _curves(theta, at_x, log_base, slip_max)
 
 
-def _of_the_prior(prior: Prior, slip_max: float, size: int) -> Curves:
-    """Curves of the prior itself, always the same ones."""
+def _draw_from_prior(prior: Prior, slip_max: float, size: int) -> Curves:
+    """Curves drawn from the prior, with a fixed seed."""
     theta = prior.sample(size, np.random.default_rng(size))
     return _curves(theta, interpolation(np.log(theta[:, 1])), np.zeros(size), slip_max)
 
@@ -189,15 +189,15 @@ def _curves(theta: Array, at_x: Array, log_base: Array, slip_max: float) -> Curv
 
 def _normal_equations(sums: Array, w: Array, noise_var: float) -> tuple[Array, ...]:
     """Precision ((a, b), (b, d)) and right side (r1, r3) of (c1, c3) at each row of `w`."""
-    a, b, c = (w @ sums[part] / noise_var for part in (segments.A, segments.B, segments.C))
-    d, e = sums[segments.D] / noise_var, sums[segments.E] / noise_var
+    a, b, c = (w @ sums[part] / noise_var for part in (curve_sums.A, curve_sums.B, curve_sums.C))
+    d, e = sums[curve_sums.D] / noise_var, sums[curve_sums.E] / noise_var
     p1, p3 = _SURROGATE_STD**-2.0
     m1, m3 = _SURROGATE_MEAN
-    # Corrected scores may leave a sum of squares below zero where the slips say nothing of c2.
+    # Corrected scores may leave a sum of squares below zero where the slips do not determine c2.
     return np.maximum(a, 0.0) + p1, b, max(d, 0.0) + p3, c + p1 * m1, e + p3 * m3
 
 
-def _log_marginal(sums: Array, noise: Noise, prior: Prior, x: Array) -> tuple[Array, float]:
+def _log_marginal(sums: Array, noise: NoisePrior, prior: Prior, x: Array) -> tuple[Array, float]:
     """Log density of ln c2 up to a constant, and σ² at its maximum."""
     w = interpolation(x)
     noise_var = noise.var
@@ -208,21 +208,21 @@ def _log_marginal(sums: Array, noise: Noise, prior: Prior, x: Array) -> tuple[Ar
         c1, c3 = (d * r1 - b * r3) / det, np.maximum((a * r3 - b * r1) / det, 0.0)
         c1 = np.where(c3 > 0, c1, r1 / a)
         theta = np.column_stack([c1, np.exp(x), c3])
-        cost = segments.costs(sums, w, coefficients(theta))
+        cost = curve_sums.costs(sums, w, coefficients(theta))
         total = noise.freedom * noise.var + np.maximum(cost, 0.0)
         log_m = -0.5 * (noise.freedom + sums[DOF]) * np.log(total) - 0.5 * np.log(det)
-        # What a draw by the surrogate pays where c1 or c3 leave its bounds.
+        # Surrogate prior of the draw, where c1 or c3 leave its bounds.
         away = (np.column_stack([c1, c3]) - _SURROGATE_MEAN) / _SURROGATE_STD
         log_m = log_m - 0.5 * np.einsum("ij,ij->i", away, away) + prior.log_marginal(1, x)
         best = int(np.argmax(log_m))
-        noise_var = noise.given(float(cost[best]), float(sums[DOF]))
+        noise_var = noise.posterior_var(float(cost[best]), float(sums[DOF]))
     return log_m, noise_var
 
 
 def _draw_steepness(
-    sums: Array, noise: Noise, prior: Prior, size: int
+    sums: Array, noise: NoisePrior, prior: Prior, size: int
 ) -> tuple[Array, Array, float]:
-    """Values of ln c2 at even shares of its marginal distribution, their log density, and σ²."""
+    """Quantiles of ln c2 at even probabilities, their log density, and σ²."""
     low, high = X_RANGE
     for zoom in range(ZOOMS):
         edges = np.linspace(low, high, GRID + 1)
@@ -253,8 +253,8 @@ def _draw_level_and_fall(
     std3 = SPREAD * np.sqrt(a / det)
     std1 = SPREAD / np.sqrt(a)
     first, second = _points(len(c2))
-    # Where the data tell the fall, few curves need to look for it elsewhere.
-    every = 8 if float(np.median(m3 / std3)) > FALL_TOLD else 2
+    # Where the data determine the fall, few curves need the prior of the shape.
+    every = 8 if float(np.median(m3 / std3)) > FALL_DETERMINED else 2
     by_shape = np.arange(len(c2)) % every == 0
     # Normal density cut off at c3 = 0.
     floor = scipy.special.ndtr(-m3 / std3)
@@ -268,7 +268,7 @@ def _draw_level_and_fall(
     c1_shaped = mean_shaped + std_shaped * scipy.special.ndtri(second)
     c1 = np.where(by_shape, c1_shaped, c1_free)
     c3 = np.where(by_shape, np.maximum(c1_shaped, 1e-12) * ratio, c3_free)
-    # Density of the mixture of both ways, whichever way a curve came.
+    # Density of the mixture of both proposals, whichever a curve came from.
     log_free = _log_normal(c3, m3, std3) - scipy.special.log_ndtr(m3 / std3)
     log_free += _log_normal(c1, m1 - b / a * (c3 - m3), std1)
     peaked = (c1 > 0) & (c3 > 0) & (c1 * c2 > c3)
@@ -285,8 +285,8 @@ def _level_given_ratio(
     sums: Array, noise_var: float, w: Array, ratio: Array
 ) -> tuple[Array, Array]:
     """Standard deviation and mean of c1 where c3 = ratio · c1."""
-    a, b, c = (w @ sums[part] / noise_var for part in (segments.A, segments.B, segments.C))
-    d, e = sums[segments.D] / noise_var, sums[segments.E] / noise_var
+    a, b, c = (w @ sums[part] / noise_var for part in (curve_sums.A, curve_sums.B, curve_sums.C))
+    d, e = sums[curve_sums.D] / noise_var, sums[curve_sums.E] / noise_var
     p1 = _SURROGATE_STD[0] ** -2.0
     precision = np.maximum(a + 2 * ratio * b + ratio * ratio * d, 0.0) + p1
     mean = (c + ratio * e + p1 * _SURROGATE_MEAN[0]) / precision
@@ -294,13 +294,13 @@ def _level_given_ratio(
 
 
 def _shape_quantile(prior: Prior, share: Array) -> Array:
-    """Shape ln s of the prior at shares of its distribution: a logistic stands in for the t."""
+    """Quantiles of ln s by the prior, with a logistic in place of the t distribution."""
     centre, spread = prior.shape_summary
     return np.asarray(centre + spread * np.log(share / (1.0 - share)))
 
 
 def _log_shape(prior: Prior, log_s: Array) -> Array:
-    """Log density of `_shape_quantile`'s draw."""
+    """Log density of ln s by `_shape_quantile`."""
     centre, spread = prior.shape_summary
     u = np.abs(log_s - centre) / spread
     return np.asarray(-u - np.log(spread) - 2.0 * np.log1p(np.exp(-u)))
@@ -312,7 +312,7 @@ def _log_normal(value: Array, mean: Array, std: Array) -> Array:
 
 
 def _points(size: int) -> tuple[Array, Array]:
-    """Two even, unrelated sequences in 0..1 (Roberts' R2), always the same."""
+    """Two-dimensional low-discrepancy sequence in 0..1 (Roberts' R2)."""
     k = np.arange(1, size + 1)
     steps = np.array([[0.7548776662466927], [0.5698402909980532]])
     first, second = (0.5 + k * steps) % 1.0

@@ -1,8 +1,8 @@
-"""What is known of an adhesion curve before it is seen: a library of surfaces, and more.
+"""Prior distribution of an adhesion curve: a library of surfaces and a wide component.
 
 A mixture of Student's t (4 degrees of freedom) in (ln c1, ln c2, ln s), s = c2 λ_m = ln(c1 c2/c3)
 being the shape of the curve: 2.6 to 5.7 for the published ones. One wide component, and a narrow
-one around each surface of the library. The tails fall so slowly that data always outweigh them.
+one around each surface of the library. The heavy tails let data always outweigh the prior.
 """
 
 from collections.abc import Iterable, Sequence
@@ -12,11 +12,11 @@ from math import gamma, log, pi
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker.curve_sums import C2_RANGE, Theta
+from adhesion_can.estimation.tracker.curve_sums import C2_RANGE
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Surface
 
 C1_MAX = 2.0
-"""No adhesion between a wheel and what it rolls on is larger."""
+"""Largest level c1 of a curve, beyond any adhesion of a wheel."""
 FREEDOM = 4.0
 _NORM = gamma((FREEDOM + 3) / 2) / (gamma(FREEDOM / 2) * (FREEDOM * pi) ** 1.5)
 
@@ -35,24 +35,25 @@ def from_shape_coordinates(phi: Array) -> Array:
     return np.column_stack([c1, c2, c1 * c2 * np.exp(-s)])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PriorSettings:
-    """What is believed of a rail that has not been seen yet.
+    """Prior of a new surface, in (ln c1, ln c2, ln s) with the shape s = ln(c1 c2/c3).
 
     Attributes:
-        wide_weight: probability that the rail is like none of the library.
-        wide_theta: centre of the wide component, (c1, c2, s).
-        wide_std: its spread, of the logarithms of (c1, c2, s).
-        narrow_std: spread around a surface of the library, likewise.
-        library: whether the published surfaces and our rail surfaces are in it.
-        learned: surfaces of this drive that are remembered at most.
+        wide_weight: Probability that the surface is like none of the library, above 0. Larger: less
+            use of known surfaces, slower convergence on them.
+        wide_theta: Centre (c1, c2, s) of the wide component, 1.
+        wide_std: Scales of the wide component in (ln c1, ln c2, ln s), 1. Larger: less informative.
+        narrow_std: Scales of the component around each known surface in (ln c1, ln c2, ln s), 1.
+        library: Whether the published surfaces and our rail surfaces are known surfaces.
+        learned: Largest number of identified surfaces that are kept as known surfaces.
 
     """
 
     wide_weight: float = 0.5
-    wide_theta: Theta = (0.35, 45.0, 4.1)
-    wide_std: Theta = (0.6, 0.7, 0.25)
-    narrow_std: Theta = (0.15, 0.25, 0.08)
+    wide_theta: tuple[float, float, float] = (0.35, 45.0, 4.1)
+    wide_std: tuple[float, float, float] = (0.6, 0.7, 0.25)
+    narrow_std: tuple[float, float, float] = (0.15, 0.25, 0.08)
     library: bool = True
     learned: int = 6
 
@@ -68,28 +69,28 @@ class PriorSettings:
             raise ValueError("learned must not be negative")
 
     def surfaces(self) -> tuple[Surface, ...]:
-        """The library; of the published surfaces those that have a peak."""
+        """Surfaces of the library: those of our own, and the published ones with a peak."""
         return tuple(s for s in (*RAIL, *PUBLISHED) if s.c3 > 0) if self.library else ()
 
 
 class Prior:
-    """Density of the curves that a rail may have.
+    """Prior density of curves: a mixture of Student's t distributions.
 
     Args:
-        settings: see there.
-        learned: (c1, c2, c3) of surfaces that this drive has met; with the library they share
-            what the wide component leaves, each of them with the weight of three of the library.
+        settings: Components of the prior.
+        learned: (c1, c2, c3) of surfaces identified so far. With the library they share the weight
+            that the wide component leaves, each with three times the weight of one of the library.
 
     """
 
     def __init__(self, settings: PriorSettings, learned: Iterable[Sequence[float]] = ()) -> None:
         known = [surface.theta for surface in settings.surfaces()]
-        met = [tuple(map(float, theta)) for theta in learned]
+        identified = [tuple(map(float, theta)) for theta in learned]
         c1, c2, s = settings.wide_theta
         wide = np.log([[c1, c2, s]])
-        rest = np.array([*known, *met], dtype=np.float64).reshape(-1, 3)
+        rest = np.array([*known, *identified], dtype=np.float64).reshape(-1, 3)
         self._centre = np.concatenate([wide, shape_coordinates(rest)])
-        shares = np.array([1.0] * len(known) + [3.0] * len(met))
+        shares = np.array([1.0] * len(known) + [3.0] * len(identified))
         narrow = (1.0 - settings.wide_weight) * shares / max(shares.sum(), 1.0)
         self._weight = np.concatenate([[1.0 - narrow.sum()], narrow])
         self._std = np.array([settings.wide_std] + [settings.narrow_std] * len(rest))
@@ -99,7 +100,7 @@ class Prior:
         """Centre and scale of a logistic density that covers ln s."""
 
     def log_density(self, phi: Array) -> Array:
-        """Of (ln c1, ln c2, ln s), shape (n,)."""
+        """Log density at points (ln c1, ln c2, ln s), shape (n,) from (n, 3)."""
         z = (phi[:, None, :] - self._centre) * self._inverse
         square = np.einsum("nkj,nkj->nk", z, z)
         log_t = self._log_scale - (FREEDOM + 3) / 2 * np.log1p(square / FREEDOM)
@@ -107,7 +108,7 @@ class Prior:
         return np.asarray(top + np.log(np.exp(log_t - top[:, None]).sum(axis=1)))
 
     def log_marginal(self, column: int, values: Array) -> Array:
-        """Of one of (ln c1, ln c2, ln s), shape (n,)."""
+        """Log marginal density of one of (ln c1, ln c2, ln s) at values (n,), shape (n,)."""
         z = (values[:, None] - self._centre[:, column]) * self._inverse[:, column]
         norm = gamma((FREEDOM + 1) / 2) / (gamma(FREEDOM / 2) * (FREEDOM * pi) ** 0.5)
         scale = self._weight * norm * self._inverse[:, column]
@@ -115,7 +116,7 @@ class Prior:
         return np.asarray(np.log(density.sum(axis=1)))
 
     def sample(self, size: int, rng: np.random.Generator) -> Array:
-        """Curves (c1, c2, c3) drawn from it, c1 < `C1_MAX`, c2 in `C2_RANGE`; shape (size, 3)."""
+        """Random curves (c1, c2, c3) with c1 < `C1_MAX`, c2 in `C2_RANGE`; shape (size, 3)."""
         low, high = log(C2_RANGE[0]), log(C2_RANGE[1])
         drawn = np.empty((0, 3))
         while len(drawn) < size:

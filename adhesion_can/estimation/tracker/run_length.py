@@ -1,14 +1,14 @@
-"""Whether, and since when, the rail is another one: run-length hypotheses.
+"""Detection of surface changes by the run-length posterior (Adams & MacKay, arXiv:0710.3742, 2007).
 
-After every update one more contender stands up: 'the rail changed just before this update'. Each
-keeps the sums of the samples since, and is weighed by the Bayes factor of a fresh curve for them
-against the curve of the rail before (Adams & MacKay, arXiv:0710.3742). Both take the noise as
-equally unknown, so that noise which rises, or an error that no curve explains, speaks for neither.
+Each update adds a hypothesis: 'the surface changed just before this update'. A hypothesis keeps the
+sums of the samples since then. Its weight is the Bayes factor of a new curve for these samples
+against the curve so far. Both treat the noise variance as equally unknown, so that rising noise, or
+an error that no curve explains, favours neither.
 
-A contender's curve is a mixture over the nodes of c2 with c1 and c3 integrated out in closed form.
-That is a probability density of the data before they are seen, so on a rail that did not change its
-Bayes factor exceeds 1/α with a probability of at most α (Ville 1939): the rate of false alarms is
-set, not tuned. The contenders' ages thin out with age, so their number stays the same for ever.
+The new curve of a hypothesis is a mixture over the nodes of c2 with c1 and c3 integrated out in
+closed form. That is a marginal likelihood. So without a change the Bayes factor exceeds 1/α with a
+probability of at most α (Ville's inequality, 1939): the rate of false alarms is set, not tuned.
+Hypotheses are pruned so that their ages grow geometrically, and their number stays constant.
 """
 
 from dataclasses import dataclass
@@ -17,29 +17,30 @@ from math import exp, inf, log, sqrt
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import curve_sums as segments
+from adhesion_can.estimation.tracker import curve_sums
 from adhesion_can.estimation.tracker.curve_sums import DOF, LENGTH, X_NODES, Z
 from adhesion_can.estimation.tracker.prior import Prior
 
 _MEAN, _STD = np.array([0.3, 0.15]), np.array([0.4, 0.4])
-"""Of (c1, c3) of a rail not seen yet."""
+"""Prior mean and standard deviation of (c1, c3) of a new surface."""
 LEFT_OUT = 16.0
-"""Price of leaving an update out, in units of σ², beyond what noise explains."""
+"""Cost of leaving an update out, in units of σ², beyond the expectation by noise."""
 WIDEST = 1.5
-"""Of three ages in a row, (elder − younger)/middle: 1.5 is a factor of 2 from one to the next."""
+"""Largest (elder − younger)/middle of three neighbouring ages; 1.5 is a factor of 2 each."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunLengthSettings:
-    """When another rail is believed in.
+    """Run-length detection of surface changes.
 
     Attributes:
-        false_alarm: probability per update that the rail changed, as the estimator takes it; also
-            bounds how often it errs on a rail that did not.
-        contenders: number of run lengths that are kept.
-        dense: so many of the latest are all kept.
-        noise_freedom: samples that the knowledge of the noise is worth in a comparison.
-        settling_samples: after a change, samples over which its moment may still be revised.
+        false_alarm: Prior probability of a change per update, above 0; it bounds the rate of false
+            alarms. Larger: changes are detected earlier, with more false alarms.
+        contenders: Number of run lengths that are kept. Larger: finer dating of changes, more CPU.
+        dense: Number of the latest run lengths that are all kept, below `contenders`.
+        noise_freedom: Largest weight of the noise estimate in a comparison, samples. Larger: the
+            noise is trusted more, so that its increase may look like a change.
+        settling_samples: Number of samples after a change within which its time may be revised.
 
     """
 
@@ -58,12 +59,12 @@ class RunLengthSettings:
             raise ValueError("noise_freedom must be positive, settling_samples not negative")
 
 
-class Contenders:
-    """The run-length hypotheses that are kept.
+class RunLengthHypotheses:
+    """Run-length hypotheses that are kept.
 
     Args:
-        settings: see there.
-        prior: of the steepness of a rail not seen yet.
+        settings: Number of hypotheses and rate of false alarms.
+        prior: Prior of a new surface, for its steepness c2.
 
     """
 
@@ -75,7 +76,7 @@ class Contenders:
         self.clear()
 
     def clear(self) -> None:
-        """Forget all of them."""
+        """Remove all hypotheses."""
         self._count = 0
         self._updates = 0
         self._sums: Array = np.zeros((self._settings.contenders, LENGTH))
@@ -88,21 +89,21 @@ class Contenders:
 
     @property
     def sums(self) -> Array:
-        """Of the samples since each contender's change, shape (len, LENGTH)."""
+        """Sums of the samples since each hypothesis' change, shape (len, LENGTH)."""
         return self._sums[: self._count]
 
     @property
     def since_us(self) -> list[int]:
-        """Stamp of the first sample after each contender's change, µs."""
+        """Stamp of the first sample after each hypothesis' change, µs."""
         return self._since_us
 
     def add(self, increment: Array, old_cost: float, t_us: int) -> None:
-        """Take an update, and one more contender that begins with it.
+        """Add an update to all hypotheses, and a hypothesis that begins with it.
 
         Args:
-            increment: its sums.
-            old_cost: what it costs the old curve, as J.
-            t_us: stamp of its first sample.
+            increment: Sums of the update's samples, shape (LENGTH,).
+            old_cost: Sum of squares J of the samples with the curve so far.
+            t_us: Stamp of the update's first sample, µs.
 
         """
         slot = self._free_slot()
@@ -112,37 +113,37 @@ class Contenders:
         self._sums[: self._count] += increment
         self._old_cost[: self._count] += old_cost
 
-    def close(self, believed: int, latest_cost: float, latest_dof: float, noise_var: float) -> None:
-        """The rail has changed: one last contender, of what comes from now on.
+    def close(self, accepted: int, latest_cost: float, latest_dof: float, noise_var: float) -> None:
+        """Add a last hypothesis after a detected change, which begins with the next update.
 
-        The latest update may hold samples of both rails. For this contender it belongs to
-        neither: it costs what noise does, and a little for leaving it out.
+        The latest update may hold samples of both surfaces. For this hypothesis it belongs to
+        neither: it costs the expectation by noise, and a little for leaving it out.
 
         Args:
-            believed: place of the contender that was believed in; it stays.
-            latest_cost: what the latest update costs the old curve, as J.
-            latest_dof: its degrees of freedom.
-            noise_var: σ² of the adhesion.
+            accepted: Index of the hypothesis that was accepted; it is kept.
+            latest_cost: Sum of squares J of the latest update with the curve so far.
+            latest_dof: Degrees of freedom of the latest update.
+            noise_var: Variance σ² of the adhesion noise.
 
         """
-        slot = self._free_slot(believed)
+        slot = self._free_slot(accepted)
         self._updates += 1
         self._sums[slot] = 0.0
-        # J of noise alone scatters by √(2 n) σ²: twice that is no sign of another rail.
+        # J of noise alone scatters by √(2 n) σ²: twice that is no sign of another surface.
         neither = latest_dof + LEFT_OUT + 2.0 * sqrt(2.0 * latest_dof)
         self._old_cost[slot] = latest_cost - neither * noise_var
         self._since_us[slot], self._born[slot] = -1, self._updates
 
     def extend(self, increment: Array, t_us: int) -> None:
-        """Take an update of the new rail, after `close`: the old curve is out of it."""
+        """Add an update of the new surface, after `close`, to all hypotheses."""
         self._sums[: self._count] += increment
         self._since_us = [t_us if since == -1 else since for since in self._since_us]
 
     def _free_slot(self, kept: int | None = None) -> int:
-        """Place of a new contender; where none is free, that of the one that is missed least.
+        """Index for a new hypothesis; where none is free, that of the most redundant one.
 
-        It is the one whose neighbours in age stand closest around it, so that the ages come to
-        grow by an even factor. Where that is large already, the eldest goes.
+        It is the one whose neighbours in age are relatively closest, so that the ages grow
+        geometrically. Where they are far apart already, the eldest is removed.
         """
         if self._count < self._settings.contenders:
             self._count += 1
@@ -158,22 +159,22 @@ class Contenders:
         return eldest_first[closest if crowded.get(closest, inf) < WIDEST else 0]
 
     def log_factors(self, noise_var: float, noise_dof: float | None = None) -> Array:
-        """Logarithm of the Bayes factor of each contender against the old curve, shape (len,).
+        """Log Bayes factor of each hypothesis against no change, shape (len,).
 
         Args:
-            noise_var: σ² of the adhesion.
-            noise_dof: samples that it comes from, of which at most `noise_freedom` count; None
-                takes it as certain.
+            noise_var: Variance σ² of the adhesion noise.
+            noise_dof: Degrees of freedom of that variance, of which at most `noise_freedom` count;
+                None: it is exact.
 
         """
         s = self.sums * (1.0 / noise_var)
         p1, p3 = _STD**-2.0
-        # Corrected scores may leave a sum of squares below zero where the slips say nothing of c2.
-        a = np.maximum(s[:, segments.A], 0.0) + p1
-        b = s[:, segments.B]
-        d = np.maximum(s[:, segments.D, None], 0.0) + p3
-        r1 = s[:, segments.C] + p1 * _MEAN[0]
-        r3 = s[:, segments.E, None] + p3 * _MEAN[1]
+        # Corrected scores may give a negative sum of squares where slips do not determine c2.
+        a = np.maximum(s[:, curve_sums.A], 0.0) + p1
+        b = s[:, curve_sums.B]
+        d = np.maximum(s[:, curve_sums.D, None], 0.0) + p3
+        r1 = s[:, curve_sums.C] + p1 * _MEAN[0]
+        r3 = s[:, curve_sums.E, None] + p3 * _MEAN[1]
         det = np.maximum(a * d - b * b, 1e-12 * a * d)
         explained = (r1 * (d * r1 - (2.0 * r3) * b) + a * (r3 * r3)) / det
         at_rest = p1 * _MEAN[0] ** 2 + p3 * _MEAN[1] ** 2
@@ -190,7 +191,7 @@ class Contenders:
         return np.asarray(top + np.log(np.exp(score - top[:, None]).sum(axis=1)))
 
     def probability(self, log_factors: Array) -> float:
-        """Probability that the rail changed before one of the last updates."""
+        """Posterior probability that the surface changed before one of the last updates."""
         if not len(log_factors):
             return 0.0
         log_odds = float(np.logaddexp.reduce(log_factors)) + log(self._settings.false_alarm)

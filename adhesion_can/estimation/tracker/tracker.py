@@ -1,22 +1,21 @@
-"""The default estimator: the curve from all samples since the rail last changed.
+"""The default estimator: posterior of the curve from all samples since the last surface change.
 
 Per update, at a cost that does not depend on the length of the drive:
 
-1. the samples become an increment of sums (`segments`), weighed by the errors of their slips;
-2. run-length hypotheses (`changes`) say whether the rail is another one since one of the latest
-   updates; if so, the estimate goes on from the sums of that hypothesis;
-3. the posterior's curves (`posterior`) are weighted by the sums, for several memories, since
-   humidity and temperature move the curve slowly: the one that has predicted best leads
-   (`memories`);
-4. what single axles have of their own is told from their residuals (`axles`).
+1. the samples become a vector of sums, weighted by the errors of their slips (`curve_sums`);
+2. the run-length posterior gives the probability that the surface changed before one of the latest
+   updates; after a change the estimate continues from the sums of that hypothesis (`run_length`);
+3. the curves of the posterior are weighted by the sums (`posterior`), for several rates of
+   forgetting, since humidity and temperature change the curve slowly; the rate with the best
+   predictions has the largest weight (`memories`);
+4. the deviations of single axles are estimated from their residuals (`axle_deviations`).
 
-What comes out is the median over all of them, with standard deviations and 90 % intervals.
+The estimate is the median over all curves, with standard deviations and 90 % intervals.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import exp, hypot, inf, sqrt
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,7 +28,6 @@ from adhesion_can.estimation.tracker.curve_sums import (
     HISTOGRAM,
     LENGTH,
     Points,
-    Theta,
     bend_at,
     common_shift,
     increment,
@@ -37,42 +35,37 @@ from adhesion_can.estimation.tracker.curve_sums import (
     slope_at,
     slope_by_adhesion,
 )
-from adhesion_can.estimation.tracker.memories import Memories, MemorySettings
-from adhesion_can.estimation.tracker.points import GlitchGate, is_usable, points_of
+from adhesion_can.estimation.tracker.memories import FadingMemories, MemorySettings
+from adhesion_can.estimation.tracker.points import OutlierGate, build_points, is_usable
 from adhesion_can.estimation.tracker.posterior import (
     Curves,
-    Noise,
+    NoisePrior,
     draw,
-    effective,
-    joined,
+    effective_size,
+    join_curves,
     log_weights,
-    normalised,
+    normalise,
 )
-from adhesion_can.estimation.tracker.prior import (
-    Prior,
-    PriorSettings,
-    shape_coordinates,
-)
-from adhesion_can.estimation.tracker.run_length import Contenders, RunLengthSettings
+from adhesion_can.estimation.tracker.prior import Prior, PriorSettings, shape_coordinates
+from adhesion_can.estimation.tracker.run_length import RunLengthHypotheses, RunLengthSettings
 from adhesion_can.physics.burckhardt import CurveParameters, adhesion
 from adhesion_can.physics.estimate import CHANGED, Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 
 MIXED_FROM = 0.05
-"""Probability from which a hypothesis enters the estimate."""
+"""Probability from which a hypothesis or a memory enters the estimate."""
 FEWEST_CURVES = 16.0
-"""Fewer curves than these, effectively, describe no distribution."""
+"""Least effective number of curves that describe a distribution."""
 NOISE_KEPT = 20.0
-"""Samples that the knowledge of the noise is worth on a new rail: it belongs to the sensors."""
+"""Largest weight of the noise estimate on a new surface, samples: noise is the sensors'."""
 FALL_SEEN = 4.0
-"""c3 over its standard deviation from which the curve was seen to fall beyond its peak."""
-
-
+"""c3 over its standard deviation from which the fall beyond the peak is significant."""
 SHARES = (0.05, 0.5, 0.95)
+"""Probabilities of the quantiles of an interval."""
 WORTH_A_SHIFT = 0.006
-"""(c2 σ)² of the vehicle speed's error in slip from which the curve bends within it."""
+"""(c2 σ)² of the slip's error by the vehicle speed, from which `common_shift` is worth it."""
 WORTH_A_CORRECTION = 0.001
-"""Likewise of the wheel speed's, from which the weights must not go with it."""
+"""(c2 σ)² of the slip's error by the wheel speed, from which weights need another slope."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,19 +104,8 @@ class TrackerSettings:
             raise ValueError("curves must be even and at least 64, noise_std positive")
 
 
-class _Parts(NamedTuple):
-    """Settings by the part that they are for."""
-
-    tracker: TrackerSettings
-    run_length: RunLengthSettings
-    memory: MemorySettings
-    prior: PriorSettings
-    axles: AxleSettings
-    identifiability: IdentifiabilitySettings
-
-
 class Tracker:
-    """Follows the curve through a stream of samples; see the module.
+    """Estimator of the curve since the last change of the surface, as the module describes it.
 
     Args:
         settings: Settings of the tracker and of its parts; None: the defaults.
@@ -140,63 +122,56 @@ class Tracker:
         *,
         known_changes_us: Iterable[int] | None = None,
     ) -> None:
-        settings = settings or TrackerSettings()
-        self._parts = parts = _Parts(
-            tracker=settings,
-            run_length=settings.run_length,
-            memory=settings.memory,
-            prior=settings.prior,
-            axles=settings.axles,
-            identifiability=identifiability or IdentifiabilitySettings(),
-        )
-        self._told = None if known_changes_us is None else sorted(known_changes_us)
-        self._learned: list[Theta] = list(settings.known_surfaces)
-        prior = Prior(parts.prior, self._learned)
-        slip_max, size = parts.identifiability.slip_max, parts.tracker.curves
-        own = Noise(parts.tracker.noise_std**2, 1.0)
-        self._memories = Memories(parts.memory, prior, own, slip_max, size)
-        self._contenders = Contenders(parts.run_length, prior)
-        self._axles = AxleDeviations(parts.axles)
-        self._gate = GlitchGate()
+        self._settings = settings = settings or TrackerSettings()
+        self._limits = limits = identifiability or IdentifiabilitySettings()
+        self._known_changes = None if known_changes_us is None else sorted(known_changes_us)
+        self._learned: list[CurveParameters] = list(settings.known_surfaces)
+        prior = Prior(settings.prior, self._learned)
+        slip_max, size = limits.slip_max, settings.curves
+        own = NoisePrior(settings.noise_std**2, 1.0)
+        self._memories = FadingMemories(settings.memory, prior, own, slip_max, size)
+        self._hypotheses = RunLengthHypotheses(settings.run_length, prior)
+        self._axles = AxleDeviations(settings.axles)
+        self._gate = OutlierGate()
         self._load_var = 0.0
         self._sign = 1.0
         self._now_us: int | None = None
         self._since_us = 0
         self._settling = 0.0
-        self._held: Estimate | None = None
+        self._current: Estimate | None = None
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
-        """See `Estimator.update`."""
+        """Process samples, as `Estimator.update` defines it."""
         seconds = 0.0 if self._now_us is None else max(now_us - self._now_us, 0) * 1e-6
         self._now_us = now_us
-        usable = is_usable(samples, self._parts.identifiability.slip_max)
+        usable = is_usable(samples, self._limits.slip_max)
         if not usable.all():
             samples = samples.select(usable)
-        held = self._held
-        if held is None:
+        current = self._current
+        if current is None:
             if not len(samples):
                 return None
-            held = self._begin(samples)
+            current = self._begin(samples)
         self._memories.fade(seconds)
         self._axles.fade(seconds)
-        changed = self._take(samples, held) if len(samples) else 0.0
+        changed = self._add(samples, current) if len(samples) else 0.0
         self._memories.refresh()
-        self._held = self._estimate(changed)
-        return self._held
+        self._current = self._estimate(changed)
+        return self._current
 
     def _begin(self, samples: Samples) -> Estimate:
         stated = float(np.mean(samples.adhesion_var))
-        noise = Noise(stated, 4.0) if stated > 0.0 else self._memories.noise
+        noise = NoisePrior(stated, 4.0) if stated > 0.0 else self._memories.noise
         self._memories.restart(np.zeros(LENGTH), noise)
         self._since_us = int(samples.t_us[0])
         return self._estimate(0.0)
 
-    def _take(self, samples: Samples, held: Estimate) -> float:
-        """Take samples; returns the probability that the rail changed with the latest of them."""
-        weigh = self._parts.tracker.errors_in_variables
-        points = points_of(samples, errors_in_variables=weigh)
+    def _add(self, samples: Samples, current: Estimate) -> float:
+        """Add samples; returns the probability that the surface changed before the latest."""
+        weigh = self._settings.errors_in_variables
+        points = build_points(samples, errors_in_variables=weigh)
         noise_var = self._memories.noise_var
-        residual, slope = residual_at(points, held.theta), slope_at(points, held.theta)
+        residual, slope = residual_at(points, current.theta), slope_at(points, current.theta)
         explained = noise_var + slope * slope * (points.private_var + points.common_var)
         explained += points.transient_var
         good = self._gate.passes(np.abs(residual) / np.sqrt(explained), samples.axle)
@@ -208,106 +183,106 @@ class Tracker:
             float(np.mean((samples.load_std / samples.load) ** 2)) if unmeasured else 0.0
         )
         self._sign = float(points.sign[-1])
-        added = fresh = self._sums_of(points, slope, held)
-        if held.c2**2 * points.common_var.max() > WORTH_A_SHIFT:
-            moved = common_shift(points, held.theta, noise_var)
+        added = fresh = self._compute_sums(points, slope, current)
+        if current.c2**2 * points.common_var.max() > WORTH_A_SHIFT:
+            moved = common_shift(points, current.theta, noise_var)
             shift = points.slip - moved.slip
-            residual, slope = residual_at(moved, held.theta), slope_at(moved, held.theta)
-            # Another rail's points are not moved: they must not be bent towards the present one.
+            residual, slope = residual_at(moved, current.theta), slope_at(moved, current.theta)
+            # Points of a new surface must not be moved towards the current curve.
             moved = moved._replace(adhesion=points.adhesion - slope * shift)
-            added = self._sums_of(moved, slope, held, points)
-            # How far the slips reached is told by the sensors, not by the curve in question.
+            added = self._compute_sums(moved, slope, current, points)
+            # How far the slips reached comes from the sensors, not from the curve to be estimated.
             added[HISTOGRAM] = fresh[HISTOGRAM]
         costs, cost = self._memories.predict(added)
-        changed, anew = self._look_for_change(fresh, cost, samples)
-        if not anew:
-            self._memories.take(added, costs)
+        changed, restarted = self._look_for_change(fresh, cost, samples)
+        if not restarted:
+            self._memories.add(added, costs)
             level = points.adhesion - residual
             shifted = -points.sign * slope
             self._axles.add(samples.axle, level, shifted, residual, noise_var / explained)
         return changed
 
-    def _sums_of(
-        self, points: Points, slope: Array, held: Estimate, measured: Points | None = None
+    def _compute_sums(
+        self, points: Points, slope: Array, current: Estimate, measured: Points | None = None
     ) -> Array:
-        """Sums of points; the private errors are told by the adhesion as it was measured."""
+        """Sums of points; slopes for the private errors come from the measured adhesion."""
         own_slope = bend = None
-        if held.c2**2 * points.private_var.max() > WORTH_A_CORRECTION:
-            own_slope = slope_by_adhesion(measured or points, held.theta)
-            bend = bend_at(points, slope, held.theta)
-        slip_max = self._parts.identifiability.slip_max
+        if current.c2**2 * points.private_var.max() > WORTH_A_CORRECTION:
+            own_slope = slope_by_adhesion(measured or points, current.theta)
+            bend = bend_at(points, slope, current.theta)
+        slip_max = self._limits.slip_max
         return increment(points, slope, self._memories.noise_var, slip_max, own_slope, bend)
 
-    # ------------------------------------------------------------------ changes of the rail
+    # ------------------------------------------------------------------ surface changes
 
     def _look_for_change(self, fresh: Array, cost: float, samples: Samples) -> tuple[float, bool]:
-        """Probability that the rail changed, and whether the memories have begun anew.
+        """Probability that the surface changed, and whether the memories were restarted.
 
-        Then they hold these samples already.
+        After a restart they hold these samples already.
         """
         first_us = int(samples.t_us[0])
-        if self._told is not None:
-            if not self._told or first_us < self._told[0]:
+        if self._known_changes is not None:
+            if not self._known_changes or first_us < self._known_changes[0]:
                 return 0.0, False
-            self._told = [t for t in self._told if t > first_us]
-            self._begin_anew(fresh, first_us)
+            self._known_changes = [t for t in self._known_changes if t > first_us]
+            self._restart(fresh, first_us)
             return 1.0, True
         if self._settling > 0.0:
             return 0.0, self._settle(fresh, first_us)
-        if self._memories.dof < self._parts.identifiability.samples:
+        if self._memories.dof < self._limits.samples:
             return 0.0, False
-        self._contenders.add(fresh, cost, first_us)
-        factors = self._contenders.log_factors(self._memories.noise_var, self._memories.dof)
-        changed = self._contenders.probability(factors)
+        self._hypotheses.add(fresh, cost, first_us)
+        factors = self._hypotheses.log_factors(self._memories.noise_var, self._memories.dof)
+        changed = self._hypotheses.probability(factors)
         if changed >= CHANGED:
             best = int(np.argmax(factors))
-            self._begin_anew(self._contenders.sums[best], self._contenders.since_us[best])
-            self._contenders.close(best, cost, float(fresh[DOF]), self._memories.noise_var)
-            self._settling = float(self._parts.run_length.settling_samples)
+            self._restart(self._hypotheses.sums[best], self._hypotheses.since_us[best])
+            self._hypotheses.close(best, cost, float(fresh[DOF]), self._memories.noise_var)
+            self._settling = float(self._settings.run_length.settling_samples)
         return changed, changed >= CHANGED
 
-    def _begin_anew(self, sums: Array, since_us: int) -> None:
-        held = self._held
-        if held is not None and held.identifiable.both:
-            self._learn(held.theta)
-        noise = Noise(self._memories.noise_var, min(self._memories.dof, NOISE_KEPT))
-        self._memories.prior = Prior(self._parts.prior, self._learned)
+    def _restart(self, sums: Array, since_us: int) -> None:
+        current = self._current
+        if current is not None and current.identifiable.both:
+            self._learn(current.theta)
+        noise = NoisePrior(self._memories.noise_var, min(self._memories.dof, NOISE_KEPT))
+        self._memories.prior = Prior(self._settings.prior, self._learned)
         self._memories.restart(sums, noise)
         self._axles.fade(0.0, share=0.1)
         self._since_us = since_us
 
     def _settle(self, fresh: Array, first_us: int) -> bool:
-        """Samples after a change tell still better when it was: whether it is another moment."""
-        self._contenders.extend(fresh, first_us)
+        """Revise the time of a change by later samples; whether the memories were restarted."""
+        self._hypotheses.extend(fresh, first_us)
         self._settling -= float(fresh[DOF])
-        best = int(np.argmax(self._contenders.log_factors(self._memories.noise_var)))
-        moved = self._contenders.since_us[best] != self._since_us
+        best = int(np.argmax(self._hypotheses.log_factors(self._memories.noise_var)))
+        moved = self._hypotheses.since_us[best] != self._since_us
         if moved:
-            self._memories.restart(self._contenders.sums[best], self._memories.noise)
-            self._since_us = self._contenders.since_us[best]
+            self._memories.restart(self._hypotheses.sums[best], self._memories.noise)
+            self._since_us = self._hypotheses.since_us[best]
         if self._settling <= 0.0:
-            self._contenders.clear()
+            self._hypotheses.clear()
         return moved
 
     def _learn(self, theta: tuple[float, float, float]) -> None:
-        """Remember a surface; one that is known already is brought up to date."""
-        spread = np.array(self._parts.prior.narrow_std)
+        """Keep a surface for the prior; one that is known already is replaced."""
+        spread = np.array(self._settings.prior.narrow_std)
         phi = shape_coordinates(np.array([*self._learned, theta]))
         away = np.abs(phi[:-1] - phi[-1]) / spread
         kept = [old for old, row in zip(self._learned, away, strict=True) if row.max() > 1.0]
-        self._learned = [*kept, theta][max(len(kept) + 1 - self._parts.prior.learned, 0) :]
+        self._learned = [*kept, theta][max(len(kept) + 1 - self._settings.prior.learned, 0) :]
 
     # -------------------------------------------------------------------------- the estimate
 
     def _estimate(self, changed: float) -> Estimate:
-        """Of all memories, and of a change that is possible but not believed yet."""
+        """Estimate from all memories, and from a change that is possible but not yet accepted."""
         parts = self._memories.leading(MIXED_FROM)
         if MIXED_FROM < changed < CHANGED:
             parts = [(curves, (1.0 - changed) * weights) for curves, weights in parts]
-            parts.append(self._possible(changed))
+            parts.append(self._after_change(changed))
         curves, weights = parts[0] if len(parts) == 1 else _joined(parts)
         shares = _shares_below(curves, weights)
-        mu_max, lambda_m, theta = self._middle(curves, shares)
+        mu_max, lambda_m, theta = self._median_curve(curves, shares)
         mu_lag, lambda_lag = self._memories.lag()
         load_std = mu_max * sqrt(self._load_var)
         further = hypot(load_std, mu_lag)
@@ -316,7 +291,7 @@ class Tracker:
         away = curves.theta - weights @ curves.theta
         covariance = (away * weights[:, None]).T @ away
         known = Identifiable(mu_max=False, lambda_m=False)
-        if effective(weights) < FEWEST_CURVES:
+        if effective_size(weights) < FEWEST_CURVES:
             covariance, mu_std, lambda_std = np.diag([inf] * 3), inf, inf
             further = lambda_lag = inf
         else:
@@ -336,15 +311,15 @@ class Tracker:
             identifiable=known,
             surface_since_us=self._since_us,
             change_probability=changed,
-            per_axle=self._axles.of(mu_max, lambda_m, self._sign, self._memories.noise_var),
+            per_axle=self._axles.estimate(mu_max, lambda_m, self._sign, self._memories.noise_var),
             mu_max_interval=_interval(curves.mu_max[curves.order[0]], shares[0], further),
             lambda_m_interval=_interval(curves.lambda_m[curves.order[1]], shares[1], lambda_lag),
         )
 
-    def _middle(self, curves: Curves, shares: Array) -> tuple[float, float, Theta]:
-        """μ_max, λ_m and (c1, c2, c3) of the curve of which height, place and shape are medians.
+    def _median_curve(self, curves: Curves, shares: Array) -> tuple[float, float, CurveParameters]:
+        """μ_max, λ_m and (c1, c2, c3) of the curve with the medians of μ_m, λ_m and shape.
 
-        Posteriors of a peak that is barely reached are skewed: their means lie too far out.
+        Posteriors of a peak that is barely reached are skewed, and their means biased.
         """
         mu, slip, s = (
             float(np.interp(0.5, share, values[order]))
@@ -352,53 +327,53 @@ class Tracker:
         )
         c1, c2 = mu / (1.0 - exp(-s) * (1.0 + s)), s / slip
         theta = (c1, c2, c1 * c2 * exp(-s))
-        end = self._parts.identifiability.slip_max
+        end = self._limits.slip_max
         return (mu, slip, theta) if slip <= end else (float(adhesion(end, *theta)), end, theta)
 
-    def _possible(self, changed: float) -> tuple[Curves, Array]:
-        """Curves of the likeliest contender, weighted by the probability of a change."""
-        factors = self._contenders.log_factors(self._memories.noise_var, self._memories.dof)
-        sums = self._contenders.sums[int(np.argmax(factors))]
-        noise = Noise(self._memories.noise_var, min(self._memories.dof, NOISE_KEPT))
-        slip_max, size = self._parts.identifiability.slip_max, self._parts.tracker.curves
+    def _after_change(self, changed: float) -> tuple[Curves, Array]:
+        """Curves of the most probable hypothesis, weighted by the probability of a change."""
+        factors = self._hypotheses.log_factors(self._memories.noise_var, self._memories.dof)
+        sums = self._hypotheses.sums[int(np.argmax(factors))]
+        noise = NoisePrior(self._memories.noise_var, min(self._memories.dof, NOISE_KEPT))
+        slip_max, size = self._limits.slip_max, self._settings.curves
         curves = draw(sums, noise, self._memories.prior, slip_max, size)
         costs, dof = curves.costs(sums), float(sums[DOF])
-        weights = normalised(log_weights(curves.log_base, costs, dof, noise))
+        weights = normalise(log_weights(curves.log_base, costs, dof, noise))
         return curves, changed * weights
 
     def _identifiable(
         self, mu_max_std: float, lambda_m: float, lambda_m_std: float, *, falls: bool
     ) -> Identifiable:
-        """Whether the data, not the prior, tell the peak: it was reached, and seen to bend down.
+        """Whether data, not the prior, determine the peak: reached, with a significant fall beyond.
 
         Args:
-            mu_max_std: relative.
-            lambda_m: λ_m.
-            lambda_m_std: of it.
-            falls: whether the fall beyond the peak was seen.
+            mu_max_std: Relative standard deviation of μ_max, 1.
+            lambda_m: Slip ratio λ_m of the peak.
+            lambda_m_std: Standard deviation of λ_m, 1.
+            falls: Whether the fall beyond the peak is significant.
 
         """
-        settings = self._parts.identifiability
+        settings = self._limits
         if self._memories.dof < settings.samples:
             return Identifiable(mu_max=False, lambda_m=False)
         reached = _reach(self._memories.histogram, settings.reach, settings.slip_max)
         farthest = lambda_m + 2.0 * lambda_m_std
-        told = falls and lambda_m_std <= settings.lambda_m_std * lambda_m
+        narrow = falls and lambda_m_std <= settings.lambda_m_std * lambda_m
         return Identifiable(
             mu_max=mu_max_std <= settings.mu_max_std
             and reached >= settings.mu_max_reach * farthest,
-            lambda_m=told and reached >= farthest,
+            lambda_m=narrow and reached >= farthest,
         )
 
 
 def _joined(parts: list[tuple[Curves, Array]]) -> tuple[Curves, Array]:
-    """Curves of several distributions, with their weights made one."""
+    """Curves of several distributions as one, with normalised weights."""
     weights = np.concatenate([weights for _, weights in parts])
-    return joined([curves for curves, _ in parts]), weights / weights.sum()
+    return join_curves([curves for curves, _ in parts]), weights / weights.sum()
 
 
 def _shares_below(curves: Curves, weights: Array) -> Array:
-    """Share of the weight below each curve in their three orders, shape (3, n)."""
+    """Cumulative weight at each curve in the three orders, shape (3, n)."""
     in_order = weights[curves.order]
     return np.asarray(in_order.cumsum(axis=1) - 0.5 * in_order)
 
@@ -409,14 +384,14 @@ def _std(values: Array, weights: Array) -> float:
 
 
 def _interval(in_order: Array, share_below: Array, further_std: float) -> tuple[float, float]:
-    """Between the 5 and the 95 % quantile, widened by an independent error."""
+    """Interval from the 5 to the 95 % quantile, widened by an independent error."""
     low, middle, high = np.interp(SHARES, share_below, in_order)
     more = 1.645 * further_std
     return float(middle - hypot(middle - low, more)), float(middle + hypot(high - middle, more))
 
 
 def _reach(histogram: Array, share: float, slip_max: float) -> float:
-    """Slip that a share of the samples exceeded, by the lower edge of its bin."""
+    """Slip ratio that a share of the samples exceeds, by the lower edge of its bin."""
     beyond = np.cumsum(histogram[::-1])[::-1]
-    held = np.flatnonzero((beyond > 0.0) & (beyond >= share * beyond[0]))
-    return float(held[-1]) * slip_max / BINS if len(held) else 0.0
+    current = np.flatnonzero((beyond > 0.0) & (beyond >= share * beyond[0]))
+    return float(current[-1]) * slip_max / BINS if len(current) else 0.0
