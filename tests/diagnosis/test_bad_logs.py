@@ -1,4 +1,4 @@
-"""Recordings that cannot carry a verdict, or not all of it: no crash, no name, and it is said."""
+"""Recordings that allow no verdict, or not all of it: no crash, no name, and a reason."""
 
 from dataclasses import replace
 
@@ -61,7 +61,7 @@ def test_a_message_that_is_absent_leaves_its_effects_untested(message, effects, 
 
 
 @pytest.mark.slow
-def test_loads_that_are_not_measured_are_said_to_be_missing(tmp_path):
+def test_loads_that_are_not_measured_are_reported_as_missing(tmp_path):
     answer = run(tmp_path, without=("AxleLoads1", "AxleLoads2"))
     assert answer.verdict in {"nothing_found", "unexplained"}
     if answer.verdict == "unexplained":
@@ -78,7 +78,7 @@ def test_loads_that_are_not_measured_are_said_to_be_missing(tmp_path):
     ],
     ids=str,
 )
-def test_a_bogie_that_is_not_heard_is_told(how, tmp_path):
+def test_a_bogie_that_is_not_received_is_reported(how, tmp_path):
     answer = run(tmp_path, **how)
     assert answer.verdict == "nothing_found"
     for number in (4, 5, 6):
@@ -88,14 +88,14 @@ def test_a_bogie_that_is_not_heard_is_told(how, tmp_path):
 
 
 @pytest.mark.parametrize("field", ["wheel_speed", pytest.param("effort", marks=pytest.mark.slow)])
-def test_an_axle_that_is_not_available_is_told(field, tmp_path):
+def test_an_axle_that_is_not_available_is_reported(field, tmp_path):
     answer = run(tmp_path, axle(PLAIN, field, 3, MISSING[field]))
     assert answer.verdict == "nothing_found"
     assert any(what.startswith("axle 3") for what in answer.untested)
     assert any("axle 3" in reason for reason in answer.document["left_out"])
 
 
-def test_one_axle_alone_can_tell_no_radius(tmp_path):
+def test_one_axle_alone_identifies_no_radius(tmp_path):
     given = PLAIN
     for number in range(2, 7):
         for field in ("wheel_speed", "effort"):
@@ -119,7 +119,7 @@ def test_a_load_that_cannot_be_is_left_out(given, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_channel_that_is_mostly_not_available_is_told_as_such(tmp_path):
+def test_a_channel_that_is_mostly_not_available_is_reported_as_such(tmp_path):
     answer = run(tmp_path, span(PLAIN, "humidity", 10, 40, MISSING["humidity"]))
     assert "not available" in answer.untested["humidity"]
     assert "humidity" not in {one["effect"] for one in answer.document["evidence"]}
@@ -135,7 +135,7 @@ def test_channels_that_do_not_move_are_told(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("how", "said"),
+    ("how", "reason"),
     [
         ({"without": ("VehicleSpeed",)}, "vehicle speed"),
         ({"without": ("TractiveEffort1", "TractiveEffort2")}, "effort"),
@@ -146,13 +146,13 @@ def test_channels_that_do_not_move_are_told(tmp_path):
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_without_one_usable_row_it_is_an_error_that_says_why(how, said, tmp_path):
+def test_without_one_usable_row_it_is_an_error_with_the_reason(how, reason, tmp_path):
     given = how.pop("given", PLAIN) if "given" in how else PLAIN
     answer = diagnosed(tmp_path, write(tmp_path / "a.log", given, **how))
     assert answer.status == 2
     assert answer.err.count("\n") == 1
     assert "not one usable row" in answer.err
-    assert said in answer.err
+    assert reason in answer.err
 
 
 # --- gaps and times

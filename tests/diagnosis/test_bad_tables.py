@@ -1,4 +1,4 @@
-"""TABLEs that cannot carry a verdict, or not all of it: no crash, no name, and it is said."""
+"""TABLEs that allow no verdict, or not all of it: no crash, no name, and a reason."""
 
 import numpy as np
 import pytest
@@ -97,11 +97,11 @@ EMPTY = {
 
 @pytest.mark.parametrize("kind", EMPTY)
 def test_no_verdict_from_data_that_cannot_carry_one(kind, tmp_path):
-    given, said = EMPTY[kind]
+    given, reason = EMPTY[kind]
     answer = run(tmp_path, given)
     assert answer.verdict == "nothing_found"
     assert answer.document["gain"] is None
-    assert said in answer.untested["everything"]
+    assert reason in answer.untested["everything"]
     assert "No verdict" in answer.out
 
 
@@ -115,14 +115,14 @@ def test_no_verdict_from_data_that_cannot_carry_one(kind, tmp_path):
     ],
     ids=["speed 0", "no speed", "load 0", "slip 0.9"],
 )
-def test_without_one_usable_row_it_is_an_error_that_says_why(given, tmp_path):
+def test_without_one_usable_row_it_is_an_error_with_the_reason(given, tmp_path):
     answer = diagnosed(tmp_path, write_table(tmp_path / "t.csv", given))
     assert answer.status == 2
     assert answer.err.count("\n") == 1
     assert "not one usable row" in answer.err
 
 
-def test_what_a_bare_table_cannot_tell_is_said(tmp_path):
+def test_what_a_bare_table_does_not_identify_is_listed(tmp_path):
     untested = run(tmp_path, columns()).untested
     for effect in ("wheelset_inertia", "speed_delay"):
         assert "slip and adhesion" in untested[effect]

@@ -139,7 +139,7 @@ def test_a_hole_beside_the_rows_that_are_used_does_no_harm():
     assert "holed" in made.covariates
 
 
-def test_without_speed_and_load_it_says_so():
+def test_without_speed_and_load_it_is_marked():
     slip = columns()["slip"]
     bare = build_table_drive(slip, burckhardt(slip))
     assert not bare.has_speed

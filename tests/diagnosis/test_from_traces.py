@@ -110,7 +110,7 @@ def test_values_not_available_are_a_gap():
     assert found.std == pytest.approx(0, abs=1e-12)
 
 
-def test_stretches_too_short_for_the_window_are_left_out_and_are_a_gap():
+def test_runs_too_short_for_the_window_are_left_out_and_are_a_gap():
     kept = np.ones(1000, dtype=bool)
     kept[400:440] = kept[443:480] = False
     t = np.arange(1000) * 0.02
@@ -138,7 +138,7 @@ def brute(smooth, a, b):
 
 @settings(max_examples=60)
 @given(st.lists(st.booleans(), min_size=2, max_size=40), st.integers(0, 99))
-def test_covers_is_what_it_says(there, seed):
+def test_coverage_matches_a_search_by_hand(there, seed):
     t = np.flatnonzero(there) * 1.0
     cuts = np.flatnonzero(np.diff(t) > 1) + 1
     breaks = np.stack([t[cuts - 1], t[cuts]], axis=1) if len(cuts) else np.empty((0, 2))
@@ -216,7 +216,7 @@ def drive(synthetic):
     return synthetic.build_drive_data()
 
 
-def test_rows_are_what_equations_1_to_3_say(synthetic, drive):
+def test_rows_obey_equations_1_to_3(synthetic, drive):
     """Noise-free: the true slip and force, at the stamp of each effort."""
     seen = drive.observe()
     for axle in range(1, 7):
@@ -367,7 +367,7 @@ def lost_of(synthetic, **traces):
     return made, made.lost
 
 
-def test_missing_signals_leave_an_empty_course_and_say_why():
+def test_missing_signals_leave_an_empty_drive_with_the_reason():
     synthetic = SyntheticDrive(5.0)
     for gone in (Role.VEHICLE_SPEED, Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT):
         traces = {key: t for key, t in synthetic.traces().items() if key[0] is not gone}

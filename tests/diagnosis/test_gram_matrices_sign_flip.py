@@ -14,7 +14,7 @@ from adhesion_can.diagnosis.regression.gram_matrices import (
     solve_normal_equations,
 )
 
-# --- ledger
+# --- Gram matrices
 
 
 def shared_case(seed, rows=60, blocks=5, errors=3):
@@ -70,7 +70,7 @@ def test_a_projection_leaves_nothing_of_the_nuisance():
     assert grams.project_out([], [1])[:, 0].tolist() == [0.0, 1.0, 0.0, 0.0]
 
 
-def test_no_rows_make_an_empty_ledger():
+def test_no_rows_make_no_gram_matrices():
     grams = BlockGramMatrices.from_columns(np.ones((4, 2)), np.full(4, -1))
     assert grams.matrices.shape == (0, 2, 2)
     assert grams.total.tolist() == [[0.0, 0.0], [0.0, 0.0]]
@@ -114,7 +114,7 @@ def test_blocks_are_spans_of_time():
 
 
 def drawn(rng, blocks, rows, groups, memory, effect=0.0):
-    """A ledger under the null: correlated residuals, signatures, two nuisance columns."""
+    """Gram matrices under the null: correlated residuals, signatures, two nuisance columns."""
     n = blocks * rows
     size = sum(groups)
     smooth = lfilter([1.0], [1.0, -0.9], rng.standard_normal((n, 2 + size)), axis=0)
@@ -164,12 +164,12 @@ def test_the_gain_is_the_share_of_the_squares_that_a_group_explains():
     found = sign_flip_test(grams, [0, 1], groups, rng)
     total = grams.total
 
-    def left(of):
+    def remainder(of):
         x, y = total[np.ix_(of, of)], total[of, -1]
         return total[-1, -1] - y @ np.linalg.solve(x, y)
 
     for group, gain in zip(groups, found.gain, strict=True):
-        assert gain == pytest.approx(1 - left([0, 1, *group]) / left([0, 1]), rel=1e-8)
+        assert gain == pytest.approx(1 - remainder([0, 1, *group]) / remainder([0, 1]), rel=1e-8)
 
 
 def test_p_values_count_all_groups():
@@ -181,7 +181,7 @@ def test_p_values_count_all_groups():
     assert alone < among
 
 
-def test_a_group_that_is_all_nuisance_says_nothing():
+def test_a_group_that_is_all_nuisance_is_no_evidence():
     rng = np.random.default_rng(21)
     grams, _ = drawn(rng, 40, 25, (1, 1), 0.0)
     matrices = grams.matrices.copy()

@@ -45,9 +45,9 @@ def test_one_effect_is_named(kind, tmp_path):
     # And no other one that is not a rival of it.
     allowed = {right[0]["effect"], *right[0]["rivals"]}
     assert answer.named <= allowed, answer.out
-    told = right[0]["parameters"]
-    if right[0]["effect"] == kind and "axle" in told:
-        assert told["axle"]["value"] == hidden.parameters["axle"]
+    found = right[0]["parameters"]
+    if right[0]["effect"] == kind and "axle" in found:
+        assert found["axle"]["value"] == hidden.parameters["axle"]
     gain = answer.document["gain"]
     assert gain["percent"] > 0
     # The floor has the noise of all sensors in it; smoothed speeds are better than that, but the

@@ -71,7 +71,7 @@ def test_a_loss_has_an_interval_below_zero():
 
 
 @pytest.mark.parametrize("units", [0, 1])
-def test_one_unit_tells_nothing(units):
+def test_one_unit_gives_no_interval(units):
     n = 50 * units
     low, high = gain_interval(np.ones(n), 0.5 * np.ones(n), np.zeros(n, dtype=np.int64))
     assert low == -np.inf
@@ -130,7 +130,7 @@ def test_what_was_held_out_had_no_part_in_the_fit(other_drives):
     assert np.std(louder.after) == pytest.approx(np.hypot(0.01, 0.05), rel=0.1)
 
 
-def test_another_drive_has_a_rail_of_its_own():
+def test_another_drive_has_a_surface_of_its_own():
     """Twice the adhesion on the drive held out: its own curve takes that, for both models."""
     rng = np.random.default_rng(7)
     drive, t = humid_table(rng)

@@ -20,7 +20,7 @@ def diagnosed(folder, *arguments):
     return json.loads((folder / "d.json").read_text())
 
 
-def test_a_drive_held_out_tells_the_gain_of_what_another_one_named(world):
+def test_a_drive_held_out_gives_the_gain_of_what_another_one_named(world):
     truth, folder = world
     first, second = str(folder / "a.log"), str(folder / "a_fresh.log")
     found = diagnosed(folder, first, "--holdout", second)
@@ -32,7 +32,7 @@ def test_a_drive_held_out_tells_the_gain_of_what_another_one_named(world):
     assert low < found["gain"]["percent"] < high
 
 
-def test_of_two_drives_one_is_held_out_and_it_is_said_which(world):
+def test_of_two_drives_one_is_held_out_and_its_name_is_given(world):
     _, folder = world
     found = diagnosed(folder, str(folder / "a.log"), str(folder / "a_fresh.log"))
     assert found["verdict"] == "named"

@@ -117,7 +117,7 @@ def test_slopes_of_an_effect_are_differences_of_the_residual(data, candidate):
     slopes = compute_effect_jacobian(data, model, candidate, values)
     assert slopes.shape == (len(data), candidate.size)
 
-    def left(moved):
+    def residual(moved):
         active_effects = (*model.with_effect(candidate, moved).active_effects,)
         return evaluate_model(data, model.curves, active_effects).residual
 
@@ -128,7 +128,7 @@ def test_slopes_of_an_effect_are_differences_of_the_residual(data, candidate):
             up, down = list(values), list(values)
             up[column] += step
             down[column] -= step
-            return -(left(tuple(up)) - left(tuple(down))) / (2 * step)
+            return -(residual(tuple(up)) - residual(tuple(down))) / (2 * step)
 
         by_hand = (4 * central(0.004) - central(0.008)) / 3
         size = float(np.sqrt(np.mean(by_hand**2)))
@@ -216,10 +216,10 @@ def test_a_fit_of_white_noise_is_scipys():
         Model(SegmentCurves(np.array([[0.3, 3.0, 0.1]]))),
     )
 
-    def left(x):
+    def residual(x):
         return mu - burckhardt(slip, x[0], np.exp(x[1]), x[2])
 
-    by_scipy = least_squares(left, [0.3, 3.0, 0.1])
+    by_scipy = least_squares(residual, [0.3, 3.0, 0.1])
     assert found.model.curves.values[0] == pytest.approx(by_scipy.x, rel=2e-3)
     covariance = np.linalg.inv(by_scipy.jac.T @ by_scipy.jac) * np.mean(by_scipy.fun**2)
     # The sandwich may be wider, by chance of the blocks.

@@ -59,7 +59,7 @@ def test_surface_changes_are_found_where_they_are(seed, tmp_path):
         pytest.param("slow_drift", ("slow_drift",), marks=pytest.mark.slow),
     ],
 )
-def test_a_rail_that_stays_the_same_has_no_changes(kind, names, tmp_path):
+def test_a_surface_that_stays_the_same_has_no_changes(kind, names, tmp_path):
     drive, _ = build_drive_of_world(kind, 4, tmp_path, 120.0, names)
     assert find_surface_changes(drive, build_candidates([drive])[0]) == []
 

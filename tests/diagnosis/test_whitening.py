@@ -14,7 +14,7 @@ from adhesion_can.diagnosis.regression.whitening import (
 )
 
 
-def stretches_of(lengths):
+def build_runs(lengths):
     starts = np.cumsum([0, *lengths])[:-1]
     return ContiguousRuns(starts.astype(np.int64), int(sum(lengths)))
 
@@ -26,7 +26,7 @@ def process(rng, lengths, ar, ma=(1.0,)):
 
 
 def ljung_box(x, runs, lags):
-    """p-value that x has no correlation up to some lags within its stretches."""
+    """p-value that x has no correlation up to some lags within its runs."""
     ends = np.append(runs.starts[1:], runs.rows)
     variance, q = np.mean(x**2), 0.0
     for lag in range(1, lags + 1):
@@ -47,11 +47,11 @@ ORDERS = {
 
 
 @pytest.mark.parametrize("kind", ORDERS)
-def test_what_is_left_is_white(kind, monkeypatch):
+def test_what_remains_is_white(kind, monkeypatch):
     monkeypatch.setattr(whitening, "NUGGET", 0.0)
     rng = np.random.default_rng(3)
     lengths = [2500, 1200, 4000, 2300]
-    found = stretches_of(lengths)
+    found = build_runs(lengths)
     x = process(rng, lengths, *ORDERS[kind])
     whitener = fit_whitener(x, found)
     left = whitener(x[:, None])[:, 0]
@@ -69,7 +69,7 @@ def test_with_the_nugget_it_whitens_the_noise_plus_the_nugget():
     """The nugget is white noise on top: x + e, with var e = NUGGET var x, must come out white."""
     rng = np.random.default_rng(4)
     lengths = [20_000]
-    found = stretches_of(lengths)
+    found = build_runs(lengths)
     x = process(rng, lengths, [1.0, -0.97])
     whitener = fit_whitener(x, found)
     assert whitener.order > 0
@@ -82,7 +82,7 @@ def test_with_the_nugget_it_whitens_the_noise_plus_the_nugget():
 def test_taps_solve_yule_walker():
     rng = np.random.default_rng(5)
     lengths = [900, 3000]
-    found = stretches_of(lengths)
+    found = build_runs(lengths)
     x = process(rng, lengths, [1.0, -0.8])
     taps = fit_whitener(x, found).taps
     order = len(taps) - 1
@@ -98,9 +98,9 @@ def test_taps_solve_yule_walker():
     assert compute_autocovariance(x, found, order) == pytest.approx(gamma, rel=1e-9, abs=1e-12)
 
 
-def test_stretches_are_not_mixed():
+def test_runs_are_not_mixed():
     rng = np.random.default_rng(6)
-    found = stretches_of([50, 3, 70])
+    found = build_runs([50, 3, 70])
     whitener = Whitener(np.array([1.0, -0.5, 0.2, 0.1, 0.3]), found)
     x = rng.standard_normal((123, 2))
     whole = whitener(x)
@@ -114,12 +114,12 @@ def test_stretches_are_not_mixed():
     assert whitener(x)[53:] == pytest.approx(whole[53:], abs=1e-12)
 
 
-def test_a_jump_between_stretches_is_no_correlation():
-    """Two white stretches of very different level of scatter: nothing to whiten across the cut."""
+def test_a_jump_between_runs_is_no_correlation():
+    """Two white runs of very different level of scatter: nothing to whiten across the cut."""
     rng = np.random.default_rng(7)
     x = np.concatenate([rng.standard_normal(2000), 100 + 0 * np.arange(2000)])
     x[2000:] = rng.standard_normal(2000) * 3
-    assert fit_whitener(x, stretches_of([2000, 2000])).order == 0
+    assert fit_whitener(x, build_runs([2000, 2000])).order == 0
 
 
 def test_rows_without_a_residual_do_not_count():
@@ -129,11 +129,11 @@ def test_rows_without_a_residual_do_not_count():
     x = process(rng, lengths, [1.0, -0.8])
     used = x.copy()
     used[2000:4000] = 0.0
-    whole, part = (fit_whitener(v, stretches_of(lengths)).taps for v in (x, used))
+    whole, part = (fit_whitener(v, build_runs(lengths)).taps for v in (x, used))
     assert part[1] == pytest.approx(whole[1], abs=0.1)
 
 
-def test_stretches_begin_at_axles_gaps_breaks_and_steps_back():
+def test_runs_begin_at_axles_gaps_breaks_and_steps_back():
     t = np.array([0.0, 0.1, 0.2, 0.9, 1.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1])
     axle = np.array([1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2])
     breaks = np.zeros(12, dtype=bool)

@@ -60,7 +60,7 @@ def test_every_frame_is_what_cantools_and_e2e_make_of_the_readings(world, tmp_pa
 
 
 @pytest.mark.parametrize("kind", [*SINGLES, *OUTSIDE, PAIRS[7]])
-def test_each_effect_is_felt_as_much_as_is_said(kind, tmp_path):
+def test_each_effect_is_as_large_as_is_stated(kind, tmp_path):
     path = tmp_path / ("a.csv" if kind == "out:table" else "a.log")
     truth = make_world(kind, 5, path, duration_s=120.0)
     assert path.stat().st_size > 100_000
@@ -183,7 +183,7 @@ def test_lateral_creep_takes_its_part():
     assert found.adhesion(c)[1, 2] == pytest.approx(-0.6 * curve(c, np.array(0.05)))
 
 
-def test_sensor_effects_shift_what_they_say(world):
+def test_sensor_effects_shift_what_they_read(world):
     def readings(effect, **parameters):
         hidden = (Hidden(effect, "", parameters),)
         return drive(world.profile, world.vehicle, world.rail, hidden, world.noise)
@@ -224,8 +224,8 @@ def hunting():
 
 
 def _cause(effect, *rivals, **parameters):
-    told = {name: {"value": v, "std": s, "unit": ""} for name, (v, s) in parameters.items()}
-    return {"effect": effect, "rivals": list(rivals), "p_value": 0.001, "parameters": told}
+    found = {name: {"value": v, "std": s, "unit": ""} for name, (v, s) in parameters.items()}
+    return {"effect": effect, "rivals": list(rivals), "p_value": 0.001, "parameters": found}
 
 
 def _record(kind, causes, verdict="named", channel=None, hidden=None, wanted=None, **more):

@@ -37,7 +37,7 @@ def browser():
 
 
 def opened(browser, path, folder, width):
-    """The page's elements after its scripts ran, and what the console said."""
+    """The page's elements after its scripts ran, and the output of the console."""
     text = path.read_text()
     path.write_text(text.replace("</head>", WATCH, 1))
     done = subprocess.run(

@@ -34,7 +34,7 @@ from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.reporting.charts import broken, thinned
-from adhesion_can.reporting.diagnosis import InputFile, diagnosis_json, terminal, verdict_sentences
+from adhesion_can.reporting.diagnosis import terminal, verdict_sentences
 from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.page import Figure, render
 from adhesion_can.reporting.text import console
@@ -51,20 +51,22 @@ SOURCES = (
 )
 
 
-def estimate(c1=0.35, c2=24.0, c3=0.5, std=0.004, told=True):
+def estimate(c1=0.35, c2=24.0, c3=0.5, std=0.004, identifiable=True):
     lambda_m = float(np.log(c1 * c2 / c3) / c2)
     mu_max = float(c1 - c3 * (lambda_m + 1 / c2))
     return Estimate(
         c1=c1, c2=c2, c3=c3, covariance=np.diag([1e-5, 0.3, 1e-3]), mu_max=mu_max, mu_max_std=std,
-        lambda_m=lambda_m, lambda_m_std=3 * std if told else inf, noise_std=0.012, samples=36000,
-        identifiable=Identifiable(mu_max=True, lambda_m=told), surface_since_us=0,
+        lambda_m=lambda_m, lambda_m_std=3 * std if identifiable else inf, noise_std=0.012,
+        samples=36000,
+        identifiable=Identifiable(mu_max=True, lambda_m=identifiable), surface_since_us=0,
     )  # fmt: skip
 
 
 def named():
-    """Adhesion that falls with speed, told; numbers made up here."""
+    """Adhesion that falls with speed, named; numbers made up here."""
     rng = np.random.default_rng(1)
     base, extended = estimate(0.31, 26.0, 0.4), estimate(0.36, 24.0, 0.5)
+    flat = estimate(identifiable=False)
     slip = rng.uniform(0, 0.15, 3000)
     curve = extended.c1 * (1 - np.exp(-extended.c2 * slip)) - extended.c3 * slip
     noise = 0.012 * rng.standard_normal((2, 3000))
@@ -105,7 +107,7 @@ def named():
         needed="a drive that passes the same speed twice, early and late",
         untested=(Untested("humidity", "no signal gives the relative humidity"),),
         surfaces=(
-            SegmentResult("drive one.log", 0.0, 31.0, estimate(told=False), estimate(told=False)),
+            SegmentResult("drive one.log", 0.0, 31.0, flat, flat),
             SegmentResult("drive one.log", 31.5, 200.0, base, extended),
         ),
         model=ExtendedModel(
@@ -170,7 +172,7 @@ def unexplained():
 
 
 def empty():
-    """What is said where nothing could be looked at."""
+    """A diagnosis of data that allow none."""
     return Diagnosis(
         verdict=Verdict.NOTHING, causes=(), channel=None, wrong=(), gain=None, evidence=(),
         channels=(), needed=None, untested=(Untested("everything", "too few rows"),), surfaces=(),
@@ -247,13 +249,13 @@ def test_a_gain_that_may_be_none_is_not_sold():
     gain = replace(named().gain, percent=-6.7, interval=(-54.1, 26.1))
     assert "no better than the plain curve" in verdict_sentences(replace(named(), gain=gain))[1]
     gain = replace(named().gain, interval=(-inf, inf))
-    told = verdict_sentences(replace(named(), gain=gain))[1]
-    assert "interval not known" in told
-    assert "inf" not in told
+    text = verdict_sentences(replace(named(), gain=gain))[1]
+    assert "interval not known" in text
+    assert "inf" not in text
 
 
 @pytest.mark.parametrize(
-    ("value", "std", "unit", "told"),
+    ("value", "std", "unit", "text"),
     [
         (0.8123, 0.0631, "1", "0.812 ± 0.063"),
         (-1834.2, 251.7, "N", "-1834 ± 252 N"),
@@ -268,8 +270,8 @@ def test_a_gain_that_may_be_none_is_not_sold():
         (398.4, 12.3, "kg m^2", "398 ± 12 kg·m²"),
     ],
 )
-def test_a_value_has_two_digits_of_its_standard_deviation(value, std, unit, told):
-    assert measured(value, std, unit) == told
+def test_a_value_has_two_digits_of_its_standard_deviation(value, std, unit, text):
+    assert measured(value, std, unit) == text
 
 
 # --- terminal
@@ -278,18 +280,18 @@ def test_a_value_has_two_digits_of_its_standard_deviation(value, std, unit, told
 @pytest.mark.parametrize("kind", MADE)
 def test_the_terminal_is_short_and_its_tables_fit(kind):
     found = MADE[kind]()
-    said = printed(found)
-    lines = said.splitlines()
+    output = printed(found)
+    lines = output.splitlines()
     assert len(lines) < 45
-    assert "…" not in said
+    assert "…" not in output
     for table in (part for part in terminal(found) if not isinstance(part, str)):
         out = io.StringIO()
         console(out).print(table)
         assert max(len(line.rstrip()) for line in out.getvalue().splitlines()) <= 120
     for sentence in (*verdict_sentences(found), *found.wrong):
-        assert sentence in said
+        assert sentence in output
     for what, why in found.untested:
-        assert f"{what}: {why}" in said
+        assert f"{what}: {why}" in output
 
 
 def test_names_with_brackets_are_no_markup():

@@ -105,7 +105,7 @@ class Truth:
         surfaces: Surfaces of the rail in the order of time.
         noise_floor: RMSE of the true model on the measured samples, in adhesion.
         rmse_before: RMSE of c1..c3 fitted without the effects, in adhesion.
-        excess: Share by which the effects raise the RMSE of that fit, as a share; of each effect
+        excess: Share by which the effects raise the RMSE of that fit; of each effect
             alone, on the same noise.
         fresh: truth of a second drive in the same world.
         judge: Computes the true gain and noise floor; not part of the JSON.
