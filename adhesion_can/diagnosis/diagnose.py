@@ -56,7 +56,7 @@ ShowProgress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True)
-class DiagnoseSettings:
+class DiagnosisSettings:
     """Settings of a diagnosis.
 
     Attributes:
@@ -79,7 +79,7 @@ def _silent(_work: str, _share: float) -> None:
 def diagnose(
     drives: Sequence[DriveData],
     holdout: Sequence[DriveData] = (),
-    settings: DiagnoseSettings | None = None,
+    settings: DiagnosisSettings | None = None,
     show: ShowProgress = _silent,
 ) -> Diagnosis:
     """Diagnose recordings of one vehicle, or tables.
@@ -91,7 +91,7 @@ def diagnose(
         show: Callback for the progress.
 
     """
-    settings = settings or DiagnoseSettings()
+    settings = settings or DiagnosisSettings()
     used = [drive for drive in (*drives, *holdout) if len(drive)]
     candidates, untested = build_candidates(used) if used else ((), [])
     thin = tuple(thin_drive(drive, settings.rate_hz) for drive in used)
@@ -142,7 +142,7 @@ class _Analysis:
     candidates: tuple[Candidate, ...]
     block: NDArray[np.int64]
     block_length_s: float
-    settings: DiagnoseSettings
+    settings: DiagnosisSettings
     show: ShowProgress
 
     def run(self, change_times: list[list[float]]) -> Findings:
