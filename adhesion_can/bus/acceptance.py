@@ -7,7 +7,7 @@ reference. `acceptance_columns.accept_rows` is its optimisation for many frames 
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeVar
 
 from adhesion_can.bus.e2e import CounterSupervision, checksum_ok
 from adhesion_can.bus.frame import Frame
@@ -47,7 +47,8 @@ CONVERT_POLICY = AcceptancePolicy(
 """Checks of `convert`: the columns show what was sent, as cantools decodes it."""
 
 
-class DecodedFrame(NamedTuple, Generic[Values]):
+@dataclass(slots=True)
+class DecodedFrame(Generic[Values]):
     """Signals of one payload.
 
     Attributes:

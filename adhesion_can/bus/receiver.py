@@ -103,12 +103,12 @@ def decode(message: BoundMessage, frame: Frame) -> DecodedFrame[list[Reading]]:
     """
     little = int.from_bytes(frame.data, "little")
     big = int.from_bytes(frame.data, "big")
-    t_us = frame.t_us
+    t_us, multiplexed = frame.t_us, message.plan.multiplexed
     readings: list[Reading] = []
     in_range = True
     for signal in message.signals:
         plan = signal.plan
-        if message.plan.multiplexed and not message.plan.present(plan.name, little, big):
+        if multiplexed and not message.plan.present(plan.name, little, big):
             continue
         raw = plan.raw(big if plan.big_endian else little)
         if raw == signal.not_available:

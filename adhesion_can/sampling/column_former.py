@@ -121,7 +121,7 @@ class ColumnFormer:
         plain = replace(formed, covariates=always)
         for first, last in pairwise(bounds.tolist()):
             rows = slice(first, last)
-            own = plain.select(rows) if first < last else _NOTHING
+            own = plain.select(rows) if first < last else _NO_SAMPLES
             # An update carries the covariates that all its samples have.
             more = {n: c[rows] for n, c in at_times.items() if np.isfinite(c[rows]).all()}
             yield replace(own, covariates={**own.covariates, **more}) if more and len(own) else own
@@ -205,12 +205,12 @@ class ColumnFormer:
         whole = ~(lost | gap) & np.isfinite(v.value) & np.isfinite(effort.value) & ~slow
         load = self._load[axle].held_at(t)
         load_std = np.zeros(len(t))
-        guessed = np.flatnonzero(whole & ~np.isfinite(load))
-        if len(guessed):
-            guess = self._guess_load(
-                axle, t[guessed], effort.value[guessed], bracketed[guessed], due
+        unmeasured = np.flatnonzero(whole & ~np.isfinite(load))
+        if len(unmeasured):
+            estimate = self._estimate_load(
+                axle, t[unmeasured], effort.value[unmeasured], bracketed[unmeasured], due
             )
-            load[guessed], load_std[guessed], needed[guessed] = guess
+            load[unmeasured], load_std[unmeasured], needed[unmeasured] = estimate
         patient = due.after((t + equations.give_up_us).astype(np.float64))
         settled = (
             np.maximum.accumulate(np.where(lost | gap, needed, np.minimum(needed, patient)))
@@ -258,7 +258,7 @@ class ColumnFormer:
         wheel.t_us, wheel.value = wheel.t_us[done:].copy(), wheel.value[done:].copy()
         return formed
 
-    def _guess_load(
+    def _estimate_load(
         self, axle: int, t: Stamps, effort: Array, bracketed: Stamps, due: _Due
     ) -> tuple[Array, Array, NDArray[np.int64]]:
         """Loads that were not measured, their standard deviation, and the collection they need.
@@ -276,24 +276,24 @@ class ColumnFormer:
         if equations.transfer is None:
             return load, std, needed
         row = equations.transfer[axle - 1]
-        doubt = np.array([hypot(spread, one * sum(row)) for one in effort.tolist()])
-        asking = np.ones(size, dtype=np.bool_)
+        transfer_std = np.array([hypot(spread, one * sum(row)) for one in effort.tolist()])
+        pending = np.ones(size, dtype=np.bool_)
         shift, latest = np.zeros(size), bracketed
         for j, share in enumerate(row, start=1):
             history = self._effort[j]
-            unknown = asking & (needed < len(due.t_us))
-            # Collected at or before the first message of that axle: nothing of it was known.
+            unknown = pending & (needed < len(due.t_us))
+            # Collected at or before the first message of that axle: no reading of it was known.
             stamp = due.t_us[np.minimum(needed, len(due.t_us) - 1)] if len(due.t_us) else needed
             unknown &= stamp <= history.first_us
-            std[unknown] = doubt[unknown]
-            asking &= ~unknown
+            std[unknown] = transfer_std[unknown]
+            pending &= ~unknown
             other = history.at(t)
-            latest = np.where(asking, np.maximum(latest, other.known_us), latest)
-            needed = np.where(asking, due.after(latest), needed)
-            nothing = asking & (other.known_us < NEVER) & ~np.isfinite(other.value)
-            std[nothing] = doubt[nothing]
-            asking &= ~nothing
-            shift += np.where(asking, share * other.value, 0.0)
+            latest = np.where(pending, np.maximum(latest, other.known_us), latest)
+            needed = np.where(pending, due.after(latest), needed)
+            missing = pending & (other.known_us < NEVER) & ~np.isfinite(other.value)
+            std[missing] = transfer_std[missing]
+            pending &= ~missing
+            shift += np.where(pending, share * other.value, 0.0)
         stamp = due.t_us[np.minimum(needed, len(due.t_us) - 1)] if len(due.t_us) else needed
         place = self._direction.before(stamp)
         travel = (
@@ -301,8 +301,8 @@ class ColumnFormer:
             if len(self._direction.t_us)
             else np.ones(size)
         )
-        load[asking] = static + travel[asking] * shift[asking]
+        load[pending] = static + travel[pending] * shift[pending]
         return load, std, needed
 
 
-_NOTHING = Samples.from_rows([])
+_NO_SAMPLES = Samples.from_rows([])

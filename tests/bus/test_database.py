@@ -163,7 +163,7 @@ def test_message_frame_cycle_and_attributes(strict_database, row):
     assert message.senders == [sender]
     assert message.comment
     assert "ptional" in message.comment or number not in (0x131, 0x132, 0x141, 0x151)
-    # Every receiver exists, and nobody hears itself.
+    # Every receiver exists, and nobody receives itself.
     assert message.receivers
     assert message.receivers <= {"LOCO", "DRIVE", "ADHESION"} - {sender}
     assert ("ADHESION" in message.receivers) is (number < 0x200)

@@ -41,7 +41,7 @@ def from_text(text):
 
 def by_cantools(known, items):
     """Per key: (place, values or reason) of its data frames; and what else there is, counted."""
-    heard, others = {}, Counter()
+    received, others = {}, Counter()
     for place, item in enumerate(items):
         if isinstance(item, Mark):
             others["mark"] += 1
@@ -58,8 +58,8 @@ def by_cantools(known, items):
                 found = message.decode(item.data, decode_choices=False)
             except (DecodeError, ValueError, OverflowError):
                 found = "length" if len(item.data) < message.length else "multiplexer"
-            heard.setdefault((number, extended), []).append((place, found))
-    return heard, others
+            received.setdefault((number, extended), []).append((place, found))
+    return received, others
 
 
 def same_number(found, wanted, dtype):
@@ -87,12 +87,12 @@ def check_signal(name, column, outcome, results):
 
 def check_block(known, decoder, items):
     block = Block.from_frames(items)
-    heard, others = by_cantools(known, items)
+    received, others = by_cantools(known, items)
     decoded = decoder.decode(block)
     keys = {(c.message.frame_id, c.message.is_extended_frame): c for c in decoded}
     assert len(keys) == len(decoded)
-    assert keys.keys() == heard.keys()
-    for key, results in heard.items():
+    assert keys.keys() == received.keys()
+    for key, results in received.items():
         columns = keys[key]
         assert columns.rows.tolist() == [place for place, _ in results]
         assert columns.t_ns.tolist() == [1000 * items[place].t_us for place, _ in results]
@@ -101,7 +101,7 @@ def check_block(known, decoder, items):
         assert set(columns.signals) == {s.name for s in columns.message.signals}
         for name, column in columns.signals.items():
             check_signal(name, column, columns.outcome, results)
-    return heard, others
+    return received, others
 
 
 def check_all(known, blocks):
@@ -109,11 +109,11 @@ def check_all(known, blocks):
     decoder = Decoder(known)
     frames, rejected, unknown, others = Counter(), Counter(), Counter(), Counter()
     for items in blocks:
-        heard, counted = check_block(known, decoder, items)
-        for results in heard.values():
+        received, counted = check_block(known, decoder, items)
+        for results in received.values():
             for _, result in results:
                 rejected[result if isinstance(result, str) else None] += 1
-        for key, results in heard.items():
+        for key, results in received.items():
             frames[known.db.get_message_by_frame_id(key[0], force_extended_id=key[1]).name] += len(
                 results
             )
@@ -413,8 +413,8 @@ def test_the_drive_of_a_car_equals_cantools():
     known = load_database(DATA / "car.dbc")
     items = list(Recording(folder / "rav4_drive.log.gz"))
     decoder = Decoder(known)
-    heard, others = check_block(known, decoder, items)
-    assert len(heard[170, False]) > 4000
+    received, others = check_block(known, decoder, items)
+    assert len(received[170, False]) > 4000
     assert decoder.report.unknown == others
     assert decoder.report.frames == 135_468
     assert not decoder.report.messages["WHEEL_SPEEDS"].rejected

@@ -140,7 +140,7 @@ def test_a_long_message_in_short_frames_is_refused(others):
 # --- what is not decoded -------------------------------------------------------------------------
 
 
-def test_signals_not_wanted_are_passed_over_and_told():
+def test_signals_not_wanted_are_passed_over_and_reported():
     decoder = Decoder(OWN, lambda message, signal: (message, signal) == ("WheelSpeeds1", "Alive"))
     frames = [Frame(0, number, sealed(number, 3, bytes(8))) for number in (0x101, 0x102, 0x102)]
     (columns,) = decoder.decode(Block.from_frames(frames))
@@ -150,7 +150,7 @@ def test_signals_not_wanted_are_passed_over_and_told():
     assert decoder.report.frames == 3
 
 
-def test_what_cannot_be_decoded_is_left_out_and_told():
+def test_what_cannot_be_decoded_is_left_out_and_reported():
     inner = Message(3, "Inner", 1, [], header_id=5)
     known = database(
         Message(1, "Box", 8, [], contained_messages=[inner]),
@@ -173,7 +173,7 @@ def test_what_cannot_be_decoded_is_left_out_and_told():
     }
 
 
-def test_a_protection_without_room_for_it_is_told_and_not_checked():
+def test_a_protection_without_room_for_it_is_reported_and_not_checked():
     text = """VERSION ""
 BO_ 5 Short: 1 Vector__XXX
  SG_ S : 0|8@1+ (1,0) [0|0] "" Vector__XXX

@@ -136,28 +136,28 @@ def test_fifteen_counts_then_zero_again_all_pass_supervision():
 class Rule:
     """The contract's sentence about the counter, restated over the whole history.
 
-    Nothing is kept but what was heard and how it was judged; every verdict is worked out from
+    Nothing is kept but what was received and how it was judged; every verdict is worked out from
     that anew, so that no state can go stale.
     """
 
     def __init__(self, cycle_us):
         self.cycle_us = cycle_us
-        self.heard = []  # (count, t_us, accepted); None stands for a frame rejected before
+        self.received = []  # (count, t_us, accepted); None stands for a frame rejected before
         self.lost = 0
 
     def judge(self, count, t_us):
         verdict, lost = self._verdict(count, t_us)
-        self.heard.append((count, t_us, verdict is None))
+        self.received.append((count, t_us, verdict is None))
         self.lost += lost
         return verdict
 
     def rejected_otherwise(self):
-        self.heard.append(None)
+        self.received.append(None)
 
     def _verdict(self, count, t_us):
         if count == 15:
             return "order", 0
-        frames = [entry for entry in self.heard if entry]
+        frames = [entry for entry in self.received if entry]
         accepted = [entry for entry in frames if entry[2]]
         if not accepted:
             return None, 0
@@ -167,7 +167,7 @@ class Rule:
         delta = (count - accepted[-1][0]) % 15
         if delta in (1, 2, 3):
             return None, delta - 1
-        before = self.heard[-2:]
+        before = self.received[-2:]
         follow = [(count - 2) % 15, (count - 1) % 15]
         if (
             len(before) == 2
@@ -385,7 +385,7 @@ def check_at_once(counts, t_us, sound, cycle, cuts):
         assert lost.dtype == np.int64
         assert (outcome.tolist(), lost.tolist()) == wanted
         assert asdict(many) == asdict(single)
-        assert type(many.lost) is type(many._baseline or 0) is type(many._heard_us) is int
+        assert type(many.lost) is type(many._baseline or 0) is type(many._received_us) is int
 
 
 def columns_of(sequence, first):

@@ -49,8 +49,8 @@ def by_role(readings):
     return {(r.role, r.axle): r.value for r in readings}
 
 
-def record_of(heard, name):
-    (record,) = [r for r in heard.records if r.message.plan.name == name]
+def record_of(subject, name):
+    (record,) = [r for r in subject.records if r.message.plan.name == name]
     return record
 
 
@@ -58,19 +58,19 @@ def record_of(heard, name):
 
 
 def test_readings_are_in_si_and_carry_the_stamp_of_their_frame():
-    heard = receiver()
-    readings = heard.accept(Frame(7 * MS, 0x101, wheel_payload(speeds=(50000, 500, 0xFFFF))))
+    subject = receiver()
+    readings = subject.accept(Frame(7 * MS, 0x101, wheel_payload(speeds=(50000, 500, 0xFFFF))))
     assert readings == [
         Reading(7 * MS, Role.WHEEL_SPEED, 1, pytest.approx(100.0)),
         Reading(7 * MS, Role.WHEEL_SPEED, 2, pytest.approx(1.0)),
         Reading(7 * MS, Role.WHEEL_SPEED, 3, None),
     ]
-    record = record_of(heard, "WheelSpeeds1")
+    record = record_of(subject, "WheelSpeeds1")
     assert (record.frames, record.accepted, record.readings, record.not_available) == (1, 1, 3, 1)
 
 
 def test_all_of_the_contract_in_si_units():
-    heard = receiver()
+    subject = receiver()
     frames = [
         (0x121, payload_of((16, 16, -30000), (32, 16, 30000), (48, 16, 0x7FFF))),
         (0x132, payload_of((16, 16, 24500), (32, 16, 0xFFFF), (48, 16, 0))),
@@ -78,9 +78,9 @@ def test_all_of_the_contract_in_si_units():
     ]
     found = {}
     for data_id, raw in frames:
-        found |= by_role(heard.accept(Frame(0, data_id, sealed(data_id, 0, raw))))
-    found |= by_role(heard.accept(Frame(0, 0x111, speed_payload(0, 12345, 4, 2))))
-    found |= by_role(heard.accept(Frame(0, 0x141, environment(0, 0, 254, 200, 1, 3))))
+        found |= by_role(subject.accept(Frame(0, data_id, sealed(data_id, 0, raw))))
+    found |= by_role(subject.accept(Frame(0, 0x111, speed_payload(0, 12345, 4, 2))))
+    found |= by_role(subject.accept(Frame(0, 0x141, environment(0, 0, 254, 200, 1, 3))))
     expected = {
         (Role.TRACTIVE_EFFORT, 1): -300e3,
         (Role.TRACTIVE_EFFORT, 2): 300e3,
@@ -105,9 +105,9 @@ def test_all_of_the_contract_in_si_units():
 
 
 def test_minus_0x8000_is_a_value_and_0x7fff_is_none():
-    heard = receiver()
+    subject = receiver()
     raw = payload_of((16, 16, 0x8000), (32, 16, 0x7FFF), (48, 16, 0x7FFE))
-    values = by_role(heard.accept(Frame(0, 0x121, sealed(0x121, 0, raw))))
+    values = by_role(subject.accept(Frame(0, 0x121, sealed(0x121, 0, raw))))
     assert list(values.values()) == [-327680.0, None, 327660.0]
 
 
@@ -146,17 +146,17 @@ def test_every_bound_message_has_the_cycle_of_the_contract():
     ids=["extended", "remote", "remote+data", "error", "error+data", "other", "output", "empty"],
 )
 def test_frames_that_are_none_of_ours_change_nothing(frame):
-    heard = receiver()
-    assert heard.accept(frame) is None
-    assert heard.rejected == 0
-    assert all(r.frames == 0 for r in heard.records)
+    subject = receiver()
+    assert subject.accept(frame) is None
+    assert subject.rejected == 0
+    assert all(r.frames == 0 for r in subject.records)
 
 
 def test_an_fd_frame_of_eight_bytes_is_judged_by_its_payload():
-    heard = receiver()
+    subject = receiver()
     good = Frame(0, 0x101, wheel_payload(0), is_fd=True)
-    assert len(heard.accept(good)) == 3
-    assert heard.accept(Frame(10 * MS, 0x101, bytes(8), is_fd=True)) is Rejection.CHECKSUM
+    assert len(subject.accept(good)) == 3
+    assert subject.accept(Frame(10 * MS, 0x101, bytes(8), is_fd=True)) is Rejection.CHECKSUM
 
 
 # --- rejections ----------------------------------------------------------------------------------
@@ -164,23 +164,23 @@ def test_an_fd_frame_of_eight_bytes_is_judged_by_its_payload():
 
 @pytest.mark.parametrize("size", [0, 1, 2, 7, 12, 64])
 def test_wrong_length_is_rejected_before_anything_is_read(size):
-    heard = receiver()
+    subject = receiver()
     payload = (wheel_payload() + bytes(64))[:size]
-    assert heard.accept(Frame(0, 0x101, payload, is_fd=size > 8)) is Rejection.LENGTH
-    assert record_of(heard, "WheelSpeeds1").rejected == {Rejection.LENGTH: 1}
+    assert subject.accept(Frame(0, 0x101, payload, is_fd=size > 8)) is Rejection.LENGTH
+    assert record_of(subject, "WheelSpeeds1").rejected == {Rejection.LENGTH: 1}
 
 
 @pytest.mark.parametrize("bit", range(64))
 def test_any_flipped_bit_is_a_checksum_fault(bit):
-    heard = receiver()
+    subject = receiver()
     word = int.from_bytes(wheel_payload(3, speeds=(1, 2, 3)), "little") ^ (1 << bit)
-    outcome = heard.accept(Frame(0, 0x101, word.to_bytes(8, "little")))
+    outcome = subject.accept(Frame(0, 0x101, word.to_bytes(8, "little")))
     assert outcome is Rejection.CHECKSUM
 
 
 def test_another_messages_frame_under_our_id_is_a_checksum_fault():
-    heard = receiver()
-    assert heard.accept(Frame(0, 0x102, wheel_payload(0))) is Rejection.CHECKSUM
+    subject = receiver()
+    assert subject.accept(Frame(0, 0x102, wheel_payload(0))) is Rejection.CHECKSUM
 
 
 @pytest.mark.parametrize(
@@ -196,9 +196,9 @@ def test_another_messages_frame_under_our_id_is_a_checksum_fault():
     ids=["120%", "100.5%", "127%", "source 9", "source 5", "source 15"],
 )
 def test_a_value_out_of_its_range_rejects_the_whole_frame(can_id, payload):
-    heard = receiver()
-    assert heard.accept(Frame(0, can_id, payload)) is Rejection.RANGE
-    (record,) = [r for r in heard.records if r.frames]
+    subject = receiver()
+    assert subject.accept(Frame(0, can_id, payload)) is Rejection.RANGE
+    (record,) = [r for r in subject.records if r.frames]
     assert record.rejected == {Rejection.RANGE: 1}
     assert record.readings == record.accepted == record.not_available == 0
 
@@ -218,56 +218,56 @@ def test_the_ends_of_the_range_are_inside_it(can_id, payload):
 
 
 def test_repeat_and_order():
-    heard = receiver()
-    assert isinstance(heard.accept(Frame(0, 0x101, wheel_payload(4))), list)
-    assert heard.accept(Frame(10 * MS, 0x101, wheel_payload(4))) is Rejection.REPEAT
-    assert heard.accept(Frame(20 * MS, 0x101, wheel_payload(8))) is Rejection.ORDER
-    assert heard.accept(Frame(30 * MS, 0x101, wheel_payload(3))) is Rejection.ORDER
-    assert isinstance(heard.accept(Frame(50 * MS, 0x101, wheel_payload(5))), list)
-    record = record_of(heard, "WheelSpeeds1")
+    subject = receiver()
+    assert isinstance(subject.accept(Frame(0, 0x101, wheel_payload(4))), list)
+    assert subject.accept(Frame(10 * MS, 0x101, wheel_payload(4))) is Rejection.REPEAT
+    assert subject.accept(Frame(20 * MS, 0x101, wheel_payload(8))) is Rejection.ORDER
+    assert subject.accept(Frame(30 * MS, 0x101, wheel_payload(3))) is Rejection.ORDER
+    assert isinstance(subject.accept(Frame(50 * MS, 0x101, wheel_payload(5))), list)
+    record = record_of(subject, "WheelSpeeds1")
     assert record.rejected == {Rejection.REPEAT: 1, Rejection.ORDER: 2}
-    assert (record.frames, record.accepted, heard.rejected, heard.lost) == (5, 2, 3, 0)
+    assert (record.frames, record.accepted, subject.rejected, subject.lost) == (5, 2, 3, 0)
 
 
 def test_a_count_of_fifteen_under_a_right_checksum_is_rejected_as_order():
-    heard = receiver()
-    assert isinstance(heard.accept(Frame(0, 0x101, wheel_payload(14))), list)
-    assert heard.accept(Frame(10 * MS, 0x101, wheel_payload(15))) is Rejection.ORDER
-    assert isinstance(heard.accept(Frame(20 * MS, 0x101, wheel_payload(0))), list)
-    assert heard.lost == 0
+    subject = receiver()
+    assert isinstance(subject.accept(Frame(0, 0x101, wheel_payload(14))), list)
+    assert subject.accept(Frame(10 * MS, 0x101, wheel_payload(15))) is Rejection.ORDER
+    assert isinstance(subject.accept(Frame(20 * MS, 0x101, wheel_payload(0))), list)
+    assert subject.lost == 0
 
 
 def test_each_message_has_a_counter_of_its_own():
-    heard = receiver()
+    subject = receiver()
     for i in range(30):
         for can_id in (0x101, 0x102):
             payload = wheel_payload((i + can_id) % 15, data_id=can_id)
-            assert isinstance(heard.accept(Frame(i * 10 * MS, can_id, payload)), list)
-    assert heard.rejected == heard.lost == 0
+            assert isinstance(subject.accept(Frame(i * 10 * MS, can_id, payload)), list)
+    assert subject.rejected == subject.lost == 0
 
 
 @pytest.mark.parametrize("fault", ["length", "checksum", "range"])
 def test_a_frame_rejected_for_another_reason_never_moves_the_counters_baseline(fault):
-    heard = receiver()
-    assert isinstance(heard.accept(Frame(0, 0x141, environment(4))), list)
+    subject = receiver()
+    assert isinstance(subject.accept(Frame(0, 0x141, environment(4))), list)
     bad = {
         "length": environment(5)[:7],
         "checksum": bytes([environment(5)[0] ^ 1]) + environment(5)[1:],
         "range": environment(5, humidity=240),
     }[fault]
-    assert heard.accept(Frame(1000 * MS, 0x141, bad)) == Rejection(fault)
+    assert subject.accept(Frame(1000 * MS, 0x141, bad)) == Rejection(fault)
     # Had 5 moved the baseline, 5 would be a repeat.
-    assert isinstance(heard.accept(Frame(2000 * MS, 0x141, environment(5))), list)
-    assert heard.lost == 0
+    assert isinstance(subject.accept(Frame(2000 * MS, 0x141, environment(5))), list)
+    assert subject.lost == 0
 
 
 def test_a_frame_of_the_new_count_that_is_damaged_does_not_help_to_establish_it():
-    heard = receiver()
-    heard.accept(Frame(0, 0x101, wheel_payload(0)))
-    assert heard.accept(Frame(10 * MS, 0x101, wheel_payload(7))) is Rejection.ORDER
-    assert heard.accept(Frame(20 * MS, 0x101, wheel_payload(8))) is Rejection.ORDER
-    assert heard.accept(Frame(30 * MS, 0x101, bytes(8))) is Rejection.CHECKSUM
-    assert heard.accept(Frame(40 * MS, 0x101, wheel_payload(9))) is Rejection.ORDER
+    subject = receiver()
+    subject.accept(Frame(0, 0x101, wheel_payload(0)))
+    assert subject.accept(Frame(10 * MS, 0x101, wheel_payload(7))) is Rejection.ORDER
+    assert subject.accept(Frame(20 * MS, 0x101, wheel_payload(8))) is Rejection.ORDER
+    assert subject.accept(Frame(30 * MS, 0x101, bytes(8))) is Rejection.CHECKSUM
+    assert subject.accept(Frame(40 * MS, 0x101, wheel_payload(9))) is Rejection.ORDER
 
 
 @settings(max_examples=60, deadline=None)
@@ -278,8 +278,8 @@ def test_a_frame_of_the_new_count_that_is_damaged_does_not_help_to_establish_it(
 )
 def test_counts_add_up_over_any_sequence_of_faults(faults):
     """A sender counts on, a bus loses, damages and repeats: nothing is counted twice or never."""
-    heard = receiver()
-    told = Counter()
+    subject = receiver()
+    expected = Counter()
     sent = dropped_run = lost = 0
     exact = True
     last = None
@@ -291,11 +291,11 @@ def test_counts_add_up_over_any_sequence_of_faults(faults):
             continue
         if fault in ("flip", "short"):
             bad = payload[:-1] if fault == "short" else payload[:-1] + bytes([payload[-1] ^ 4])
-            told["length" if fault == "short" else "checksum"] += 1
-            assert isinstance(heard.accept(Frame(i * 10 * MS, 0x101, bad)), Rejection)
+            expected["length" if fault == "short" else "checksum"] += 1
+            assert isinstance(subject.accept(Frame(i * 10 * MS, 0x101, bad)), Rejection)
             dropped_run += 1
             continue
-        outcome = heard.accept(Frame(i * 10 * MS, 0x101, payload))
+        outcome = subject.accept(Frame(i * 10 * MS, 0x101, payload))
         if dropped_run <= 2 or last is None:
             assert isinstance(outcome, list)
             lost += dropped_run if last is not None else 0
@@ -304,25 +304,25 @@ def test_counts_add_up_over_any_sequence_of_faults(faults):
         if isinstance(outcome, list):
             last, dropped_run = sent, 0
         if fault == "repeat" and exact:
-            told["repeat"] += 1
-            assert heard.accept(Frame(i * 10 * MS + 1, 0x101, payload)) is Rejection.REPEAT
+            expected["repeat"] += 1
+            assert subject.accept(Frame(i * 10 * MS + 1, 0x101, payload)) is Rejection.REPEAT
         if not exact:
             break
-    record = record_of(heard, "WheelSpeeds1")
+    record = record_of(subject, "WheelSpeeds1")
     assert record.frames == record.accepted + sum(record.rejected.values())
     assert record.readings == 3 * record.accepted
     if exact:
-        assert record.rejected == told
-        assert heard.lost == lost
+        assert record.rejected == expected
+        assert subject.lost == lost
 
 
 def test_a_rejected_frame_yields_no_reading_and_leaves_no_trace_in_gaps():
-    heard = receiver()
-    heard.accept(Frame(0, 0x101, wheel_payload(0)))
+    subject = receiver()
+    subject.accept(Frame(0, 0x101, wheel_payload(0)))
     for i in range(1, 5):
-        assert heard.accept(Frame(i * 10 * MS, 0x101, bytes(8))) is Rejection.CHECKSUM
-    heard.accept(Frame(50 * MS, 0x101, wheel_payload(1, speeds=(5, 5, 5))))
-    record = record_of(heard, "WheelSpeeds1")
+        assert subject.accept(Frame(i * 10 * MS, 0x101, bytes(8))) is Rejection.CHECKSUM
+    subject.accept(Frame(50 * MS, 0x101, wheel_payload(1, speeds=(5, 5, 5))))
+    record = record_of(subject, "WheelSpeeds1")
     assert record.longest_gap_us == 50 * MS
     assert record.gap_at_us == 0
     assert record.late == 1
@@ -348,42 +348,44 @@ def bound(*choices):
 
 
 def test_a_role_with_a_channel_hears_that_channel_only():
-    heard = bound(
+    subject = bound(
         SignalChoice(Role.VEHICLE_SPEED, 0, "VehicleSpeed", "VehicleSpeed", channel="can1")
     )
-    assert heard.accept(Frame(0, 0x111, speed_payload(0, 500), "can0")) is None
-    assert len(heard.accept(Frame(0, 0x111, speed_payload(0, 500), "can1"))) == 1
+    assert subject.accept(Frame(0, 0x111, speed_payload(0, 500), "can0")) is None
+    assert len(subject.accept(Frame(0, 0x111, speed_payload(0, 500), "can1"))) == 1
 
 
 def test_the_same_message_on_two_channels_is_two_messages_with_two_counters():
-    heard = bound(
+    subject = bound(
         SignalChoice(Role.WHEEL_SPEED, 1, "WheelSpeeds1", "WheelSpeed_Ax1", channel="can0"),
         SignalChoice(Role.WHEEL_SPEED, 2, "WheelSpeeds1", "WheelSpeed_Ax2", channel="can1"),
     )
     for i in range(6):
-        first = heard.accept(Frame(i * 10 * MS, 0x101, wheel_payload(i, speeds=(1, 2, 3)), "can0"))
-        second = heard.accept(
+        first = subject.accept(
+            Frame(i * 10 * MS, 0x101, wheel_payload(i, speeds=(1, 2, 3)), "can0")
+        )
+        second = subject.accept(
             Frame(i * 10 * MS, 0x101, wheel_payload((i + 7) % 15, speeds=(4, 5, 6)), "can1")
         )
         assert by_role(first) == {(Role.WHEEL_SPEED, 1): pytest.approx(0.002)}
         assert by_role(second) == {(Role.WHEEL_SPEED, 2): pytest.approx(0.010)}
-    assert heard.rejected == heard.lost == 0
+    assert subject.rejected == subject.lost == 0
 
 
 def test_without_protection_neither_checksum_nor_counter_is_asked_for():
-    heard = bound(
+    subject = bound(
         SignalChoice(Role.VEHICLE_SPEED, 0, "VehicleSpeed", "VehicleSpeed", protection="none")
     )
     raw = payload_of((0, 8, 0xAA), (8, 4, 15), (16, 16, 500))
     for i in range(4):
-        assert by_role(heard.accept(Frame(i * MS, 0x111, raw))) == {
+        assert by_role(subject.accept(Frame(i * MS, 0x111, raw))) == {
             (Role.VEHICLE_SPEED, 0): pytest.approx(1.0)
         }
-    assert heard.accept(Frame(5 * MS, 0x111, raw[:5])) is Rejection.LENGTH
+    assert subject.accept(Frame(5 * MS, 0x111, raw[:5])) is Rejection.LENGTH
 
 
 def test_data_id_factor_sign_and_unit_of_a_choice_hold():
-    heard = bound(
+    subject = bound(
         SignalChoice(
             Role.VEHICLE_SPEED,
             0,
@@ -396,13 +398,13 @@ def test_data_id_factor_sign_and_unit_of_a_choice_hold():
         )
     )
     raw = payload_of((16, 16, 5000))  # 10 in the database's unit, which the choice calls km/h
-    assert heard.accept(Frame(0, 0x111, sealed(0x111, 0, raw))) is Rejection.CHECKSUM
-    (reading,) = heard.accept(Frame(0, 0x111, sealed(0xBEEF, 0, raw)))
+    assert subject.accept(Frame(0, 0x111, sealed(0x111, 0, raw))) is Rejection.CHECKSUM
+    (reading,) = subject.accept(Frame(0, 0x111, sealed(0xBEEF, 0, raw)))
     assert reading.value == pytest.approx(-10 / 3.6 * 1.01)
 
 
 def test_a_choice_may_take_all_ones_as_a_value():
-    heard = bound(
+    subject = bound(
         SignalChoice(
             Role.AMBIENT_TEMPERATURE,
             0,
@@ -412,12 +414,12 @@ def test_a_choice_may_take_all_ones_as_a_value():
         )
     )
     # 87.5 degC is beyond the stated range: without 'not available' it is out of range.
-    assert heard.accept(Frame(0, 0x141, environment(air=255))) is Rejection.RANGE
+    assert subject.accept(Frame(0, 0x141, environment(air=255))) is Rejection.RANGE
 
 
 def test_only_the_signals_that_have_a_role_can_reject_a_frame():
-    heard = bound(SignalChoice(Role.VEHICLE_SPEED, 0, "VehicleSpeed", "VehicleSpeed"))
-    assert isinstance(heard.accept(Frame(0, 0x111, speed_payload(0, 500, source=9))), list)
+    subject = bound(SignalChoice(Role.VEHICLE_SPEED, 0, "VehicleSpeed", "VehicleSpeed"))
+    assert isinstance(subject.accept(Frame(0, 0x111, speed_payload(0, 500, source=9))), list)
 
 
 # --- databases with faults -----------------------------------------------------------------------
@@ -434,7 +436,7 @@ def bound_of(size, *signals, role=Role.WHEEL_SPEED, extra=""):
 @pytest.mark.parametrize(
     ("size", "place"), [(8, "56|16@1+"), (8, "60|16@0+"), (8, "0|72@1+"), (2, "12|16@1+")]
 )
-def test_a_role_on_a_signal_that_leaves_its_message_is_told(size, place):
+def test_a_role_on_a_signal_that_leaves_its_message_is_reported(size, place):
     with pytest.raises(
         ConfigError, match=r"M\.S cannot be decoded: .*; correct the signal"
     ) as error:
@@ -450,7 +452,7 @@ def test_a_role_on_a_signal_that_leaves_its_message_is_told(size, place):
         (['X : 60|8@1+ (1,0) [0|0] ""', 'S : 0|16@1+ (1,0) [0|0] "rad/s"'], None),
     ],
 )
-def test_a_role_whose_selector_leaves_its_message_is_told(lines, what):
+def test_a_role_whose_selector_leaves_its_message_is_reported(lines, what):
     if what is None:  # of faults of other signals nothing is asked
         assert bound_of(8, *lines)
         return

@@ -23,7 +23,7 @@ def as_words(rows, width):
 
 
 def bits_of(number):
-    """A float told apart from every other, -0.0 from 0.0 too; all NaNs are one."""
+    """A float distinct from every other, -0.0 from 0.0 too; all NaNs are one."""
     return "nan" if math.isnan(number) else struct.pack("<d", number)
 
 

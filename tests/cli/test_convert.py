@@ -164,7 +164,7 @@ def test_several_logs_follow_each_other(log, tmp_path, capsys):
     assert "b.log: begins before the end of the file in front of it" in capsys.readouterr().out
 
 
-def test_time_that_goes_backwards_is_kept_and_told(tmp_path, capsys):
+def test_time_that_goes_backwards_is_kept_and_reported(tmp_path, capsys):
     path = tmp_path / "a.log"
     path.write_text(line(9, 180, bytes(8)) + line(5, 180, bytes(8)))
     assert convert(path, "--dbc", CAR, "--out", tmp_path / "o.csv") == 0
@@ -192,7 +192,7 @@ def test_frames_of_no_wanted_signal_are_no_rows(log, tmp_path, capsys):
     assert "without a wanted signal: 22 frames (WheelSpeeds1: 22)" in capsys.readouterr().out
 
 
-def test_several_channels_are_told_and_one_can_be_taken(tmp_path, capsys):
+def test_several_channels_are_reported_and_one_can_be_taken(tmp_path, capsys):
     path = tmp_path / "a.log"
     path.write_text("".join(line(k, 180, bytes(8), f"can{k % 3}") for k in range(9)))
     arguments = (path, "--dbc", CAR, "--out", tmp_path / "o.csv")
@@ -214,19 +214,19 @@ def test_exports_of_one_recording_lie_over_each_other_in_mf4(log, tmp_path):
         assert two.get("WheelSpeed_Ax4").timestamps[0] == 0.00025
 
 
-def test_mf4_of_times_that_run_back_is_told(tmp_path, capsys):
+def test_mf4_of_times_that_run_back_is_reported(tmp_path, capsys):
     path = tmp_path / "a.log"
     path.write_text("".join(line(k, 180, bytes(8)) for k in (9, 5, 7)))
-    told = "MF4 wants rising times: frames stamped before"
+    message = "MF4 wants rising times: frames stamped before"
     assert convert(path, "--dbc", CAR, "--out", tmp_path / "o.csv") == 0
-    assert told not in capsys.readouterr().out
+    assert message not in capsys.readouterr().out
     assert convert(path, "--dbc", CAR, "--out", tmp_path / "o.mf4") == 0
-    assert told in capsys.readouterr().out
+    assert message in capsys.readouterr().out
     with MDF(tmp_path / "o.mf4") as mdf:
         assert mdf.get("SPEED").timestamps.tolist() == pytest.approx([-4e-6, -2e-6, 0.0])
     path.write_text("".join(line(k, 180, bytes(8)) for k in (5, 7, 9)))
     assert convert(path, "--dbc", CAR, "--out", tmp_path / "o.mf4") == 0
-    assert told not in capsys.readouterr().out
+    assert message not in capsys.readouterr().out
 
 
 TWICE = """VERSION ""
@@ -271,7 +271,7 @@ def test_messages_of_one_name_are_counted_each_under_its_id(twice, tmp_path, cap
     assert "several channels" not in out
 
 
-def test_a_signal_that_cannot_be_decoded_tells_why_when_asked_for_alone(twice, tmp_path, capsys):
+def test_an_undecodable_signal_asked_for_alone_names_the_reason(twice, tmp_path, capsys):
     err = fails(capsys, *twice, "--out", tmp_path / "o.csv", "--signals", "M.Beyond")
     assert "it has M: 5; M.Beyond: cannot be decoded: " in err
 
@@ -339,7 +339,7 @@ def test_what_was_written_before_stays_where_nothing_is_decoded(log, tmp_path, c
 
 
 @pytest.mark.parametrize(
-    ("lines", "options", "told"),
+    ("lines", "options", "message"),
     [
         ("", (), "no data frame in it"),
         ("garbage\n", (), "no data frame in it"),
@@ -357,15 +357,15 @@ def test_what_was_written_before_stays_where_nothing_is_decoded(log, tmp_path, c
         ),
     ],
 )
-def test_a_recording_without_a_row_tells_why(tmp_path, capsys, lines, options, told):
+def test_a_recording_without_a_row_names_the_reason(tmp_path, capsys, lines, options, message):
     path = tmp_path / "a.log"
     path.write_text(lines)
-    assert told in fails(capsys, path, "--out", tmp_path / "o.csv", *options)
+    assert message in fails(capsys, path, "--out", tmp_path / "o.csv", *options)
     assert [path.name for path in tmp_path.iterdir()] == ["a.log"]
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (("{log}", "--out", "{dir}/none/o.csv"), "its folder does not exist"),
         (("{log}", "--out", "{dir}/o.xls"), "of no known format"),
@@ -380,7 +380,9 @@ def test_a_recording_without_a_row_tells_why(tmp_path, capsys, lines, options, t
         (("{log}", "--out", "{dir}/d.csv"), "is a folder"),
     ],
 )
-def test_bad_usage_is_told_before_the_work(log, tmp_path, capsys, monkeypatch, arguments, told):
+def test_bad_usage_is_reported_before_the_work(
+    log, tmp_path, capsys, monkeypatch, arguments, message
+):
     (tmp_path / "x").mkdir()
     (tmp_path / "d.csv").mkdir()
     before = sorted(tmp_path.iterdir())
@@ -390,11 +392,11 @@ def test_bad_usage_is_told_before_the_work(log, tmp_path, capsys, monkeypatch, a
 
     monkeypatch.setattr("adhesion_can.recordings.recording.Recording.blocks", read)
     words = [word.format(log=log, dir=tmp_path) for word in arguments]
-    assert told in fails(capsys, *words)
+    assert message in fails(capsys, *words)
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_a_missing_extra_is_told_before_the_work(log, tmp_path, capsys, monkeypatch):
+def test_a_missing_extra_is_reported_before_the_work(log, tmp_path, capsys, monkeypatch):
     for name in list(sys.modules):
         if name.startswith(("asammdf", "adhesion_can.reporting.export.mf4_file")):
             monkeypatch.delitem(sys.modules, name)
@@ -415,7 +417,7 @@ def full_disk():
 
 
 @pytest.mark.parametrize("suffix", ["csv", "csv.gz", "parquet", "mf4"])
-def test_a_full_disk_is_told_and_leaves_nothing(tmp_path, capsys, suffix):
+def test_a_full_disk_is_reported_and_leaves_nothing(tmp_path, capsys, suffix):
     log = tmp_path / "a.log"
     rng = random.Random(1)
     log.write_text("".join(line(k**2, 170, rng.randbytes(8)) for k in range(10_000)))

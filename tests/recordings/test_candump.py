@@ -199,7 +199,7 @@ OTHER_LINES = {
 
 
 @pytest.mark.parametrize(("line", "kind"), OTHER_LINES.items(), ids=[k[:50] for k in OTHER_LINES])
-def test_every_other_line_is_told_by_kind(line, kind):
+def test_every_other_line_is_reported_by_kind(line, kind):
     assert parse_line((line + "\n").encode()) == kind
     assert parse_line((line + "\r\n").encode()) == kind
     items, report = read(line + "\n")

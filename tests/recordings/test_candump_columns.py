@@ -62,7 +62,7 @@ def check_block(block):
 
 
 def assert_same(path, size=1 << 20):
-    """Blocks of a file tell what its frames one by one tell; gives them."""
+    """Blocks of a file equal its frames one by one; gives them."""
     frames, columns = Recording(path), Recording(path)
     wanted = list(frames)
     blocks = list(columns.blocks(size))
@@ -701,7 +701,7 @@ def test_what_is_packed_and_spoiled_is_read_as_far_as_line_by_line(tmp_path, way
     frames = plain_log(4000, rng)
     packed = PACK[way]("".join(map(format_frame, frames)).encode())
     path = tmp_path / "a.log"
-    told = 0
+    reported = 0
     for _ in range(25):
         path.write_bytes(spoiled(rng, packed))
         if path.read_bytes()[:4] == packed[:4]:
@@ -709,12 +709,12 @@ def test_what_is_packed_and_spoiled_is_read_as_far_as_line_by_line(tmp_path, way
             recording = Recording(path)
             found = [item for block in recording.blocks() for item in block.items()]
             if found != frames:
-                told += 1
+                reported += 1
                 assert (
                     recording.report.kinds["cut"] + recording.report.passed_over >= 1
                     or len(found) == 4000
                 )
-    assert told > 3
+    assert reported > 3
 
 
 def test_zstd_without_its_package_names_the_extra(tmp_path, monkeypatch):

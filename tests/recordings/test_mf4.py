@@ -92,11 +92,11 @@ def assert_same_route(path, note=None):
         blocks.extend(recording.blocks())
     except RecordingError as stopped:
         error = str(stopped)
-    wanted, counted, told = framewise(path)
+    wanted, counted, raised = framewise(path)
     assert_equal(joined(blocks), wanted)
     assert recording.report.notes == notes
     recording.report.notes.clear()
-    assert (recording.report, error) == (counted, told)
+    assert (recording.report, error) == (counted, raised)
     return len(wanted), error
 
 
@@ -219,7 +219,7 @@ LAYOUTS = {
     "direction as text": [group(300, Dir="S2")],
     "a group a bus": [group(300, seed=n, bus=n) for n in (3, 1, 2)],
     "errors first": [group(9, name="CAN_ErrorFrame"), group(300)],
-    "errors that tell nothing": [
+    "errors without a text": [
         group(9, name="CAN_ErrorFrame", ID=None, IDE=None, DataLength=None, DataBytes=None),
         group(300),
     ],
@@ -395,7 +395,7 @@ def test_an_unsorted_file_with_payloads_apart(tmp_path, size):
 # --- faults --------------------------------------------------------------------------------------
 
 
-def test_records_that_are_marked_as_invalid_are_told(tmp_path):
+def test_records_that_are_marked_as_invalid_are_reported(tmp_path):
     name, stamps, samples = group(2500)
     source = asammdf.Source("", "", "", asammdf.Source.SOURCE_BUS, asammdf.Source.BUS_TYPE_CAN)
     bad = np.arange(2500) % 7 == 3
@@ -409,7 +409,7 @@ def test_records_that_are_marked_as_invalid_are_told(tmp_path):
 
 
 @pytest.mark.parametrize("claimed", [2501, 2999, 3000, 3001, 9000])
-def test_records_that_are_not_there_are_told(tmp_path, claimed):
+def test_records_that_are_not_there_are_reported(tmp_path, claimed):
     path = unsorted_logging(tmp_path / "a.mf4", 2500, claimed=claimed)
     count, error = assert_same_route(path, "some records are missing, or marked as invalid")
     # python-can's reader asks for a thousand at a time, and stops where there are none.

@@ -26,15 +26,15 @@ def drive():
     """(recording, receiver, readings, channels) of the whole drive."""
     configuration = load_configuration(DATA / "car.toml")
     recording = Recording(FOLDER / "rav4_drive.log.gz")
-    heard = Receiver(configuration.messages)
+    subject = Receiver(configuration.messages)
     readings, channels = [], Counter()
     for item in recording:
         assert isinstance(item, Frame)
         channels[item.channel] += 1
-        outcome = heard.accept(item)
+        outcome = subject.accept(item)
         if isinstance(outcome, list):
             readings += [r for r in outcome if r.role is Role.WHEEL_SPEED]
-    return recording, heard, readings, channels
+    return recording, subject, readings, channels
 
 
 def test_every_line_of_the_drive_is_read(drive):
@@ -46,8 +46,8 @@ def test_every_line_of_the_drive_is_read(drive):
 
 
 def test_every_wheel_speed_frame_is_accepted(drive):
-    _, heard, readings, _ = drive
-    (wheels,) = [r for r in heard.records if r.message.plan.name == "WHEEL_SPEEDS"]
+    _, subject, readings, _ = drive
+    (wheels,) = [r for r in subject.records if r.message.plan.name == "WHEEL_SPEEDS"]
     assert wheels.frames == wheels.accepted > 4000
     assert not wheels.rejected
     assert len(readings) == 4 * wheels.accepted

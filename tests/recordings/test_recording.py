@@ -634,7 +634,7 @@ def test_a_frame_that_no_bus_carries_ends_the_reading_like_any_fault(
 
 
 def read_both_ways(path):
-    """A recording of the path, read in frames and in blocks, and what each told."""
+    """A recording of the path, read in frames and in blocks, and what each reported."""
     by_frame, by_block = Recording(path), Recording(path)
     items = list(by_frame)
     assert [item for block in by_block.blocks() for item in block.items()] == items
@@ -642,7 +642,7 @@ def read_both_ways(path):
     return items, by_frame.report
 
 
-def test_lines_that_python_can_warns_of_are_told_once(tmp_path, capfd):
+def test_lines_that_python_can_warns_of_are_reported_once(tmp_path, capfd):
     path = written(tmp_path / "a.trc", plain_frames(20))
     lines = path.read_text().splitlines()
     lines[-5:-5] = ["what", "and this", "and all of this here"]
@@ -680,7 +680,7 @@ def test_whole_files_are_read_without_a_note(tmp_path, suffix):
     assert read_both_ways(path)[1].notes == []
 
 
-def test_a_blf_that_is_cut_is_told(tmp_path):
+def test_a_blf_that_is_cut_is_reported(tmp_path):
     path = written(tmp_path / "a.blf", plain_frames(20_000))
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) * 2 // 3])
@@ -692,7 +692,7 @@ def test_a_blf_that_is_cut_is_told(tmp_path):
 
 
 @pytest.mark.parametrize("packed", [False, True])
-def test_an_asc_that_is_cut_is_told(tmp_path, packed):
+def test_an_asc_that_is_cut_is_reported(tmp_path, packed):
     path = written(tmp_path / "a.asc", plain_frames(20))
     lines = path.read_bytes().splitlines(keepends=True)
     path = tmp_path / ("b.asc.gz" if packed else "b.asc")
@@ -707,7 +707,7 @@ def test_an_asc_that_is_cut_is_told(tmp_path, packed):
 # --- what is no file, and marks in front of text -------------------------------------------------
 
 
-def test_a_pipe_is_told_before_anything_waits_for_it(tmp_path):
+def test_a_pipe_is_reported_before_anything_waits_for_it(tmp_path):
     path = tmp_path / "a.log"
     os.mkfifo(path)
     with pytest.raises(RecordingError) as error:

@@ -97,7 +97,7 @@ def test_a_csv_that_is_neither_is_an_error(tmp_path, header):
     refused(path, "slip", "arbitration_id", read=is_table)
 
 
-def test_other_suffixes_are_told_by_name(tmp_path):
+def test_other_suffixes_are_reported_by_name(tmp_path):
     for name in ("a.log", "a.asc", "a.log.gz", "a", "a.csv.log", "2024.05.01"):
         path = tmp_path / name
         path.write_text("slip,time_s,adhesion\n")

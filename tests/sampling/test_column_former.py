@@ -46,7 +46,7 @@ def drive(seed, vehicle, faults, seconds=1.5):
 
     def signal(role, axle, cycle_us, value):
         if rng.random() < faults / 4:
-            return  # never heard
+            return  # never received
         begin = int(rng.integers(0, 2 * cycle_us)) + int(rng.random() < faults) * 300_000
         for nominal in range(begin, int(seconds * 1e6), cycle_us):
             if rng.random() < faults / 5:
