@@ -19,7 +19,8 @@ from adhesion_can.experiments.figures_of_merit import (
     rms,
 )
 from adhesion_can.experiments.runs import MU_MAX, QUANTITIES, SURFACES, with_peak
-from adhesion_can.reporting.experiment_figures import PAPERS_OWN, figures
+from adhesion_can.reporting.experiment_figures import figures
+from adhesion_can.reporting.experiment_style import PAPERS_OWN
 from adhesion_can.reporting.page import Page, Section, Table, Text
 
 BOUND = "Cramér-Rao bound"

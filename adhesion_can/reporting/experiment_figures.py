@@ -1,6 +1,6 @@
 """The paper's figures, with every estimator in them: as Plotly's JSON for a page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 
 from adhesion_can.arrays import Array
 from adhesion_can.experiments.figures_of_merit import (
-    EstimatorResult,
     NoiseLevelResult,
     compute_figures,
     quartiles,
@@ -30,66 +29,18 @@ from adhesion_can.reporting.charts import (
     upright,
     value_range,
 )
+from adhesion_can.reporting.experiment_style import (
+    COLOURS,
+    NAMES,
+    in_order,
+    is_shown,
+    line_style,
+)
 from adhesion_can.reporting.page import Figure
 
-PAPERS_OWN: Mapping[int, str] = {1: "paper (sequence)", 2: "paper (ordinary)", 3: "paper (mean)"}
-"""Name of the paper's own algorithm in each experiment."""
-
-SHOWN = ("oracle", "tracker", "paper", "de")
-"""Estimators visible at first, with the paper's own; the others on a click in the legend."""
-
-NAMES = dict(
-    zip(
-        QUANTITIES,
-        (
-            "c<sub>1</sub>",
-            "c<sub>2</sub>",
-            "c<sub>3</sub>",
-            "maximum adhesion μ<sub>m</sub>",
-            "optimal slip λ<sub>m</sub>",
-        ),
-        strict=True,
-    )
-)
-COLOURS = {
-    "tracker": "#0b5fa5",
-    "oracle": "#2e8b57",
-    "paper": "#d55e00",
-    "de": "#8e5aa8",
-    "paper (sequence)": "#e0a100",
-    "paper (mean)": "#e0a100",
-    "paper (ordinary)": "#b03a5b",
-}
-MORE = ("#4aa8d8", "#7d8794", "#10a5a0", "#9aa31a", "#d86fb0", "#8c564b", "#5b6ee1", "#3d7a3d")
 CLOUD = "#9aa5b1"
 BINS = (12, 60)
 """Smallest and largest number of bins of a histogram; between them one for each 8 values."""
-
-
-def in_order(outcome: NoiseLevelResult) -> list[EstimatorResult]:
-    """Results with estimates before the end: the visible ones first, then by name."""
-    first = (PAPERS_OWN[outcome.experiment.number], *SHOWN)
-    return sorted(
-        (r for r in outcome.results if not r.is_late),
-        key=lambda r: (first.index(r.name) if r.name in first else len(first), r.name),
-    )
-
-
-def _is_shown(outcome: NoiseLevelResult, name: str) -> bool:
-    return name in SHOWN or name == PAPERS_OWN[outcome.experiment.number]
-
-
-def _style(outcome: NoiseLevelResult, result: EstimatorResult, *, first: bool = True) -> Trace:
-    """Common part of the traces of one estimator."""
-    rest = sorted(r.name for r in outcome.results if r.name not in COLOURS)
-    colour = COLOURS.get(result.name) or MORE[rest.index(result.name) % len(MORE)]
-    return {
-        "name": result.name,
-        "legendgroup": result.name,
-        "showlegend": first,
-        "visible": True if _is_shown(outcome, result.name) else "legendonly",
-        "line": {"color": colour, "width": 1.6},
-    }
 
 
 def figures(outcome: NoiseLevelResult) -> list[Figure]:
@@ -106,10 +57,8 @@ def figures(outcome: NoiseLevelResult) -> list[Figure]:
 
 def curves(outcome: NoiseLevelResult) -> Figure:
     """Characteristic curves at the end of each surface, with the data of the last block there."""
-    experiment, each = (
-        outcome.experiment,
-        outcome.experiment.updates // len(outcome.experiment.surfaces),
-    )
+    experiment = outcome.experiment
+    each = experiment.updates // len(experiment.surfaces)
     h, z = simulate_data(experiment, outcome.noise_std, 0, outcome.seed).samples.folded()
     ends = (*experiment.switches, len(h))
     last = np.concatenate([np.arange(end - experiment.block, end) for end in ends])
@@ -134,7 +83,7 @@ def curves(outcome: NoiseLevelResult) -> Figure:
     for result in in_order(outcome):
         thetas = result.values[0, each - 1 :: each, :3]
         data.append(
-            {"type": "scatter", "mode": "lines", **_style(outcome, result), **lines(thetas)}
+            {"type": "scatter", "mode": "lines", **line_style(outcome, result), **lines(thetas)}
         )
     data.append(_truth(**lines(experiment.surfaces)))
     middle = max(float(adhesion(experiment.slip_max, *theta)) for theta in experiment.surfaces)
@@ -165,8 +114,8 @@ def over_updates(outcome: NoiseLevelResult, quantities: Sequence[str]) -> Figure
         for result in in_order(outcome):
             values = result.values[..., q]
             mean, low, high = spread(values)
-            style = _style(outcome, result, first=row == 0)
-            if _is_shown(outcome, result.name):
+            style = line_style(outcome, result, first=row == 0)
+            if is_shown(outcome, result.name):
                 spans += [low, high]
             known = np.isfinite(low)
             band = {
@@ -201,7 +150,7 @@ def error_over_updates(outcome: NoiseLevelResult) -> Figure:
     data: list[Trace] = []
     for result in in_order(outcome):
         errors = rms(result.values[..., MU_MAX] - outcome.truth[:, MU_MAX], 0)
-        line = {"type": "scatter", "mode": "lines", **_style(outcome, result)}
+        line = {"type": "scatter", "mode": "lines", **line_style(outcome, result)}
         data.append(line | {"x": x, "y": np.where(errors > 0, errors, np.nan)})
     bound = {
         "type": "scatter",
@@ -241,7 +190,7 @@ def histograms(outcome: NoiseLevelResult) -> Figure:
         part = slice(experiment.updates - 1 if experiment.ramp else row * each, (row + 1) * each)
         truth = float(outcome.truth[row * each, MU_MAX])
         found = {r.name: r.values[:, part, MU_MAX].ravel() for r in in_order(outcome)}
-        half = _half_width([v - truth for n, v in found.items() if _is_shown(outcome, n)])
+        half = _half_width([v - truth for n, v in found.items() if is_shown(outcome, n)])
         bins = np.clip(max((len(v) for v in found.values()), default=0) // 8, *BINS)
         edges = truth + half * np.linspace(-1.0, 1.0, int(bins) + 1)
         middles = 0.5 * (edges[1:] + edges[:-1])
@@ -249,7 +198,7 @@ def histograms(outcome: NoiseLevelResult) -> Figure:
             values = found[result.name]
             values = values[np.isfinite(values)]
             counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
-            style = _style(outcome, result, first=row == 0)
+            style = line_style(outcome, result, first=row == 0)
             colour = style["line"]["color"]
             data.append(
                 style

@@ -14,7 +14,8 @@ from adhesion_can.experiments.figures_of_merit import (
 )
 from adhesion_can.experiments.runs import EXPERIMENTS, cramer_rao_bound
 from adhesion_can.reporting.experiment import csv_rows, document, merit_table, page, verdict
-from adhesion_can.reporting.experiment_figures import PAPERS_OWN, SHOWN, figures
+from adhesion_can.reporting.experiment_figures import figures
+from adhesion_can.reporting.experiment_style import PAPERS_OWN, SHOWN
 from adhesion_can.reporting.page import render
 from adhesion_can.reporting.text import console, table
 
