@@ -339,8 +339,8 @@ def test_a_hunt_plans_its_drives_and_goes_on_where_it_was_killed(hunting, tmp_pa
 
 
 def test_a_diagnosis_that_crashes_is_a_finding(hunting, tmp_path):
-    orders = hunting.work.DiagnosisOptions(entry="json:loads", timeout_s=60)
-    found = hunting.work.run_diagnosis(["diagnose"], orders, tmp_path / "output.txt")
+    diagnosis_options = hunting.work.DiagnosisOptions(entry="json:loads", timeout_s=60)
+    found = hunting.work.run_diagnosis(["diagnose"], diagnosis_options, tmp_path / "output.txt")
     assert found["status"] == "crashed"
     assert "TypeError" in found["error"]
     assert 5 < found["rss_mb"] < 2048

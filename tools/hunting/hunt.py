@@ -61,8 +61,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         results.begin(seed)
         if options.keep:
             options.keep.mkdir(parents=True, exist_ok=True)
-        orders = DiagnosisOptions(options.entry, options.holdout, keep=options.keep)
-        hunt(results, build_tasks(seed, options.rounds, options.only), orders, options.jobs)
+        diagnosis_options = DiagnosisOptions(options.entry, options.holdout, keep=options.keep)
+        hunt(
+            results,
+            build_tasks(seed, options.rounds, options.only),
+            diagnosis_options,
+            options.jobs,
+        )
         if code_version() != version:
             aside("the code changed while the hunt ran: the figures are of neither version")
     rows = [
@@ -75,9 +80,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 1 if any(t.verdict == "FAILED" for t in targets(rows)) else 0
 
 
-def hunt(results: Results, tasks: Sequence[Task], orders: DiagnosisOptions, jobs: int) -> None:
+def hunt(
+    results: Results, tasks: Sequence[Task], diagnosis_options: DiagnosisOptions, jobs: int
+) -> None:
     """Do what is not done yet, each drive in processes of its own; results come as they are."""
-    done = {(r["kind"], r["seed"]) for r in results.records() if r["holdout"] == orders.holdout}
+    done = {
+        (r["kind"], r["seed"])
+        for r in results.records()
+        if r["holdout"] == diagnosis_options.holdout
+    }
     open_tasks = [task for task in tasks if (task.kind, task.seed) not in done]
     aside(f"{len(open_tasks)} of {len(tasks)} drives to go, into {results.path}")
     if not open_tasks:
@@ -90,7 +101,7 @@ def hunt(results: Results, tasks: Sequence[Task], orders: DiagnosisOptions, jobs
         initializer=signal.signal,
         initargs=(signal.SIGINT, signal.SIG_DFL),
     ) as pool:
-        waiting = [pool.submit(work, task, orders) for task in open_tasks]
+        waiting = [pool.submit(work, task, diagnosis_options) for task in open_tasks]
         for number, future in enumerate(as_completed(waiting), start=1):
             record = future.result()
             results.add(record)

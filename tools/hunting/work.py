@@ -38,19 +38,19 @@ class DiagnosisOptions:
     keep: Path | None = None
 
 
-def work(task: Task, orders: DiagnosisOptions) -> dict[str, Any]:
+def work(task: Task, diagnosis_options: DiagnosisOptions) -> dict[str, Any]:
     """Record of a drive, fit for JSON."""
     with TemporaryDirectory(prefix="hunt-") as folder:
         name = f"{task.kind}-{task.seed}".replace(":", "_").replace("+", "-")
-        where = Path(folder) if orders.keep is None else orders.keep
+        where = Path(folder) if diagnosis_options.keep is None else diagnosis_options.keep
         path = where / (name + (".csv" if task.kind == "out:table" else ".log"))
         record: dict[str, Any] = {
             "kind": task.kind,
             "seed": task.seed,
-            "holdout": orders.holdout,
+            "holdout": diagnosis_options.holdout,
         }
         try:
-            truth = make_world(task.kind, task.seed, path, fresh=orders.holdout)
+            truth = make_world(task.kind, task.seed, path, fresh=diagnosis_options.holdout)
         except RuntimeError as error:
             return record | {"status": NO_WORLD, "error": str(error), "seconds": 0, "rss_mb": None}
         answer = path.with_name(f"{name}.json")
@@ -59,7 +59,7 @@ def work(task: Task, orders: DiagnosisOptions) -> dict[str, Any]:
         if truth.fresh:
             arguments += ["--holdout", truth.fresh.path]
         record["truth"] = truth.to_dict()
-        record |= run_diagnosis(arguments, orders, path.with_name(f"{name}.txt"))
+        record |= run_diagnosis(arguments, diagnosis_options, path.with_name(f"{name}.txt"))
         if record["status"] == 0:
             try:
                 record["diagnosis"] = shorten_diagnosis(json.loads(answer.read_text()))
@@ -69,17 +69,25 @@ def work(task: Task, orders: DiagnosisOptions) -> dict[str, Any]:
     return record
 
 
-def run_diagnosis(arguments: list[str], orders: DiagnosisOptions, output: Path) -> dict[str, Any]:
+def run_diagnosis(
+    arguments: list[str], diagnosis_options: DiagnosisOptions, output: Path
+) -> dict[str, Any]:
     """Run the command in a process of its own: exit status, seconds, peak memory."""
     # The imports are made once, in a server from which each diagnosis is forked.
     context = get_context("forkserver")
     context.set_forkserver_preload(["adhesion_can.cli.main", "adhesion_can.diagnosis.diagnose"])
     ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_call, args=(orders.entry, arguments, str(output), theirs))
+    process = context.Process(
+        target=_call, args=(diagnosis_options.entry, arguments, str(output), theirs)
+    )
     process.start()
     theirs.close()
-    found: dict[str, Any] = {"status": "timeout", "seconds": orders.timeout_s, "rss_mb": None}
-    if ours.poll(orders.timeout_s):
+    found: dict[str, Any] = {
+        "status": "timeout",
+        "seconds": diagnosis_options.timeout_s,
+        "rss_mb": None,
+    }
+    if ours.poll(diagnosis_options.timeout_s):
         try:
             found = ours.recv()
         except EOFError:
