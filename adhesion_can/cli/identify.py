@@ -15,8 +15,6 @@ from adhesion_can.cli.common import (
     add_model,
     configuration,
     left_out_lines,
-    names_of,
-    read_problems,
     require_outputs,
     talk,
     write_json,
@@ -34,6 +32,7 @@ from adhesion_can.estimation.extended.estimator import ExtendedModel
 from adhesion_can.offline.extract_samples import extract_samples
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
+from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.sample_table import Table, is_table, read_table
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.provenance import provenance
@@ -127,7 +126,7 @@ def _from_tables(
         ]
     problems = [
         f"{name}: {t.left_out} of {t.rows} rows without a finite time, slip and adhesion"
-        for name, t in zip(names_of(paths), tables, strict=True)
+        for name, t in zip(distinct_names(paths), tables, strict=True)
         if t.left_out
     ]
     samples = Samples.concatenate([t.samples for t in tables])
@@ -163,7 +162,7 @@ def _from_logs(paths: list[Path], config: Configuration) -> tuple[Samples, list[
     if config.model is not None:
         result = correct_samples(samples, config.model, config.vehicle.axles)
         samples, left_out = result.samples, result.left_out
-    return samples, read_problems(recordings), left_out
+    return samples, describe_problems(recordings), left_out
 
 
 def _print(result: BatchResult, problems: list[str], model: ExtendedModel | None) -> None:
@@ -178,7 +177,8 @@ def _print(result: BatchResult, problems: list[str], model: ExtendedModel | None
     out.print(table("Batch fit, ± standard deviation", columns, rows))
     if model is not None:
         effects = ", ".join(model.names) or "no effects"
-        out.print(f"Base curve of the extended model {model.where}: without {effects}.", markup=False)
+        where = model.where
+        out.print(f"Base curve of the extended model {where}: without {effects}.", markup=False)
     if len(result.segments) > 1:
         out.print(
             f"The curve changed {len(result.segments) - 1} times: one for all does not "

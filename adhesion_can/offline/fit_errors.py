@@ -3,7 +3,7 @@
 The figure is the RMSE of the measured adhesion about factor · curve(slip'), with the factor and
 slip' of the model's effects, or 1 and the slip where there is no model. The curve is the one that
 fits the segment of constant surface best. It is not the curve that the estimator held: that one
-follows a slow effect as it follows the surface, and takes a fast one for another surface, so its
+follows a slow effect as it follows the surface, and mistakes a fast one for another surface, so its
 own error shows little of the effect (0.2 % for a humidity that a diagnosis finds to be worth 37 %).
 
 100 (1 − with/without) is what the model gains. Of 16 effects on a drive of 240 s it came within 5

@@ -1,7 +1,7 @@
 """The service without a bus, a clock or a file: frames in, frames out.
 
-`feed` takes a frame, `advance` says what time it is; both return the frames that were due. The
-same sequence of both gives the same bytes, live and in replay.
+`feed` processes a frame, `advance` brings the core to a time; both return the frames that were due.
+The same sequence of both gives the same bytes, live and in replay.
 
 A message that is due at t carries what was stamped before t; a frame stamped t comes after it. At
 each due time the parts work one after the other:

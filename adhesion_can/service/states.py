@@ -1,8 +1,8 @@
 """States of the service: conditions, their priorities, and the timers that they depend on.
 
 The status follows from the conditions that hold at a due time, whatever the status was before:
-the first row of `TRANSITIONS` whose condition holds gives it. `VALUES` says what the setpoints
-carry in each status. `StatusMachine` owns the timers:
+the first row of `TRANSITIONS` whose condition holds gives it. `VALUES` gives the origin of
+the setpoints' numbers in each status. `StatusMachine` owns the timers:
 
 | timer | started by | effect |
 |---|---|---|

@@ -13,7 +13,7 @@ from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.service.core import ServiceCore
-from adhesion_can.service.states import TRANSITIONS, Conditions, Status, select_status
+from adhesion_can.service.states import Status
 from tests.wire import DBC, INPUTS, REQUIRED, Bench, decoded, seal_ok, sealed, values
 
 CONFIG = load_configuration()
@@ -190,17 +190,6 @@ def test_a_hole_within_the_restart_time_is_filled():
 
 
 # --- states
-
-
-@pytest.mark.parametrize("pattern", range(32))
-def test_the_first_condition_that_holds_is_the_status(pattern):
-    order = ["fault", "stale", "no_estimate", "surface_change", "low_excitation"]
-    expected_of = ["FAULT", "STALE_INPUT", "INIT", "SURFACE_CHANGE", "LOW_EXCITATION"]
-    held = [bool(pattern >> i & 1) for i in range(5)]
-    conditions = Conditions(**dict(zip(order, held, strict=True)))
-    expected = expected_of[held.index(True)] if any(held) else "TRACKING"
-    assert select_status(conditions).name == expected
-    assert [row.status.name for row in TRANSITIONS] == [*expected_of, "TRACKING"]
 
 
 def test_init_says_not_available():

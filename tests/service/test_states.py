@@ -1,0 +1,107 @@
+"""Priorities of the conditions, and the timers of the status machine."""
+
+from dataclasses import replace
+
+import pytest
+
+from adhesion_can.config import ServiceSettings
+from adhesion_can.physics.estimate import Identifiable
+from adhesion_can.service.states import (
+    FAULT_HOLD_US,
+    TRANSITIONS,
+    VALUES,
+    Conditions,
+    Status,
+    StatusMachine,
+    select_status,
+)
+from tests.service.test_core import KNOWN
+
+SETTINGS = ServiceSettings(hold_s=1.0, change_s=5.0, estimate_s=2.0)
+VAGUE = replace(KNOWN, identifiable=Identifiable(mu_max=True, lambda_m=False))
+
+
+def status(machine, t_us, estimate=KNOWN, *, stale=False, speed_derived=False):
+    return machine.update(t_us, estimate, stale=stale, speed_derived=speed_derived)
+
+
+def machine(sample_us=0):
+    new = StatusMachine(SETTINGS)
+    new.add_sample(sample_us)
+    return new
+
+
+@pytest.mark.parametrize("pattern", range(32))
+def test_the_first_condition_that_holds_is_the_status(pattern):
+    order = ["fault", "stale", "no_estimate", "surface_change", "low_excitation"]
+    expected_of = ["FAULT", "STALE_INPUT", "INIT", "SURFACE_CHANGE", "LOW_EXCITATION"]
+    held = [bool(pattern >> i & 1) for i in range(5)]
+    conditions = Conditions(**dict(zip(order, held, strict=True)))
+    expected = expected_of[held.index(True)] if any(held) else "TRACKING"
+    assert select_status(conditions).name == expected
+    assert [row.status.name for row in TRANSITIONS] == [*expected_of, "TRACKING"]
+
+
+def test_every_status_has_a_row_and_an_origin_of_its_values():
+    assert sorted(row.status for row in TRANSITIONS) == sorted(Status) == sorted(VALUES)
+
+
+def test_without_an_estimate_the_status_is_init_and_with_one_tracking():
+    assert status(machine(), 0, None) is Status.INIT
+    assert status(machine(), 0) is Status.TRACKING
+    assert status(machine(), 0, VAGUE) is Status.LOW_EXCITATION
+    assert status(machine(), 0, speed_derived=True) is Status.LOW_EXCITATION
+    assert status(StatusMachine(SETTINGS), 0) is Status.LOW_EXCITATION
+
+
+def test_a_fault_is_held_for_its_time_even_over_a_restart():
+    one = machine()
+    one.add_fault(500)
+    one.restart()
+    one.add_sample(0)
+    assert status(one, 500 + FAULT_HOLD_US - 1) is Status.FAULT
+    assert status(one, 500 + FAULT_HOLD_US) is Status.TRACKING
+
+
+def test_values_may_be_held_from_the_first_stale_due_time_on():
+    one = machine()
+    assert not one.may_hold(0)
+    assert status(one, 20_000, stale=True) is Status.STALE_INPUT
+    assert one.may_hold(1_019_999)
+    assert status(one, 1_020_000, stale=True) is Status.STALE_INPUT
+    assert not one.may_hold(1_020_000)
+    status(one, 1_040_000)
+    status(one, 1_060_000, stale=True)
+    assert one.may_hold(1_060_000)
+
+
+def test_a_change_ends_with_its_time_or_a_known_peak():
+    changed = replace(VAGUE, change_probability=0.5)
+    one = machine(6_000_000)
+    one.add_estimate(1_000_000, changed)
+    assert status(one, 1_000_000) is Status.SURFACE_CHANGE
+    one.add_estimate(2_000_000, VAGUE)
+    assert status(one, 6_000_000) is Status.SURFACE_CHANGE
+    assert status(one, 6_000_001) is Status.TRACKING
+    one.add_estimate(7_000_000, changed)
+    assert status(one, 7_000_000) is Status.SURFACE_CHANGE
+    one.add_estimate(7_100_000, KNOWN)
+    assert status(one, 7_100_000) is Status.TRACKING
+    one.add_estimate(7_200_000, changed)
+    one.discard_estimate()
+    assert status(one, 7_200_000) is Status.TRACKING
+
+
+def test_old_samples_are_low_excitation():
+    one = machine(1_000_000)
+    assert status(one, 3_000_000) is Status.TRACKING
+    assert status(one, 3_000_001) is Status.LOW_EXCITATION
+
+
+def test_a_restart_stops_the_timers():
+    one = machine()
+    one.add_estimate(0, replace(KNOWN, change_probability=1.0))
+    status(one, 0, stale=True)
+    one.restart()
+    assert not one.may_hold(0)
+    assert status(one, 0) is Status.LOW_EXCITATION
