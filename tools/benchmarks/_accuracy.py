@@ -38,7 +38,7 @@ def one_run(seed, task):
 def accuracy(report, options):
     """RMSE in experiment 3 of tracker, oracle, paper and window, over the same data."""
     runs, levels = options.runs, EXPERIMENT.noise_stds
-    report.tell(
+    report.write(
         f"experiment 3, {runs} runs, {EXPERIMENT.updates} updates of {EXPERIMENT.block} samples"
     )
     tasks = [(noise_std, run) for run in range(runs) for noise_std in levels]
@@ -49,11 +49,11 @@ def accuracy(report, options):
         rmse = {result.name: compute_figures(result, made).rmse for result in made.results}
         steady = {result.name: compute_figures(result, made).rmse_steady for result in made.results}
         rmse["Cramér-Rao bound"] = rms(made.bound, 0)
-        report.tell(f"noise sd {noise_std}: RMSE of μ_max and λ_m")
+        report.write(f"noise sd {noise_std}: RMSE of μ_max and λ_m")
         for name, value in rmse.items():
             late = steady.get(name)
             rest = "" if late is None else f"; {pair(late)} without the first update after a switch"
-            report.tell(f"  {name:16} {pair(value)}{rest}")
+            report.write(f"  {name:16} {pair(value)}{rest}")
         for column, what, of_paper in ((MU_MAX, "μ_max", 0.35), (LAMBDA_M, "λ_m", 0.25)):
             own = rmse["tracker"][column]
             for name, most in (("oracle", 1.05), (PAPER, of_paper)):
@@ -63,7 +63,7 @@ def accuracy(report, options):
             share = own / rmse["window"][column]
             label = f"noise {noise_std}: {what}: tracker/window"
             report.check(label, f"{share:.3f}", "below 1", met=share < 1)
-            report.tell(f"{what}: tracker/bound {own / rmse['Cramér-Rao bound'][column]:.3f}")
+            report.write(f"{what}: tracker/bound {own / rmse['Cramér-Rao bound'][column]:.3f}")
 
 
 def pair(values):
@@ -100,7 +100,7 @@ def one_drift(task):
 def slow(report, options):
     """RMSE of μ_max while the curve falls slowly, and on one that stays."""
     runs = max(options.runs // 12, 1)
-    report.tell(
+    report.write(
         f"{DRIFT_S:.0f} s, slips in 0..{SLIP_MAX}, updates of {SLOW_UPDATE} samples every "
         f"{SLOW_UPDATE / SLOW_RATE_HZ} s (pooled, for a shorter run), {runs} runs"
     )
@@ -112,9 +112,9 @@ def slow(report, options):
         rmse = {n: float(np.sqrt(np.mean([r[n][0] ** 2 for r in own]))) for n in MEMORIES}
         declared = {n: sum(r[n][1] for r in own) for n in MEMORIES}
         rail = f"μ falls by {100 * fall:.0f} %" if fall else "constant rail"
-        report.tell(f"noise sd {noise_std}, {rail}: RMSE of μ_max")
+        report.write(f"noise sd {noise_std}, {rail}: RMSE of μ_max")
         for name in MEMORIES:
-            report.tell(
+            report.write(
                 f"  {name:13} {rmse[name]:.5f}, tracker/it {rmse['tracker'] / rmse[name]:.2f}, "
                 f"{declared[name]} changes declared"
             )

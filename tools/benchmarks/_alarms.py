@@ -65,7 +65,7 @@ def delays(seed, runs, switch):
 def delay_row(report, options):
     """Delay until a change is declared, against what the divergence of the two rails allows."""
     runs, alpha = 4 * options.runs, RunLengthSettings().false_alarm
-    report.tell(
+    report.write(
         f"switches of experiment 3, {runs} runs, {BEFORE} samples before; median delay in samples, "
         f"bound ln(1/{alpha:g})/divergence"
     )
@@ -92,7 +92,7 @@ def delay_row(report, options):
             value = f"{middle:.0f}; {further}"
             report.check(what, value, f"at most {most:.1f}", met=middle <= most)
         else:
-            report.tell(f"{what}: {middle:.0f}; {further}")
+            report.write(f"{what}: {middle:.0f}; {further}")
 
 
 # --------------------------------------------------------------------------- false alarms
@@ -116,7 +116,7 @@ class Constant(NamedTuple):
 def declared_on(rail):
     """Changes declared on a constant rail."""
     rng = np.random.default_rng([rail.seed, round(1000 * rail.noise_std)])
-    tracker, declared, told = Tracker(), 0, 1
+    tracker, declared, reported = Tracker(), 0, 1
     began = time.perf_counter()
     for begin in range(0, rail.samples, PIECE):
         n = min(PIECE, rail.samples - begin)
@@ -125,8 +125,8 @@ def declared_on(rail):
         for estimate in feed(tracker, part, AXLE_UPDATE):
             declared += estimate.change_probability >= DECLARED
         share = (begin + n) / rail.samples
-        if share * 4 >= told and share < 1:
-            told = int(share * 4) + 1
+        if share * 4 >= reported and share < 1:
+            reported = int(share * 4) + 1
             aside(
                 f"  {rail.name}, noise {rail.noise_std}: {100 * share:.0f} %, {declared} declared, "
                 f"{time.perf_counter() - began:.0f} s"
@@ -158,7 +158,7 @@ def alarm_row(report, options):
     )
     for rail, declared in zip(drives, found, strict=True):
         if declared:
-            report.tell(f"{declared} on {rail.name} {rail.theta}, noise {rail.noise_std}")
+            report.write(f"{declared} on {rail.name} {rail.theta}, noise {rail.noise_std}")
     run = drive("dry", LOCOMOTIVE_S, options.seed)
     report.check(
         f"declared on the simulated locomotive, dry, closed loop, {LOCOMOTIVE_S:.0f} s",

@@ -47,7 +47,7 @@ def timed(updates):
 
 def time_row(report, options):
     """An update of the tracker against the paper's estimator on one block, in one run."""
-    report.tell(
+    report.write(
         f"updates of {POOLED} samples from the simulated locomotive at 10 m/s, {DRIVE_S:.0f} s, "
         f"{REPEATS} times; between them the paper's on {EvolutionSettings().block} samples"
     )
@@ -61,7 +61,7 @@ def time_row(report, options):
             theirs += b
         block = median(theirs)
         report.at_most(f"{name}: median update/median block", median(ours) / block, 0.1)
-        report.tell(
+        report.write(
             f"{name}: update median {1e3 * median(ours):.3f} ms, mean {1e3 * mean(ours):.3f} "
             f"({mean(ours) / block:.3f} of a block), 99 % {1e3 * np.quantile(ours, 0.99):.3f}, "
             f"longest {1e3 * max(ours):.1f}; block median {1e3 * block:.3f} ms"
@@ -136,18 +136,18 @@ def memory_row(report, options):
     """Memory and time of an update through a day, with changes of the rail."""
     count = max(options.soak_updates // STRETCHES, 2 * LOOKS) * STRETCHES
     bytes_at, declared = traced(count, options.seed)
-    report.tell(
+    report.write(
         f"{count} updates of {POOLED} samples, stamps over 24 h, {STRETCHES - 1} changes of the "
         f"rail, {declared} declared"
     )
     shown = ", ".join(f"{b / 1024:.1f} KiB" for b in bytes_at)
     growth = 100 * (bytes_at[-1] / bytes_at[0] - 1)
-    report.tell(f"memory after {', '.join(f'{100 * m:.0f} %' for m in MARKS)}: {shown}")
+    report.write(f"memory after {', '.join(f'{100 * m:.0f} %' for m in MARKS)}: {shown}")
     report.at_most("growth of the memory from 10 % to 100 %, in %", growth, 1.0, ".2f")
     # Tracing slows, and more so with time: the clock has a run of its own. What else the machine
     # does lengthens the paper's search alike.
     (early, early_block), (late, late_block) = tenths(count, options.seed)
-    report.tell(
+    report.write(
         f"update, median: {1e3 * early:.3f} ms in the first tenth, {1e3 * late:.3f} in the last; "
         f"the paper's search {1e3 * early_block:.3f} and {1e3 * late_block:.3f}"
     )

@@ -12,7 +12,7 @@ from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
 
 SLIP_MAX = 0.2
-"""Slips are uniform up to here where nothing else is said, as in experiment 3."""
+"""Slips are uniform up to here where nothing else is stated, as in experiment 3."""
 POOLED = 12
 """Samples of an update: six axles at 100 Hz, 20 ms."""
 DECLARED = 0.5
@@ -35,7 +35,7 @@ def feed(estimator, samples, size=POOLED):
 
 
 class Recorder:
-    """A tracker in the service, with all that it was given and said."""
+    """A tracker in the service, with all that it was given and has sent."""
 
     def __init__(self):
         self.tracker = Tracker()

@@ -71,7 +71,7 @@ def variables_row(report, options):
     runs = options.runs
     c1, c2, c3 = SURFACE.theta
     truth = np.array([c1 * c2 - c3, SURFACE.lambda_m, SURFACE.mu_max])
-    report.tell(
+    report.write(
         f"rail {SURFACE.theta}, slips in 0..{TOP_SLIP}, wheel speed {WHEEL_STD} rad/s, vehicle "
         f"speed {VEHICLE_STD} m/s common to {POOLED} samples, adhesion {ADHESION_STD}; {UPDATES} "
         f"updates, {runs} runs; bias ± its standard error, share within ±{NINETY} std"
@@ -90,7 +90,7 @@ def variables_row(report, options):
                 f"{name} {b:+.2f} ± {d:.2f} %, {w:.0f} % within"
                 for name, b, d, w in zip(VALUES, bias, doubt, within, strict=True)
             )
-            report.tell(f"{speed:4.0f} m/s, {way}: {shown}")
+            report.write(f"{speed:4.0f} m/s, {way}: {shown}")
 
 
 # ------------------------------------------------------------------------------ low excitation
@@ -149,7 +149,7 @@ def one_cell(seed, runs, number):
 def excitation_row(report, options):
     """Coverage of the 90 % intervals, however little was seen."""
     runs = 4 * options.runs
-    report.tell(
+    report.write(
         f"coverage of the 90 % intervals, surfaces drawn from the prior, {runs} runs a cell; "
         f"slips to {sorted({cell.top for cell in CELLS})}, "
         f"{sorted({cell.samples for cell in CELLS})} samples"
@@ -164,7 +164,7 @@ def excitation_row(report, options):
     report.check("runs in which the tracker failed", value, "0", met=not failed)
     drawn = np.array([[held for held, *_ in found[k][0]] for k in numbers], dtype=float)
     unstated = np.isnan(drawn[..., 0])
-    report.tell(
+    report.write(
         f"no interval stated in {unstated.sum()} of {unstated.size} runs: too few curves fit"
     )
     share = 100 * np.nanmean(drawn, axis=1)
@@ -185,7 +185,7 @@ def excitation_row(report, options):
         held = [h[i] for k in numbers for h, known, _ in found[k][1] if known[i]]
         total = sum(len(found[k][1]) for k in numbers)
         if not held:
-            report.tell(f"{value}: never identifiable on the published surfaces")
+            report.write(f"{value}: never identifiable on the published surfaces")
             continue
         covered = 100 * float(np.mean(held))
         report.check(

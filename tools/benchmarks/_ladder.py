@@ -16,11 +16,12 @@ class Way:
     """A way to read the recording.
 
     Attributes:
-        key: short name.
-        title: what it is, for the table.
-        words: of its process.
-        frames: of its recording.
-        free: not held to one core; then the clock counts, else the time of the processor.
+        key: Short name.
+        title: Description for the table.
+        words: Command line of the process.
+        frames: Number of frames of the recording.
+        free: Whether the process may use all cores; then the clock counts, else the time of the
+            processor.
 
     """
 
@@ -33,14 +34,14 @@ class Way:
 
 @dataclass
 class Figures:
-    """Of one way, a value a round.
+    """Figures of one way, one value a round.
 
     Attributes:
-        clock: seconds of a pass, the median of a process.
-        processor: the same by the processor.
-        first: seconds of the processor of each process's first pass.
-        mib: peak of the memory.
-        said: by the last process.
+        clock: Duration of a pass by the clock, s, the median of a process.
+        processor: Duration of a pass by the processor's time, s, the median of a process.
+        first: Duration of each process's first pass by the processor's time, s.
+        mib: Peak of the memory, MiB.
+        answer: Result of the last process.
 
     """
 
@@ -48,15 +49,15 @@ class Figures:
     processor: list[float] = field(default_factory=list)
     first: list[float] = field(default_factory=list)
     mib: list[float] = field(default_factory=list)
-    said: dict[str, object] = field(default_factory=dict)
+    answer: dict[str, object] = field(default_factory=dict)
 
-    def take(self, said):
-        clock, processor = zip(*said["passes"], strict=True)
+    def add(self, answer):
+        clock, processor = zip(*answer["passes"], strict=True)
         self.clock.append(median(clock))
         self.processor.append(median(processor))
         self.first.append(processor[0])
-        self.mib.append(said["mib"])
-        self.said = said
+        self.mib.append(answer["mib"])
+        self.answer = answer
 
 
 @contextmanager
@@ -71,8 +72,8 @@ def on_core(number):
         os.sched_setaffinity(0, allowed)
 
 
-def said_by(words, core=None):
-    """What a process says on its last line.
+def run_process(words, core=None):
+    """Result of a process, which is JSON on its last line.
 
     Raises:
         RuntimeError: it failed.
@@ -95,7 +96,7 @@ def climb(ways, rounds):
     for number in range(rounds):
         for way in (way for way in ways if way.key in figures):
             try:
-                figures[way.key].take(_said_of_all(way, number))
+                figures[way.key].add(_run_way(way, number))
             except RuntimeError as error:
                 failed[way.key] = str(error)
                 del figures[way.key]
@@ -103,11 +104,11 @@ def climb(ways, rounds):
     return figures, failed
 
 
-def _said_of_all(way, core):
-    said = said_by(way.words, None if way.free else core)
-    if said["frames"] not in (None, way.frames):
-        raise RuntimeError(f"{way.key} read {said['frames']} of {way.frames} frames")
-    return said
+def _run_way(way, core):
+    answer = run_process(way.words, None if way.free else core)
+    if answer["frames"] not in (None, way.frames):
+        raise RuntimeError(f"{way.key} read {answer['frames']} of {way.frames} frames")
+    return answer
 
 
 def cost(figures, way):
@@ -148,8 +149,8 @@ def table(report, figures, ways, base):
     print(flush=True)
     held = [figures[way.key] for way in ways if not way.free]
     share = median(c / p for one in held for c, p in zip(one.clock, one.processor, strict=True))
-    report.tell(
+    report.write(
         f"on one core, by seconds of the processor; 'all cores' by the clock. Each process goes "
         f"over the file until {SPEND_S:.0f} s have gone, its median counts; medians over the rounds"
     )
-    report.tell(f"clock/processor on one core: {share:.2f} (1: nothing else ran there)")
+    report.write(f"clock/processor on one core: {share:.2f} (1: nothing else ran there)")

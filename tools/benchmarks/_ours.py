@@ -7,7 +7,7 @@ from contextlib import redirect_stdout
 from math import fsum
 from pathlib import Path
 
-from _passes import say, timed
+from _passes import print_result, timed
 
 
 def columns_way(path):
@@ -33,7 +33,7 @@ def columns_way(path):
     lost = sum(count.lost for count in report.messages.values())
     decoded = sum(count.decoded for count in report.messages.values())
     sums = {name: fsum(values) for name, values in parts.items()}
-    say(report.frames, passes, sums=sums, rejected=report.frames - decoded, lost=lost)
+    print_result(report.frames, passes, sums=sums, rejected=report.frames - decoded, lost=lost)
 
 
 def streamed_way(path):
@@ -51,7 +51,7 @@ def streamed_way(path):
         return decoder.report.frames
 
     passes, frames = timed(work)
-    say(frames, passes)
+    print_result(frames, passes)
 
 
 def parse_way(path):
@@ -59,7 +59,7 @@ def parse_way(path):
     from adhesion_can.recordings.recording import Recording
 
     passes, frames = timed(lambda: sum(map(len, Recording(path).blocks())))
-    say(frames, passes)
+    print_result(frames, passes)
 
 
 def read_way(path):
@@ -72,7 +72,7 @@ def read_way(path):
                 pass
 
     passes, _ = timed(work)
-    say(None, passes)
+    print_result(None, passes)
 
 
 def convert_way(path):
@@ -89,7 +89,7 @@ def convert_way(path):
                 raise RuntimeError(f"{' '.join(words)} ended with {status}: {out.getvalue()}")
 
         passes, _ = timed(work)
-    say(None, passes)
+    print_result(None, passes)
 
 
 def parts_way(path):
@@ -97,11 +97,11 @@ def parts_way(path):
     from _parts import parts_of
 
     passes, parts = parts_of(path)
-    say(None, passes, parts=parts)
+    print_result(None, passes, parts=parts)
 
 
 def replay_way(path):
-    """`adhesion-can replay`, as it is called, once; `said` is its JSON."""
+    """`adhesion-can replay`, as it is called, once; `answer` is its JSON."""
     import json
     import time
 
@@ -114,9 +114,9 @@ def replay_way(path):
     if status:
         raise RuntimeError(f"replay of {path} ended with {status}: {out.getvalue()}")
     passes = [(time.perf_counter() - clock, time.process_time() - processor)]
-    said = json.loads(answer.read_text())
+    document = json.loads(answer.read_text())
     answer.unlink()
-    say(said["frames"], passes, said=said)
+    print_result(document["frames"], passes, answer=document)
 
 
 if __name__ == "__main__":

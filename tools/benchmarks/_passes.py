@@ -23,6 +23,6 @@ def timed(work):
     return passes, result
 
 
-def say(frames, passes, **more):
-    """Print what `_ladder.said_by` reads, the last line on stdout; frames None: not counted."""
+def print_result(frames, passes, **more):
+    """Print what `_ladder.run_process` reads, the last line on stdout; frames None: not counted."""
     print(json.dumps({"frames": frames, "passes": passes, "mib": peak_mib(), **more}))

@@ -7,7 +7,7 @@ the database, is loaded before. `sums` of the signals show what it found.
 import sys
 from math import fsum
 
-from _passes import say, timed
+from _passes import print_result, timed
 
 
 def cantools_way(path, dbc):
@@ -26,7 +26,7 @@ def cantools_way(path, dbc):
         return count
 
     passes, count = timed(work)
-    say(count, passes)
+    print_result(count, passes)
 
 
 def cantools_columns(path, dbc):
@@ -56,7 +56,7 @@ def cantools_columns(path, dbc):
         for signal, values in lists.items()
         if signal is not None
     }
-    say(sum(len(lists[None]) for lists in found.values()), passes, sums=sums)
+    print_result(sum(len(lists[None]) for lists in found.values()), passes, sums=sums)
 
 
 def _databases(dbc):
@@ -91,7 +91,7 @@ def asammdf_way(path, dbc):
         # 'CAN1 - message <name> <id> ..'
         message = extracted.groups[group].channel_group.comment.split()[3]
         sums[f"{message}.{signal.name}"] = fsum(signal.samples)
-    say(_frames(extracted), passes, sums=sums)
+    print_result(_frames(extracted), passes, sums=sums)
 
 
 def asammdf_with_load(path, dbc):
@@ -100,7 +100,7 @@ def asammdf_with_load(path, dbc):
 
     databases = _databases(dbc)
     passes, extracted = timed(lambda: MDF(path).extract_bus_logging(databases))
-    say(_frames(extracted), passes)
+    print_result(_frames(extracted), passes)
 
 
 def asammdf_with_values(path, dbc):
@@ -114,7 +114,7 @@ def asammdf_with_values(path, dbc):
         return _frames(extracted), _values(extracted)
 
     passes, (frames, _) = timed(work)
-    say(frames, passes)
+    print_result(frames, passes)
 
 
 def write_mf4(path, out, payload_bytes, compression):
@@ -159,7 +159,7 @@ def write_mf4(path, out, payload_bytes, compression):
             acq_source=source,
         )
         file.save(out, overwrite=True, compression=int(compression))
-    say(len(lines), [])
+    print_result(len(lines), [])
 
 
 def versions():
@@ -167,7 +167,7 @@ def versions():
     from importlib.metadata import version
 
     names = ("python-can", "cantools", "asammdf", "numpy")
-    say(None, [], versions={name: version(name) for name in names})
+    print_result(None, [], versions={name: version(name) for name in names})
 
 
 if __name__ == "__main__":

@@ -14,12 +14,12 @@ class Report:
         self.met = 0
         self.missed = []
 
-    def tell(self, text):
+    def write(self, text):
         print(f"  {text}", flush=True)
 
     def check(self, what, value, target, *, met):
         """A figure beside its target, both as text."""
-        self.tell(f"{what}: {value} (target {target}: {'met' if met else 'MISSED'})")
+        self.write(f"{what}: {value} (target {target}: {'met' if met else 'MISSED'})")
         if met:
             self.met += 1
         else:

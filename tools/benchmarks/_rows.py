@@ -9,8 +9,8 @@ from _report import Report
 
 def row_parser(name, rows, more=""):
     """Parser of a benchmark's command line, with --only."""
-    told = "; ".join(f"{row}: {measure.__doc__}" for row, measure in rows.items())
-    parser = argparse.ArgumentParser(prog=f"tools/bench {name}", epilog=f"rows: {told}{more}")
+    described = "; ".join(f"{row}: {measure.__doc__}" for row, measure in rows.items())
+    parser = argparse.ArgumentParser(prog=f"tools/bench {name}", epilog=f"rows: {described}{more}")
     parser.add_argument(
         "--only",
         type=partial(_chosen, rows),
@@ -49,7 +49,7 @@ def run_rows(rows, options, *more):
         print(f"\n{name}: {rows[name].__doc__}", flush=True)
         began = time.perf_counter()
         rows[name](report, options, *more)
-        report.tell(f"({time.perf_counter() - began:.0f} s)")
+        report.write(f"({time.perf_counter() - began:.0f} s)")
     print(f"\n{report.met} of {report.met + len(report.missed)} targets met")
     for what in report.missed:
         print(f"  MISSED: {what}")

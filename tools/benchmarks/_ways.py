@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import _ladder_data as data
-from _ladder import Way, said_by
+from _ladder import Way, run_process
 from _passes import SPEND_S
 from _report import aside
 
@@ -25,7 +25,7 @@ def ours(way, path):
 
 
 def _peers(report):
-    """Words that start a peer's way; None where they cannot be had, which is told."""
+    """Words that start a peer's way; None where they cannot be had, which is reported."""
     folder = BUILD / "peers"
     python, stamp = folder / "bin" / "python", folder / "installed"
     if not stamp.exists():
@@ -35,28 +35,28 @@ def _peers(report):
             done = subprocess.run(words, capture_output=True, text=True, check=False)
             if done.returncode:
                 reason = (done.stderr or done.stdout).strip().splitlines()[-1:]
-                report.tell(f"no peers: {' '.join(words)} failed: {' '.join(reason)}")
+                report.write(f"no peers: {' '.join(words)} failed: {' '.join(reason)}")
                 return None
         stamp.touch()
     # -E -s: what is installed for us is not theirs.
     words = (str(python), "-E", "-s", str(HERE / "_peers.py"))
-    versions = said_by((*words, "versions"))["versions"]
-    report.tell(f"peers: {', '.join(f'{name} {number}' for name, number in versions.items())}")
+    versions = run_process((*words, "versions"))["versions"]
+    report.write(f"peers: {', '.join(f'{name} {number}' for name, number in versions.items())}")
     return words
 
 
 def _compiled(report):
-    """The ladder's rung in C; None where there is no compiler, which is told."""
+    """The ladder's rung in C; None where there is no compiler, which is reported."""
     program, source = BUILD / "ladder", HERE / "ladder.c"
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
-        report.tell("no C compiler: without the hand-written reader")
+        report.write("no C compiler: without the hand-written reader")
         return None
     if data.older(program, source):
         words = [compiler, "-O2", "-o", str(program), str(source)]
         done = subprocess.run(words, capture_output=True, text=True, check=False)
         if done.returncode:
-            report.tell(f"the hand-written reader does not compile: {done.stderr.strip()}")
+            report.write(f"the hand-written reader does not compile: {done.stderr.strip()}")
             return None
     return program
 
@@ -66,12 +66,12 @@ def _bus_logging(words, log, name, payload_bytes, compression):
     out = log.with_name(name)
     if data.older(out, log):
         aside(f"writing {out}")
-        said_by((*words, "write-mf4", str(log), str(out), str(payload_bytes), str(compression)))
+        run_process((*words, "write-mf4", str(log), str(out), str(payload_bytes), str(compression)))
     return out
 
 
 def ladder(report, log, frames):
-    """The ways that can be gone; those that cannot are told."""
+    """The ways that can be measured; the others are reported."""
     words, program = _peers(report), _compiled(report)
     ways = list(_peer_ways(words, log)) if words else []
     ways += _own_ways(log)

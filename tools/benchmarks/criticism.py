@@ -81,7 +81,7 @@ def drive(folder, kind, seed, count=1):
 
 def time_row(report, options, folder):
     """Seconds and peak memory of a drive, in a process of its own, the imports in it."""
-    report.tell(
+    report.write(
         f"drives of {DRIVE_S:.0f} s, six axles at 100 Hz; {options.repeats} of each kind, medians"
     )
     for kind in KINDS:
@@ -90,7 +90,7 @@ def time_row(report, options, folder):
             for k in range(options.repeats)
         ]
         answers = ", ".join(dict.fromkeys(run.answer for run in runs))
-        report.tell(
+        report.write(
             f"{kind}: {min(run.seconds for run in runs):.1f} to "
             f"{max(run.seconds for run in runs):.1f} s; of the processor "
             f"{median(run.start for run in runs):.1f} s to start and "
@@ -109,7 +109,7 @@ def compare_durations(report, options, what, inputs):
     for place, count in enumerate(DRIVES):
         runs = [one[place] for one in rounds]
         work = median(run.work for run in runs)
-        report.tell(
+        report.write(
             f"{what}, {count}: processor {work:.1f} s without the start, {work / count:.1f} a "
             f"drive; clock {median(run.seconds for run in runs):.1f} s; "
             f"{max(run.mib for run in runs):.0f} MiB; found: {runs[0].answer}"

@@ -7,7 +7,7 @@ from math import isclose
 from statistics import median
 
 import _ladder_data as data
-from _ladder import Way, climb, said_by, speed, table, times_as_fast
+from _ladder import Way, climb, run_process, speed, table, times_as_fast
 from _report import aside
 from _rows import positive, row_parser, run_rows
 from _ways import BUILD, ladder, ours
@@ -34,13 +34,13 @@ def ladder_row(report, options):
     """Ways to read one recording, side by side in turn."""
     log = data.recording(FOLDER, FRAMES)
     megabytes = log.stat().st_size / 1e6
-    report.tell(f"{log.name}: {FRAMES / 1e6:.0f} M frames, {megabytes:.0f} MB:")
-    report.tell(data.WHAT)
+    report.write(f"{log.name}: {FRAMES / 1e6:.0f} M frames, {megabytes:.0f} MB:")
+    report.write(data.WHAT)
     ways = ladder(report, log, FRAMES)
     by_key = {way.key: way for way in ways}
     figures, failed = climb(ways, options.rounds)
     for key, reason in failed.items():
-        report.tell(f"{by_key[key].title}: not measured: {reason}")
+        report.write(f"{by_key[key].title}: not measured: {reason}")
     measured = [way for way in ways if way.key in figures]
     table(report, figures, measured, by_key["cantools"] if "cantools" in figures else None)
     tell_first(report, figures)
@@ -61,12 +61,12 @@ def tell_first(report, figures):
         for key, one in figures.items()
         if key != "read"
     )
-    report.tell(f"first pass of a process / its median: {', '.join(shares)}")
+    report.write(f"first pass of a process / its median: {', '.join(shares)}")
 
 
 def same_values(report, figures):
     """Whether the ways found the same: the sums of all signals, and no fault of the checks."""
-    sums = {key: one.said["sums"] for key, one in figures.items() if "sums" in one.said}
+    sums = {key: one.answer["sums"] for key, one in figures.items() if "sums" in one.answer}
     first = next(iter(sums.values()), {})
     same = bool(first) and all(
         one.keys() == first.keys()
@@ -77,10 +77,10 @@ def same_values(report, figures):
     report.check(what, "equal" if same else "different", "equal", met=same)
     kinds = ("rejected", "lost", "bad_lines", "bad_checksums", "bad_counters")
     faults = {
-        f"{key}: {kind}": one.said[kind]
+        f"{key}: {kind}": one.answer[kind]
         for key, one in figures.items()
         for kind in kinds
-        if one.said.get(kind)
+        if one.answer.get(kind)
     }
     report.check("faults found", str(faults or "none"), "none", met=not faults)
 
@@ -96,7 +96,7 @@ def linear_row(report, options):
         raise RuntimeError("; ".join(failed.values()))
     for way in (some, usual, many):
         mib = max(figures[way.key].mib)
-        report.tell(f"{way.key}: {speed(figures, way) / 1e6:.3g} M frames/s, {mib:.0f} MiB")
+        report.write(f"{way.key}: {speed(figures, way) / 1e6:.3g} M frames/s, {mib:.0f} MiB")
     for way in (some, many):
         ratio = times_as_fast(figures, way, usual)
         target = f"{1 - SPEED_WITHIN:.1f} to {1 + SPEED_WITHIN:.1f}"
@@ -105,7 +105,7 @@ def linear_row(report, options):
         if way is many:
             report.check(what, f"{ratio:.2f}", target, met=met)
         else:
-            report.tell(f"{what}: {ratio:.2f}")
+            report.write(f"{what}: {ratio:.2f}")
     ratio = max(figures[many.key].mib) / max(figures[usual.key].mib)
     report.at_most(f"memory of {many.key} to {usual.key}", ratio, MEMORY_GROWTH, ".2f")
     if not options.keep:
@@ -114,10 +114,10 @@ def linear_row(report, options):
 
 def parts_row(report, _options):
     """Where our chain's time goes on one core."""
-    said = said_by(ours("parts", data.recording(FOLDER, FRAMES)), core=0)
-    total = sum(said["parts"].values())
-    for name, seconds in said["parts"].items():
-        report.tell(
+    answer = run_process(ours("parts", data.recording(FOLDER, FRAMES)), core=0)
+    total = sum(answer["parts"].values())
+    for name, seconds in answer["parts"].items():
+        report.write(
             f"{1e9 * seconds / FRAMES:6.1f} ns a frame, {100 * seconds / total:3.0f} %: {name}"
         )
 
@@ -133,18 +133,19 @@ def replay_row(report, options):
         words += ["--duration", str(seconds), "--seed", "1", "--log", str(log)]
         subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
     began = time.perf_counter()
-    cost = said_by(ours("replay", log))
+    cost = run_process(ours("replay", log))
     clock = time.perf_counter() - began
-    drive = cost["said"]["to_s"] - cost["said"]["from_s"]
+    answer = cost["answer"]
+    drive = answer["to_s"] - answer["from_s"]
     (_, processor) = cost["passes"][0]
-    report.tell(
-        f"{log.name}: {SCENARIO}, {drive:.0f} s, {cost['said']['frames'] / 1e6:.2f} M frames, "
-        f"{cost['said']['samples'] / 1e6:.2f} M samples, {cost['said']['frames_sent'] / 1e6:.2f} M "
+    report.write(
+        f"{log.name}: {SCENARIO}, {drive:.0f} s, {answer['frames'] / 1e6:.2f} M frames, "
+        f"{answer['samples'] / 1e6:.2f} M samples, {answer['frames_sent'] / 1e6:.2f} M "
         f"frames sent; {clock:.1f} s, of the processor {processor:.1f} s without the imports"
     )
     for what, least in (("times real time", REPLAY), ("times real time, stretch", REPLAY_STRETCH)):
         at_least(report, what, drive / clock, least, ".1f")
-    report.tell(f"by the processor's time without the imports: {drive / processor:.1f}")
+    report.write(f"by the processor's time without the imports: {drive / processor:.1f}")
     report.at_most("MiB", cost["mib"], REPLAY_MIB, ".0f")
 
 

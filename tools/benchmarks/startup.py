@@ -85,7 +85,7 @@ def main():
                 spent[name].append(processor_seconds(*words))
         seconds = {name: median(values) for name, values in spent.items()}
         for name, value in seconds.items():
-            report.tell(f"{name}: {value:.3f} s")
+            report.write(f"{name}: {value:.3f} s")
         work = {
             "check, short log": median(work_seconds(short) for _ in range(3)),
             "check, log with a fit": median(work_seconds(fitted) for _ in range(3)),
@@ -94,11 +94,11 @@ def main():
     for name in ("--help", "--version"):
         report.at_most(f"{name} / import numpy", seconds[name] / light, 2.0, ".2f")
     for name, own in work.items():
-        report.tell(f"work of {name}: {own:.3f} s")
+        report.write(f"work of {name}: {own:.3f} s")
     start = seconds["check, short log"] - work["check, short log"]
     report.at_most("start of check / import numpy, can, cantools", start / heavy, 1.3, ".2f")
     fit = seconds["check, log with a fit"] - work["check, log with a fit"]
-    report.tell(f"the same for a log with a fit, which loads scipy.optimize: {fit / heavy:.2f}")
+    report.write(f"the same for a log with a fit, which loads scipy.optimize: {fit / heavy:.2f}")
     print(f"{report.met} of {report.met + len(report.missed)} targets met")
 
 
