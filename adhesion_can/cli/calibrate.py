@@ -17,7 +17,6 @@ from adhesion_can.cli.common import (
     add_configuration,
     add_json,
     configuration,
-    read_problems,
     require_outputs,
     require_positive,
     talk,
@@ -30,6 +29,7 @@ from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256, whole_file
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.physics.readings import Role
+from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.reference_speed import read_reference, reference_path
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.calibration import (
@@ -126,7 +126,7 @@ def run(options: argparse.Namespace) -> int:
     named = "the vehicle speed" if options.speed is None else f"--speed {options.speed}"
     notes = calibration_notes(result, settings, rim, named)
     notes += _notes_on_source(result, loaded, reference)
-    problems = read_problems(recordings)
+    problems = describe_problems(recordings)
     write_json(
         options.json,
         {

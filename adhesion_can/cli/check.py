@@ -7,7 +7,6 @@ from adhesion_can.cli.common import (
     add_configuration,
     add_json,
     configuration,
-    read_problems,
     require_outputs,
     talk,
     write_json,
@@ -15,6 +14,7 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.reading import reading
 from adhesion_can.offline.check import CheckResult, check, mean_cycle_ms
 from adhesion_can.offline.extract_samples import require_known
+from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     with reading("checking", recordings) as watched:
         result = check(watched(blocks_in_sequence(recordings)), config)
     require_known_id(result, options)
-    problems = read_problems(recordings)
+    problems = describe_problems(recordings)
     result.failures.extend(problems)
     write_json(options.json, {**result.as_json(), **provenance(config, options.log)})
     if talk(options):

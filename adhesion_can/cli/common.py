@@ -4,8 +4,7 @@ import argparse
 import json
 import math
 import sys
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,6 @@ from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.config.model_file import read_model
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.files import whole_file
-from adhesion_can.recordings.recording import Recording
 from adhesion_can.reporting.text import console
 
 
@@ -140,46 +138,6 @@ def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], N
     with bar:
         task = bar.add_task(what, total=total)
         yield lambda done: bar.update(task, completed=done)
-
-
-def names_of(paths: Sequence[Path]) -> list[str]:
-    """Names of files for sentences: without the folder where that tells them apart."""
-    bare = Counter(path.name for path in paths)
-    return [path.name if bare[path.name] == 1 else str(path) for path in paths]
-
-
-def read_problems(
-    recordings: Sequence[Recording],
-    backwards: str = "were taken at that one's time",
-    names: Sequence[str] | None = None,
-) -> list[str]:
-    """Sentences about lines that were passed over.
-
-    Args:
-        recordings: read to their end.
-        backwards: what was done with frames stamped before the one in front of them.
-        names: of the recordings; None: by their paths.
-
-    """
-    found = []
-    names = names or names_of([recording.path for recording in recordings])
-    for name, recording in zip(names, recordings, strict=True):
-        report = recording.report
-        found += [f"{name}: {note}" for note in report.notes]
-        if report.backwards:
-            found.append(
-                f"{name}: {report.backwards} frames are stamped before the one in "
-                f"front of them, and {backwards}"
-            )
-        if report.passed_over:
-            kinds = ", ".join(
-                f"{report.kinds[kind]} {kind}"
-                for kind in ("malformed", "untimed", "cut")
-                if report.kinds[kind]
-            )
-            lines = ", ".join(map(str, report.bad_lines[:5]))
-            found.append(f"{name}: lines passed over: {kinds} (line {lines}, ..)")
-    return found
 
 
 def left_out_lines(left_out: Mapping[str, int]) -> list[str]:

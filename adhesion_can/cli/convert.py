@@ -17,8 +17,6 @@ from adhesion_can.bus.database import CanDatabase, load_database
 from adhesion_can.bus.decoder import Decoder
 from adhesion_can.cli.common import (
     add_json,
-    names_of,
-    read_problems,
     require_outputs,
     talk,
     write_json,
@@ -27,6 +25,7 @@ from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError, RecordingError
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import open_recordings
 from adhesion_can.reporting.export import SUFFIXES, Writer, open_recording, require_format
@@ -89,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     require_outputs(options, {"--out": options.out, "--json": options.json}, options.log)
     require_format(options.out, "--out")
     database = load_database(options.dbc)
-    chosen = _Chosen(database, options.signals)
+    chosen = _SignalFilter(database, options.signals)
     recordings = open_recordings(options.log)
     origin = provenance(
         Configuration(vehicle=Locomotive(), database=database, choices=()), options.log
@@ -113,8 +112,8 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-class _Chosen:
-    """Whether --signals names a signal.
+class _SignalFilter:
+    """Filter of the signals that --signals names.
 
     Args:
         database: Database of the signals.
@@ -133,7 +132,7 @@ class _Chosen:
                 raise InputError(
                     f"--signals {glob}",
                     f"matches no message or signal of {database.path.name}",
-                    _near(glob, names),
+                    _suggest_names(glob, names),
                 )
 
     def __call__(self, message: str, signal: str) -> bool:
@@ -144,7 +143,7 @@ def _matches(glob: str, message: str, signal: str) -> bool:
     return any(fnmatchcase(name, glob) for name in (f"{message}.{signal}", signal, message))
 
 
-def _near(glob: str, names: Iterable[tuple[str, str]]) -> str:
+def _suggest_names(glob: str, names: Iterable[tuple[str, str]]) -> str:
     forms = {}
     for message, signal in names:
         for form in (message, signal, f"{message}.{signal}"):
@@ -156,20 +155,22 @@ def _near(glob: str, names: Iterable[tuple[str, str]]) -> str:
 
 
 class _Conversion:
-    """Decodes blocks, hands them to a writer, and keeps account."""
+    """Decodes blocks, passes them to a writer, and counts what became of every frame."""
 
-    def __init__(self, database: CanDatabase, chosen: _Chosen | None, channel: str | None) -> None:
+    def __init__(
+        self, database: CanDatabase, chosen: _SignalFilter | None, channel: str | None
+    ) -> None:
         self._database = database
         self._chosen = chosen
         self._decoder = Decoder(database, chosen)
         self._rows = MessageRows(database)
         self._channel = channel
-        self._elsewhere: Counter[str] = Counter()
+        self._other_channels: Counter[str] = Counter()
         self._received_on: dict[_Key, set[str]] = {}
         self._file = 0
         self._first_ns: int | None = None
         self._last_ns = 0
-        self._early: list[int] = []
+        self._early_files: list[int] = []
 
     def process(self, block: Block, file: int, writer: Writer) -> None:
         """The next rows of the recordings, of which they are the `file`-th."""
@@ -179,7 +180,7 @@ class _Conversion:
             self._first_ns = int(block.t_ns[0])
             writer.begin(self._first_ns)
         elif file != self._file and block.t_ns[0] < self._last_ns:
-            self._early.append(file)
+            self._early_files.append(file)
         self._file, self._last_ns = file, int(block.t_ns[-1])
         if self._channel is not None:
             block = self._select_channel(block, self._channel)
@@ -195,7 +196,7 @@ class _Conversion:
     def _select_channel(self, block: Block, name: str) -> Block:
         for place, other in enumerate(block.channels):
             if other != name:
-                self._elsewhere[other] += int(np.count_nonzero(block.channel == place))
+                self._other_channels[other] += int(np.count_nonzero(block.channel == place))
         place = block.channels.index(name) if name in block.channels else len(block.channels)
         return block.select(block.channel == place)
 
@@ -212,8 +213,8 @@ class _Conversion:
                 reasons.update(count.rejected)
             what = f"every known frame is rejected ({_counts(reasons)}); {database}"
             mend = "check that the database is of this bus, and of its version"
-        elif self._elsewhere and not report.frames:
-            what = f"no frame of channel {self._channel}; it has {_counts(self._elsewhere)}"
+        elif self._other_channels and not report.frames:
+            what = f"no frame of channel {self._channel}; it has {_counts(self._other_channels)}"
             mend = "name one of these with --channel"
         elif report.passed_over:
             what = "no frame with a signal that is wanted and can be decoded; it has "
@@ -259,23 +260,25 @@ class _Conversion:
             ],
             "unknown_beyond": report.unknown_beyond,
             "not_wanted": dict(report.passed_over),
-            "other_channels": dict(self._elsewhere),
+            "other_channels": dict(self._other_channels),
             "remote": report.remote,
             "error": report.error,
             "marks": report.marks,
             "lines": dict(lines),
             "problems": [
-                *read_problems(recordings, "keep their stamps"),
-                *self._problems(names_of([recording.path for recording in recordings])),
+                *describe_problems(recordings, "keep their stamps"),
+                *self._problems(distinct_names([recording.path for recording in recordings])),
             ],
         }
 
     def runs_back(self, recordings: Sequence[Recording]) -> bool:
         """Whether some stamp is before the one in front of it."""
-        return bool(self._early) or any(recording.report.backwards for recording in recordings)
+        return bool(self._early_files) or any(
+            recording.report.backwards for recording in recordings
+        )
 
     def _problems(self, files: Sequence[str]) -> Iterator[str]:
-        for file in self._early:
+        for file in self._early_files:
             begins = "begins before the end of the file in front of it; its stamps are kept"
             yield f"{files[file]}: {begins}"
         several = {
@@ -290,7 +293,7 @@ class _Conversion:
         yield from self._undecodable({name for name, _, _ in self._received_on})
 
     def _undecodable(
-        self, messages: Collection[str], chosen: _Chosen | None = None
+        self, messages: Collection[str], chosen: _SignalFilter | None = None
     ) -> Iterator[str]:
         """Sentences about what of these messages can never be decoded; None: chosen or not."""
         for name, reason in self._decoder.report.undecodable.items():

@@ -18,7 +18,6 @@ from adhesion_can.cli.common import (
     add_model,
     configuration,
     left_out_lines,
-    read_problems,
     require_outputs,
     talk,
     write_json,
@@ -31,6 +30,7 @@ from adhesion_can.files import whole_file
 from adhesion_can.offline.extract_samples import require_known
 from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
 from adhesion_can.recordings.candump import format_frame
+from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence, open_recordings
 from adhesion_can.reporting.export import require_format
 from adhesion_can.reporting.provenance import provenance, texts
@@ -110,7 +110,7 @@ def run(options: argparse.Namespace) -> int:
         for recording in recordings:
             summary.kinds.update(recording.report.kinds)
         require_known(core.receiver, summary.frames, ", ".join(map(str, options.log)))
-    problems = read_problems(recordings)
+    problems = describe_problems(recordings)
     misfit = collector.compute()
     document = _document(summary, core, statuses, problems)
     document["fit"] = None if misfit is None else misfit.as_json()

@@ -1,13 +1,34 @@
 """Result of a diagnosis as plain values, from which reports and JSON are made."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
-from typing import NamedTuple
+from html import escape
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.extended.estimator import ExtendedModel
 from adhesion_can.physics.estimate import Estimate
+from adhesion_can.result_text import html_table, plus_minus
+
+
+@dataclass(frozen=True, slots=True)
+class InputFile:
+    """An input file of a diagnosis.
+
+    Attributes:
+        path: Path of the file.
+        name: Name of the file in the diagnosis.
+        sha256: SHA-256 of the file's bytes, hexadecimal.
+        held_out: Whether the user gave it for the gain alone.
+
+    """
+
+    path: Path
+    name: str
+    sha256: str
+    held_out: bool = False
 
 
 class Verdict(StrEnum):
@@ -61,6 +82,19 @@ class Cause:
     p_value: float
     rivals: tuple[str, ...]
 
+    def to_dict(self) -> dict[str, Any]:
+        """Fields of `diagnosis.json`."""
+        return {
+            "effect": self.effect,
+            "form": self.form,
+            "title": self.title,
+            "parameters": {
+                v.name: {"value": v.value, "std": v.std, "unit": v.unit} for v in self.parameters
+            },
+            "p_value": self.p_value,
+            "rivals": list(self.rivals),
+        }
+
 
 @dataclass(frozen=True, slots=True)
 class Gain:
@@ -84,6 +118,19 @@ class Gain:
     interval: tuple[float, float]
     held_out: str
     spans: tuple[tuple[str, float, float], ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Fields of `diagnosis.json`."""
+        return {
+            "rmse_before": self.rmse_before,
+            "rmse_after": self.rmse_after,
+            "noise_floor": self.noise_floor,
+            "percent": self.percent,
+            "interval": list(self.interval),
+            "held_out": self.held_out,
+            "spans": [[begin, end] for _, begin, end in self.spans],
+            "recordings": [recording for recording, _, _ in self.spans],
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +208,11 @@ class SegmentResult:
     to_s: float
     base: Estimate
     extended: Estimate
+
+    @property
+    def span(self) -> dict[str, Any]:
+        """Recording, begin and end, as fields of `diagnosis.json`."""
+        return {"recording": self.recording, "from_s": self.from_s, "to_s": self.to_s}
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,6 +311,7 @@ class Diagnosis:
         curves: Data of the longest segment; None without data.
         samples: Number of rows by input name.
         lost: Number of unusable rows by input name and reason.
+        input_files: Input files; () where the data came from no file.
 
     """
 
@@ -278,3 +331,68 @@ class Diagnosis:
     curves: CurveData | None
     samples: Mapping[str, int] = field(default_factory=dict)
     lost: Mapping[str, int] = field(default_factory=dict)
+    input_files: tuple[InputFile, ...] = ()
+
+    @property
+    def longest_segment(self) -> SegmentResult | None:
+        """Longest segment, the first of several; None without any."""
+        return max(self.surfaces, key=lambda s: s.to_s - s.from_s, default=None)
+
+    @property
+    def held_out_files(self) -> set[str]:
+        """Names of the files that were held out whole, by the user or by the diagnosis."""
+        named = {file.name for file in self.input_files if file.held_out}
+        if named or self.gain is None or len(self.input_files) < 2:
+            return named
+        return {recording for recording, _, _ in self.gain.spans}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Fields of `diagnosis.json`."""
+        held = self.held_out_files
+        return {
+            "verdict": self.verdict.value,
+            "causes": [cause.to_dict() for cause in self.causes],
+            "channel": self.channel,
+            "wrong": list(self.wrong),
+            "gain": None if self.gain is None else self.gain.to_dict(),
+            "evidence": [asdict(e) | {"most_alike": list(e.most_alike)} for e in self.evidence],
+            "needed": self.needed,
+            "untested": [untested._asdict() for untested in self.untested],
+            "channels": [asdict(channel) for channel in self.channels],
+            "surfaces": [
+                s.span | {"base": s.base.to_dict(), "extended": s.extended.to_dict()}
+                for s in self.surfaces
+            ],
+            "base": self._curves(lambda segment: segment.base),
+            "extended": self._curves(lambda segment: segment.extended),
+            "inputs": [
+                {
+                    "path": str(file.path),
+                    "sha256": file.sha256,
+                    "samples": self.samples.get(file.name, 0),
+                    "held_out": file.name in held,
+                }
+                for file in self.input_files
+            ],
+            "left_out": dict(self.lost),
+        }
+
+    def _curves(self, curve: Callable[[SegmentResult], Estimate]) -> dict[str, Any] | None:
+        """Fields of `identify`: longest segment, and each one in `segments`; None without any."""
+        longest = self.longest_segment
+        if longest is None:
+            return None
+        segments = [s.span | curve(s).to_dict() for s in self.surfaces]
+        return curve(longest).to_dict() | {"segments": segments}
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (cause.effect, value.name, plus_minus(value.value, value.std), value.unit)
+            for cause in self.causes
+            for value in cause.parameters
+        ]
+        columns = ("effect", "parameter", "value", "unit")
+        sentences = "".join(f"<li>{escape(sentence)}</li>" for sentence in self.wrong)
+        gain = "" if self.gain is None else f", gain {self.gain.percent:.1f} %"
+        table = html_table(f"Verdict: {self.verdict.value}{gain}", columns, rows)
+        return f"{table}<ul>{sentences}</ul>"

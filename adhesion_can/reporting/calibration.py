@@ -68,8 +68,8 @@ def _not_identifiable(result: Calibration, settings: CalibrationSettings) -> lis
     if result.offset is None:
         notes.append(
             "An offset of the vehicle speed is not identifiable "
-            f"(speeds {low:.1f} to {high:.1f} m/s, {_would_be(result.offset_std, 'm/s')}) and taken "
-            "as 0; one of 0.1 m/s would change the radii by "
+            f"(speeds {low:.1f} to {high:.1f} m/s, {_would_be(result.offset_std, 'm/s')}) and "
+            "taken as 0; one of 0.1 m/s would change the radii by "
             f"{100 * 0.1 / speed:.2f} %."
         )
     if result.delay is None and settings.delay_s is None:

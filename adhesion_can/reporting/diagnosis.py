@@ -1,10 +1,7 @@
 """Reports of a diagnosis: sentences, lines and tables for a terminal, and JSON."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
 from math import isfinite
-from pathlib import Path
-from typing import Any
 
 from rich.table import Table
 
@@ -26,11 +23,9 @@ from adhesion_can.diagnosis.result import (
     Evidence,
     Gain,
     ParameterValue,
-    SegmentResult,
     Verdict,
 )
 from adhesion_can.physics.channels import channel_label
-from adhesion_can.physics.estimate import Estimate
 from adhesion_can.reporting.text import table
 
 SHOWN = 5
@@ -38,24 +33,6 @@ SHOWN = 5
 
 EVIDENCE_COLUMNS = ("effect", "statistic", "p", "absorbed", "most alike", "cosine", "gain")
 CHANNEL_COLUMNS = ("channel", "unit", "p", "gain")
-
-
-@dataclass(frozen=True, slots=True)
-class InputFile:
-    """An input file of a diagnosis.
-
-    Attributes:
-        path: Path of the file.
-        name: Name of the file in the diagnosis.
-        sha256: SHA-256 of the file's bytes, hexadecimal.
-        held_out: Whether the user gave it for the gain alone.
-
-    """
-
-    path: Path
-    name: str
-    sha256: str
-    held_out: bool = False
 
 
 # ---------------------------------------------------------------------------------- sentences
@@ -69,7 +46,7 @@ def verdict_sentences(found: Diagnosis) -> list[str]:
     return sentences
 
 
-def extends(found: Diagnosis) -> bool:
+def has_extension(found: Diagnosis) -> bool:
     """Whether there is a model with effects or a spline."""
     return found.model is not None and bool(found.model.effects or found.model.splines)
 
@@ -92,7 +69,7 @@ def _verdict(found: Diagnosis) -> Iterator[str]:
 def _cause_sentence(cause: Cause) -> str:
     numbers = ", ".join(f"{v.name} {_measured(v)}" for v in cause.parameters)
     name = effect_name(cause.effect, cause.form)
-    sentence = f"{cause.title} ({name}: {numbers}). {chance(cause.p_value)}"
+    sentence = f"{cause.title} ({name}: {numbers}). {p_value_sentence(cause.p_value)}"
     return f"{sentence} {_rivals(cause)}".strip()
 
 
@@ -115,7 +92,7 @@ def _unexplained(found: Diagnosis) -> str:
     )
     # A wave's channel has its length behind the name.
     own = [c.p_value for c in found.channels if c.channel.partition(",")[0] == found.channel]
-    return f"{text} {chance(min(own))}" if own else text
+    return f"{text} {p_value_sentence(min(own))}" if own else text
 
 
 def _nothing(found: Diagnosis) -> str:
@@ -133,10 +110,10 @@ def _nothing(found: Diagnosis) -> str:
     )
 
 
-def chance(p_value: float) -> str:
+def p_value_sentence(p_value: float) -> str:
     """P-value in a sentence."""
     if not isfinite(p_value):
-        return "How often chance alone looks as strong is not known."
+        return "How often p_value_sentence alone looks as strong is not known."
     if p_value < LEAST_P:
         return (
             f"Chance alone looks as strong in fewer than {100 * LEAST_P:g} % of drives "
@@ -151,7 +128,7 @@ def chance(p_value: float) -> str:
 def gain_sentence(gain: Gain, found: Diagnosis) -> str:
     """Gain of the extension, its interval, and the data that were held out."""
     where = f"Held out: {gain.held_out}."
-    extended = extends(found)
+    extended = has_extension(found)
     if not extended and gain.rmse_after == gain.rmse_before:
         return (
             f"There is no extension: RMSE of the adhesion {short(gain.rmse_before)}, noise alone "
@@ -239,106 +216,6 @@ def terminal(found: Diagnosis) -> Iterator[str | Table]:
         )
         yield table(title_, EVIDENCE_COLUMNS, rows[:SHOWN])
     yield from (f"Not tested: {what}: {why}" for what, why in found.untested)
-
-
-# --------------------------------------------------------------------------------------- JSON
-
-
-def diagnosis_json(found: Diagnosis, input_files: Sequence[InputFile] = ()) -> dict[str, Any]:
-    """Diagnosis as JSON values.
-
-    Args:
-        found: Result of the diagnosis.
-        input_files: Input files of the diagnosis.
-
-    """
-    held = held_back(found, input_files)
-    return {
-        "verdict": found.verdict.value,
-        "causes": [_cause_json(cause) for cause in found.causes],
-        "channel": found.channel,
-        "wrong": list(found.wrong),
-        "gain": None if found.gain is None else _gain_json(found.gain),
-        "evidence": [asdict(e) | {"most_alike": list(e.most_alike)} for e in found.evidence],
-        "needed": found.needed,
-        "untested": [untested._asdict() for untested in found.untested],
-        "channels": [asdict(channel) for channel in found.channels],
-        "surfaces": [
-            _place_json(s) | {"base": s.base.to_dict(), "extended": s.extended.to_dict()}
-            for s in found.surfaces
-        ],
-        "base": _curves_json(found, lambda segment: segment.base),
-        "extended": _curves_json(found, lambda segment: segment.extended),
-        "inputs": [
-            {
-                "path": str(input_file.path),
-                "sha256": input_file.sha256,
-                "samples": found.samples.get(input_file.name, 0),
-                "held_out": input_file.name in held,
-            }
-            for input_file in input_files
-        ],
-        "left_out": dict(found.lost),
-    }
-
-
-def _cause_json(cause: Cause) -> dict[str, Any]:
-    return {
-        "effect": cause.effect,
-        "form": cause.form,
-        "title": cause.title,
-        "parameters": {
-            v.name: {"value": v.value, "std": v.std, "unit": v.unit} for v in cause.parameters
-        },
-        "p_value": cause.p_value,
-        "rivals": list(cause.rivals),
-    }
-
-
-def _gain_json(gain: Gain) -> dict[str, Any]:
-    return {
-        "rmse_before": gain.rmse_before,
-        "rmse_after": gain.rmse_after,
-        "noise_floor": gain.noise_floor,
-        "percent": gain.percent,
-        "interval": list(gain.interval),
-        "held_out": gain.held_out,
-        "spans": [[begin, end] for _, begin, end in gain.spans],
-        "recordings": [recording for recording, _, _ in gain.spans],
-    }
-
-
-def _place_json(surface: SegmentResult) -> dict[str, Any]:
-    return {
-        "recording": surface.recording,
-        "from_s": surface.from_s,
-        "to_s": surface.to_s,
-    }
-
-
-def _curves_json(
-    found: Diagnosis, curve: Callable[[SegmentResult], Estimate]
-) -> dict[str, Any] | None:
-    """Fields of `identify`: longest segment, and each one in `segments`; None without any."""
-    longest = longest_surface(found)
-    if longest is None:
-        return None
-    return curve(longest).to_dict() | {
-        "segments": [_place_json(s) | curve(s).to_dict() for s in found.surfaces]
-    }
-
-
-def held_back(found: Diagnosis, input_files: Sequence[InputFile]) -> set[str]:
-    """Names of the files that were held out whole, by the user or by the diagnosis."""
-    named = {input_file.name for input_file in input_files if input_file.held_out}
-    if named or found.gain is None or len(input_files) < 2:
-        return named
-    return {recording for recording, _, _ in found.gain.spans}
-
-
-def longest_surface(found: Diagnosis) -> SegmentResult | None:
-    """Longest segment, the first of several; None without any."""
-    return max(found.surfaces, key=lambda s: s.to_s - s.from_s, default=None)
 
 
 def _measured(value: ParameterValue) -> str:

@@ -13,13 +13,10 @@ from adhesion_can.physics.estimate import Estimate
 from adhesion_can.reporting.diagnosis import (
     CHANNEL_COLUMNS,
     EVIDENCE_COLUMNS,
-    InputFile,
     cause_rows,
     channel_rows,
     evidence_rows,
-    extends,
-    held_back,
-    longest_surface,
+    has_extension,
     verdict_sentences,
 )
 from adhesion_can.reporting.diagnosis_figures import (
@@ -36,7 +33,6 @@ Parts = list[Text | Items | Table | Figure]
 
 def page(
     found: Diagnosis,
-    input_files: Sequence[InputFile],
     provenance: Mapping[str, str],
     problems: Sequence[str] = (),
 ) -> Page:
@@ -44,7 +40,6 @@ def page(
 
     Args:
         found: Result of the diagnosis.
-        input_files: Input files of the diagnosis.
         provenance: Version, command, database and configuration by name.
         problems: Sentence for each problem of an input.
 
@@ -60,19 +55,20 @@ def page(
         "What would separate the rivals": _needed(found),
         "What could not be tested": _untested(found),
         "Extended model": _model(found),
-        "Inputs": _inputs(found, input_files, problems),
+        "Inputs": _inputs(found, problems),
     }
     return Page(
         title="What the simulation gets wrong, and why",
-        lead=_lead(input_files, held_back(found, input_files)),
+        lead=_lead(found),
         verdict=verdict_sentences(found),
         sections=[Section(name, parts) for name, parts in sections.items()],
         provenance=provenance,
     )
 
 
-def _lead(input_files: Sequence[InputFile], held: set[str]) -> str:
-    used = [input_file.name for input_file in input_files if input_file.name not in held]
+def _lead(found: Diagnosis) -> str:
+    held = found.held_out_files
+    used = [file.name for file in found.input_files if file.name not in held]
     text = f"Diagnosis of {', '.join(used)}"
     if held:
         text += f"; held out for the gain: {', '.join(sorted(held))}"
@@ -118,7 +114,7 @@ def _simulation_plots(found: Diagnosis) -> Parts:
     if not found.simulation_plots:
         return [Text("There is no span to show.")]
     return [
-        simulation_figure(simulation_plot, extended=extends(found))
+        simulation_figure(simulation_plot, extended=has_extension(found))
         for simulation_plot in found.simulation_plots
     ]
 
@@ -131,11 +127,11 @@ def _profile(found: Diagnosis) -> Parts:
 
 def _curve(found: Diagnosis) -> Parts:
     parts: Parts = []
-    longest = longest_surface(found)
+    longest = found.longest_segment
     if longest is not None and found.curves is not None:
-        parts.append(curve_figure(longest, found.curves, extended=extends(found)))
+        parts.append(curve_figure(longest, found.curves, extended=has_extension(found)))
     if found.surfaces:
-        parts.append(_surface_table(found.surfaces, extended=extends(found)))
+        parts.append(_surface_table(found.surfaces, extended=has_extension(found)))
     return parts or [Text("No curve could be fitted.")]
 
 
@@ -211,7 +207,7 @@ def _untested(found: Diagnosis) -> Parts:
 
 
 def _model(found: Diagnosis) -> Parts:
-    if found.model is None or not extends(found):
+    if found.model is None or not has_extension(found):
         return [Text("There is no extension: the plain curve stands.")]
     return model_parts(found.model)
 
@@ -261,8 +257,8 @@ def _spline(spline: Empirical) -> str:
     )
 
 
-def _inputs(found: Diagnosis, input_files: Sequence[InputFile], problems: Sequence[str]) -> Parts:
-    held = held_back(found, input_files)
+def _inputs(found: Diagnosis, problems: Sequence[str]) -> Parts:
+    held = found.held_out_files
     rows = [
         (
             s.name,
@@ -270,7 +266,7 @@ def _inputs(found: Diagnosis, input_files: Sequence[InputFile], problems: Sequen
             str(found.samples.get(s.name, 0)),
             s.sha256,
         )
-        for s in input_files
+        for s in found.input_files
     ]
     parts: Parts = [Table("Files, and the rows of them that were used.", _INPUT_COLUMNS, rows)]
     lost = [f"{count}: {reason}" for reason, count in found.lost.items() if count]

@@ -25,7 +25,7 @@ from tests.reporting.test_diagnosis_report import (
 )
 from tests.reporting.test_page import nothing_is_loaded
 
-ENGINE = "adhesion_can.diagnosis.diagnose"
+ENGINE = "adhesion_can.api.diagnosis._diagnose"
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def engine(monkeypatch):
         counts = {drive.name: len(drive) for drive in (*drives, *holdout)}
         return replace(asked.answer, samples=counts)
 
-    monkeypatch.setitem(sys.modules, ENGINE, SimpleNamespace(diagnose=diagnose))
+    monkeypatch.setattr(ENGINE, diagnose)
     return asked
 
 

@@ -22,6 +22,7 @@ from adhesion_can.diagnosis.result import (
     Diagnosis,
     Evidence,
     Gain,
+    InputFile,
     ParameterValue,
     Profile,
     SegmentResult,
@@ -184,8 +185,13 @@ MADE = {"named": named, "nothing": nothing, "unexplained": unexplained, "empty":
 PROVENANCE = {"command": "adhesion-can diagnose 'drive one.log'", "version": "1.2.3"}
 
 
+def of_files(found, files):
+    """The diagnosis with the files that it rests on."""
+    return replace(found, input_files=tuple(files))
+
+
 def rendered(found, sources=SOURCES, problems=()):
-    return Elements(render(page(found, sources, PROVENANCE, problems)))
+    return Elements(render(page(of_files(found, sources), PROVENANCE, problems)))
 
 
 def printed(found):
@@ -305,7 +311,7 @@ def test_names_with_brackets_are_no_markup():
 @pytest.mark.parametrize("kind", MADE)
 def test_json_has_the_names_of_the_contract(kind):
     found = MADE[kind]()
-    document = json.loads(json.dumps(finite(diagnosis_json(found, SOURCES)), allow_nan=False))
+    document = json.loads(json.dumps(finite(of_files(found, SOURCES).to_dict()), allow_nan=False))
     assert document.keys() >= {
         "verdict", "causes", "channel", "wrong", "gain", "evidence", "needed", "base", "extended",
         "inputs",
@@ -337,7 +343,7 @@ def test_json_has_the_names_of_the_contract(kind):
 
 
 def test_json_has_the_values():
-    document = diagnosis_json(named(), SOURCES)
+    document = of_files(named(), SOURCES).to_dict()
     (cause,) = document["causes"]
     assert cause["parameters"]["share"] == {"value": 0.8123, "std": 0.0631, "unit": "1"}
     assert cause["rivals"] == ["slow_drift"]
@@ -360,12 +366,12 @@ def test_a_recording_that_was_kept_back_for_want_of_others_is_told_as_such():
     two = [replace(source, held_out=False) for source in SOURCES]
     gain = replace(named().gain, spans=(("other.log", 0.0, 100.0),))
     found = replace(named(), gain=gain)
-    assert [one["held_out"] for one in diagnosis_json(found, two)["inputs"]] == [False, True]
+    assert [one["held_out"] for one in of_files(found, two).to_dict()["inputs"]] == [False, True]
     cells = rendered(found, two).texts("td")
     assert cells[cells.index("other.log") + 1] == "held out for the gain"
     assert cells[cells.index("drive one.log") + 1] == "diagnosed"
     # One drive alone is diagnosed, though spans of it are held out.
-    assert [one["held_out"] for one in diagnosis_json(named(), two[:1])["inputs"]] == [False]
+    assert [one["held_out"] for one in of_files(named(), two[:1]).to_dict()["inputs"]] == [False]
 
 
 # --- page
@@ -374,7 +380,9 @@ def test_a_recording_that_was_kept_back_for_want_of_others_is_told_as_such():
 @pytest.mark.parametrize("kind", MADE)
 def test_every_section_is_there_and_nothing_is_loaded(kind):
     found = MADE[kind]()
-    text = render(page(found, SOURCES, PROVENANCE, ["other.log: 3 frames failed their checks"]))
+    text = render(
+        page(of_files(found, SOURCES), PROVENANCE, ["other.log: 3 frames failed their checks"])
+    )
     elements = nothing_is_loaded(text)
     assert elements.texts("h2") == ["Result", *SECTIONS]
     flat = " ".join(" ".join(elements.text.values()).split())
@@ -391,7 +399,7 @@ def test_every_section_is_there_and_nothing_is_loaded(kind):
 )
 def test_figures_are_plotlys(kind, count):
     found = MADE[kind]()
-    parts = [p for s in page(found, SOURCES, PROVENANCE).sections for p in s.parts]
+    parts = [p for s in page(of_files(found, SOURCES), PROVENANCE).sections for p in s.parts]
     figures = [part for part in parts if isinstance(part, Figure)]
     assert len(figures) == count
     for figure in figures:
@@ -429,7 +437,7 @@ def test_what_is_told_is_never_markup():
         simulation_plots=(replace(named().simulation_plots[0], recording=NASTY),),
     )  # fmt: skip
     sources = [InputFile(Path(NASTY), NASTY, "00")]
-    text = render(page(found, sources, {NASTY: NASTY}, [NASTY]))
+    text = render(page(of_files(found, sources), {NASTY: NASTY}, [NASTY]))
     elements = nothing_is_loaded(text)
     # Four figures, Plotly, what draws.
     assert len(elements.texts("script")) == 6
@@ -437,7 +445,10 @@ def test_what_is_told_is_never_markup():
 
 def test_the_whisker_is_the_interval_of_the_gain():
     figure = next(
-        p for s in page(named(), SOURCES, {}).sections for p in s.parts if isinstance(p, Figure)
+        p
+        for s in page(of_files(named(), SOURCES), {}).sections
+        for p in s.parts
+        if isinstance(p, Figure)
     )
     (bars,) = figure.data
     before, after, _ = bars["x"]
@@ -459,7 +470,7 @@ def test_long_series_are_thinned_and_gaps_stay():
     }  # fmt: skip
     series["adhesion"][31234] = 0.77
     found = replace(named(), simulation_plots=(replace(long, time_s=t, **series),))
-    text = render(page(found, SOURCES, PROVENANCE))
+    text = render(page(of_files(found, SOURCES), PROVENANCE))
     shown = [f for f in Elements(text).figures() if len(f["data"]) == 8]
     assert len(shown) == 1
     (adhesion,) = (d for d in shown[0]["data"] if d["name"] == "measured" and d["yaxis"] == "y3")

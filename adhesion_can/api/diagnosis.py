@@ -1,0 +1,222 @@
+"""Diagnosis of recordings or tables: what the simulation gets wrong, and the extended model."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from adhesion_can.api.configuration import ConfigurationLike, as_configuration
+from adhesion_can.api.inputs import RecordingLike
+from adhesion_can.config.configuration import Configuration
+from adhesion_can.diagnosis.diagnose import ShowProgress
+from adhesion_can.diagnosis.diagnose import diagnose as _diagnose
+from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.drive.from_table import build_drive_data_from_table
+from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
+from adhesion_can.diagnosis.result import Diagnosis, InputFile
+from adhesion_can.errors import InputError
+from adhesion_can.files import file_sha256
+from adhesion_can.offline.load_traces import LoadedTraces, load_traces
+from adhesion_can.recordings.problems import describe_problems, distinct_names
+from adhesion_can.recordings.recording import Recording
+from adhesion_can.recordings.sample_table import is_table, read_table
+from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedInput:
+    """An input file with its drive data.
+
+    Attributes:
+        input_file: File with its name and hash.
+        drive: Drive data of the file.
+        problems: Sentence for each kind of content that was left out.
+
+    """
+
+    input_file: InputFile
+    drive: DriveData
+    problems: list[str]
+
+
+def diagnose(
+    inputs: RecordingLike | Iterable[RecordingLike],
+    holdout: RecordingLike | Iterable[RecordingLike] = (),
+    *,
+    configuration: ConfigurationLike = None,
+    show: ShowProgress | None = None,
+) -> Diagnosis:
+    """What the simulation gets wrong, why, the extended model, and its gain on held-out data.
+
+    Args:
+        inputs: Recordings or tables of samples, or their paths.
+        holdout: Data for the gain alone; without any, blocks of the inputs are held out.
+        configuration: Vehicle, database, roles and settings.
+        show: Callback with the work in progress and the share that is done.
+
+    Returns:
+        Diagnosis; its `model` is what `replay` and `simulate` take as `model`.
+
+    Raises:
+        InputError: A file is missing or given twice, or not one row is usable.
+        ConfigError: The roles do not suffice to form adhesion.
+
+    """
+    config = as_configuration(configuration)
+    files = list_input_files(_paths(inputs), _paths(holdout))
+    progress = show or _show_nothing
+    return diagnose_inputs(load_inputs(files, config, progress), progress)
+
+
+def _paths(given: RecordingLike | Iterable[RecordingLike]) -> list[Path]:
+    items = [given] if isinstance(given, str | Path | Recording) else list(given)
+    return [item.path if isinstance(item, Recording) else Path(item) for item in items]
+
+
+def _show_nothing(_work: str, _share: float) -> None:
+    pass
+
+
+def list_input_files(inputs: Iterable[Path], holdout: Iterable[Path] = ()) -> list[InputFile]:
+    """Input files without duplicates: recordings or tables, not both.
+
+    Args:
+        inputs: Paths of the data that decide.
+        holdout: Paths of the data for the gain alone.
+
+    Raises:
+        InputError: A file is missing or given twice, or recordings and tables are mixed.
+
+    """
+    given = [(path, False) for path in inputs]
+    given += [(path, True) for path in holdout]
+    for path, _ in given:
+        if not path.is_file():
+            reason = "is a folder" if path.is_dir() else "No such file or directory"
+            raise InputError(str(path), reason, "check the path")
+    tables = [path for path, _ in given if is_table(path)]
+    if tables and len(tables) < len(given):
+        raise InputError("diagnose", "recordings and tables together", "give one kind at a time")
+    names = distinct_names([path for path, _ in given])
+    input_files: dict[str, InputFile] = {}
+    for name, (path, held_out) in zip(names, given, strict=True):
+        input_file = InputFile(path, name, file_sha256(path), held_out)
+        before = input_files.get(input_file.sha256)
+        if before is not None:
+            raise _duplicate_error(input_file, before)
+        input_files[input_file.sha256] = input_file
+    return list(input_files.values())
+
+
+def _duplicate_error(input_file: InputFile, before: InputFile) -> InputError:
+    if input_file.held_out and not before.held_out:
+        return InputError(
+            f"--holdout {input_file.path}",
+            f"holds the same as the input {before.path}",
+            "hold out another drive, or leave --holdout away",
+        )
+    return InputError(str(input_file.path), f"holds the same as {before.path}", "give it once")
+
+
+def load_inputs(
+    input_files: Sequence[InputFile], config: Configuration, show: ShowProgress
+) -> list[LoadedInput]:
+    """Drive data of all input files.
+
+    Args:
+        input_files: Recordings or tables, at least one.
+        config: Vehicle, roles and settings.
+        show: Callback with the work in progress and the share that is done.
+
+    Raises:
+        ConfigError: The roles do not suffice to form adhesion.
+        RecordingError: A recording cannot be read, or holds no known frame.
+        TableError: A table cannot be read, or lacks a column.
+
+    """
+    tables = is_table(input_files[0].path)
+    if not tables:
+        config.require_identification()
+    loaded = []
+    for number, input_file in enumerate(input_files):
+        show(f"reading {input_file.name}", number / len(input_files))
+        one = _load_table(input_file, config) if tables else _load_log(input_file, config)
+        loaded.append(one)
+    return loaded
+
+
+def _load_log(input_file: InputFile, config: Configuration) -> LoadedInput:
+    recordings = open_recordings([input_file.path])
+    received = load_traces(blocks_in_sequence(recordings), config, str(input_file.path))
+    drive = build_drive_data_from_traces(
+        input_file.name,
+        received.traces(),
+        config.vehicle,
+        config.sampling.v_min,
+        config.estimators.identifiability.slip_max,
+    )
+    problems = describe_problems(recordings, names=[input_file.name])
+    return LoadedInput(
+        input_file, drive, [*problems, *_describe_unused_frames(input_file, received)]
+    )
+
+
+def _describe_unused_frames(input_file: InputFile, received: LoadedTraces) -> list[str]:
+    problems = []
+    if received.rejected:
+        problems.append(f"{input_file.name}: {received.rejected} frames failed their checks")
+    if received.derived:
+        problems.append(
+            f"{input_file.name}: {received.derived} vehicle speeds derived from the driven axles "
+            "were left out: they carry no slip"
+        )
+    if received.trailing:
+        problems.append(
+            f"{input_file.name}: the vehicle speed comes from a trailing axle, and the error of "
+            "its radius is in every slip"
+        )
+    return problems
+
+
+def _load_table(input_file: InputFile, config: Configuration) -> LoadedInput:
+    rows = read_table(input_file.path)
+    slip_max = config.estimators.identifiability.slip_max
+    drive = build_drive_data_from_table(input_file.name, rows.samples, rows.segment, slip_max)
+    problems = []
+    if rows.left_out:
+        problems.append(
+            f"{input_file.name}: {rows.left_out} of {rows.rows} rows without a finite time, slip "
+            "and adhesion"
+        )
+    return LoadedInput(input_file, drive, problems)
+
+
+def diagnose_inputs(loaded: Sequence[LoadedInput], show: ShowProgress) -> Diagnosis:
+    """Diagnosis of loaded inputs.
+
+    Args:
+        loaded: Inputs, those that are held out included.
+        show: Callback with the work in progress and the share that is done.
+
+    Raises:
+        InputError: Not one row is usable.
+
+    """
+    parts = [
+        [read for read in loaded if read.input_file.held_out is held] for held in (False, True)
+    ]
+    for part in parts:
+        if part and not any(len(read.drive) for read in part):
+            raise InputError(
+                ", ".join(str(read.input_file.path) for read in part),
+                f"not one usable row: {explain_empty(part[0])}",
+                "give a drive in which the vehicle moves and its axles pull or brake",
+            )
+    drives, holdout = ([read.drive for read in part] for part in parts)
+    found = _diagnose(drives, holdout, show=show)
+    return replace(found, input_files=tuple(one.input_file for one in loaded))
+
+
+def explain_empty(read: LoadedInput) -> str:
+    """Reasons why a file gave no rows."""
+    reasons = [f"{count} {reason}" for reason, count in read.drive.lost.items() if count]
+    return "; ".join([*reasons, *read.problems]) or "no signal was received"

@@ -1,0 +1,47 @@
+"""Sentences about what was passed over while recordings were read."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from adhesion_can.recordings.recording import Recording
+
+
+def distinct_names(paths: Sequence[Path]) -> list[str]:
+    """Names of files for sentences: without the folder where the names differ without it."""
+    bare = Counter(path.name for path in paths)
+    return [path.name if bare[path.name] == 1 else str(path) for path in paths]
+
+
+def describe_problems(
+    recordings: Sequence[Recording],
+    backwards: str = "were taken at that one's time",
+    names: Sequence[str] | None = None,
+) -> list[str]:
+    """Sentences about lines that were passed over.
+
+    Args:
+        recordings: read to their end.
+        backwards: what was done with frames stamped before the one in front of them.
+        names: of the recordings; None: by their paths.
+
+    """
+    found = []
+    names = names or distinct_names([recording.path for recording in recordings])
+    for name, recording in zip(names, recordings, strict=True):
+        report = recording.report
+        found += [f"{name}: {note}" for note in report.notes]
+        if report.backwards:
+            found.append(
+                f"{name}: {report.backwards} frames are stamped before the one in "
+                f"front of them, and {backwards}"
+            )
+        if report.passed_over:
+            kinds = ", ".join(
+                f"{report.kinds[kind]} {kind}"
+                for kind in ("malformed", "untimed", "cut")
+                if report.kinds[kind]
+            )
+            lines = ", ".join(map(str, report.bad_lines[:5]))
+            found.append(f"{name}: lines passed over: {kinds} (line {lines}, ..)")
+    return found
