@@ -1,4 +1,4 @@
-"""The configuration file: what it may say, and that every mistake in it is told in one line."""
+"""The configuration file: what it may contain, and every mistake in it as an error of one line."""
 
 import shutil
 from hashlib import sha256
@@ -137,7 +137,7 @@ def test_the_number_of_axles_follows_from_a_list(tmp_path):
     assert max(choice.axle for choice in configuration.choices) == 4
 
 
-def test_a_vehicle_of_eight_axles_hears_the_six_of_the_message_set(tmp_path):
+def test_a_vehicle_of_eight_axles_receives_the_six_of_the_message_set(tmp_path):
     configuration = load(tmp_path, "[vehicle]\naxles = 8\n")
     assert configuration.vehicle.axles == 8
     assert max(choice.axle for choice in configuration.choices) == 6
@@ -272,7 +272,7 @@ def test_settings_arrive(tmp_path):
     "content",
     [b"a = ", b"[vehicle", b"a = 1\na = 2\n", b"\xff\xfe", b"x = 1\x00", b"[roles]\n[roles]\n"],
 )
-def test_what_is_not_toml_is_told_in_one_line(tmp_path, content):
+def test_what_is_not_toml_is_an_error_of_one_line(tmp_path, content):
     path = tmp_path / "my.toml"
     path.write_bytes(content)
     with pytest.raises(ConfigError) as caught:
@@ -376,7 +376,7 @@ def test_every_spelling_of_a_role_means_the_same(tmp_path, text):
     assert (choice.channel, choice.unit, choice.factor, choice.sign) == (None, None, 1.0, 1)
 
 
-def test_what_a_role_says_arrives(tmp_path):
+def test_the_keys_of_a_role_arrive(tmp_path):
     (message,) = speed_role(
         tmp_path,
         'channel = "can1", unit = "km/h", factor = 1.02, sign = -1, protection = "e2e-p01", '
@@ -470,7 +470,7 @@ def test_a_missing_database_is_named(tmp_path):
     [b"", b"This is no database.\n" * 5, bytes(range(256)), b"<xml/>", b"{}", b"BO_ 1 A: 8"],
     ids=["empty", "prose", "bytes", "xml", "json", "half"],
 )
-def test_what_is_no_database_is_told_in_one_line(tmp_path, name, content):
+def test_what_is_no_database_is_an_error_of_one_line(tmp_path, name, content):
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(DatabaseError) as caught:
@@ -561,7 +561,7 @@ def test_the_cars_wheel_speeds_come_as_radians_per_second():
     assert {reading.role for reading in readings} == {Role.WHEEL_SPEED}
 
 
-def test_the_car_is_heard_on_its_channel_and_without_protection():
+def test_the_car_is_received_on_its_channel_and_without_protection():
     heard = Receiver(car().messages)
     assert heard.accept(car_frame(1, 2, 3, 4, channel="can1")) is None
     for i in range(20):
@@ -673,7 +673,7 @@ def test_a_data_id_of_the_database_that_is_no_number_is_our_own_error(tmp_path):
 
 
 @pytest.mark.parametrize(("keys", "data_id"), [('protection = "none"', None), ("data_id = 7", 7)])
-def test_what_a_role_says_of_protection_goes_before_the_database(tmp_path, keys, data_id):
+def test_the_protection_of_a_role_precedes_that_of_the_database(tmp_path, keys, data_id):
     (tmp_path / "strings.dbc").write_text(dbc_with_data_ids_of_text())
     (message,) = load(
         tmp_path,
@@ -726,7 +726,7 @@ def test_any_document_gives_a_configuration_or_one_line(tmp_path, document):
 
 
 @pytest.mark.parametrize("text", ['"two\\nlines" = 1', '[roles]\n"two\\nlines" = "A.B"'])
-def test_a_key_of_two_lines_is_told_in_one(tmp_path, text):
+def test_a_key_of_two_lines_is_an_error_of_one(tmp_path, text):
     refused(tmp_path, text, "unknown")
 
 

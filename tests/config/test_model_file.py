@@ -190,14 +190,14 @@ def test_a_file_that_is_not_there_and_a_folder_that_is_not(tmp_path):
         write_model(ExtendedModel((0.4, 60.0, 0.3)), tmp_path / "none" / "m.toml")
 
 
-def test_the_file_says_what_its_numbers_are():
+def test_the_file_explains_its_numbers():
     active = ActiveEffect(effect_by_id("speed_dependence"), (1.25,))
     text = model_text(ExtendedModel((0.4, 60.0, 0.3), effects=(active,)))
     assert "adhesion at the same slip falls with vehicle speed" in text
     assert "share = 1.25  # 1; fall with speed" in text
 
 
-def test_a_model_made_in_the_program_is_held_to_the_same():
+def test_a_model_made_in_the_program_is_checked_alike():
     effect = effect_by_id("humidity")
     for values in ((0.5,), (float("nan"),), ()):
         with pytest.raises(ValueError, match="humidity"):

@@ -129,7 +129,7 @@ def test_block_methods_reach_the_minimum_of_a_global_fit(name, sd):
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("theta", [DRY, PAPER[0]], ids=str)
 @pytest.mark.parametrize("share", [0.05, 0.4])
-def test_slips_far_below_the_peak_do_not_tell_it(name, theta, share):
+def test_slips_far_below_the_peak_do_not_identify_it(name, theta, share):
     top = share * float(peak(*theta).lambda_m)
     for e in feed(make(name), stretch(theta, 1, n=3 * BLOCK, top=top), 100):
         assert e is None or not e.identifiable.lambda_m
@@ -138,7 +138,7 @@ def test_slips_far_below_the_peak_do_not_tell_it(name, theta, share):
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("slip", [0.0, 0.02, 0.3])
-def test_one_slip_only_tells_nothing(name, slip):
+def test_from_a_single_slip_nothing_is_identifiable(name, slip):
     rng = np.random.default_rng(1)
     h = np.full(2 * BLOCK, slip)
     e = feed(make(name), Samples.curve(h, curve(h, *DRY) + 0.01 * rng.standard_normal(len(h))))[-1]
@@ -147,7 +147,7 @@ def test_one_slip_only_tells_nothing(name, slip):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_few_samples_tell_nothing(name):
+def test_from_a_few_samples_nothing_is_identifiable(name):
     e = feed(make(name, block=12), stretch(DRY, 1, n=12), 1)[-1]
     assert e is None or not (e.identifiable.mu_max or e.identifiable.lambda_m)
 
@@ -331,7 +331,7 @@ def test_rls_has_no_error_of_linearisation_left(theta):
     assert e.mu_max == pytest.approx(float(peak(*theta).mu_max), rel=5e-4)
 
 
-def test_the_linearisation_moves_without_changing_what_the_data_say():
+def test_relinearisation_keeps_the_information_of_the_data():
     # At c̄2 = ĉ2 the sums must be those of the same data taken there, to first order.
     h, z = stretch(DRY, 1, n=400).folded()
     moved, there = RlsEstimator(), RlsEstimator()
@@ -403,7 +403,7 @@ def test_ekf_is_not_moved_by_one_broken_sample():
 
 @pytest.mark.parametrize("name", ["ekf", "window"])
 @pytest.mark.parametrize(("size", "sd"), [(1, 0.01), (12, 0.01), (12, 0.05), (BLOCK, 0.05)])
-def test_a_change_is_told_and_dated_where_it_is(name, size, sd):
+def test_a_change_is_reported_with_its_time(name, size, sd):
     estimator, switch = make(name), 3 * BLOCK
     before = feed(estimator, stretch(DRY, 1, n=switch, sd=sd), size)
     assert not any(e.change_probability for e in before if e is not None)
@@ -418,7 +418,7 @@ def test_a_change_is_told_and_dated_where_it_is(name, size, sd):
 
 @pytest.mark.parametrize("name", ["ekf", "window"])
 @pytest.mark.parametrize("sd", [0.001, 0.01, 0.1])
-def test_no_change_is_told_on_a_constant_rail(name, sd):
+def test_no_change_is_reported_on_a_constant_surface(name, sd):
     estimates = feed(make(name), stretch(WET, 5, n=15 * BLOCK, sd=sd))
     assert not any(e.change_probability for e in estimates if e is not None)
 

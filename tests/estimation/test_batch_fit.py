@@ -253,7 +253,7 @@ def test_too_few_samples_have_no_change(n):
     assert change_points(samples, SegmentationSettings()) == []
 
 
-def test_stamps_that_say_nothing_have_no_change():
+def test_uninformative_stamps_have_no_change():
     samples = recording([(DRY, 5, None), (WET, 5, None)], 1)
     same = replace(samples, t_us=np.zeros(len(samples), dtype=np.int64))
     turned = replace(samples, t_us=samples.t_us[::-1].copy())
@@ -264,7 +264,7 @@ def test_stamps_that_say_nothing_have_no_change():
 # ----------------------------------------------------------------------------------- identify
 
 
-def test_identify_fits_each_stretch_and_denies_the_whole():
+def test_identify_fits_each_segment_and_the_whole_is_not_identifiable():
     samples = recording([(DRY, 8, None), (GREASY, 8, None)], 1)
     result = identify(samples)
     assert len(result.segments) == 2
@@ -280,7 +280,7 @@ def test_identify_fits_each_stretch_and_denies_the_whole():
     assert first.estimate.samples + second.estimate.samples == len(samples)
 
 
-def test_identify_of_one_stretch_is_the_fit():
+def test_identify_of_one_segment_is_the_fit():
     samples = recording([(DRY, 8, None)], 1)
     result = identify(samples)
     assert len(result.segments) == 1
@@ -328,7 +328,7 @@ def test_low_slips_only_are_not_identified():
     assert not e.identifiable.mu_max
 
 
-def test_a_rail_without_a_fall_tells_its_height_where_it_was_seen():
+def test_a_curve_without_a_fall_has_its_height_where_samples_are():
     # Ice: c3 = 0. The curve is flat from λ = 0.02 on and was seen to 0.45.
     e = identify(data((0.05, 306.39, 0.0), 1, n=5000, top=0.45, sd=0.002)).whole
     assert not e.identifiable.lambda_m

@@ -231,7 +231,7 @@ def test_slips_of_noise_alone_reach_nothing(error, size):
 # ------------------------------------------------------------------ the vehicle speed's error
 
 
-def test_common_shift_minimises_what_it_says():
+def test_common_shift_minimises_its_cost():
     rng = np.random.default_rng(7)
     for _ in range(20):
         points = random_points(rng, private=1e-3, common=0.01, transient=0.01, groups=1)
@@ -313,7 +313,7 @@ def test_gate_leaves_out_one_axle_alone_and_then_believes_it():
     assert gate.passes(size, axle) is not None
 
 
-def test_gate_lets_pass_what_more_than_one_axle_says_or_too_few_could_deny():
+def test_gate_passes_outliers_of_several_axles_or_with_too_few_axles():
     axle = np.repeat(np.arange(1, 7), 2)
     assert OutlierGate().passes(np.where(axle <= 2, 20.0, 1.0), axle) is None
     assert OutlierGate().passes(np.full(12, 20.0), axle) is None

@@ -353,7 +353,7 @@ def test_estimate_follows_the_papers_switches(start):
     assert np.sqrt(np.mean((mu - true) ** 2)) < 0.002
 
 
-def test_sequence_converges_as_experiment_1_says():
+def test_sequence_converges_as_in_experiment_1():
     # λ rises from 0 to 0.5 in 500 samples: c1, c2 there at about 0.1, c3 at about 0.4.
     theta = PAPER_SURFACES[0]
     h = np.linspace(0.0, 0.5, 500)

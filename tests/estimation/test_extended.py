@@ -309,7 +309,7 @@ def test_relaxation_is_settled_in_the_present_curve():
     assert now.theta == base.theta
 
 
-def test_recovery_is_held_in_the_present_curve():
+def test_recovery_keeps_its_state_in_the_current_curve():
     """Factor 1 + gain W with dW/dt = |μ N v_s| − W/T, by small steps, for each axle."""
     gain, time, fine = 1e-6, 2.0, 20
     w = World()
@@ -495,7 +495,7 @@ def test_a_sample_of_which_little_is_left_is_left_out():
     assert sum(result.left_out.values()) == (factor < 0.2).sum() > 0
 
 
-def test_noise_that_a_small_factor_raises_is_told_to_the_estimator():
+def test_noise_raised_by_a_small_factor_is_in_the_samples_variance():
     w, adhesion = world_of(humidity, seconds=1.0)
     whole = w.whole(adhesion)
     result = correct_samples(whole, model_of("humidity"), 6).samples
@@ -506,7 +506,7 @@ def test_noise_that_a_small_factor_raises_is_told_to_the_estimator():
     np.testing.assert_allclose(result.transient_var, more, atol=1e-20)
 
 
-def test_without_samples_the_estimate_is_held():
+def test_without_samples_the_estimate_stays():
     w, adhesion = world_of(speed, seconds=2.0)
     inner = Tracker()
     estimator = ExtendedEstimator(inner, model_of("speed_dependence"))

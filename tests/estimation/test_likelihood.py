@@ -120,7 +120,7 @@ def ramp_bound(reached, sd):
     return np.sqrt(np.diag(errors.covariance)) / np.array(PAPER)
 
 
-def test_bound_of_the_ramp_is_what_our_reading_of_the_paper_says():
+def test_bound_of_the_ramp_agrees_with_our_reading_of_the_paper():
     # Experiment 1: λ rises to 0.5 over the run. Sd 0.01 fits its reported convergence, 0.1 not.
     assert ramp_bound(0.1, 0.01)[:2] == pytest.approx(0.07, abs=0.007)
     assert ramp_bound(0.4, 0.01)[2] == pytest.approx(0.094, abs=0.001)
@@ -140,7 +140,7 @@ def test_bound_of_500_samples_up_to_the_given_slip():
     [[], [0.1], [0.1, 0.2], [0.05] * 500, [0.0] * 500, [0.02, 0.07] * 250],
     ids=["none", "one", "two", "one slip", "zero slip", "two slips"],
 )
-def test_slips_that_cannot_tell_three_parameters_have_infinite_errors(slips):
+def test_slips_that_do_not_determine_three_parameters_have_infinite_errors(slips):
     errors = standard_errors(PAPER, np.array(slips), 0.01)
     assert np.isinf(np.diag(errors.covariance)).all()
     assert errors.mu_max == errors.lambda_m == np.inf
@@ -158,7 +158,7 @@ def test_curve_without_an_interior_peak_has_no_error_of_its_place():
 
 @settings(FIXED, max_examples=300)
 @given(THETA, st.floats(1e-6, 0.5), st.floats(0.0, 1.0), st.integers(3, 60), st.floats(0, 0.1))
-def test_errors_are_never_nan_however_little_the_slips_say(theta, top, low, n, sd):
+def test_errors_are_never_nan_for_uninformative_slips(theta, top, low, n, sd):
     errors = standard_errors(theta, np.linspace(low * top, top, n), sd)
     assert errors.mu_max >= 0
     assert errors.lambda_m >= 0

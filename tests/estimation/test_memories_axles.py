@@ -59,7 +59,7 @@ def test_sums_fade_by_the_time_of_each_memory():
     np.testing.assert_array_equal(ours._sums, at_once)
 
 
-def test_trust_goes_back_to_where_it_began():
+def test_probabilities_return_to_their_prior():
     ours = begun()
     start = ours._probability.copy()
     assert start[0] == pytest.approx(1 - MemorySettings().drift)
@@ -72,7 +72,7 @@ def test_trust_goes_back_to_where_it_began():
     assert all(later < before for before, later in pairwise(away))
 
 
-def test_trust_does_not_depend_on_how_often_one_looks():
+def test_probabilities_do_not_depend_on_the_update_rate():
     rare, often = begun(), begun()
     for ours, times in ((rare, 1), (often, 3000)):
         ours._probability = np.array([0.0, 0.0, 1.0])
@@ -100,7 +100,7 @@ def test_prediction_is_the_density_of_all_curves_of_all_memories():
     )
 
 
-def test_no_single_update_decides_whom_to_trust():
+def test_no_single_update_decides_the_probabilities():
     ours = begun()
     ours._weights = ours._weights.copy()
     # The first memory is made to predict badly: its weight sits on its worst curve for the sample.
@@ -317,7 +317,7 @@ def test_senseless_axles_are_refused(name):
         AxleSettings(**{name: 0.0})
 
 
-def test_tracker_tells_the_deviations_of_axles():
+def test_tracker_estimates_the_deviations_of_axles():
     rng = np.random.default_rng(2)
     tracker = Tracker()
     for k in range(300):

@@ -40,7 +40,7 @@ def one_estimate(samples, **changes):
 
 
 @pytest.mark.parametrize("theta", [DRY, WET, GREASY, PAPER], ids=str)
-def test_full_slips_tell_the_peak_and_its_interval_holds_it(theta):
+def test_with_all_slips_the_peak_is_identifiable_and_within_its_interval(theta):
     top = peak(*theta)
     for seed in range(5):
         # Over the whole creep zone of each surface: 2.5 times its λ_m.
@@ -59,7 +59,7 @@ def test_full_slips_tell_the_peak_and_its_interval_holds_it(theta):
 @pytest.mark.parametrize("share", [0.02, 0.1, 0.3, 0.5])
 @pytest.mark.parametrize("sd", [1e-4, 1e-3, 0.01])
 @pytest.mark.parametrize("theta", [DRY, WET, GREASY, PAPER], ids=str)
-def test_slips_far_below_the_peak_do_not_tell_it(theta, sd, share):
+def test_slips_far_below_the_peak_do_not_identify_it(theta, sd, share):
     for seed in range(3):
         e = one_estimate(
             block(theta, seed, top=share * float(peak(*theta).lambda_m), sd=sd), seed=seed
@@ -71,7 +71,7 @@ def test_slips_far_below_the_peak_do_not_tell_it(theta, sd, share):
 
 @pytest.mark.parametrize("slip", [0.0, 0.01, 0.07, 0.3])
 @pytest.mark.parametrize("sd", [0.0, 0.01])
-def test_one_slip_only_tells_nothing(slip, sd):
+def test_from_a_single_slip_nothing_is_identifiable(slip, sd):
     rng = np.random.default_rng(1)
     h = np.full(BLOCK, slip)
     e = one_estimate(Samples.curve(h, curve(h, *DRY) + sd * rng.standard_normal(BLOCK)))
@@ -80,12 +80,12 @@ def test_one_slip_only_tells_nothing(slip, sd):
     assert np.isinf(e.mu_max_std)
 
 
-def test_slips_in_one_narrow_band_beyond_the_peak_do_not_tell_the_peak():
+def test_slips_in_a_narrow_band_beyond_the_peak_do_not_identify_it():
     e = one_estimate(block(DRY, 1, low=0.18, top=0.2))
     assert not e.identifiable.both
 
 
-def test_forces_against_the_slip_tell_no_peak():
+def test_forces_against_the_slip_identify_no_peak():
     # A radius or speed that is wrong by a percent turns the small slips' sign round.
     rng = np.random.default_rng(1)
     h = rng.uniform(0, 0.2, BLOCK)
@@ -94,7 +94,7 @@ def test_forces_against_the_slip_tell_no_peak():
     assert not e.identifiable.lambda_m
 
 
-def test_pure_noise_tells_no_place_of_a_peak():
+def test_pure_noise_identifies_no_lambda_m():
     for seed in range(10):
         rng = np.random.default_rng(seed)
         e = one_estimate(
@@ -292,7 +292,7 @@ def test_more_noise_alone_is_no_change_of_the_surface():
     assert len(declarations(feed(PaperEstimator(), parts))) == 0
 
 
-def test_a_block_that_tells_nothing_does_not_replace_one_that_did():
+def test_a_block_without_identifiable_peak_does_not_replace_one_with_it():
     estimator = PaperEstimator()
     good = estimator.update(block(DRY, 1), 0)
     assert good.identifiable.both

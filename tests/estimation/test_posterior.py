@@ -80,7 +80,7 @@ def log_mixture(phi, learned=()):
 
 
 @pytest.mark.parametrize("learned", [(), (DRY, (0.2, 80.0, 0.05))], ids=["library", "learned"])
-def test_prior_is_the_mixture_that_it_says(learned):
+def test_prior_is_the_stated_mixture(learned):
     phi = np.random.default_rng(1).normal([-1, 3.8, 1.4], [1.0, 1.0, 0.5], (300, 3))
     told = Prior(PriorSettings(), learned).log_density(phi)
     np.testing.assert_allclose(told, log_mixture(phi, learned), rtol=1e-9)

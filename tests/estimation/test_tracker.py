@@ -146,7 +146,7 @@ def test_published_surfaces_are_identified_beyond_their_peaks():
 
 @pytest.mark.parametrize("share", [0.02, 0.1, 0.3, 0.5])
 @pytest.mark.parametrize("theta", [DRY, GREASY, PUBLISHED[0].theta, PUBLISHED[2].theta], ids=str)
-def test_slips_far_below_the_peak_do_not_tell_it(theta, share):
+def test_slips_far_below_the_peak_do_not_identify_it(theta, share):
     for sd in (1e-4, 1e-3, 0.01):
         top = peak(*theta, slip_max=SLIP_MAX)
         reach = share * float(top.lambda_m)
@@ -182,7 +182,7 @@ def test_no_belief_keeps_the_estimate_from_the_data(theta):
     assert abs(e.lambda_m - float(top.lambda_m)) < 4 * e.lambda_m_std + 0.01 * float(top.lambda_m)
 
 
-def test_braking_tells_the_same_curve_as_traction():
+def test_braking_gives_the_same_curve_as_traction():
     told = [run(DRY, np.random.default_rng(1), 50, sign=sign) for sign in (1.0, -1.0)]
     assert told[0].theta == told[1].theta
     assert told[0].mu_max_interval == told[1].mu_max_interval
@@ -331,7 +331,7 @@ def test_what_is_outside_the_model_is_left_out(samples):
     ids=["one sample", "all equal", "zero creep", "force at zero creep"],
 )
 @pytest.mark.parametrize("count", [1, 300])
-def test_what_cannot_tell_a_peak_says_so(slip, mu, count):
+def test_samples_without_information_on_the_peak_leave_it_unidentifiable(slip, mu, count):
     e = same(curve_of(slip, mu), count)
     assert sound(e)
     assert not e.identifiable.mu_max
@@ -356,7 +356,7 @@ def test_where_curves_are_too_few_no_interval_is_claimed(count):
 
 
 @pytest.mark.parametrize("count", [1, 30])
-def test_forces_against_the_slip_tell_no_peak(count):
+def test_forces_against_the_slip_identify_no_peak(count):
     # A radius that is wrong by a percent turns the sign of small slips round.
     h = np.linspace(0.001, 0.1, 12)
     e = same(curve_of(h, -0.1 - h), count)
@@ -392,7 +392,7 @@ def claims(seed, error, size, *, count=100, level=0.0, frames=False):
         ("slip_common_var", 0.01, 50, False),
     ],
 )
-def test_coasting_at_low_speed_tells_no_peak(error, size, count, frames):
+def test_coasting_at_low_speed_identifies_no_peak(error, size, count, frames):
     # At most 1 update in 10 000 is promised; of 1000 or 2000 none.
     chosen = {"count": count, "frames": frames}
     assert sum(claims(seed, error, size, **chosen) for seed in range(20)) == 0
@@ -404,7 +404,7 @@ def test_coasting_at_low_speed_tells_no_peak(error, size, count, frames):
 @pytest.mark.parametrize("level", [0.0, 0.005])
 @pytest.mark.parametrize("size", [0.003, 0.01, 0.03])
 @pytest.mark.parametrize("error", ["slip_var", "slip_common_var"])
-def test_slips_of_noise_tell_no_peak_in_200_drives(error, size, level, frames):
+def test_slips_of_noise_identify_no_peak_in_200_drives(error, size, level, frames):
     # At most 1 update in 10 000.
     told = sum(claims(seed, error, size, level=level, frames=frames) for seed in range(200))
     assert told <= 2
@@ -414,13 +414,13 @@ def test_slips_of_noise_tell_no_peak_in_200_drives(error, size, level, frames):
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("size", [0.003, 0.01, 0.03])
 @pytest.mark.parametrize("error", ["slip_var", "slip_common_var"])
-def test_a_long_drive_that_only_coasts_tells_no_peak(error, size):
+def test_a_long_drive_that_only_coasts_identifies_no_peak(error, size):
     # At most 1 update in 10 000; the memories of 3 s and 15 s have their time to lead.
     told = sum(claims(seed, error, size, count=2000, frames=True) for seed in range(20))
     assert told <= 4
 
 
-def test_the_curve_in_question_has_no_say_in_how_far_the_slips_reached():
+def test_how_far_the_slips_reached_does_not_depend_on_the_curve():
     # It takes a common error of up to 3 standard deviations out of the slips: here 6 bins.
     rng = np.random.default_rng(1)
     settings = TrackerSettings(memory=MemorySettings(times_s=(1e12,)))
@@ -551,7 +551,7 @@ def test_learned_surfaces_are_few_and_each_once():
 # ------------------------------------------------------------------------- an oracle's changes
 
 
-def test_told_changes_are_believed_and_no_others():
+def test_known_changes_are_used_and_no_others_are_detected():
     rng = np.random.default_rng(1)
     rails = [DRY] * 30 + [GREASY] * 30 + [WET] * 30
     updates = [update(k, rail, rng) for k, rail in enumerate(rails)]

@@ -183,7 +183,7 @@ def test_estimators_get_blocks_or_single_samples():
         assert len(stub.sizes) == experiment.updates
 
 
-def test_the_start_is_told_in_experiment_3_and_drawn_in_experiment_1():
+def test_the_start_is_given_in_experiment_3_and_drawn_in_experiment_1():
     starts = []
 
     def make(chosen):
@@ -252,7 +252,7 @@ def test_settling_is_the_first_update_from_which_all_are_within(values):
     )
 
 
-def test_errors_of_who_always_says_the_first_surface():
+def test_errors_of_an_estimator_that_always_gives_the_first_surface():
     made, results = outcome_of(SMALL, {"fixed": lambda _: Fixed(SURFACES[0])})
     m = compute_figures(results["fixed"], made)
     values = np.array([[*theta, *peak_of(*theta)] for theta in SURFACES])
@@ -267,7 +267,7 @@ def test_errors_of_who_always_says_the_first_surface():
 
 
 @pytest.mark.parametrize("late", [0, 1, 11, 12, 13, 59, 60, 61])
-def test_who_is_told_needs_what_it_waits(late):
+def test_an_informed_estimator_needs_the_samples_that_it_waits(late):
     made, results = outcome_of(SMALL, {}, oracle=informed(late))
     m = compute_figures(results["oracle"], made)
     # An update is over with its last sample: that is when its estimate can be of use.
