@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+import pytest
+
 from adhesion_can.config.load import settings_sections
 from adhesion_can.physics.readings import Role
 
@@ -65,3 +67,14 @@ def test_the_configuration_of_the_readme_works(tmp_path):
     assert abs(scales["vehicle_speed"] - 1 / 3.6) < 1e-12
     assert abs(scales["wheel_speed.1"] - 0.10471975511965977) < 1e-12
     assert scales["tractive_effort.1"] == -1000.0
+
+
+def test_the_python_of_the_readme_runs(tmp_path, monkeypatch):
+    matplotlib = pytest.importorskip("matplotlib", reason="the README plots with it")
+    matplotlib.use("Agg")
+    code = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[1]
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(compile(code, "README.md", "exec"), names)  # noqa: S102  as a reader would
+    assert [cause.effect for cause in names["diagnosis"].causes] == ["load_dependence"]
+    assert (tmp_path / "curve.png").stat().st_size > 10_000

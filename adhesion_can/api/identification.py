@@ -8,16 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
-from adhesion_can.api.inputs import RecordingLike, as_recordings, name_of
-from adhesion_can.config.configuration import Configuration
+from adhesion_can.api.inputs import RecordingLike, as_recordings
+from adhesion_can.api.samples import are_tables, load_recording_samples, load_table_samples
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.batch_fit import BatchResult
 from adhesion_can.estimation.batch_fit import identify as _identify
-from adhesion_can.estimation.extended.correction import correct_samples
-from adhesion_can.offline.extract_samples import extract_samples
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.recording import Recording
-from adhesion_can.recordings.sequence import blocks_in_sequence
 
 
 @overload
@@ -50,7 +47,8 @@ def identify(
     """Maximum-likelihood fit of one curve, and of one for each segment of constant surface.
 
     Args:
-        slip: Slip ratios λ, shape (n,); or samples, or recordings or their paths.
+        slip: Slip ratios λ, shape (n,); or samples, or recordings, or paths of
+            recordings or of tables.
         adhesion: Adhesion coefficients μ, shape (n,); with arrays alone.
         time_s: Times, s, ascending, shape (n,); without them all points are of one segment.
         configuration: Vehicle, database, roles and settings.
@@ -70,19 +68,21 @@ def identify(
         (0.4, 40.0, 0.06)
 
     """
-    settings = as_configuration(configuration, model)
+    config = as_configuration(configuration, model)
+    labels = None
     if adhesion is not None:
-        samples = _samples_from_arrays(slip, adhesion, time_s)
-        where = "slip, adhesion"
+        samples, where = _samples_from_arrays(slip, adhesion, time_s), "slip, adhesion"
     elif isinstance(slip, Samples):
         samples, where = slip, "samples"
-    elif isinstance(slip, str | Path | Recording) or _are_recordings(slip):
-        recordings = as_recordings(slip)  # type: ignore[arg-type]  # as the lines above tell
-        where = name_of(recordings)
-        samples = _samples_from_recordings(recordings, settings, where)
     else:
-        raise InputError("adhesion", "is missing", "give slip and adhesion, arrays of one length")
-    result = _identify(samples, settings.estimators.identifiability)
+        paths = _paths(slip)
+        where = ", ".join(map(str, paths))
+        if are_tables(paths):
+            samples, labels, _, _ = load_table_samples(paths, config)
+        else:
+            recordings = as_recordings(slip)  # type: ignore[arg-type]  # `_paths` has checked it
+            samples = load_recording_samples(recordings, config).samples
+    result = _identify(samples, config.estimators.identifiability, labels=labels)
     if result is None:
         raise InputError(
             where,
@@ -92,12 +92,15 @@ def identify(
     return result
 
 
-def _are_recordings(given: object) -> bool:
-    return (
-        isinstance(given, list | tuple)
-        and bool(given)
-        and all(isinstance(item, str | Path | Recording) for item in given)
-    )
+def _paths(given: object) -> list[Path]:
+    """Paths of recordings or tables; an InputError where something else was given."""
+    paths = []
+    for item in given if isinstance(given, list | tuple) else [given]:
+        if not isinstance(item, str | Path | Recording):
+            mend = "give slip and adhesion, arrays of one length"
+            raise InputError("adhesion", "is missing", mend)
+        paths.append(item.path if isinstance(item, Recording) else Path(item))
+    return paths
 
 
 def _samples_from_arrays(slip: object, adhesion: ArrayLike, time_s: ArrayLike | None) -> Samples:
@@ -120,13 +123,3 @@ def _samples_from_arrays(slip: object, adhesion: ArrayLike, time_s: ArrayLike | 
         raise InputError("time_s", "not finite, or not ascending", "sort the points by time")
     stamps = np.round(time * 1e6).astype(np.int64)
     return Samples.curve(columns["slip"], columns["adhesion"], stamps)
-
-
-def _samples_from_recordings(
-    recordings: list[Recording], settings: Configuration, where: str
-) -> Samples:
-    """Samples of recordings one after another, less the effects of the configured model."""
-    samples, _ = extract_samples(blocks_in_sequence(recordings), settings, where)
-    if settings.model is None:
-        return samples
-    return correct_samples(samples, settings.model, settings.vehicle.axles).samples

@@ -1,14 +1,16 @@
 """`identify`: one batch fit, its standard errors, and whether the peak is identifiable."""
 
 import argparse
-from collections import Counter
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from adhesion_can.api.samples import (
+    LoadedSamples,
+    are_tables,
+    load_recording_samples,
+    load_table_samples,
+)
 from adhesion_can.cli.common import (
     add_configuration,
     add_json,
@@ -23,18 +25,9 @@ from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.batch_fit import BatchResult, identify
-from adhesion_can.estimation.extended.correction import (
-    correct_samples,
-    remove_instrument_errors,
-    require_columns,
-)
 from adhesion_can.estimation.extended.estimator import ExtendedModel
-from adhesion_can.offline.extract_samples import extract_samples
 from adhesion_can.physics.estimate import Estimate
-from adhesion_can.physics.samples import Samples
-from adhesion_can.recordings.problems import describe_problems, distinct_names
-from adhesion_can.recordings.sample_table import Table, is_table, read_table
-from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
+from adhesion_can.recordings.sequence import open_recordings
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 from adhesion_can.result_text import plus_minus
@@ -57,15 +50,10 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
     require_outputs(options, {"--json": options.json}, [*options.inputs, config.database.path])
-    tables = [path for path in options.inputs if _exists(path) and is_table(path)]
-    if tables and len(tables) < len(options.inputs):
-        raise InputError("identify", "recordings and tables together", "give one kind at a time")
-    if tables:
-        samples, labels, problems, left_out = _from_tables(tables, config)
-    else:
-        samples, problems, left_out = _from_logs(options.inputs, config)
-        labels = None
-    result = identify(samples, config.estimators.identifiability, labels=labels)
+    loaded = _load(options.inputs, config)
+    problems, left_out = loaded.problems, loaded.left_out
+    settings = config.estimators.identifiability
+    result = identify(loaded.samples, settings, labels=loaded.labels)
     if result is None:
         raise InputError(
             ", ".join(map(str, options.inputs)),
@@ -87,6 +75,14 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _load(paths: Sequence[Path], config: Configuration) -> LoadedSamples:
+    if are_tables(paths):
+        return load_table_samples(paths, config)
+    recordings = open_recordings(paths)
+    with reading("reading", recordings) as watched:
+        return load_recording_samples(recordings, config, watched)
+
+
 def _extension_json(model: ExtendedModel, left_out: Mapping[str, int]) -> dict[str, Any]:
     """Curve that was fitted, and the effects that were removed before."""
     return {
@@ -105,64 +101,6 @@ def _extension_json(model: ExtendedModel, left_out: Mapping[str, int]) -> dict[s
         "splines": [{"channel": spline.channel, "kind": spline.kind} for spline in model.splines],
         "left_out_by_model": dict(left_out),
     }
-
-
-def _exists(path: Path) -> bool:
-    if not path.exists():
-        raise InputError(str(path), "No such file or directory", "check the path")
-    return True
-
-
-def _from_tables(
-    paths: list[Path], config: Configuration
-) -> tuple[Samples, Any, list[str], Counter[str]]:
-    tables = [read_table(path) for path in paths]
-    left_out: Counter[str] = Counter()
-    if config.model is not None:
-        model = config.model
-        tables = [
-            _without_effects(t, model, str(path), left_out)
-            for path, t in zip(paths, tables, strict=True)
-        ]
-    problems = [
-        f"{name}: {t.left_out} of {t.rows} rows without a finite time, slip and adhesion"
-        for name, t in zip(distinct_names(paths), tables, strict=True)
-        if t.left_out
-    ]
-    samples = Samples.concatenate([t.samples for t in tables])
-    if len(tables) == 1 and tables[0].segment is None:
-        return samples, None, problems, left_out
-    # Each table, and each segment of one, is a segment of its own.
-    labels, base = [], 0
-    for t in tables:
-        own = t.segment if t.segment is not None else np.zeros(len(t.samples), dtype=np.int64)
-        labels.append(own + base)
-        base += int(own.max(initial=0)) + 1
-    return samples, np.concatenate(labels), problems, left_out
-
-
-def _without_effects(
-    table: Table, model: ExtendedModel, where: str, left_out: Counter[str]
-) -> Table:
-    """Rows of a table with the model's effects removed; a table is a drive of its own."""
-    require_columns(model, table.samples, where)
-    samples = remove_instrument_errors(table.samples, model.instruments, where)
-    result = correct_samples(samples, model, int(samples.axle.max(initial=1)))
-    left_out.update(result.left_out)
-    segment = None if table.segment is None else table.segment[result.kept]
-    return replace(table, samples=result.samples, segment=segment)
-
-
-def _from_logs(paths: list[Path], config: Configuration) -> tuple[Samples, list[str], Counter[str]]:
-    recordings = open_recordings(paths)
-    with reading("reading", recordings) as watched:
-        blocks = watched(blocks_in_sequence(recordings))
-        samples, _ = extract_samples(blocks, config, ", ".join(map(str, paths)))
-    left_out: Counter[str] = Counter()
-    if config.model is not None:
-        result = correct_samples(samples, config.model, config.vehicle.axles)
-        samples, left_out = result.samples, result.left_out
-    return samples, describe_problems(recordings), left_out
 
 
 def _print(result: BatchResult, problems: list[str], model: ExtendedModel | None) -> None:

@@ -111,6 +111,11 @@ def test_a_recording_is_identified_by_path_and_by_object(drive):
     assert by_path.whole.mu_max == pytest.approx(WET.mu_max, rel=0.03)
 
 
+def test_a_table_is_identified_by_its_path(tmp_path):
+    result = adhesion_can.identify(humid_table(tmp_path / "rig.csv"))
+    assert result.whole.samples == 4000
+
+
 def test_a_replay_is_a_table_that_pandas_takes(drive):
     pandas = pytest.importorskip("pandas")
     table = adhesion_can.replay(drive, to_s=5.0)

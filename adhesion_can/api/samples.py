@@ -1,0 +1,133 @@
+"""Samples of recordings and of tables, less the effects of an extended model."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.bus.block import Block
+from adhesion_can.config.configuration import Configuration
+from adhesion_can.errors import InputError
+from adhesion_can.estimation.extended.correction import (
+    correct_samples,
+    remove_instrument_errors,
+    require_columns,
+)
+from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.offline.extract_samples import extract_samples
+from adhesion_can.physics.samples import Samples
+from adhesion_can.recordings.problems import describe_problems, distinct_names
+from adhesion_can.recordings.recording import Recording
+from adhesion_can.recordings.sample_table import Table, is_table, read_table
+from adhesion_can.recordings.sequence import blocks_in_sequence
+
+
+class LoadedSamples(NamedTuple):
+    """Samples of input files.
+
+    Attributes:
+        samples: Samples of all files, one after another.
+        labels: Number of each sample's segment, shape (n,); None where it is to be found.
+        problems: Sentences about what was passed over.
+        left_out: Number of samples to which the extended model could not be applied, by reason.
+
+    """
+
+    samples: Samples
+    labels: NDArray[np.int64] | None
+    problems: list[str]
+    left_out: Counter[str]
+
+
+def are_tables(paths: Sequence[Path]) -> bool:
+    """Whether files are tables of samples rather than recordings.
+
+    Raises:
+        InputError: A file is missing, or both kinds are there.
+
+    """
+    for path in paths:
+        if not path.exists():
+            raise InputError(str(path), "No such file or directory", "check the path")
+    tables = [path for path in paths if is_table(path)]
+    if tables and len(tables) < len(paths):
+        raise InputError("identify", "recordings and tables together", "give one kind at a time")
+    return bool(tables)
+
+
+def load_recording_samples(
+    recordings: Sequence[Recording],
+    config: Configuration,
+    watched: Callable[[Iterable[Block]], Iterator[Block]] = iter,
+) -> LoadedSamples:
+    """Samples of recordings one after another.
+
+    Args:
+        recordings: Recordings in the order of their times.
+        config: Vehicle, roles, and the extended model whose effects are removed.
+        watched: Passes the blocks on, for a display of the progress.
+
+    Raises:
+        ConfigError: The roles do not suffice to form adhesion.
+        RecordingError: A recording cannot be read, or holds no known frame.
+
+    """
+    where = ", ".join(str(recording.path) for recording in recordings)
+    samples, _ = extract_samples(watched(blocks_in_sequence(recordings)), config, where)
+    left_out: Counter[str] = Counter()
+    if config.model is not None:
+        result = correct_samples(samples, config.model, config.vehicle.axles)
+        samples, left_out = result.samples, result.left_out
+    return LoadedSamples(samples, None, describe_problems(recordings), left_out)
+
+
+def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSamples:
+    """Samples of tables, each a drive of its own.
+
+    Args:
+        paths: Paths of the tables.
+        config: Extended model whose effects are removed.
+
+    Raises:
+        TableError: A table cannot be read, or lacks a column.
+
+    """
+    tables = [read_table(path) for path in paths]
+    left_out: Counter[str] = Counter()
+    if config.model is not None:
+        model = config.model
+        tables = [
+            _without_effects(t, model, str(path), left_out)
+            for path, t in zip(paths, tables, strict=True)
+        ]
+    problems = [
+        f"{name}: {t.left_out} of {t.rows} rows without a finite time, slip and adhesion"
+        for name, t in zip(distinct_names(paths), tables, strict=True)
+        if t.left_out
+    ]
+    samples = Samples.concatenate([t.samples for t in tables])
+    if len(tables) == 1 and tables[0].segment is None:
+        return LoadedSamples(samples, None, problems, left_out)
+    # Each table, and each segment of one, is a segment of its own.
+    labels, base = [], 0
+    for t in tables:
+        own = t.segment if t.segment is not None else np.zeros(len(t.samples), dtype=np.int64)
+        labels.append(own + base)
+        base += int(own.max(initial=0)) + 1
+    return LoadedSamples(samples, np.concatenate(labels), problems, left_out)
+
+
+def _without_effects(
+    table: Table, model: ExtendedModel, where: str, left_out: Counter[str]
+) -> Table:
+    """Rows of a table with the model's effects removed; a table is a drive of its own."""
+    require_columns(model, table.samples, where)
+    samples = remove_instrument_errors(table.samples, model.instruments, where)
+    result = correct_samples(samples, model, int(samples.axle.max(initial=1)))
+    left_out.update(result.left_out)
+    segment = None if table.segment is None else table.segment[result.kept]
+    return replace(table, samples=result.samples, segment=segment)
