@@ -21,9 +21,9 @@ def describe_problems(
     """Sentences about lines that were passed over.
 
     Args:
-        recordings: read to their end.
-        backwards: what was done with frames stamped before the one in front of them.
-        names: of the recordings; None: by their paths.
+        recordings: Recordings that were read to their end.
+        backwards: Clause on what was done with frames stamped before the one in front of them.
+        names: Names of the recordings for the sentences; None: by their paths.
 
     """
     found = []

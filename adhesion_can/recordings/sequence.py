@@ -17,7 +17,7 @@ STRAY_US = 60_000_000
 """A stamp this far ahead, taken back by the next one, is a broken stamp and not a hole in time."""
 
 
-class _Strays:
+class _StrayDetector:
     """Finds frames with a broken stamp far ahead, which would hold up all that follow.
 
     Args:
@@ -28,28 +28,28 @@ class _Strays:
     def __init__(self, report: ReadReport) -> None:
         self._report = report
         self._last: int | None = None
-        self._held: int | None = None
+        self._suspect: int | None = None
 
     def add(self, t_us: int) -> tuple[bool, bool]:
-        """Add the next stamp: whether the one in suspense is good, and whether this one is."""
-        held_is_good = False
-        if self._held is not None:
-            held_is_good = t_us > self._held - STRAY_US
-            if held_is_good:
-                self._last = self._held
+        """Add the next stamp: whether the suspect before it is valid, and whether this one is."""
+        suspect_is_valid = False
+        if self._suspect is not None:
+            suspect_is_valid = t_us > self._suspect - STRAY_US
+            if suspect_is_valid:
+                self._last = self._suspect
             else:
-                self._count(self._held)
-            self._held = None
+                self._count(self._suspect)
+            self._suspect = None
         if self._last is not None and t_us - self._last > STRAY_US:
-            self._held = t_us
-            return held_is_good, False
+            self._suspect = t_us
+            return suspect_is_valid, False
         self._last = t_us
-        return held_is_good, True
+        return suspect_is_valid, True
 
-    def steady(self, t_us: NDArray[np.int64]) -> bool:
+    def add_steady(self, t_us: NDArray[np.int64]) -> bool:
         """Add stamps with no such leap at all; False, and nothing added, where there is one."""
         last = int(t_us[0]) if self._last is None else self._last
-        if self._held is not None or (np.diff(t_us, prepend=last) > STRAY_US).any():
+        if self._suspect is not None or (np.diff(t_us, prepend=last) > STRAY_US).any():
             return False
         self._last = int(t_us[-1])
         return True
@@ -64,40 +64,40 @@ class _Strays:
 
 
 def _without_strays(items: Iterable[Frame | Mark], report: ReadReport) -> Iterator[Frame | Mark]:
-    strays = _Strays(report)
-    held: Frame | Mark | None = None
+    detector = _StrayDetector(report)
+    suspect: Frame | Mark | None = None
     for item in items:
-        held_is_good, good = strays.add(item.t_us)
-        if held is not None and held_is_good:
-            yield held
-        held = None if good else item
-        if good:
+        suspect_is_valid, valid = detector.add(item.t_us)
+        if suspect is not None and suspect_is_valid:
+            yield suspect
+        suspect = None if valid else item
+        if valid:
             yield item
-    if held is not None:
-        yield held
+    if suspect is not None:
+        yield suspect
 
 
 def _blocks_without_strays(blocks: Iterable[Block], report: ReadReport) -> Iterator[Block]:
-    strays = _Strays(report)
-    held: Block | None = None
+    detector = _StrayDetector(report)
+    suspect: Block | None = None
     for block in blocks:
         if not len(block):
             continue
-        if held is None and strays.steady(block.t_us):
+        if suspect is None and detector.add_steady(block.t_us):
             yield block
             continue
-        rows = block if held is None else Block.concatenate([held, block])
-        skip = 0 if held is None else 1  # the held row was added with its own block
+        rows = block if suspect is None else Block.concatenate([suspect, block])
+        skip = 0 if suspect is None else 1  # the suspect row was added with its own block
         keep = np.zeros(len(rows), dtype=np.bool_)
         for place, t_us in enumerate(rows.t_us.tolist()[skip:], start=skip):
-            held_is_good, keep[place] = strays.add(t_us)
+            suspect_is_valid, keep[place] = detector.add(t_us)
             if place and not keep[place - 1]:
-                keep[place - 1] = held_is_good
-        held = None if keep[-1] else rows.select(slice(len(rows) - 1, None))
+                keep[place - 1] = suspect_is_valid
+        suspect = None if keep[-1] else rows.select(slice(len(rows) - 1, None))
         if keep.any():
             yield rows.select(keep)
-    if held is not None:
-        yield held
+    if suspect is not None:
+        yield suspect
 
 
 def in_sequence(recordings: Sequence[Recording]) -> Iterator[Frame | Mark]:
