@@ -1,4 +1,4 @@
-"""What the commands share: options, opening a bus, writing JSON, progress."""
+"""Common parts of the commands: options, opening a bus, writing JSON, progress."""
 
 import argparse
 import json
@@ -37,8 +37,8 @@ def add_model(parser: argparse.ArgumentParser, what: str) -> None:
     """Option --model.
 
     Args:
-        parser: of the command.
-        what: the command does with it.
+        parser: Parser of the command.
+        what: Use that the command makes of the model, for the help.
 
     """
     parser.add_argument(
@@ -64,7 +64,7 @@ def configuration(options: argparse.Namespace) -> Configuration:
 
 
 def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
-    """A function that opens the bus that the options name.
+    """Function that opens the bus of the options.
 
     Raises (when called):
         BusError: there is no such bus.
@@ -95,7 +95,7 @@ def bus_is_configured() -> bool:
 
 
 def write_json(target: str | None, document: dict[str, Any]) -> None:
-    """Write a result where --json says; nothing where it does not."""
+    """Write a result to the target of --json; None for no output."""
     if target is None:
         return
     text = json.dumps(finite(document), indent=2, allow_nan=False) + "\n"
@@ -107,7 +107,7 @@ def write_json(target: str | None, document: dict[str, Any]) -> None:
 
 
 def finite(value: Any) -> Any:
-    """The same with null for every number that JSON has no word for."""
+    """Value with None for every number that JSON cannot express."""
     if isinstance(value, dict):
         return {str(key): finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -118,13 +118,13 @@ def finite(value: Any) -> Any:
 
 
 def talk(options: argparse.Namespace) -> bool:
-    """Whether stdout is for people: not when it carries the JSON."""
+    """Whether stdout is free for text: not when it carries the JSON."""
     return getattr(options, "json", None) != "-"
 
 
 @contextmanager
 def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], None]]:
-    """A progress bar on stderr where it is a terminal; gives a function that takes the state."""
+    """Progress bar on stderr where it is a terminal; gives the function that updates it."""
     err = console(sys.stderr)
     bar = Progress(
         TextColumn(what),
@@ -141,7 +141,7 @@ def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], N
 
 
 def left_out_lines(left_out: Mapping[str, int]) -> list[str]:
-    """Sentences about samples that the extended model could not be applied to, by reason."""
+    """Sentences about samples without the channels of the extended model, by reason."""
     return [
         f"{count} samples left out by the extended model: {reason}"
         for reason, count in left_out.items()
@@ -163,13 +163,13 @@ def require_outputs(
 ) -> None:
     """Raise an InputError where an output cannot be, or would take the place of another file.
 
-    Called before the work: what it guards may be hours of work, or a recording.
+    Called before the work, which may take hours or be a recording.
 
     Args:
-        options: whose --config, --dbc and --model are read as well.
-        written: output by its option; None and '-' are none.
-        read: other files that are read.
-        renewed: option that may name the file of --config: it is read before it is written.
+        options: Options, of which --config, --dbc and --model are inputs as well.
+        written: Outputs by their options; None and '-' are none.
+        read: Paths of the other inputs.
+        renewed: Option that may name the file of --config, which is read before it is written.
 
     """
     given = {name: getattr(options, name, None) for name in ("config", "dbc", "model")}
@@ -196,7 +196,7 @@ def require_outputs(
 
 
 def _place(path: Path, where: str = "") -> tuple[int, int] | Path:
-    """What tells files apart whatever their names: links lead to the file they stand for."""
+    """Identity of a file whatever its name; links are followed."""
     try:
         state = path.stat()
     except (FileNotFoundError, NotADirectoryError):

@@ -77,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
 
     Args:
-        arguments: of the command line; None: those of the process.
+        arguments: Words of the command line; None for those of the process.
 
     Returns:
         Exit status.
@@ -99,12 +99,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _drop_stdout()  # the reader has gone (| head)
         return 0
     except OSError as error:
-        # Of files and their disks an error of our own tells.
+        # Files and their disks have errors of their own.
         if error.errno not in _FULL or error.filename is not None:
             raise
         _drop_stdout()
-        told = f"stdout: {error.strerror}; make room, or write elsewhere"
-        print(f"adhesion-can {options.command}: {told}", file=sys.stderr)
+        reason = f"stdout: {error.strerror}; make room, or write elsewhere"
+        print(f"adhesion-can {options.command}: {reason}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130

@@ -1,4 +1,4 @@
-"""What figures are made of: panels one under the other, axes, colours, as Plotly's JSON."""
+"""Parts of figures: panels one under the other, axes, colours and lines, as Plotly's JSON."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -11,30 +11,30 @@ from adhesion_can.arrays import Array
 Trace = dict[str, Any]
 
 AT_MOST = 4000
-"""Points of a line that a figure carries: a few for each of its columns of pixels."""
+"""Largest number of points of a line: a few for each column of pixels."""
 
 MARGINS = 78
-"""Of a figure's height, above and below its panels, px."""
+"""Height of a figure above and below its panels, px."""
 
 LEAP = 5.0
-"""Steps of an abscissa from which on a line is not drawn across."""
+"""Number of steps of the abscissa beyond which a line is interrupted."""
 
 DARK = "#1b2430"
-"""Of truth and bounds."""
+"""Colour of truth and bounds."""
 
 
 def suffix(row: int) -> str:
-    """What Plotly writes behind the names of a panel's axes; the first panel is row 0."""
+    """Suffix of the names of a panel's axes in Plotly; the first panel is row 0."""
     return "" if row == 0 else str(row + 1)
 
 
 def place(row: int) -> Trace:
-    """Puts a trace into a panel."""
+    """Axes of a trace in a panel."""
     return {"xaxis": f"x{suffix(row)}", "yaxis": f"y{suffix(row)}"}
 
 
 def domains(count: int, height: int, gap: int) -> list[list[float]]:
-    """Shares of a figure's height that panels one under the other take, `gap` px apart."""
+    """Vertical extents of panels one under the other, `gap` px apart, as shares of the height."""
     space = gap / (height - MARGINS)
     each = (1.0 - space * (count - 1)) / count
     bottoms = (max((count - 1 - row) * (each + space), 0.0) for row in range(count))
@@ -42,14 +42,14 @@ def domains(count: int, height: int, gap: int) -> list[list[float]]:
 
 
 def upright(x: float, row: int, dash: str) -> Trace:
-    """A line through a whole panel at one abscissa."""
+    """Vertical line through a whole panel."""
     line = {"color": DARK, "width": 1.2, "dash": dash}
     refs = {"xref": f"x{suffix(row)}", "yref": f"y{suffix(row)} domain"}
     return {"type": "line", **refs, "x0": x, "x1": x, "y0": 0, "y1": 1, "line": line}
 
 
 def log_axis(numbers: Sequence[float]) -> Trace:
-    """A logarithmic axis about those of the numbers that it can show, ticks at 1, 2 and 5."""
+    """Logarithmic axis around the positive numbers, with ticks at 1, 2 and 5."""
     shown = [x for x in numbers if np.isfinite(x) and x > 0]
     if not shown:
         return {"type": "log"}
@@ -64,7 +64,7 @@ def log_axis(numbers: Sequence[float]) -> Trace:
 
 
 def rows(axes: Sequence[Mapping[str, Any]], title: str, height: int) -> dict[str, Any]:
-    """Layout of panels one under the other on one abscissa."""
+    """Layout of panels one under the other with a common abscissa."""
     layout: dict[str, Any] = {}
     for row, (y, domain) in enumerate(zip(axes, domains(len(axes), height, gap=22), strict=True)):
         own, last = suffix(row), row + 1 == len(axes)
@@ -86,7 +86,7 @@ def spread(values: Array) -> Array:
 
 
 def value_range(spans: Sequence[Array], truth: Array) -> list[float]:
-    """Range of an axis: what is shown from the begin, but for its outermost percents."""
+    """Range of an axis that shows the truth and all but the outermost percents of the series."""
     known = np.concatenate([span[np.isfinite(span)] for span in spans])
     low, high = np.quantile(known, (0.02, 0.98))
     low, high = min(low, truth.min()), max(high, truth.max())
@@ -95,24 +95,24 @@ def value_range(spans: Sequence[Array], truth: Array) -> list[float]:
 
 
 def faded(colour: str) -> str:
-    """A colour for an area, from the '#rrggbb' of its line."""
+    """Transparent colour of an area, from the '#rrggbb' of its line."""
     red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
     return f"rgba({red},{green},{blue},0.13)"
 
 
 def thinned(x: Array, *ys: Array, at_most: int = AT_MOST) -> tuple[Array, ...]:
-    """Series with fewer points that look the same: extremes and gaps stay, in their order.
+    """Series thinned for display: extremes and gaps are kept, in their order.
 
-    Kept are the first and the last row, and of each of as many bins as there is room for the rows
-    in which a series is smallest and largest, and one in which it has a gap.
+    The first and the last row are kept, and of each bin the rows in which a series is smallest and
+    largest and one in which it has a gap.
 
     Args:
-        x: abscissa, shape (n,).
-        ys: series over it, shape (n,) each, at least one; what is not finite is a gap.
-        at_most: rows that are kept.
+        x: Abscissa, shape (n,).
+        ys: Series over the abscissa, shape (n,) each, at least one; not finite is a gap.
+        at_most: Largest number of rows kept.
 
     Returns:
-        `x` and `ys` in the rows that are kept.
+        `x` and `ys` in the rows kept.
 
     """
     if len(x) <= at_most:
@@ -136,11 +136,11 @@ def thinned(x: Array, *ys: Array, at_most: int = AT_MOST) -> tuple[Array, ...]:
 
 
 def broken(x: Array, *ys: Array) -> tuple[Array, ...]:
-    """Series with a gap put in wherever the abscissa leaps by many of its steps.
+    """Series with a gap inserted wherever the abscissa leaps by many of its steps.
 
     Args:
-        x: ascending, shape (n,).
-        ys: series over it, shape (n,) each.
+        x: Abscissa, ascending, shape (n,).
+        ys: Series over the abscissa, shape (n,) each.
 
     Returns:
         `x` and `ys`, a row longer for each gap.

@@ -90,7 +90,7 @@ def _wrong(found: Diagnosis) -> Parts:
         columns = ("effect", "parameter", "value", "meaning")
         parts.append(
             Table("Named effects, ± standard deviation.", columns, cause_rows(found.causes),
-                  words=(3,))
+                  sentence_columns=(3,))
         )  # fmt: skip
         about = [f"{c.effect}: {c.title}. Literature: {c.literature}." for c in found.causes]
         parts.append(Items(about))
@@ -203,7 +203,7 @@ def _untested(found: Diagnosis) -> Parts:
     if not found.untested:
         return [Text("Everything was tested.")]
     rows = [(untested.what, untested.why) for untested in found.untested]
-    return [Table("What these data do not identify.", ("what", "why"), rows, words=(1,))]
+    return [Table("What these data do not identify.", ("what", "why"), rows, sentence_columns=(1,))]
 
 
 def _model(found: Diagnosis) -> Parts:
@@ -231,7 +231,7 @@ def model_parts(model: ExtendedModel) -> Parts:
     if rows:
         columns = ("effect", "parameter", "value", "meaning")
         caption = "Effects of the extended model, ± standard deviation."
-        parts.append(Table(caption, columns, rows, words=(3,)))
+        parts.append(Table(caption, columns, rows, sentence_columns=(3,)))
     if model.effects:
         parts.append(Items([f"{_name(a)}: {a.effect.title}." for a in model.effects]))
     parts += [Text(_spline(spline)) for spline in model.splines]

@@ -1,6 +1,6 @@
 """Reports as one HTML page that needs nothing but a browser: no server, no network.
 
-A page is told as data: sections of text, tables and figures. Figures are Plotly's JSON as plain
+A page is plain data: sections of text, tables and figures. Figures are Plotly's JSON as plain
 dictionaries; Plotly's script stands in the page once, and a content security policy in its head
 keeps the browser from loading anything else.
 
@@ -34,14 +34,14 @@ class Items:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table: its first column stands to the left, the others to the right.
+    """A table; its first column is aligned left, the others right.
 
     Attributes:
-        caption: what it shows, one sentence.
-        columns: heads.
-        rows: cells, one a column.
-        note: below it, how its columns are meant.
-        words: columns, counted from 0, that hold sentences: to the left, in several lines.
+        caption: Content of the table, one sentence.
+        columns: Headings.
+        rows: Cells row by row, one for each column.
+        note: Meaning of the columns, printed below the table.
+        sentence_columns: Columns that hold sentences, counted from 0; aligned left, in several lines.
 
     """
 
@@ -49,7 +49,7 @@ class Table:
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     note: str = ""
-    words: Collection[int] = ()
+    sentence_columns: Collection[int] = ()
 
     def __post_init__(self) -> None:
         if any(len(row) != len(self.columns) for row in self.rows):
@@ -61,10 +61,10 @@ class Figure:
     """A figure.
 
     Attributes:
-        caption: what it shows and how to read it.
-        data: Plotly's traces.
-        layout: Plotly's layout; what the house's style does not say.
-        height: px, without the legend.
+        caption: Content of the figure and how to read it.
+        data: Traces of Plotly.
+        layout: Layout of Plotly, where it differs from the page's style.
+        height: Height without the legend, px.
 
     """
 
@@ -87,11 +87,11 @@ class Page:
     """A report.
 
     Attributes:
-        title: of the page.
-        lead: what was done, a sentence or two.
-        verdict: what came out, a sentence each, most important first.
-        sections: in order.
-        provenance: where it comes from, name and value, with the command that repeats it.
+        title: Title of the page.
+        lead: Work that was done, a sentence or two.
+        verdict: Results, a sentence each, the most important first.
+        sections: Sections in their order.
+        provenance: Version, hashes and the command that repeats the work, by name.
 
     """
 
@@ -106,10 +106,10 @@ def require_extra(where: str) -> None:
     """Raise where Jinja2 or Plotly are missing, before work that would end in a page.
 
     Args:
-        where: option or file that asks for the page.
+        where: Option or file that asks for the page.
 
     Raises:
-        InputError: the extra is not installed.
+        InputError: The extra is not installed.
 
     """
     _extra(where)
@@ -119,11 +119,11 @@ def render(page: Page, where: str = "page") -> str:
     """The page as HTML.
 
     Args:
-        page: what to show.
-        where: option or file that asks for it, for the error.
+        page: Content of the page.
+        where: Option or file that asks for the page, for the error.
 
     Raises:
-        InputError: the extra is not installed.
+        InputError: The extra is not installed.
 
     """
     jinja2, plotly_script = _extra(where)
@@ -147,7 +147,7 @@ def write_page(page: Page, path: Path) -> None:
     """Write the page.
 
     Raises:
-        InputError: the extra is not installed, or the file cannot be written.
+        InputError: The extra is not installed, or the file cannot be written.
 
     """
     text = render(page, str(path))

@@ -1,4 +1,4 @@
-"""Where a result comes from: version and hashes, in every output."""
+"""Provenance of results: version and hashes, in every output."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -24,7 +24,7 @@ def provenance(configuration: Configuration, inputs: Sequence[Path] = ()) -> dic
 
 
 def texts(origin: Mapping[str, Any]) -> dict[str, str]:
-    """Provenance as the metadata of a file; what has no name in it is left away."""
+    """Provenance as the metadata of a file; entries without a name are left out."""
     return {
         f"adhesion_can.{key}": value if isinstance(value, str) else json.dumps(value)
         for key, value in origin.items()
