@@ -41,7 +41,7 @@ class Table:
         columns: Headings.
         rows: Cells row by row, one for each column.
         note: Meaning of the columns, printed below the table.
-        sentence_columns: Columns that hold sentences, counted from 0; aligned left, in several lines.
+        sentence_columns: Columns that hold sentences, counted from 0; aligned left, and wrapped.
 
     """
 
