@@ -9,7 +9,7 @@ _READERS = "can.io"
 _LETTERS = 120
 
 
-class _Listener(logging.Handler):
+class _WarningCounter(logging.Handler):
     """Counts the warnings of one thread and keeps the text of the first."""
 
     def __init__(self) -> None:
@@ -34,16 +34,16 @@ def collect_python_can_warnings(notes: list[str]) -> Iterator[None]:
         notes: Notes of the recording, to which the note is added.
 
     """
-    listener = _Listener()
+    counter = _WarningCounter()
     logger = logging.getLogger(_READERS)
-    logger.addHandler(listener)
+    logger.addHandler(counter)
     try:
         yield
     finally:
-        logger.removeHandler(listener)
-        if listener.count:
-            lines = "a warning" if listener.count == 1 else f"{listener.count} warnings"
-            notes.append(f"python-can gives {lines} on lines or frames in it: {listener.first}")
+        logger.removeHandler(counter)
+        if counter.count:
+            lines = "a warning" if counter.count == 1 else f"{counter.count} warnings"
+            notes.append(f"python-can gives {lines} on lines or frames in it: {counter.first}")
 
 
 def find_lost_lines(suffix: str, lines: Iterable[bytes], frames: int) -> str | None:

@@ -135,7 +135,7 @@ class Recording:
         try:
             mdf = open_mf4(self.path)
         except Exception as error:
-            raise self._stopped(error) from error
+            raise self._reader_error(error) from error
         with closing(mdf):
             try:
                 for block, share in mf4_blocks(mdf, self.report, _ROWS):
@@ -183,7 +183,7 @@ class Recording:
                 for message in self._reader:
                     if trc and isinstance(message.channel, int):
                         message.channel -= 1  # PEAK counts its buses from 1
-                    frame = _possible(from_message(message))
+                    frame = _require_valid(from_message(message))
                     count += 1
                     if count > given:
                         self.report.kinds[frame_kind(frame)] += 1
@@ -192,7 +192,7 @@ class Recording:
                     last = frame.t_us
             self._report_lost(count)
         except Exception as error:
-            raise self._stopped(error) from error
+            raise self._reader_error(error) from error
 
     def _report_cut(self, reader: can.io.generic.MessageReader) -> None:
         # Of all the formats only the head of .blf has the length of the file.
@@ -207,7 +207,7 @@ class Recording:
             note = find_lost_lines(self._format, source.lines(), frames)
         self.report.notes.extend([note] if note else [])
 
-    def _stopped(self, error: Exception) -> RecordingError:
+    def _reader_error(self, error: Exception) -> RecordingError:
         """Error for the user, of any exception of a parser, struct.error and sqlite3.Error too."""
         if isinstance(error, NotImplementedError | ImportError):
             return RecordingError(
@@ -221,7 +221,7 @@ class Recording:
         )
 
 
-def _possible(frame: Frame) -> Frame:
+def _require_valid(frame: Frame) -> Frame:
     """The frame; a ValueError where no bus can carry it."""
     if len(frame.data) > LONGEST:
         raise ValueError(f"a frame of {len(frame.data)} bytes")
