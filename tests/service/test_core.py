@@ -1,4 +1,4 @@
-"""The core: when it speaks, what it says, and what never moves it."""
+"""The core: when it sends, what it sends, and what never changes it."""
 
 import math
 from dataclasses import replace
@@ -34,8 +34,8 @@ KNOWN = Estimate(
 )
 
 
-class Says:
-    """An estimator that says what it is told to; an exception is raised."""
+class FixedEstimator:
+    """An estimator that gives a fixed estimate, or raises a fixed exception."""
 
     def __init__(self, answer=KNOWN):
         self.answer = answer
@@ -48,9 +48,9 @@ class Says:
         return self.answer
 
 
-def core_that(answer=KNOWN):
-    said = Says(answer)
-    return ServiceCore(CONFIG, lambda: said), said
+def core_with(answer=KNOWN):
+    estimator = FixedEstimator(answer)
+    return ServiceCore(CONFIG, lambda: estimator), estimator
 
 
 def run(core, frames):
@@ -76,7 +76,7 @@ def status(frames):
 
 def test_messages_are_due_at_t0_plus_multiples_of_their_cycle_in_ascending_order():
     t0 = 1_234_567
-    core, _ = core_that()
+    core, _ = core_with()
     sent = run(core, Bench().drive(t0, t0 + 2_000_001))
     assert [f.t_us for f in sent] == sorted(f.t_us for f in sent)
     for number, cycle in CYCLES_US.items():
@@ -93,7 +93,7 @@ def test_messages_are_due_at_t0_plus_multiples_of_their_cycle_in_ascending_order
 
 
 def test_every_output_is_sealed_and_counts_0_to_14_by_id():
-    core, _ = core_that()
+    core, _ = core_with()
     sent = run(core, Bench().drive(0, 3_000_000))
     assert all(seal_ok(frame) for frame in sent)
     for number in CYCLES_US:
@@ -104,13 +104,13 @@ def test_every_output_is_sealed_and_counts_0_to_14_by_id():
 def test_every_output_passes_autosar_e2e():
     import e2e.p01
 
-    core, _ = core_that()
+    core, _ = core_with()
     for frame in run(core, Bench().drive(0, 1_100_000)):
         assert e2e.p01.e2e_p01_check(bytearray(frame.data), frame.arbitration_id)
 
 
 def test_nothing_is_sent_before_the_first_accepted_input():
-    core, _ = core_that(None)
+    core, _ = core_with(None)
     assert core.advance(10_000_000) == []
     assert core.feed(Frame(10_500_000, 0x7FF, b"12345678")) == []
     broken = bytearray(Bench().steady("VehicleSpeed", 0).data)
@@ -122,7 +122,7 @@ def test_nothing_is_sent_before_the_first_accepted_input():
 
 
 def test_a_message_carries_what_was_stamped_before_it_and_not_at_it():
-    core, _ = core_that()
+    core, _ = core_with()
     bench = Bench()
     run(core, bench.drive(0, 40_000))
     slow = core.feed(bench.steady("VehicleSpeed", 40_000, speed=20.0))
@@ -133,7 +133,7 @@ def test_a_message_carries_what_was_stamped_before_it_and_not_at_it():
 
 
 def test_a_frame_from_the_past_is_clamped_and_counted():
-    core, _ = core_that()
+    core, _ = core_with()
     bench = Bench()
     run(core, bench.drive(0, 100_000))
     core.advance(120_000)
@@ -144,7 +144,7 @@ def test_a_frame_from_the_past_is_clamped_and_counted():
 
 
 def test_going_back_in_time_changes_nothing():
-    core, _ = core_that()
+    core, _ = core_with()
     run(core, Bench().drive(0, 100_000))
     assert core.advance(50_000) == []
     assert core.now_us == 90_000
@@ -171,10 +171,10 @@ def test_advances_between_the_frames_change_no_byte(times, random):
 
 
 def test_a_hole_in_time_starts_anew_instead_of_filling_it():
-    core, said = core_that()
+    core, estimator = core_with()
     bench = Bench()
     run(core, bench.drive(0, 200_000))
-    said.answer = None
+    estimator.answer = None
     assert core.advance(3_600_000_000) == []
     assert core.counts.restarts == 1
     again = run(core, bench.drive(3_600_000_000, 3_600_100_000))
@@ -183,7 +183,7 @@ def test_a_hole_in_time_starts_anew_instead_of_filling_it():
 
 
 def test_a_hole_within_the_restart_time_is_filled():
-    core, _ = core_that()
+    core, _ = core_with()
     run(core, Bench().drive(0, 100_000))
     sent = core.advance(30_000_000)
     assert len([f for f in sent if f.arbitration_id == 0x201]) == 1496
@@ -192,8 +192,8 @@ def test_a_hole_within_the_restart_time_is_filled():
 # --- states
 
 
-def test_init_says_not_available():
-    core, _ = core_that(None)
+def test_init_sends_not_available():
+    core, _ = core_with(None)
     sent = run(core, Bench().drive(0, 1_000_001))
     assert status(sent) == "INIT"
     for frame in sent:
@@ -202,10 +202,10 @@ def test_init_says_not_available():
 
 
 def test_init_becomes_tracking_with_the_first_estimate():
-    core, said = core_that(None)
+    core, estimator = core_with(None)
     bench = Bench()
     assert status(run(core, bench.drive(0, 100_000))) == "INIT"
-    said.answer = KNOWN
+    estimator.answer = KNOWN
     sent = run(core, bench.drive(100_000, 220_000))
     assert status(sent) == "TRACKING"
     point = last(sent, 0x201)
@@ -220,7 +220,7 @@ def test_init_becomes_tracking_with_the_first_estimate():
 
 
 def test_the_creep_setpoint_is_where_the_curve_reaches_98_percent():
-    core, _ = core_that()
+    core, _ = core_with()
     sent = run(core, Bench().drive(0, 100_000, speed=10.0))
     slip = last(sent, 0x201)["CreepSpeedSetpoint"] / 10.0
     curve = lambda x: 0.4 * (1 - math.exp(-60 * x)) - 0.3 * x  # noqa: E731
@@ -230,10 +230,10 @@ def test_the_creep_setpoint_is_where_the_curve_reaches_98_percent():
 
 
 def test_below_v_min_the_creep_setpoint_stands_at_v_min():
-    core, _ = core_that()
+    core, _ = core_with()
     sent = run(core, Bench().drive(0, 100_000, speed=0.2))
     slow = last(sent, 0x201)["CreepSpeedSetpoint"]
-    core, _ = core_that()
+    core, _ = core_with()
     assert (
         slow == last(run(core, Bench().drive(0, 100_000, speed=1.0)), 0x201)["CreepSpeedSetpoint"]
     )
@@ -246,7 +246,7 @@ def test_an_unidentifiable_estimate_is_low_excitation_and_still_sent():
         lambda_m_std=math.inf,
         identifiable=Identifiable(mu_max=True, lambda_m=False),
     )
-    core, _ = core_that(vague)
+    core, _ = core_with(vague)
     sent = run(core, Bench().drive(0, 200_000))
     assert status(sent) == "LOW_EXCITATION"
     assert last(sent, 0x201)["MuMax"] == pytest.approx(0.373, abs=2e-5)
@@ -255,7 +255,7 @@ def test_an_unidentifiable_estimate_is_low_excitation_and_still_sent():
 
 
 def test_without_samples_tracking_becomes_low_excitation():
-    core, _ = core_that()
+    core, _ = core_with()
     bench = Bench()
     assert status(run(core, bench.drive(0, 500_000))) == "TRACKING"
     standing = run(core, bench.drive(500_000, 4_000_000, speed=0.0))
@@ -263,21 +263,21 @@ def test_without_samples_tracking_becomes_low_excitation():
     assert status(run(core, bench.drive(4_000_000, 4_500_000))) == "TRACKING"
 
 
-def test_a_changed_surface_is_said_until_the_estimator_knows_it():
-    core, said = core_that()
+def test_a_changed_surface_is_shown_until_the_estimator_knows_it():
+    core, estimator = core_with()
     bench = Bench()
     run(core, bench.drive(0, 500_000))
-    said.answer = replace(KNOWN, change_probability=1.0, mu_max=0.2)
+    estimator.answer = replace(KNOWN, change_probability=1.0, mu_max=0.2)
     assert status(run(core, bench.drive(500_000, 600_000))) == "SURFACE_CHANGE"
-    said.answer = replace(KNOWN, mu_max=0.2)
+    estimator.answer = replace(KNOWN, mu_max=0.2)
     assert status(run(core, bench.drive(600_000, 700_000))) == "TRACKING"
 
 
-def test_a_surface_change_is_not_said_for_ever():
-    core, said = core_that()
+def test_a_surface_change_is_not_shown_for_ever():
+    core, estimator = core_with()
     bench = Bench()
     run(core, bench.drive(0, 100_000))
-    said.answer = replace(
+    estimator.answer = replace(
         KNOWN, change_probability=1.0, identifiable=Identifiable(mu_max=False, lambda_m=False)
     )
     assert status(run(core, bench.drive(100_000, 4_900_000))) == "SURFACE_CHANGE"
@@ -286,7 +286,7 @@ def test_a_surface_change_is_not_said_for_ever():
 
 @pytest.mark.parametrize("name", REQUIRED)
 def test_each_required_input_goes_stale_after_three_cycles(name):
-    core, _ = core_that()
+    core, _ = core_with()
     bench = Bench()
     assert status(run(core, bench.drive(0, 500_000))) == "TRACKING"
     others = [other for other in REQUIRED if other != name]
@@ -294,13 +294,13 @@ def test_each_required_input_goes_stale_after_three_cycles(name):
     cycle = 20_000 if name == "VehicleSpeed" else 10_000
     silent_since = 480_000 if name == "VehicleSpeed" else 490_000
     states = {f.t_us: str(decoded(f)["Status"]) for f in sent if f.arbitration_id == 0x201}
-    for t_us, said in states.items():
+    for t_us, shown in states.items():
         expected = "STALE_INPUT" if t_us - silent_since > 3 * cycle else "TRACKING"
-        assert said == expected, t_us
+        assert shown == expected, t_us
 
 
 def test_a_stale_service_holds_its_values_for_a_second_and_then_has_none():
-    core, _ = core_that()
+    core, _ = core_with()
     run(core, Bench().drive(0, 500_000))
     sent = core.advance(2_500_000)
     points = {f.t_us: decoded(f) for f in sent if f.arbitration_id == 0x201}
@@ -311,7 +311,7 @@ def test_a_stale_service_holds_its_values_for_a_second_and_then_has_none():
 
 
 def test_a_stale_service_recovers():
-    core, _ = core_that()
+    core, _ = core_with()
     bench = Bench()
     run(core, bench.drive(0, 500_000))
     core.advance(1_500_000)
@@ -319,14 +319,14 @@ def test_a_stale_service_recovers():
 
 
 def test_stale_comes_before_init():
-    core, _ = core_that(None)
+    core, _ = core_with(None)
     bench = Bench()
     assert status(run(core, bench.drive(0, 200_000, names=["VehicleSpeed"]))) == "STALE_INPUT"
     assert status(run(core, bench.drive(200_000, 400_000))) == "INIT"
 
 
 def test_an_input_that_is_not_available_is_no_input():
-    core, _ = core_that()
+    core, _ = core_with()
     bench = Bench()
     run(core, bench.drive(0, 500_000))
     rest = [n for n in REQUIRED if n != "VehicleSpeed"]
@@ -352,22 +352,22 @@ def test_an_input_that_is_not_available_is_no_input():
     ],
 )
 def test_a_failing_estimator_is_a_fault_with_no_value_and_is_replaced(answer):
-    core, said = core_that()
+    core, estimator = core_with()
     bench = Bench()
     run(core, bench.drive(0, 200_000))
-    said.answer = answer
+    estimator.answer = answer
     sent = run(core, bench.drive(200_000, 300_000))
     assert status(sent) == "FAULT"
     assert str(last(sent, 0x201)["MuMax"]) == "not available"
     assert core.faults
-    said.answer = None
+    estimator.answer = None
     assert status(run(core, bench.drive(300_000, 1_400_000))) == "INIT"
-    said.answer = KNOWN
+    estimator.answer = KNOWN
     assert status(run(core, bench.drive(1_400_000, 1_500_000))) == "TRACKING"
 
 
 def test_a_second_sender_is_a_fault_while_it_sends():
-    core, _ = core_that()
+    core, _ = core_with()
     bench = Bench()
     run(core, bench.drive(0, 200_000))
     core.second_sender(200_000)
@@ -376,7 +376,7 @@ def test_a_second_sender_is_a_fault_while_it_sends():
 
 
 def test_a_speed_from_driven_axles_is_at_most_low_excitation():
-    core, _ = core_that()
+    core, _ = core_with()
     bench = Bench()
     assert status(run(core, bench.drive(0, 500_000))) == "TRACKING"
     sent = run(core, bench.drive(500_000, 1_000_000, source=4))
@@ -443,7 +443,7 @@ def test_rejected_frames_are_counted_and_move_no_byte_of_the_setpoints(faults):
 
 
 def test_service_status_counts_rejected_and_lost_frames():
-    core, _ = core_that()
+    core, _ = core_with()
     frames = list(Bench().drive(0, 1_100_000))
     lost = [f for f in frames if f.arbitration_id == 0x101][40:42]
     broken = [f for f in frames if f.arbitration_id == 0x121][50]
@@ -464,7 +464,7 @@ def test_lost_frames_cost_their_samples_and_make_no_wrong_ones():
     slips = {}
     for lost in (range(0), range(400_000, 420_000)):
         seen = []
-        core = ServiceCore(CONFIG, Says, on_samples=seen.append)
+        core = ServiceCore(CONFIG, FixedEstimator, on_samples=seen.append)
         drive = Bench().drive(0, 1_000_000)
         run(core, [f for f in drive if not (f.arbitration_id == 0x101 and f.t_us in lost)])
         slips[len(lost)] = np.concatenate([samples.slip for samples in seen])
@@ -493,7 +493,7 @@ ANY_SEALED = st.builds(
 )
 
 
-def says_only_numbers(frames):
+def assert_only_numbers(frames):
     for frame in frames:
         assert seal_ok(frame)
         for value in decoded(frame).values():
@@ -503,14 +503,14 @@ def says_only_numbers(frames):
 @settings(max_examples=60)
 @given(st.lists(st.one_of(ANY_FRAME, ANY_SEALED), max_size=60))
 def test_arbitrary_frames_raise_nothing_and_put_no_nan_on_the_bus(frames):
-    says_only_numbers(run(ServiceCore(CONFIG), frames))
+    assert_only_numbers(run(ServiceCore(CONFIG), frames))
 
 
 @pytest.mark.slow
 @settings(max_examples=1500)
 @given(st.lists(st.one_of(ANY_FRAME, ANY_SEALED), max_size=300))
 def test_arbitrary_frames_at_length(frames):
-    says_only_numbers(run(ServiceCore(CONFIG), frames))
+    assert_only_numbers(run(ServiceCore(CONFIG), frames))
 
 
 @settings(max_examples=15)
@@ -530,7 +530,7 @@ def test_arbitrary_but_sealed_drives_put_no_nan_on_the_bus(seed):
                 payload[4] = rng.integers(0, 5) | rng.integers(0, 4) << 4
             sent += core.feed(Frame(t, INPUTS[name], sealed(INPUTS[name], payload, counts[name])))
             counts[name] = (counts[name] + 1) % 15
-    says_only_numbers(sent)
+    assert_only_numbers(sent)
     assert core.receiver.rejected == 0
 
 
@@ -540,7 +540,7 @@ def test_arbitrary_but_sealed_drives_put_no_nan_on_the_bus(seed):
 def test_axles_without_signals_have_no_setpoint(tmp_path):
     path = tmp_path / "four.toml"
     path.write_text("[vehicle]\naxles = 4\n[vehicle.geometry]\naxles_per_bogie = [2, 2]\n")
-    core = ServiceCore(load_configuration(path), Says)
+    core = ServiceCore(load_configuration(path), FixedEstimator)
     sent = run(core, Bench().drive(0, 100_000))
     assert last(sent, 0x204, 4)["MuMax_Ax4"] == pytest.approx(0.373, abs=2e-5)
     assert str(last(sent, 0x204, 5)["MuMax_Ax5"]) == "not available"
@@ -549,7 +549,7 @@ def test_axles_without_signals_have_no_setpoint(tmp_path):
 
 def test_numbers_saturate_one_below_not_available():
     huge = replace(KNOWN, c1=9.0, c2=900.0, c3=9.0, mu_max=5.0, lambda_m=0.9, surface_since_us=0)
-    core, _ = core_that(huge)
+    core, _ = core_with(huge)
     sent = run(core, Bench().drive(0, 100_001))
     point, model = last(sent, 0x201), last(sent, 0x202)
     assert point["MuMax"] == pytest.approx(65534 * 2e-5)
@@ -561,7 +561,7 @@ def test_loads_from_the_bus_take_away_the_doubt_about_them():
     wide, narrow = ServiceCore(CONFIG), ServiceCore(CONFIG)
     rng = np.random.default_rng(3)
     names = (*REQUIRED, "AxleLoads1", "AxleLoads2")
-    for core, heard in ((wide, REQUIRED), (narrow, names)):
+    for core, received in ((wide, REQUIRED), (narrow, names)):
         bench = Bench()
         for t in range(0, 2_000_000, 20_000):
             slip = float(rng.uniform(0.01, 0.15))
@@ -571,7 +571,9 @@ def test_loads_from_the_bus_take_away_the_doubt_about_them():
                 bench.drive(
                     t,
                     t + 20_000,
-                    names=[n for n in heard if t % 200_000 == 0 or not n.startswith("AxleLoads")],
+                    names=[
+                        n for n in received if t % 200_000 == 0 or not n.startswith("AxleLoads")
+                    ],
                     slip=slip,
                     adhesion=adhesion,
                 ),
@@ -599,7 +601,7 @@ def test_outputs_take_ids_and_cycles_of_the_users_database(tmp_path):
         ('BA_ "GenMsgCycleTime" BO_ 1537 20;', 'BA_ "GenMsgCycleTime" BO_ 1537 50;'),
     )
     rows = []
-    core = ServiceCore(config, Says, on_setpoint=lambda t, _: rows.append(t))
+    core = ServiceCore(config, FixedEstimator, on_setpoint=lambda t, _: rows.append(t))
     sent = run(core, Bench().drive(0, 500_001))
     stamps = [f.t_us for f in sent if f.arbitration_id == 0x601]
     assert stamps == rows == list(range(0, 500_001, 50_000))
@@ -615,13 +617,13 @@ def test_outputs_take_ids_and_cycles_of_the_users_database(tmp_path):
 )
 def test_output_messages_that_lack_something_are_refused(tmp_path, old, new, words):
     with pytest.raises(InputError, match=words):
-        ServiceCore(with_dbc(tmp_path, (old, new)), Says)
+        ServiceCore(with_dbc(tmp_path, (old, new)), FixedEstimator)
 
 
 def test_a_database_without_outputs_gets_ours_unless_an_input_has_their_id(tmp_path):
     names = ("AdhesionSetpoint", "Setpoint")
-    core = ServiceCore(with_dbc(tmp_path, names), Says)
+    core = ServiceCore(with_dbc(tmp_path, names), FixedEstimator)
     assert (0x201, False) in core.messages.ids
     clash = with_dbc(tmp_path, names, (" 529 ", " 530 "), (" 257 ", " 529 "))
     with pytest.raises(InputError, match="has the id 0x211 of our own ServiceStatus"):
-        ServiceCore(clash, Says)
+        ServiceCore(clash, FixedEstimator)
