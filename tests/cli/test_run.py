@@ -79,7 +79,7 @@ def test_a_signal_ends_the_service_in_order(tmp_path, number):
     try:
         service.wait_for("listening on")
         service.process.send_signal(number)
-        assert service.wait(20) == 0
+        assert service.wait(60) == 0
     finally:
         if service.process.poll() is None:
             service.kill()

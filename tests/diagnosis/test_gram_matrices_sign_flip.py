@@ -131,7 +131,8 @@ def drawn(rng, blocks, rows, groups, memory, effect=0.0):
 def test_under_the_null_the_smallest_p_value_is_uniform(memory, rows, groups):
     """Many signatures, of several columns too, and residuals that remember: the level holds.
 
-    A block is twenty correlation times long, as it has to be ten at least.
+    A block is twenty correlation times long, as it has to be ten at least. Either assertion fails
+    in one of a million seeds; p-values that do not count all six groups give 53 of 200 below 0.05.
     """
     rng = np.random.default_rng(17)
     smallest = []
@@ -141,9 +142,9 @@ def test_under_the_null_the_smallest_p_value_is_uniform(memory, rows, groups):
         smallest.append(found.p_value.min())
         assert (found.p_value >= 1 / (FLIPS + 1)).all()
     smallest = np.array(smallest)
-    assert kstest(smallest, "uniform").pvalue > 1e-3
+    assert kstest(smallest, "uniform").pvalue > 1e-6
     at_five = int((smallest <= 0.05).sum())
-    assert binomtest(at_five, len(smallest), 0.05, alternative="greater").pvalue > 0.01
+    assert binomtest(at_five, len(smallest), 0.05, alternative="greater").pvalue > 1e-6
 
 
 def test_an_effect_is_found_and_only_that_one():
@@ -173,12 +174,19 @@ def test_the_gain_is_the_share_of_the_squares_that_a_group_explains():
 
 
 def test_p_values_count_all_groups():
-    """Romano and Wolf: the same group is less sure among many."""
-    rng = np.random.default_rng(20)
-    grams, groups = drawn(rng, 40, 25, (1,) * 12, 0.0, effect=0.06)
-    alone = sign_flip_test(grams, [0, 1], groups[:1], np.random.default_rng(1)).p_value[0]
-    among = sign_flip_test(grams, [0, 1], groups, np.random.default_rng(1)).p_value[0]
-    assert alone < among
+    """Romano and Wolf: the same group is less sure among many, or as sure as it can be.
+
+    Certain for each seed, since the flips are the same; of twenty, some are above the floor.
+    """
+    less = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        grams, groups = drawn(rng, 40, 25, (1,) * 12, 0.0, effect=0.03)
+        alone = sign_flip_test(grams, [0, 1], groups[:1], np.random.default_rng(1)).p_value[0]
+        among = sign_flip_test(grams, [0, 1], groups, np.random.default_rng(1)).p_value[0]
+        assert alone <= among
+        less += alone < among
+    assert less >= 5
 
 
 def test_a_group_that_is_all_nuisance_is_no_evidence():

@@ -41,16 +41,20 @@ def test_the_interval_covers_the_gain_of_ever_so_many_units(units, memory, sprea
         drawn = residuals(rng, units, 60, 0.8, memory, spread)
         low, high = gain_interval(*drawn)
         inside.append(low <= true <= high)
-    assert 0.90 <= np.mean(inside) <= 0.99
+    # It covers in 93 to 95 of 100 (3000 draws each); beyond these bounds in one of 10^5 seeds.
+    assert 0.87 <= np.mean(inside) <= 0.995
 
 
 def test_rows_are_no_units():
     """With noise that lasts, an interval that took each row for itself would be far too short."""
-    rng = np.random.default_rng(2)
-    before, after, unit = residuals(rng, 20, 200, 0.5, 0.98, 0.1)
-    by_units = np.diff(gain_interval(before, after, unit))[0]
-    by_rows = np.diff(gain_interval(before, after, np.arange(len(before))))[0]
-    assert by_units > 2 * by_rows
+    rng, ratios = np.random.default_rng(2), []
+    for _ in range(40):
+        before, after, unit = residuals(rng, 20, 200, 0.5, 0.98, 0.1)
+        by_units = np.diff(gain_interval(before, after, unit))[0]
+        by_rows = np.diff(gain_interval(before, after, np.arange(len(before))))[0]
+        ratios.append(by_units / by_rows)
+    # 2.05 with a standard deviation of 0.4 (300 draws): seven standard errors of the mean.
+    assert np.mean(ratios) > 1.6
 
 
 def test_numbers_of_units_are_names_only():
@@ -120,14 +124,15 @@ def test_what_was_held_out_had_no_part_in_the_fit(other_drives):
     extended = fit_model(regression, plain.with_effect(Candidate(effect_by_id("humidity")))).model
     held = evaluate_hold_out(regression, plain, extended, None, other_drives=other_drives)
     assert held.rows.tolist() == np.flatnonzero(block < 0).tolist()
-    assert np.std(held.after) == pytest.approx(0.01, rel=0.1)
+    # 1000 rows: six standard errors.
+    assert np.std(held.after) == pytest.approx(0.01, rel=0.14)
     assert np.std(held.before) > 1.5 * np.std(held.after)
     # Noise on top of them shows in full: nothing was fitted to it.
     drive.effort[block < 0] += 0.05 * np.random.default_rng(6).standard_normal((block < 0).sum())
     again = fit_model(regression, plain.with_effect(Candidate(effect_by_id("humidity")))).model
     assert again.parameter_vector == pytest.approx(extended.parameter_vector)
     louder = evaluate_hold_out(regression, plain, again, None, other_drives=other_drives)
-    assert np.std(louder.after) == pytest.approx(np.hypot(0.01, 0.05), rel=0.1)
+    assert np.std(louder.after) == pytest.approx(np.hypot(0.01, 0.05), rel=0.14)
 
 
 def test_another_drive_has_a_surface_of_its_own():

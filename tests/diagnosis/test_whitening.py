@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from scipy.stats import chi2
 
 from adhesion_can.diagnosis.regression import whitening
 from adhesion_can.diagnosis.regression.whitening import (
@@ -25,16 +24,15 @@ def process(rng, lengths, ar, ma=(1.0,)):
     return np.concatenate(parts)
 
 
-def ljung_box(x, runs, lags):
-    """p-value that x has no correlation up to some lags within its runs."""
+def largest_correlation(x, runs, lags):
+    """Largest autocorrelation of x up to some lags within its runs, without its sign."""
     ends = np.append(runs.starts[1:], runs.rows)
-    variance, q = np.mean(x**2), 0.0
+    found = []
     for lag in range(1, lags + 1):
         bounds = zip(runs.starts, ends, strict=True)
-        pairs = [x[a : b - lag] * x[a + lag : b] for a, b in bounds]
-        every = np.concatenate(pairs)
-        q += len(every) * (every.mean() / variance) ** 2
-    return float(chi2.sf(q, lags))
+        every = np.concatenate([x[a : b - lag] * x[a + lag : b] for a, b in bounds])
+        found.append(abs(every.mean()) / np.mean(x**2))
+    return max(found)
 
 
 ORDERS = {
@@ -56,13 +54,14 @@ def test_what_remains_is_white(kind, monkeypatch):
     whitener = fit_whitener(x, found)
     left = whitener(x[:, None])[:, 0]
     kept = np.setdiff1d(np.arange(len(x)), whitener.rows_without_past)
-    assert ljung_box(left, found, 30) > 1e-3
-    if kind == "white":
-        assert whitener.order == 0
-    else:
-        assert ljung_box(x, found, 30) < 1e-9
+    # Its standard error is 0.01; a few hundredths are left where the order is finite and the
+    # process's is not (60 seeds: 0.052 at most).
+    assert largest_correlation(left, found, 30) < 0.1
+    if kind != "white":
+        assert largest_correlation(x, found, 30) > 0.4
         # The innovations have variance 1.
-        assert left[kept].var() == pytest.approx(1.0, rel=0.06)
+        # 10 000 of them: six standard errors.
+        assert left[kept].var() == pytest.approx(1.0, rel=0.085)
 
 
 def test_with_the_nugget_it_whitens_the_noise_plus_the_nugget():
@@ -76,7 +75,8 @@ def test_with_the_nugget_it_whitens_the_noise_plus_the_nugget():
     x = process(rng, lengths, [1.0, -0.97])
     x = x + np.sqrt(whitening.NUGGET * x.var()) * rng.standard_normal(len(x))
     left = whitener(x[:, None])[:, 0]
-    assert ljung_box(left, found, 12) > 1e-4
+    # 30 seeds: 0.036 at most, and 0.47 at least for a filter of x alone.
+    assert largest_correlation(left, found, 12) < 0.1
 
 
 def test_taps_solve_yule_walker():
@@ -116,10 +116,12 @@ def test_runs_are_not_mixed():
 
 def test_a_jump_between_runs_is_no_correlation():
     """Two white runs of very different level of scatter: nothing to whiten across the cut."""
-    rng = np.random.default_rng(7)
-    x = np.concatenate([rng.standard_normal(2000), 100 + 0 * np.arange(2000)])
-    x[2000:] = rng.standard_normal(2000) * 3
-    assert fit_whitener(x, build_runs([2000, 2000])).order == 0
+    rng, orders = np.random.default_rng(7), []
+    for _ in range(20):
+        x = np.concatenate([rng.standard_normal(2000), 3 * rng.standard_normal(2000)])
+        orders.append(fit_whitener(x, build_runs([2000, 2000])).order)
+    # BIC finds an order in white noise in one of some 200; four of twenty, never.
+    assert orders.count(0) >= 17
 
 
 def test_rows_without_a_residual_do_not_count():

@@ -132,7 +132,8 @@ def test_drives_have_every_phase_and_keep_their_speed():
 def test_the_noise_has_its_size_and_its_memory():
     rng = np.random.default_rng(1)
     white, slow = draw_noise(rng, 20_000, 0.0).effort, draw_noise(rng, 200_000, 1.0).effort
-    assert white.std() == pytest.approx(2450, rel=0.02)
+    # 20 000 times at least: six standard errors.
+    assert white.std() == pytest.approx(2450, rel=0.03)
     assert slow.std() == pytest.approx(2450, rel=0.05)
     lag = np.mean(slow[100:] * slow[:-100]) / slow.var()
     assert lag == pytest.approx(np.exp(-1), abs=0.06)

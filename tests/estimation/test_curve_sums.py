@@ -102,11 +102,12 @@ def test_common_errors_give_generalised_least_squares(seed, theta, noise_var):
     assert sums[DOF] == pytest.approx(len(r))
 
 
-@pytest.mark.parametrize("c2", [15.0, 120.0])
-def test_corrected_scores_expect_what_the_true_slips_cost(c2):
-    # The same three true slips and adhesions, their slips measured 12 000 times.
+@pytest.mark.parametrize(("c2", "bound"), [(15.0, 0.006), (120.0, 0.010)])
+def test_corrected_scores_expect_what_the_true_slips_cost(c2, bound):
+    # The same three true slips and adhesions, their slips measured 36 000 times. The correction
+    # of the steep curve is 0.4 % short; the standard error of the mean is 0.05 % and 0.09 %.
     rng = np.random.default_rng(3)
-    times, n = 12_000, 3
+    times, n = 36_000, 3
     true = np.array([0.015, 0.03, 0.08])
     z = np.array([0.25, 0.31, 0.38])
     p, q, t = np.full(n, 4e-3**2), 3e-3**2, np.array([0, 0.01, 0.02]) ** 2
@@ -119,20 +120,18 @@ def test_corrected_scores_expect_what_the_true_slips_cost(c2):
         points = Points(slips.ravel(), *columns, np.repeat(np.arange(k), n), np.ones(k * n))
         return increment(points, np.tile(slope, k), noise_var, SLIP_MAX)
 
-    blocks = [
+    costs = [
         cost_of(sums_of(part, np.tile(p, len(part))), theta)[0] / len(part)
-        for part in np.split(measured, 40)
+        for part in np.split(measured, 120)
     ]
     one = Points(true, z, p, np.full(n, q), t, np.zeros(n, dtype=np.int64), np.ones(n))
     w = dense_weights(one, slope, noise_var)
     r = z - model(true, *theta)
     exact = float(r @ w @ r)
-    error = np.std(blocks, ddof=1) / np.sqrt(len(blocks))
-    assert error < 0.1 * exact
-    assert np.mean(blocks) == pytest.approx(exact, abs=4 * error)
-    # Left uncorrected, the mean is far from it: the test can tell.
-    naive = np.mean([(z - model(m, *theta)) @ w @ (z - model(m, *theta)) for m in measured[:4000]])
-    assert abs(naive - exact) > 3 * error
+    assert np.mean(costs) == pytest.approx(exact, rel=bound)
+    # Left uncorrected, the mean is beyond the bound: the test can tell.
+    residuals = z - model(measured, *theta)
+    assert np.mean(np.einsum("ij,jk,ik->i", residuals, w, residuals)) > (1 + bound) * exact
 
 
 def test_cost_over_degrees_of_freedom_is_the_noise():

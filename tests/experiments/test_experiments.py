@@ -370,7 +370,8 @@ def test_least_squares_on_all_samples_of_a_surface_reaches_the_bound():
         theta = least_squares(lambda t, h=h, z=z: curve(h, *t) - z, SURFACES[0], x_scale=(1, 30, 1))
         found.append([*theta.x, *peak_of(*theta.x)])
     errors = np.array(found) - EXPERIMENTS[3].truth()[0]
-    assert rms(errors, 0)[:4] == pytest.approx(limit[:4], rel=0.3)
+    # Of 60 runs: five standard errors.
+    assert rms(errors, 0)[:4] == pytest.approx(limit[:4], rel=0.45)
 
 
 def test_the_bound_of_experiment_1_has_found_what_the_paper_reports():

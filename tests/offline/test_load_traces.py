@@ -28,7 +28,7 @@ def clamped(items):
             yield item._replace(t_us=now)
 
 
-@settings(max_examples=15, derandomize=True)
+@settings(max_examples=8, derandomize=True)
 @given(st.integers(0, 2**32), st.integers(0, 5))
 def test_readings_of_blocks_are_those_of_frames(seed, cuts):
     items = spoiled(seed, seconds=1.5)
@@ -54,7 +54,7 @@ def test_readings_of_blocks_are_those_of_frames(seed, cuts):
     assert loaded.rejected == receiver.rejected
 
 
-@settings(max_examples=15, derandomize=True)
+@settings(max_examples=6, derandomize=True)  # a broken stamp costs 50 000 collections
 @given(st.integers(0, 2**32), st.integers(0, 5))
 def test_samples_of_blocks_are_those_of_frames(seed, cuts):
     """On the grid of collections that blocks use."""

@@ -235,14 +235,14 @@ def test_a_line_of_sixty_thousand_characters_is_refused_quickly():
         b"(1.0)  can0  123   [8] " + b" 11" * 5_000 + b"!",
         b"<1.000000> " + b"a" * 16_000,
     ]
-    before = time.perf_counter()
+    before = time.process_time()  # of this process alone, however busy the machine is
     for line in nasty:
         if len(line) > 16384:
             assert parse_line(line) == "malformed", line[:30]
         else:
             parse_line(line)
         looks_like_candump(line)
-    assert time.perf_counter() - before < 1.0
+    assert time.process_time() - before < 1.0
 
 
 # --- whole files ---------------------------------------------------------------------------------

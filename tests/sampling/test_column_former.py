@@ -126,7 +126,7 @@ def assert_same(a, b):
                 )
 
 
-@settings(deadline=None, max_examples=120, derandomize=True,
+@settings(deadline=None, max_examples=40, derandomize=True,
           suppress_health_check=[HealthCheck.data_too_large])  # fmt: skip
 @given(
     st.integers(0, 2**32),

@@ -282,4 +282,5 @@ def test_loop_time_is_measured(monkeypatch):
     service = LiveService(ServiceCore(CONFIG, FixedEstimator), ReconnectingBus(lambda: bus, ()))
     while service.counts.received < 200:
         service._step()
+    service.bus.shutdown()
     assert service.core.loop_time_p99_us == pytest.approx(10_000)
