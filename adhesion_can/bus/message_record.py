@@ -1,14 +1,17 @@
 """Statistics of one received message: accepted, rejected and lost frames, gaps, readings."""
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.bus.acceptance import SERVICE_POLICY, MessageAcceptance
+from adhesion_can.bus.acceptance import SERVICE_POLICY, DecodedFrame, MessageAcceptance
+from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.rejection import Rejection
 from adhesion_can.bus.roles import BoundMessage
+from adhesion_can.physics.readings import Reading
 
 LATE_CYCLES = 3
 """A gap between two accepted frames is late where it is longer than this number of cycles."""
@@ -21,6 +24,7 @@ class MessageRecord:
     Attributes:
         message: Message with the signals that have a role.
         acceptance: Protection of the message and state of its counter.
+        decode: Decoder of a frame of the message whose length and checksum are valid.
         frames: Number of received frames, rejected ones included.
         accepted: Number of accepted frames.
         rejected: Number of rejected frames by reason.
@@ -36,6 +40,7 @@ class MessageRecord:
 
     message: BoundMessage
     acceptance: MessageAcceptance
+    decode: Callable[[Frame], DecodedFrame[list[Reading]]]
     frames: int = 0
     accepted: int = 0
     rejected: Counter[Rejection] = field(default_factory=Counter)
@@ -48,10 +53,12 @@ class MessageRecord:
     readings: int = 0
 
     @classmethod
-    def begin(cls, message: BoundMessage) -> "MessageRecord":
-        """Empty record of a message, with the checks of the service."""
+    def begin(
+        cls, message: BoundMessage, decode: Callable[[Frame], DecodedFrame[list[Reading]]]
+    ) -> "MessageRecord":
+        """Empty record of a message with its decoder, with the checks of the service."""
         size, data_id, cycle_us = message.plan.size, message.data_id, message.cycle_us
-        return cls(message, MessageAcceptance(SERVICE_POLICY, size, data_id, cycle_us))
+        return cls(message, MessageAcceptance(SERVICE_POLICY, size, data_id, cycle_us), decode)
 
     @property
     def lost(self) -> int:

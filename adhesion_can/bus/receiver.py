@@ -31,7 +31,9 @@ class Receiver:
     """
 
     def __init__(self, messages: Iterable[BoundMessage]) -> None:
-        self.records = [MessageRecord.begin(message) for message in messages]
+        self.records = [
+            MessageRecord.begin(message, partial(decode, message)) for message in messages
+        ]
         """Statistics of each message, in the order of the messages."""
         self._by_id: RecordsById = {}
         for record in self.records:
@@ -67,7 +69,7 @@ class Receiver:
         if record is None:
             return None
         record.frames += 1
-        outcome = accept_frame(record.acceptance, frame, partial(decode, record.message))
+        outcome = accept_frame(record.acceptance, frame, record.decode)
         if isinstance(outcome, Rejection):
             record.rejected[outcome] += 1
         else:
