@@ -19,7 +19,7 @@ PAIRS = (
     "pair:wheel_radius+humidity",
     "pair:load_dependence+sanding",
     "pair:speed_scale+effort_delay",
-    "pair:rail_cleaning+speed_delay",
+    "pair:speed_delay+rail_cleaning",
 )
 
 
