@@ -94,7 +94,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         + ", ".join(known_estimators()),
     )
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -54,6 +54,7 @@ class _CommandParser(_Parser):
             module = import_module(f"adhesion_can.cli.{self.command}")
             self.command = None
             module.add_arguments(self)
+            self.set_defaults(run=module.run)
         return super().parse_known_args(args, namespace)
 
 
