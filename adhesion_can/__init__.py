@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from adhesion_can.api.identification import identify
     from adhesion_can.api.replay import SetpointTable, replay
     from adhesion_can.api.simulation import SimulatedDrive, simulate
+    from adhesion_can.bus.frame import Frame
     from adhesion_can.calibration.fit import Calibration
     from adhesion_can.config.configuration import Configuration
     from adhesion_can.diagnosis.result import Diagnosis
@@ -44,6 +45,7 @@ __all__ = [
     "Diagnosis",
     "Estimate",
     "ExtendedModel",
+    "Frame",
     "Recording",
     "Samples",
     "ServiceCore",
@@ -66,6 +68,7 @@ _MODULES = {
     "Diagnosis": "diagnosis.result",
     "Estimate": "physics.estimate",
     "ExtendedModel": "estimation.extended.model",
+    "Frame": "bus.frame",
     "Recording": "recordings.recording",
     "Samples": "physics.samples",
     "ServiceCore": "service.core",

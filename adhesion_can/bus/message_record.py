@@ -40,7 +40,7 @@ class MessageRecord:
 
     message: BoundMessage
     acceptance: MessageAcceptance
-    decode: Callable[[Frame], DecodedFrame[list[Reading]]]
+    decode: Callable[[Frame], DecodedFrame[list[Reading]]] = field(compare=False)
     frames: int = 0
     accepted: int = 0
     rejected: Counter[Rejection] = field(default_factory=Counter)

@@ -84,20 +84,11 @@ def _load(paths: Sequence[Path], config: Configuration) -> LoadedSamples:
 
 def _extension_json(model: ExtendedModel, left_out: Mapping[str, int]) -> dict[str, Any]:
     """Curve that was fitted, and the effects that were removed before."""
+    document = model.to_dict()
     return {
         "curve": "base curve of the extended model",
-        "effects": [
-            {
-                "effect": active.effect.id,
-                "form": active.effect.form,
-                "parameters": {
-                    p.name: value
-                    for p, value in zip(active.effect.parameters, active.values, strict=True)
-                },
-            }
-            for active in model.effects
-        ],
-        "splines": [{"channel": spline.channel, "kind": spline.kind} for spline in model.splines],
+        "effects": document["effects"],
+        "splines": document["splines"],
         "left_out_by_model": dict(left_out),
     }
 

@@ -323,7 +323,9 @@ def test_a_name_that_stands_twice_gets_its_id(tmp_path):
     database = CanDatabase(Path("t.dbc"), "", cantools.database.load_string(text, strict=False))
     frames = [Frame(1, 291, bytes(8)), Frame(2, 292, b"\1" + bytes(7))]
     with open_recording(tmp_path / "a.csv", {}) as writer:
-        writer.write(MessageRows(database).build(Decoder(database).decode(Block.from_frames(frames))))
+        writer.write(
+            MessageRows(database).build(Decoder(database).decode(Block.from_frames(frames)))
+        )
     first, second = csv_rows(tmp_path / "a.csv")
     assert (first["message"], first["Plain@123.Scaled"]) == ("Plain@123", "-3.5")
     assert (second["message"], second["Plain@124.Scaled"]) == ("Plain@124", "1")

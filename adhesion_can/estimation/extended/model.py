@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from math import isfinite
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.effects import ActiveEffect, Parameter, acts_in_contact, build_instruments
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import Instruments
+from adhesion_can.result_text import html_table
 
 Matrix = tuple[tuple[float, ...], ...]
 
@@ -88,6 +90,34 @@ class ExtendedModel:
     def names(self) -> tuple[str, ...]:
         """Ids of the effects, with their forms, and channels of the splines."""
         return tuple(f"{a.effect.id} {a.effect.form}".strip() for a in self.actives)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Base curve, effects and channels of the splines, as JSON has them."""
+        return {
+            "base": dict(zip(("c1", "c2", "c3"), self.base, strict=True)),
+            "effects": [
+                {
+                    "effect": active.effect.id,
+                    "form": active.effect.form,
+                    "parameters": {
+                        p.name: value
+                        for p, value in zip(active.effect.parameters, active.values, strict=True)
+                    },
+                }
+                for active in self.effects
+            ],
+            "splines": [{"channel": s.channel, "kind": s.kind} for s in self.splines],
+        }
+
+    def _repr_html_(self) -> str:
+        rows = [("base curve", name, f"{v:.6g}") for name, v in self.to_dict()["base"].items()]
+        rows += [
+            (effect["effect"], name, f"{value:.6g}")
+            for effect in self.to_dict()["effects"]
+            for name, value in effect["parameters"].items()
+        ]
+        rows += [("spline", spline.channel, "") for spline in self.splines]
+        return html_table("Extended model", ("part", "parameter", "value"), rows)
 
     def covariance_of(self, active: ActiveEffect) -> Array:
         """Covariance of an effect's parameters, shape (k, k); zeros where it is not known."""

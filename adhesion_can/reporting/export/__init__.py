@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.errors import InputError
-from adhesion_can.reporting.export import csv_file
 from adhesion_can.reporting.export.layout import Column, Field, Group, Raw, Rows, Sink
 
 __all__ = [
@@ -30,9 +30,32 @@ __all__ = [
     "require_format",
 ]
 
-SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mf4")
 
-_EXTRAS = {".parquet": ("parquet", "pyarrow"), ".mf4": ("mf4", "asammdf")}
+class _Format(NamedTuple):
+    """Module of this package that writes a format.
+
+    Attributes:
+        module: Name of the module; it has `open_sink(path, origin, groups, decimals)`.
+        extra: Extra of the package that the module needs; '' for none.
+        library: Library behind the extra.
+
+    """
+
+    module: str
+    extra: str = ""
+    library: str = ""
+
+
+_FORMATS: Mapping[str, _Format] = {
+    ".csv": _Format("csv_file"),
+    ".csv.gz": _Format("csv_file"),
+    ".parquet": _Format("parquet_file", "parquet", "pyarrow"),
+    ".mf4": _Format("mf4_file", "mf4", "asammdf"),
+}
+"""Formats by the suffix of the file."""
+
+SUFFIXES = tuple(_FORMATS)
+"""Suffixes of the formats that are written."""
 
 
 class Writer:
@@ -52,7 +75,7 @@ class Writer:
 
     def write(self, rows: Sequence[Rows]) -> None:
         """Append rows; `Rows.place` is their order."""
-        with _told(self._path):
+        with _input_errors(self._path):
             self._sink.write(rows)
 
 
@@ -87,11 +110,11 @@ def require_format(path: Path, option: str) -> None:
         raise InputError(
             f"{option} {path}", "of no known format", f"give a name in {', '.join(SUFFIXES)}"
         )
-    with _told(path):
+    with _input_errors(path):
         if path.is_dir():
             raise InputError(f"{option} {path}", "is a folder", "name a file")
-    if suffix in _EXTRAS:
-        _module(suffix, path)
+    if suffix is not None:
+        _load_module(suffix, path)
 
 
 @contextmanager
@@ -111,7 +134,7 @@ def open_recording(path: Path, origin: Mapping[str, str]) -> Iterator[Writer]:
 
     """
     sink = _begin(path, origin)
-    with _whole(path, sink):
+    with _closed(path, sink):
         yield Writer(path, sink)
 
 
@@ -141,7 +164,7 @@ def open_table(
     """
     group = Group(name, tuple(fields))
     sink = _begin(path, origin, (group,), decimals)
-    with _whole(path, sink):
+    with _closed(path, sink):
         yield TableWriter(Writer(path, sink), group)
 
 
@@ -150,23 +173,18 @@ def _begin(
 ) -> Sink:
     """Begin a file in the format of its suffix; known groups make it a plain table."""
     require_format(path, "output")
-    suffix = _suffix(path)
-    sink: Sink
-    with _told(path):
-        if suffix == ".mf4":
-            sink = _module(suffix, path).Mf4File(path, origin, groups)
-        elif suffix == ".parquet":
-            sink = _module(suffix, path).open_sheet(path, origin, groups)
-        else:
-            sink = csv_file.open_sheet(path, groups, decimals)
+    module = _load_module(_suffix(path) or "", path)
+    with _input_errors(path):
+        sink: Sink = module.open_sink(path, origin, groups, decimals)
     return sink
 
 
 @contextmanager
-def _whole(path: Path, sink: Sink) -> Iterator[None]:
+def _closed(path: Path, sink: Sink) -> Iterator[None]:
+    """Close the file where all is written; leave none behind where an error comes."""
     try:
         yield
-        with _told(path):
+        with _input_errors(path):
             sink.close()
     except BaseException:
         sink.abandon()
@@ -174,7 +192,8 @@ def _whole(path: Path, sink: Sink) -> Iterator[None]:
 
 
 @contextmanager
-def _told(path: Path) -> Iterator[None]:
+def _input_errors(path: Path) -> Iterator[None]:
+    """Errors of the file system as InputErrors."""
     try:
         yield
     except OSError as error:
@@ -191,12 +210,16 @@ def _suffix(path: Path) -> str | None:
     return next((suffix for suffix in SUFFIXES if name.endswith(suffix)), None)
 
 
-def _module(suffix: str, path: Path) -> ModuleType:
-    """The module that writes a format, which is imported where it is used: it needs an extra."""
-    extra, library = _EXTRAS[suffix]
+def _load_module(suffix: str, path: Path) -> ModuleType:
+    """Module that writes a format, imported where it is used, since it may need an extra."""
+    form = _FORMATS[suffix]
     try:
-        return import_module(f"{__name__}.{extra}_file")
+        return import_module(f"{__name__}.{form.module}")
     except ImportError as error:
+        if not form.extra:
+            raise
         raise InputError(
-            str(path), f"this format needs {library}", f"pip install 'adhesion-can[{extra}]'"
+            str(path),
+            f"this format needs {form.library}",
+            f"pip install 'adhesion-can[{form.extra}]'",
         ) from error

@@ -5,7 +5,7 @@ import gzip
 import io
 import re
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from itertools import repeat
 from pathlib import Path
@@ -186,11 +186,14 @@ def _line(cells: Sequence[str]) -> str:
     return text.getvalue()
 
 
-def open_sheet(path: Path, groups: Sequence[Group], decimals: int) -> Sheet:
+def open_sink(
+    path: Path, _origin: Mapping[str, str], groups: Sequence[Group], decimals: int
+) -> Sheet:
     """A table as CSV, compressed where its name ends in .gz.
 
     Args:
         path: Path of the finished file.
+        _origin: Version and inputs, for which CSV has no place.
         groups: Groups of a plain table; none: messages, which turn up on the way.
         decimals: Number of decimals of the time stamps in s.
 

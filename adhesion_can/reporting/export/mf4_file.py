@@ -184,3 +184,18 @@ def _comment(field: Field) -> str:
         return field.comment
     named = ", ".join(f"{number} = {text}" for number, text in sorted(field.names.items()))
     return f"{field.comment} [{named}]".strip()
+
+
+def open_sink(
+    path: Path, origin: Mapping[str, str], groups: Sequence[Group], _decimals: int
+) -> Mf4File:
+    """MF4 file for the rows of groups.
+
+    Args:
+        path: Path of the finished file.
+        origin: Version, inputs and the like, by name, for the file's comment.
+        groups: Groups of a plain table; none: messages, which turn up on the way.
+        _decimals: Number of decimals in text; MF4 keeps numbers.
+
+    """
+    return Mf4File(path, origin, groups)

@@ -182,13 +182,16 @@ def _widened(table: Any, schema: Any) -> Any:
     return table.cast(schema)
 
 
-def open_sheet(path: Path, origin: Mapping[str, str], groups: Sequence[Group]) -> Sheet:
+def open_sink(
+    path: Path, origin: Mapping[str, str], groups: Sequence[Group], _decimals: int
+) -> Sheet:
     """A table as Parquet.
 
     Args:
         path: Path of the finished file.
         origin: Version, inputs and the like, by name, for the file's metadata.
         groups: Groups of a plain table; none: messages, which turn up on the way.
+        _decimals: Number of decimals in text; Parquet keeps numbers.
 
     """
     return Sheet(path, ParquetForm(not groups, origin), groups)
