@@ -15,6 +15,8 @@ imported when it is first used, so that importing the package costs nothing.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from adhesion_can.version import __version__
+
 if TYPE_CHECKING:
     from adhesion_can.api.calibration import calibrate
     from adhesion_can.api.configuration import load_configuration
@@ -35,8 +37,6 @@ if TYPE_CHECKING:
     from adhesion_can.recordings.recording import Recording
     from adhesion_can.service.core import ServiceCore
 
-__version__ = "0.1.0"
-
 __all__ = [
     "AdhesionCanError",
     "BatchResult",
@@ -52,6 +52,7 @@ __all__ = [
     "SetpointTable",
     "SimulatedDrive",
     "Tracker",
+    "__version__",
     "calibrate",
     "diagnose",
     "identify",

@@ -1,1 +1,1 @@
-"""CAN in and out: databases, protection, codecs, recordings. Units are converted here alone."""
+"""Frames in and readings out: databases, roles, acceptance, E2E protection, codecs and units."""

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 
-from adhesion_can import __version__
 from adhesion_can.api.calibration import (
     build_coasting_drive,
     require_calibration_roles,
@@ -40,6 +39,7 @@ from adhesion_can.reporting.calibration import (
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
 from adhesion_can.sampling.traces import Trace
+from adhesion_can.version import __version__
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -11,7 +11,6 @@ from typing import Any
 
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from adhesion_can import __version__
 from adhesion_can.api.diagnosis import diagnose_inputs, explain_empty, list_input_files, load_inputs
 from adhesion_can.cli.common import (
     add_configuration,
@@ -34,6 +33,7 @@ from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.page import require_extra, write_page
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
+from adhesion_can.version import __version__
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adhesion_can import __version__
 from adhesion_can.cli.common import (
     add_json,
     make_folder,
@@ -48,6 +47,7 @@ from adhesion_can.reporting.experiment import (
 )
 from adhesion_can.reporting.page import require_extra, write_page
 from adhesion_can.reporting.text import PIPE_WIDTH, console, table
+from adhesion_can.version import __version__
 
 RUNS = 20
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")

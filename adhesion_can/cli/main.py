@@ -16,8 +16,8 @@ from importlib import import_module
 from types import FrameType
 from typing import Any, NoReturn
 
-from adhesion_can import __version__
 from adhesion_can.errors import AdhesionCanError
+from adhesion_can.version import __version__
 
 COMMANDS: Mapping[str, str] = {
     "demo": "locomotive, service and creep controller on an embedded bus",

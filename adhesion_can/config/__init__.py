@@ -1,4 +1,4 @@
-"""Configuration: between the rooms that it sets up and those that use it."""
+"""Configuration: everything that a user can set, and the files that say it."""
 
 from adhesion_can.config.configuration import Configuration, ServiceSettings
 from adhesion_can.config.load import load_configuration

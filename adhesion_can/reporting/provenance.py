@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from adhesion_can import __version__
 from adhesion_can.config import Configuration
 from adhesion_can.files import file_sha256
+from adhesion_can.version import __version__
 
 
 def provenance(configuration: Configuration, inputs: Sequence[Path] = ()) -> dict[str, Any]:

@@ -27,6 +27,7 @@ def test_every_public_name_is_there_and_documented():
     for name in adhesion_can.__all__:
         value = getattr(adhesion_can, name)
         assert value.__doc__, name
+    assert adhesion_can.__version__.count(".") == 2
     assert set(adhesion_can.__all__) <= set(dir(adhesion_can))
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = adhesion_can.nothing
