@@ -23,8 +23,8 @@ from adhesion_can.physics.readings import Role
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.column_history import NEVER, ColumnHistory, Stamps
 from adhesion_can.sampling.equations import (
-    TRAVEL,
     TRAVEL_BY_DIRECTION,
+    TRAVEL_DIRECTION,
     Measured,
     SampleEquations,
 )
@@ -72,20 +72,22 @@ class ColumnFormer:
         self._load = {i: ColumnHistory(equations.gap_us(Role.AXLE_LOAD)) for i in axles}
         self._speed = ColumnHistory(equations.gap_us(Role.VEHICLE_SPEED), equations.speed_lag_us)
         self._direction = ColumnHistory(0.0)
-        self._covariates = {name: ColumnHistory(0.0) for name in (TRAVEL, *COVARIATES.values())}
+        self._covariates = {
+            name: ColumnHistory(0.0) for name in (TRAVEL_DIRECTION, *COVARIATES.values())
+        }
         self.dropped: Counter[str] = Counter()
         """Wheel-speed readings that gave no sample, by reason."""
 
     def add(self, readings: Readings) -> None:
         """Add the readings of the next block; stamps of a signal do not run backwards."""
-        wrong = self._equations.instruments
+        instrument_errors = self._equations.instruments
         for (role, axle), (stamps, values) in readings.items():
             if role is Role.WHEEL_SPEED and axle in self._wheel:
                 self._wheel[axle].extend(stamps, values)
             elif role is Role.TRACTIVE_EFFORT and axle in self._effort:
-                self._effort[axle].extend(stamps, values - wrong.effort_bias)
+                self._effort[axle].extend(stamps, values - instrument_errors.effort_bias)
             elif role is Role.VEHICLE_SPEED:
-                self._speed.extend(stamps, values / (1.0 + wrong.speed_error))
+                self._speed.extend(stamps, values / (1.0 + instrument_errors.speed_error))
             elif role is Role.AXLE_LOAD and axle in self._load:
                 self._load[axle].extend(stamps, values)
             elif role is Role.DIRECTION:
@@ -105,7 +107,7 @@ class ColumnFormer:
         travel = np.where(last >= 0, travel[last], was)
         self._direction.extend(stamps, travel)
         if self._equations.with_travel:
-            self._covariates[TRAVEL].extend(stamps, travel)
+            self._covariates[TRAVEL_DIRECTION].extend(stamps, travel)
 
     def collect(self, due_us: Stamps) -> Iterator[Samples]:
         """Samples of each time of collecting, as `SampleFormer.collect` gives them.
@@ -181,7 +183,7 @@ class ColumnFormer:
         waiting = [int(wheel.t_us[0]) for wheel in self._wheel.values() if len(wheel.t_us)]
         oldest = max(
             min(waiting, default=now_us),
-            round(now_us - 4 * equations.patience_us - equations.lag_us),
+            round(now_us - 4 * equations.longest_gap_us - equations.lag_us),
         )
         histories = (self._speed, self._direction, *self._effort.values(), *self._load.values())
         for history in (*histories, *self._covariates.values()):
@@ -211,9 +213,9 @@ class ColumnFormer:
                 axle, t[unmeasured], effort.value[unmeasured], bracketed[unmeasured], due
             )
             load[unmeasured], load_std[unmeasured], needed[unmeasured] = estimate
-        patient = due.after((t + equations.give_up_us).astype(np.float64))
+        given_up = due.after((t + equations.give_up_us).astype(np.float64))
         settled = (
-            np.maximum.accumulate(np.where(lost | gap, needed, np.minimum(needed, patient)))
+            np.maximum.accumulate(np.where(lost | gap, needed, np.minimum(needed, given_up)))
             if len(t)
             else needed
         )
@@ -249,11 +251,11 @@ class ColumnFormer:
                 speed=v.value[k],
                 effort=effort.value[k],
                 load=load[k],
-                bend=later - earlier,
-                spread=effort.spread[k],
+                acceleration_change=later - earlier,
+                effort_step_std=effort.step_std[k],
             ),
             load_std=load_std[k],
-            speed_us=v.closing_us[k],
+            speed_us=v.bracket_end_us[k],
         )
         wheel.t_us, wheel.value = wheel.t_us[done:].copy(), wheel.value[done:].copy()
         return formed
@@ -269,14 +271,14 @@ class ColumnFormer:
         """
         equations = self._equations
         static = equations.vehicle.axle_load[axle - 1]
-        spread = equations.vehicle.load_std * static
+        static_std = equations.vehicle.load_std * static
         size = len(t)
-        load, std = np.full(size, static), np.full(size, spread)
+        load, std = np.full(size, static), np.full(size, static_std)
         needed = due.after(bracketed)
         if equations.transfer is None:
             return load, std, needed
         row = equations.transfer[axle - 1]
-        transfer_std = np.array([hypot(spread, one * sum(row)) for one in effort.tolist()])
+        transfer_std = np.array([hypot(static_std, one * sum(row)) for one in effort.tolist()])
         pending = np.ones(size, dtype=np.bool_)
         shift, latest = np.zeros(size), bracketed
         for j, share in enumerate(row, start=1):

@@ -21,17 +21,17 @@ class Bracketed(NamedTuple):
             bracket is not closed yet.
         known_us: Stamps of the messages that close the brackets, µs, shape (n,); `NEVER` where
             none has come.
-        closing_us: Times of the readings that close the brackets, µs, shape (n,); `NEVER` where
+        bracket_end_us: Times of the readings that close the brackets, µs, shape (n,); `NEVER` where
             none has come.
-        spread: Standard deviations of the values, had the signal stepped within the bracket, SI,
+        step_std: Standard deviations of the values, had the signal stepped within the bracket, SI,
             shape (n,).
 
     """
 
     value: Array
     known_us: Stamps
-    closing_us: Stamps
-    spread: Array
+    bracket_end_us: Stamps
+    step_std: Array
 
 
 @dataclass(slots=True)
@@ -92,8 +92,8 @@ class ColumnHistory:
         return Bracketed(
             value=value,
             known_us=np.where(closed, t1 + self.lag_us, NEVER),
-            closing_us=np.where(closed, t1, NEVER),
-            spread=np.where(inside & np.isfinite(step), step, 0.0),
+            bracket_end_us=np.where(closed, t1, NEVER),
+            step_std=np.where(inside & np.isfinite(step), step, 0.0),
         )
 
     def held_at(self, t_us: Stamps) -> Array:

@@ -25,7 +25,7 @@ from adhesion_can.physics.kinematics import (
 from adhesion_can.physics.readings import Direction, Role
 from adhesion_can.physics.vehicle import Locomotive
 
-TRAVEL = "travel"
+TRAVEL_DIRECTION = "travel"
 """Covariate: 1 forwards, and as long as no direction is known; -1 in reverse."""
 
 
@@ -75,7 +75,7 @@ class SamplingSettings:
 
 
 TRAVEL_BY_DIRECTION: Mapping[int, float] = {Direction.FORWARD: 1.0, Direction.REVERSE: -1.0}
-"""Value of `TRAVEL` by direction; another direction leaves it as it is."""
+"""Value of `TRAVEL_DIRECTION` by direction; another direction leaves it as it is."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class SampleEquations:
         settings: Conditions under which a sample is formed.
         sensors: Standard deviations of the measurements.
         instruments: Errors of the sensors and of the vehicle's data, corrected in the readings.
-        with_travel: Whether samples carry the direction of travel, the covariate `TRAVEL`.
+        with_travel: Whether samples carry the covariate `TRAVEL_DIRECTION`.
 
     """
 
@@ -124,7 +124,7 @@ class SampleEquations:
         return self.settings.max_gap_cycles * self.cycles_us.get(role, 0)
 
     @cached_property
-    def patience_us(self) -> float:
+    def longest_gap_us(self) -> float:
         """The longest gap allowed in what every sample needs, µs."""
         required = (Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT)
         return max(self.gap_us(role) for role in required)
@@ -132,7 +132,7 @@ class SampleEquations:
     @cached_property
     def give_up_us(self) -> float:
         """Longest time that a wheel speed waits for its bracket, µs."""
-        return 2 * self.patience_us + self.lag_us
+        return 2 * self.longest_gap_us + self.lag_us
 
     @cached_property
     def transfer(self) -> list[list[float]] | None:
@@ -157,11 +157,15 @@ class SampleEquations:
         by_vehicle = r * omega * noise.vehicle_speed_std / (v * v)
         # Two readings make a central difference.
         by_difference = wheelset_effort(noise.wheel_speed_std / rows.span, inertia, r)
-        # What noise alone explains of bend and spread (4 standard deviations) is no transient.
-        bend_noise = 4 * sqrt(6.0) * 2 * noise.wheel_speed_std / rows.span
-        bend = np.where(np.abs(rows.bend) > bend_noise, rows.bend, 0.0)
-        by_bend = wheelset_effort(bend / 2, inertia, r)
-        by_spread = np.where(rows.spread > 4 * noise.effort_std / sqrt(2.0), rows.spread, 0.0)
+        # What noise alone explains (4 standard deviations) is no transient.
+        change_noise = 4 * sqrt(6.0) * 2 * noise.wheel_speed_std / rows.span
+        change = np.where(
+            np.abs(rows.acceleration_change) > change_noise, rows.acceleration_change, 0.0
+        )
+        by_change = wheelset_effort(change / 2, inertia, r)
+        by_step = np.where(
+            rows.effort_step_std > 4 * noise.effort_std / sqrt(2.0), rows.effort_step_std, 0.0
+        )
         return Derived(
             slip=slip_ratio(omega, v, r, self.settings.v_min),
             adhesion=adhesion_coefficient(rows.effort, load, rows.wheel_accel, inertia, r),
@@ -169,7 +173,7 @@ class SampleEquations:
             slip_var=by_wheel**2,
             slip_common_var=by_vehicle**2,
             adhesion_var=(noise.effort_std**2 + 2 * by_difference**2) / (load * load),
-            transient_var=(by_bend**2 + by_spread**2) / (load * load),
+            transient_var=(by_change**2 + by_step**2) / (load * load),
         )
 
 
@@ -184,8 +188,8 @@ class Measured(NamedTuple):
         speed: Vehicle speed, m/s, shape (n,).
         effort: Effort of the axle, N, shape (n,).
         load: Wheelset load, N, shape (n,).
-        bend: Difference of dω/dt after and before the stamp, rad/s², shape (n,).
-        spread: Standard deviation of an effort that stepped somewhere between its readings, N,
+        acceleration_change: Difference of dω/dt after and before the stamp, rad/s², shape (n,).
+        effort_step_std: Standard deviation of an effort that stepped between its readings, N,
             shape (n,).
 
     """
@@ -197,8 +201,8 @@ class Measured(NamedTuple):
     speed: Array
     effort: Array
     load: Array
-    bend: Array
-    spread: Array
+    acceleration_change: Array
+    effort_step_std: Array
 
 
 class Derived(NamedTuple):

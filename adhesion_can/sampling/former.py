@@ -20,8 +20,8 @@ from adhesion_can.physics.readings import Reading, Role
 from adhesion_can.physics.samples import Sample
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.equations import (
-    TRAVEL,
     TRAVEL_BY_DIRECTION,
+    TRAVEL_DIRECTION,
     Measured,
     SampleEquations,
     SamplingSettings,
@@ -33,8 +33,9 @@ from adhesion_can.sampling.signal_history import WAITING, SignalHistory, Waiting
 class _Row(NamedTuple):
     """Measured values at one wheel-speed stamp, SI; sorts by stamp and axle.
 
-    `bend` is the difference of dω/dt after and before the stamp, rad/s²; `spread` the standard
-    deviation of an effort that stepped somewhere between its two readings, N.
+    `acceleration_change` is the difference of dω/dt after and before the stamp, rad/s²;
+    `effort_step_std` the standard deviation of an effort that stepped somewhere between its two
+    readings, N.
     """
 
     t_us: int
@@ -47,8 +48,8 @@ class _Row(NamedTuple):
     load: float
     load_std: float
     speed_us: int
-    bend: float
-    spread: float
+    acceleration_change: float
+    effort_step_std: float
 
 
 class SampleFormer:
@@ -60,7 +61,7 @@ class SampleFormer:
         settings: Conditions under which a sample is formed; None: the defaults.
         sensors: Standard deviations of the measurements; None: the defaults.
         instruments: Errors of the sensors and of the vehicle's data, corrected in the readings.
-        with_travel: Whether samples carry the direction of travel, the covariate `TRAVEL`.
+        with_travel: Whether samples carry the covariate `TRAVEL_DIRECTION`.
 
     """
 
@@ -99,21 +100,31 @@ class SampleFormer:
 
         A late stamp is moved back to the time of the measurement; samples wait for such readings.
         """
-        role, axle, wrong = reading.role, reading.axle, self.equations.instruments
+        role, axle = reading.role, reading.axle
+        instrument_errors = self.equations.instruments
         if role is Role.WHEEL_SPEED and axle in self._wheel:
             self._wheel[axle].add(reading.t_us, reading.value)
         elif role is Role.TRACTIVE_EFFORT and axle in self._effort:
-            effort = None if reading.value is None else reading.value - wrong.effort_bias
+            effort = (
+                None if reading.value is None else reading.value - instrument_errors.effort_bias
+            )
             self._effort[axle].add(reading.t_us - self.equations.effort_lag_us, effort)
         elif role is Role.VEHICLE_SPEED:
-            speed = None if reading.value is None else reading.value / (1.0 + wrong.speed_error)
+            speed = (
+                None
+                if reading.value is None
+                else reading.value / (1.0 + instrument_errors.speed_error)
+            )
             self._speed.add(reading.t_us - self.equations.speed_lag_us, speed)
         elif role is Role.AXLE_LOAD and axle in self._load:
             self._load[axle].add(reading.t_us, reading.value)
         elif role is Role.DIRECTION and reading.value is not None:
             self._travel = TRAVEL_BY_DIRECTION.get(int(reading.value), self._travel)
-            if self.equations.with_travel and self._covariates.get(TRAVEL) != self._travel:
-                self._set_covariate(TRAVEL, self._travel, reading.t_us)
+            if (
+                self.equations.with_travel
+                and self._covariates.get(TRAVEL_DIRECTION) != self._travel
+            ):
+                self._set_covariate(TRAVEL_DIRECTION, self._travel, reading.t_us)
         elif role in COVARIATES:
             self._set_covariate(COVARIATES[role], reading.value, reading.t_us)
 
@@ -167,7 +178,7 @@ class SampleFormer:
         ]
         oldest = max(
             min(waiting, default=now_us),
-            round(now_us - 4 * self.equations.patience_us - self.equations.lag_us),
+            round(now_us - 4 * self.equations.longest_gap_us - self.equations.lag_us),
         )
         for history in (self._speed, *self._effort.values(), *self._load.values()):
             history.forget_before(oldest)
@@ -215,9 +226,9 @@ class SampleFormer:
             effort,
             load,
             load_std,
-            self._speed.closing(t),
+            self._speed.bracket_end_us(t),
             later - earlier,
-            self._effort[axle].spread(t),
+            self._effort[axle].step_std(t),
         )
 
     def _samples(self, rows: list[_Row]) -> list[Sample]:
@@ -226,9 +237,9 @@ class SampleFormer:
             return []
         columns = np.array(rows, dtype=np.float64)
         axle = columns[:, 1].astype(np.int64)
-        *_, omega, accel, span, speed, effort, load, _, _, bend, spread = columns.T
+        *_, omega, accel, span, speed, effort, load, _, _, acceleration_change, step_std = columns.T
         derived = self.equations.derive(
-            Measured(axle, omega, accel, span, speed, effort, load, bend, spread)
+            Measured(axle, omega, accel, span, speed, effort, load, acceleration_change, step_std)
         )
         values = zip(*(column.tolist() for column in derived), strict=True)
         return [
@@ -265,9 +276,9 @@ class SampleFormer:
         if measured is not None:
             return measured, 0.0
         static = self.equations.vehicle.axle_load[axle - 1]
-        spread = self.equations.vehicle.load_std * static
+        load_std = self.equations.vehicle.load_std * static
         if self.equations.transfer is None:
-            return static, spread
+            return static, load_std
         row = self.equations.transfer[axle - 1]
         shift = 0.0
         for j, share in enumerate(row, start=1):
@@ -277,9 +288,9 @@ class SampleFormer:
                 return WAITING
             if other is None or isinstance(other, Waiting):
                 # Another axle's effort is unknown: no transfer, but its whole size as doubt.
-                return static, hypot(spread, effort * sum(row))
+                return static, hypot(load_std, effort * sum(row))
             shift += share * other
-        return static + self._travel * shift, spread
+        return static + self._travel * shift, load_std
 
 
 def common_load_std(loads: np.ndarray, load_std: np.ndarray) -> float:

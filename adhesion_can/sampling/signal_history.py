@@ -54,11 +54,11 @@ class SignalHistory:
             return None
         return left + (right - left) * ((t_us - times[after - 1]) / span)
 
-    def closing(self, t_us: int) -> int:
+    def bracket_end_us(self, t_us: int) -> int:
         """Stamp of the reading that closes the bracket around a stamp that has one."""
         return self.times[bisect_left(self.times, t_us)]
 
-    def spread(self, t_us: int) -> float:
+    def step_std(self, t_us: int) -> float:
         """Standard deviation at a stamp that has a bracket, had the value stepped within it."""
         times, values = self.times, self.values
         after = bisect_left(times, t_us)
