@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 
 from adhesion_can.errors import InputError
 
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def file_sha256(path: Path) -> str:
@@ -60,7 +60,7 @@ def whole_file(path: Path, mode: str = "w", *, keep_part: bool = False) -> Itera
     except BaseException as error:
         if not keep_part:
             part.unlink(missing_ok=True)
-        if isinstance(error, OSError) and error.errno in _FULL:
+        if isinstance(error, OSError) and error.errno in _DISK_FULL:
             reason = error.strerror or "cannot be written"
             raise InputError(str(path), reason, "make room, or name another disk") from error
         raise

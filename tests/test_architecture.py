@@ -13,7 +13,7 @@ EXAMPLES = {
     "An effect": r"class Humidity|effects\.humidity",
     "A role": r"Role\.RAIN\b|\bRAIN =|\bRain\b",
     "An estimator": r"EkfEstimator",
-    "A format of written files": r"class ParquetPart|\"parquet_file\"",
+    "A format of written files": r"class ParquetPartFile|\"parquet_file\"",
     "A command": r"cli\.check\b|^\"\"\"`check`|\"check\":",
 }
 

@@ -161,33 +161,33 @@ class CounterSupervision:
         self,
         counts: NDArray[np.uint8],
         t_us: NDArray[np.int64],
-        sound: NDArray[np.bool_],
+        passed_other_checks: NDArray[np.bool_],
     ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
         """Check the counters of many frames, as `accept` does one after another.
 
         Args:
             counts: Counters of the frames, 0..15, shape (n,).
             t_us: Time stamps of the frames, µs, shape (n,).
-            sound: False where a frame was rejected for another reason, shape (n,).
+            passed_other_checks: False where a frame was rejected for another reason, shape (n,).
 
         Returns:
-            Outcomes, 0 where accepted or not sound, else `REJECTION_CODE`; and the frames lost
-            before each one; both of shape (n,).
+            Outcomes, 0 where accepted or rejected for another reason, else
+            `REJECTION_CODE`; and the frames lost before each one; both of shape (n,).
 
         """
-        if sound.all():
-            return self._accept_sound(counts, t_us, None)
-        rows = np.flatnonzero(sound)
+        if passed_other_checks.all():
+            return self._accept_passed(counts, t_us, None)
+        rows = np.flatnonzero(passed_other_checks)
         outcome = np.zeros(len(counts), dtype=np.uint8)
         lost = np.zeros(len(counts), dtype=np.int64)
         ends = np.append(-1, rows)
         interrupted = np.diff(ends) > 1
-        outcome[rows], lost[rows] = self._accept_sound(counts[rows], t_us[rows], interrupted)
-        if len(sound) - 1 > ends[-1]:
+        outcome[rows], lost[rows] = self._accept_passed(counts[rows], t_us[rows], interrupted)
+        if len(passed_other_checks) - 1 > ends[-1]:
             self.interrupt()
         return outcome, lost
 
-    def _accept_sound(
+    def _accept_passed(
         self,
         counts: NDArray[np.uint8],
         t_us: NDArray[np.int64],
@@ -196,10 +196,10 @@ class CounterSupervision:
         """All frames in order at once, as if each one's forerunner was accepted; else one by one.
 
         Args:
-            counts: Counters of sound frames, shape (n,).
+            counts: Counters of the frames that passed the other checks, shape (n,).
             t_us: Time stamps, µs, shape (n,).
-            interrupted: Whether a frame that was not sound came directly before, shape (n,);
-                None: never.
+            interrupted: Whether a frame rejected for another reason came directly before,
+                shape (n,); None: never.
 
         """
         outcome = np.zeros(len(counts), dtype=np.uint8)

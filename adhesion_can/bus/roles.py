@@ -113,8 +113,8 @@ class BoundMessage:
         return frozenset(signal.role for signal in self.signals)
 
 
-def contract_choices() -> list[SignalChoice]:
-    """The roles of our own message set."""
+def packaged_choices() -> list[SignalChoice]:
+    """Signals of the packaged message set with their roles."""
     per_axle = {
         Role.WHEEL_SPEED: ("WheelSpeeds", "WheelSpeed"),
         Role.TRACTIVE_EFFORT: ("TractiveEffort", "TractiveEffort"),
@@ -140,7 +140,7 @@ def contract_choices() -> list[SignalChoice]:
 
 
 OPTIONAL_MESSAGES = frozenset({"AxleLoads1", "AxleLoads2", "Environment", "TrackGeometry"})
-"""Of our own set: a database may lack them."""
+"""Messages of the packaged message set that a database may lack."""
 
 
 def bind(
@@ -208,14 +208,14 @@ def _data_id(choices: Sequence[SignalChoice], message: Message, where: str) -> i
     stated: int | None = _agreed(choices, "data_id", where)
     if protection == "none":
         return None
-    own = e2e_data_id(message) if stated is None else stated
-    if own is None and protection == "e2e-p01":
+    data_id = e2e_data_id(message) if stated is None else stated
+    if data_id is None and protection == "e2e-p01":
         raise ConfigError(
             f"{where}: roles.{choices[0].name}",
             f"{message.name} has no attribute E2EDataId for its protection e2e-p01",
             'state data_id, or protection = "none"',
         )
-    return own
+    return data_id
 
 
 def _require_decodable(choice: SignalChoice, signal: Signal, message: Message, where: str) -> None:
@@ -241,14 +241,14 @@ def _bind_signal(
             f"unit {unit!r} of {choice.message}.{choice.signal} is none of {choice.role}",
             f"state one of {known_units(choice.role)}",
         )
-    own = plan.signals[signal.name]
+    signal_plan = plan.signals[signal.name]
     return BoundSignal(
         role=choice.role,
         axle=choice.axle,
-        plan=own,
+        plan=signal_plan,
         scale=factor * choice.factor * choice.sign,
         offset=choice.offset,
-        not_available=own.not_available if choice.not_available else None,
+        not_available=signal_plan.not_available if choice.not_available else None,
         at_rim=to_si(choice.role, unit, None) is None,
     )
 

@@ -148,7 +148,7 @@ def _resumed(config: Configuration, path: Path) -> Configuration:
 
 
 class _Narrator:
-    """Prints what happens for a person at the bench: each change of status, and once a second."""
+    """Prints what happens for the operator: each change of status, and once a second."""
 
     def __init__(self, file: Any) -> None:
         self._file = file

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from adhesion_can.bus.database import load_database
-from adhesion_can.bus.roles import OPTIONAL_MESSAGES, contract_choices
+from adhesion_can.bus.roles import OPTIONAL_MESSAGES, packaged_choices
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.config.roles_section import load_roles
 from adhesion_can.config.toml_tables import (
@@ -83,7 +83,7 @@ def _complete(configuration: Configuration) -> Configuration:
         present = {message.name for message in configuration.database.db.messages}
         choices = tuple(
             choice
-            for choice in contract_choices()
+            for choice in packaged_choices()
             if choice.axle <= configuration.vehicle.axles
             and (choice.message in present or choice.message not in OPTIONAL_MESSAGES)
         )

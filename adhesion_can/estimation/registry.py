@@ -43,7 +43,7 @@ class EstimatorSettings:
 
 
 def oracle(settings: EstimatorSettings, changes_us: Iterable[int]) -> Tracker:
-    """Tracker that knows when the surface changes; its lead shows what detection costs.
+    """Tracker that knows when the surface changes; the difference shows what detection costs.
 
     Args:
         settings: Settings of the estimators.

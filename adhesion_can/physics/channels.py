@@ -1,7 +1,8 @@
 """The catalogue of channels: every quantity on which adhesion may depend, under its one name.
 
-Samples, extended models, TABLEs, plots and sentences take names, units and labels from here. A
-TABLE may have further numeric columns: they are covariates under their own names, without a unit.
+Samples, extended models, sample tables, plots and sentences take names, units and labels from here.
+A sample table may have further numeric columns: they are covariates under their own names, without
+a unit.
 """
 
 from collections.abc import Mapping
@@ -30,7 +31,7 @@ class ChannelInfo:
         label: Name in sentences and on axes, such as 'rail temperature'.
         origin: Origin of the values.
         role: Role of the signal on the bus that carries the channel; None for a derived quantity.
-        column: Name of the column in a TABLE; '' where a TABLE has none.
+        column: Name of the column in a sample table; '' where a sample table has none.
         contact: Name of the attribute of `Contact` with the values; '' for a covariate and for what
             a contact does not have.
         steps: Whether the value holds until the next reading, and is not interpolated between two.
@@ -93,13 +94,13 @@ COVARIATES: Mapping[Role, str] = {
 
 
 def channel_unit(name: str) -> str:
-    """Unit of a channel; '' for a column of a TABLE that the catalogue does not have."""
+    """Unit of a channel; '' for a column of a sample table that the catalogue does not have."""
     channel = CHANNEL_BY_NAME.get(name)
     return "" if channel is None else channel.unit
 
 
 def channel_label(name: str) -> str:
-    """Label of a channel; a column of a TABLE that the catalogue does not have keeps its name."""
+    """Label of a channel; a column that the catalogue does not have keeps its name."""
     channel = CHANNEL_BY_NAME.get(name)
     return name if channel is None else channel.label
 

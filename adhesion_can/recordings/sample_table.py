@@ -44,7 +44,7 @@ class Table:
 
 
 def is_table(path: Path) -> bool:
-    """Whether a file is a TABLE rather than a recording.
+    """Whether a file is a sample table rather than a recording.
 
     Raises:
         TableError: a .csv that is neither.
@@ -71,7 +71,7 @@ def is_table(path: Path) -> bool:
 
 
 def read_table(path: Path) -> Table:
-    """Read a TABLE.
+    """Read a sample table.
 
     Raises:
         TableError: it cannot be read, or lacks a column that it needs.

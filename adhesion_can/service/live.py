@@ -63,7 +63,7 @@ class LiveService:
         clock: Clock of the bus's stamps, µs.
         write_log: Callback with each line of the service's own log.
         dry_run: Whether to receive and identify, but to send nothing.
-        notify: Callback with a line for the person at the bench.
+        notify: Callback with a line for the operator.
 
     """
 

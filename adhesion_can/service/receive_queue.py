@@ -8,7 +8,7 @@ import can
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 
 QUEUE_FRAMES = 4096
-"""Largest number of waiting messages: eight seconds of the contract's full input."""
+"""Largest number of waiting messages: eight seconds of the packaged message set's full input."""
 DRAIN_FRAMES = 256
 """Largest number of messages read from the bus before the next one is handled."""
 

@@ -8,7 +8,7 @@ import can
 
 PAUSES_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Pause before each attempt to open a lost bus again, s; the last one repeats."""
-GONE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
+BUS_LOST_CODES = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
 """Error codes at sending that mean that the bus is gone, and not only full."""
 
 
@@ -21,7 +21,7 @@ class ReconnectingBus:
     Args:
         open_bus: Opener of the bus; called at once, and again after each loss.
         ids: Ids to receive, each with whether it has 29 bits; all others are filtered out.
-        notify: Callback with a line for the person at the bench.
+        notify: Callback with a line for the operator.
         clock: Monotonic clock, s.
         sleep: Function that waits for a time, s.
 
@@ -52,7 +52,7 @@ class ReconnectingBus:
         self._sleep = sleep
         self._failed_attempts = 0
         self._next_attempt_s = 0.0
-        self._reopened_unused = False
+        self._reopened_unconfirmed = False
         """Whether the bus was opened again and no frame has passed it since."""
         self._bus: can.BusABC | None = self._open_filtered()
 
@@ -77,7 +77,7 @@ class ReconnectingBus:
             self._close_lost_bus(error)
             return None
         if message is not None:
-            self._note_passed_frame()
+            self._confirm_bus()
         return message
 
     def send(self, message: can.Message) -> bool:
@@ -89,13 +89,13 @@ class ReconnectingBus:
         except (can.CanError, OSError) as error:
             self.send_errors += 1
             code = error.error_code if isinstance(error, can.CanError) else error.errno
-            if code in GONE:
+            if code in BUS_LOST_CODES:
                 self._close_lost_bus(error)
             elif self.send_errors == 1:
                 self._notify(f"the bus does not take our frames: {error}")
             return False
         self.sent += 1
-        self._note_passed_frame()
+        self._confirm_bus()
         return True
 
     def shutdown(self) -> None:
@@ -123,14 +123,14 @@ class ReconnectingBus:
         except (can.CanError, OSError, ValueError):
             self._plan_next_attempt()
         else:
-            self._reopened_unused = True
+            self._reopened_unconfirmed = True
 
     def _close_lost_bus(self, error: Exception) -> None:
-        if not self._reopened_unused:
+        if not self._reopened_unconfirmed:
             self._notify(f"the bus is gone ({error}); trying to open it again")
             self._failed_attempts = -1
         # Else it could be opened and carried nothing: the pauses go on growing.
-        self._reopened_unused = False
+        self._reopened_unconfirmed = False
         if self._bus is not None:
             try:
                 self._bus.shutdown()
@@ -143,8 +143,8 @@ class ReconnectingBus:
         self._failed_attempts = min(self._failed_attempts + 1, len(PAUSES_S) - 1)
         self._next_attempt_s = self._clock() + PAUSES_S[self._failed_attempts]
 
-    def _note_passed_frame(self) -> None:
-        if self._reopened_unused:
-            self._reopened_unused = False
+    def _confirm_bus(self) -> None:
+        if self._reopened_unconfirmed:
+            self._reopened_unconfirmed = False
             self.reopened += 1
             self._notify("the bus is back")

@@ -79,11 +79,11 @@ class Transition(NamedTuple):
 
 
 TRANSITIONS: tuple[Transition, ...] = (
-    Transition(lambda now: now.fault, Status.FAULT),
-    Transition(lambda now: now.stale, Status.STALE_INPUT),
-    Transition(lambda now: now.no_estimate, Status.INIT),
-    Transition(lambda now: now.surface_change, Status.SURFACE_CHANGE),
-    Transition(lambda now: now.low_excitation, Status.LOW_EXCITATION),
+    Transition(lambda conditions: conditions.fault, Status.FAULT),
+    Transition(lambda conditions: conditions.stale, Status.STALE_INPUT),
+    Transition(lambda conditions: conditions.no_estimate, Status.INIT),
+    Transition(lambda conditions: conditions.surface_change, Status.SURFACE_CHANGE),
+    Transition(lambda conditions: conditions.low_excitation, Status.LOW_EXCITATION),
     Transition(lambda _: True, Status.TRACKING),
 )
 """Table of states in descending order of priority."""

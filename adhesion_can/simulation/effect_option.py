@@ -7,7 +7,7 @@ import numpy as np
 
 from adhesion_can.errors import InputError
 from adhesion_can.physics.effects import (
-    LEAST,
+    MIN_FACTOR,
     ActiveEffect,
     Contact,
     Effect,
@@ -18,7 +18,7 @@ from adhesion_can.physics.effects import (
     known_effects,
 )
 from adhesion_can.physics.vehicle import Locomotive
-from adhesion_can.simulation.surroundings import CALM
+from adhesion_can.simulation.surroundings import DEFAULT_CONDITIONS
 
 SYNTAX = "NAME[:FORM][=SIZE[,PARAMETER=VALUE]..]"
 
@@ -106,7 +106,7 @@ def _number(text: str, parameter: Parameter, where: str, axles: int = 0) -> floa
 
 def _require_some_adhesion(active: ActiveEffect, vehicle: Locomotive, where: str) -> None:
     """Raise an InputError where nothing of the adhesion is left in calm surroundings."""
-    covariates = CALM.covariates(gradient=0.0)
+    covariates = DEFAULT_CONDITIONS.covariates(gradient=0.0)
     required = active.effect.requires.covariates
     if required and covariates.keys().isdisjoint(required):
         what = f"{active.effect.id} needs {' or '.join(required)}, which is not simulated"
@@ -128,7 +128,7 @@ def _require_some_adhesion(active: ActiveEffect, vehicle: Locomotive, where: str
         adhesion=every(0.2),
         covariates={name: every(value) for name, value in covariates.items()},
     )
-    if np.min(compute_change([active], common, LagStates()).factor) <= LEAST:
+    if np.min(compute_change([active], common, LagStates()).factor) <= MIN_FACTOR:
         raise InputError(where, "leaves no adhesion on a common rail", "give a smaller size")
 
 

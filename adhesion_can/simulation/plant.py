@@ -55,20 +55,20 @@ class Profile:
         speed: Speed at which the track is level, m/s.
         rise: Gradient per m/s above that speed, m/m per m/s.
         steepest: Largest gradient up or down, m/m.
-        swing: Relative amplitude with which the speed of the level track swings with time.
-        period_s: Period of the swing, s.
+        amplitude: Relative amplitude with which the speed of the level track varies with time.
+        period_s: Period of the variation, s.
 
     """
 
     speed: float = 0.0
     rise: float = 0.0
     steepest: float = 0.035
-    swing: float = 0.0
+    amplitude: float = 0.0
     period_s: float = 180.0
 
     def at(self, speed: float, time_s: float = 0.0) -> float:
         """Gradient where the train has a speed (m/s) at a time (s), m/m, positive uphill."""
-        level = self.speed * (1.0 + self.swing * sin(2.0 * pi * time_s / self.period_s))
+        level = self.speed * (1.0 + self.amplitude * sin(2.0 * pi * time_s / self.period_s))
         return min(max(self.rise * (speed - level), -self.steepest), self.steepest)
 
 

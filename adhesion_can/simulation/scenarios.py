@@ -46,7 +46,7 @@ class Scenario:
         """
         if not self.speed_swing:
             return Profile(self.speed, rise=0.005)
-        return Profile(self.speed, rise=0.02, swing=self.speed_swing, period_s=SPEED_PERIOD_S)
+        return Profile(self.speed, rise=0.02, amplitude=self.speed_swing, period_s=SPEED_PERIOD_S)
 
     def sections(self, duration_s: float) -> list[TrackSection]:
         """Surfaces with the times at which they begin."""

@@ -13,7 +13,7 @@ from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.readings import Direction, SpeedSource
-from adhesion_can.simulation.surroundings import CALM, Conditions
+from adhesion_can.simulation.surroundings import DEFAULT_CONDITIONS, Conditions
 
 SLOT_US = 250
 """Duration of a frame of 8 bytes at 500 kbit/s, about, µs."""
@@ -48,7 +48,7 @@ class PlantState:
     effort: Array
     load: Array
     gradient: float
-    conditions: Conditions = CALM
+    conditions: Conditions = DEFAULT_CONDITIONS
 
     def towards(self, other: "PlantState", share: float) -> "PlantState":
         """Between this state (share 0) and a later one (share 1)."""
@@ -130,7 +130,7 @@ class Transmitter:
 
 
 class Sensors:
-    """All input messages of the contract, each at its cycle.
+    """All input messages of the packaged message set, each at its cycle.
 
     Args:
         database: The message set of adhesion-can.

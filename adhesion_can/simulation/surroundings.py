@@ -63,7 +63,7 @@ class Conditions:
         }
 
 
-CALM = Conditions()
+DEFAULT_CONDITIONS = Conditions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """How the conditions change along a run; the default is calm.
+    """How the conditions change along a run; by default they do not.
 
     Attributes:
         humidity: Relative humidity of the air, %.
@@ -123,8 +123,10 @@ class Surroundings:
 
     """
 
-    humidity: Wave = field(default_factory=lambda: Wave(CALM.humidity))
-    rail_temperature: Wave = field(default_factory=lambda: Wave(CALM.rail_temperature))
+    humidity: Wave = field(default_factory=lambda: Wave(DEFAULT_CONDITIONS.humidity))
+    rail_temperature: Wave = field(
+        default_factory=lambda: Wave(DEFAULT_CONDITIONS.rail_temperature)
+    )
     sanding_period_s: float = 60.0
     sanding_s: float = 0.0
     curves: tuple[Curve, ...] = ()
@@ -143,16 +145,19 @@ class Surroundings:
         """Curvature of the track at a place, m: 1/m."""
         if not self.curves:
             return 0.0
-        places, bends = self._lap
-        return float(np.interp(position % places[-1], places, bends))
+        positions, curvatures = self._curvature_corners
+        return float(np.interp(position % positions[-1], positions, curvatures))
 
     @cached_property
-    def _lap(self) -> tuple[Array, Array]:
-        """Corners of the curvature over the way, m and 1/m; what lies between is straight."""
-        places, bends = [0.0], [0.0]
+    def _curvature_corners(self) -> tuple[Array, Array]:
+        """Corners of the curvature over the position, m and 1/m; what lies between is straight."""
+        positions, curvatures = [0.0], [0.0]
         for curve in self.curves:
-            begin, inner = places[-1], 1.0 / curve.radius
-            ways = (TRANSITION_M, curve.length - TRANSITION_M, curve.length)
-            places += [*(begin + way for way in ways), begin + curve.length + curve.straight]
-            bends += [inner, inner, 0.0, 0.0]
-        return np.array(places), np.array(bends)
+            begin, inner = positions[-1], 1.0 / curve.radius
+            offsets = (TRANSITION_M, curve.length - TRANSITION_M, curve.length)
+            positions += [
+                *(begin + offset for offset in offsets),
+                begin + curve.length + curve.straight,
+            ]
+            curvatures += [inner, inner, 0.0, 0.0]
+        return np.array(positions), np.array(curvatures)

@@ -19,7 +19,7 @@ from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.bus.id_codes import UNSEEN, KeyCodes
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.rejection import REJECTIONS, Rejection
-from adhesion_can.bus.roles import bind, contract_choices
+from adhesion_can.bus.roles import bind, packaged_choices
 from tests.bus.bus_helpers import DBC, sealed
 
 FAST = settings(max_examples=120, deadline=None, suppress_health_check=list(HealthCheck))
@@ -69,7 +69,7 @@ def faulty_drive(seed, frames=3000):
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("size", [10_000, 700, 13])
 def test_faults_are_judged_as_frame_by_frame(seed, size):
-    messages = bind(contract_choices(), OWN, [0.5] * 6, "test")
+    messages = bind(packaged_choices(), OWN, [0.5] * 6, "test")
     receiver, decoder = Receiver(messages), Decoder(OWN)
     items = faulty_drive(seed)
     wanted, found = [], []

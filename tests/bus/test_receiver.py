@@ -16,14 +16,14 @@ from adhesion_can.bus.database import CanDatabase, load_database
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.rejection import Rejection
-from adhesion_can.bus.roles import SignalChoice, bind, contract_choices, cycles_by_role
+from adhesion_can.bus.roles import SignalChoice, bind, cycles_by_role, packaged_choices
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.readings import Reading, Role
 from tests.bus.bus_helpers import payload_of, sealed
 
 RADII = (0.625,) * 6
 DATABASE = load_database()
-BOUND = bind(contract_choices(), DATABASE, RADII, "test")
+BOUND = bind(packaged_choices(), DATABASE, RADII, "test")
 MS = 1000
 
 

@@ -90,7 +90,7 @@ class SyntheticDrive:
 
 
 def samples(slip, adhesion, t_s=None, *, axle=None, speed=None, load=None, covariates=None):
-    """Samples as a TABLE gives them."""
+    """Samples as a sample table gives them."""
     n = len(slip)
     one = np.ones(n)
     t_s = np.arange(n) * 0.01 if t_s is None else t_s
@@ -116,7 +116,7 @@ def samples(slip, adhesion, t_s=None, *, axle=None, speed=None, load=None, covar
 
 
 def build_table_drive(slip, adhesion, t_s=None, *, segment=None, **how):
-    """Drive data of a TABLE."""
+    """Drive data of a sample table."""
     return build_drive_data_from_table(
         "table", samples(slip, adhesion, t_s, **how), segment, SLIP_MAX
     )

@@ -12,7 +12,7 @@ import adhesion_can
 from adhesion_can.physics.channels import CHANNEL_BY_NAME
 from adhesion_can.physics.effects import (
     EFFECTS,
-    LEAST,
+    MIN_FACTOR,
     ActiveEffect,
     Contact,
     ContactEffect,
@@ -238,7 +238,7 @@ def test_no_size_within_its_bounds_turns_adhesion_round(effect, bound):
     assert np.isfinite(change.slip).all()
     assert np.isfinite(factor).all()
     # A slip of curves has no share of the adhesion at all where the wheel only rolls.
-    assert (factor >= LEAST).all()
+    assert (factor >= MIN_FACTOR).all()
 
 
 # --------------------------------------------------------------------------- formulas, by hand
@@ -402,7 +402,7 @@ def test_effects_follow_each_other_and_multiply():
         assert both.slip[k] == pytest.approx(math.copysign(whole, lagging[k]), rel=1e-12)
         share = abs(lagging[k]) / whole
         factor = share * (1 + 0.3 * at.covariates[SAND][k]) * (0.8 if lagging[k] < 0 else 1.0)
-        assert both.factor[k] == pytest.approx(max(factor, LEAST), rel=1e-9)
+        assert both.factor[k] == pytest.approx(max(factor, MIN_FACTOR), rel=1e-9)
 
 
 def test_without_effects_in_the_contact_nothing_changes():

@@ -136,7 +136,7 @@ def test_no_wait_is_longer_than_asked_for():
 
 
 def test_a_bus_that_opens_and_carries_nothing_is_neither_back_nor_gone_anew():
-    """The pauses go on growing, and the person at the bench reads one line."""
+    """The pauses go on growing, and the operator reads one line."""
     bench = Bench(FakeBus(recv_error=DOWN))
     bench.receive_until(lambda: len(bench.attempts_s) == 6)
     assert [line for line in bench.notices if "gone" in line] == bench.notices

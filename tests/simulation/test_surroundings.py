@@ -14,7 +14,7 @@ from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
 from adhesion_can.simulation.sensors import NoiseSettings
 from adhesion_can.simulation.surroundings import (
-    CALM,
+    DEFAULT_CONDITIONS,
     TRANSITION_M,
     Conditions,
     Curve,
@@ -34,9 +34,11 @@ def test_a_wave_swings_around_its_mean():
 
 def test_the_default_is_calm():
     for t, place in ((0.0, 0.0), (60.0, 123.0), (599.9, -5.0)):
-        assert Surroundings().at(t, place) == CALM
+        assert Surroundings().at(t, place) == DEFAULT_CONDITIONS
     for scenario in SCENARIOS:
-        assert (scenario.surroundings.at(77.0, 500.0) == CALM) == (scenario.name != "sweep")
+        assert (scenario.surroundings.at(77.0, 500.0) == DEFAULT_CONDITIONS) == (
+            scenario.name != "sweep"
+        )
 
 
 def test_curves_follow_each_other_with_transitions_and_begin_again():
@@ -75,7 +77,7 @@ def test_conditions_go_by_the_names_that_samples_carry():
 
 
 def test_a_profile_lets_its_speed_swing():
-    profile = Profile(10.0, rise=0.01, swing=0.5, period_s=40.0)
+    profile = Profile(10.0, rise=0.01, amplitude=0.5, period_s=40.0)
     assert profile.at(12.0, 0.0) == pytest.approx(0.02)
     assert profile.at(12.0, 10.0) == pytest.approx(-0.03)  # 15 m/s is what it is made for then
     assert profile.at(12.0, 30.0) == 0.035

@@ -1,6 +1,7 @@
 """Drives that hide an effect, and what hides in them; shares no code with the product.
 
-`make_world(kind, seed, path)` writes a candump log (for `out:table` a TABLE) and returns its truth.
+`make_world(kind, seed, path)` writes a candump log (for `out:table` a sample table) and
+returns its truth.
 """
 
 from tests.worlds.kinds import KINDS, NULLS, OUTSIDE, PAIRS, SINGLES

@@ -1,4 +1,4 @@
-"""A TABLE from a rig with covariates of which one acts on the adhesion."""
+"""A sample table from a rig with covariates of which one acts on the adhesion."""
 
 from dataclasses import dataclass
 from pathlib import Path

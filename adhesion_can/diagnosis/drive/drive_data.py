@@ -61,10 +61,10 @@ class DriveData:
         position: Travelled distance, m; shape (n,).
         kinematics: Kinematics of the rows for any delays of the sensors.
         first_us: Stamp of time 0 on the recording's clock, µs.
-        clock_s: Time of each row, s, where `t_s` differs from it: in a TABLE, rows that do not
-            follow each other are set apart; shape (n,).
+        clock_s: Time of each row, s, where `t_s` differs from it: in a sample table, rows that do
+            not follow each other are set apart; shape (n,).
         lost: Number of unusable rows by reason.
-        table: Whether the rows come from a TABLE with slip and adhesion.
+        table: Whether the rows come from a sample table with slip and adhesion.
         has_speed: Whether the vehicle speed is known.
         has_load: Whether the axle load is known.
 

@@ -1,4 +1,4 @@
-"""Build drive data from the rows of a TABLE."""
+"""Build drive data from the rows of a sample table."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from adhesion_can.diagnosis.drive.kinematics import TableKinematics
 from adhesion_can.physics.samples import Samples
 
 PAUSE_S = 1.0
-"""Rows of a TABLE further apart than this do not follow each other, s."""
+"""Rows of a sample table further apart than this do not follow each other, s."""
 SEPARATION_S, SAME_STAMP_S = 10.0, 1e-6
 """Time put between rows that do not follow each other, and between rows of one stamp, s."""
 MOST_AXLES = 100
@@ -18,7 +18,7 @@ MOST_AXLES = 100
 def build_drive_data_from_table(
     name: str, samples: Samples, segment: NDArray[np.int64] | None, slip_max: float
 ) -> DriveData:
-    """Build drive data from a TABLE, whose slip and adhesion are used unchanged.
+    """Build drive data from a sample table, whose slip and adhesion are used unchanged.
 
     Args:
         name: Name of the table.

@@ -152,7 +152,7 @@ class SignalKinematics:
 
 
 class TableKinematics:
-    """Kinematics that a TABLE gives in its rows.
+    """Kinematics that a sample table gives in its rows.
 
     A wheel of radius 1 m without inertia, with the slips of the table, replaces the real one.
 

@@ -9,7 +9,7 @@ MANY_ROWS = 40_000
 
 
 def thin_drive(drive: DriveData, rate_hz: float) -> DriveData:
-    """Rows of a long drive at a lower rate, axle by axle; a TABLE keeps all its rows.
+    """Rows of a long drive at a lower rate, axle by axle; a sample table keeps all its rows.
 
     Args:
         drive: Drive data of a recording.

@@ -39,7 +39,8 @@ class Channel:
     """A quantity that is known in every row.
 
     Attributes:
-        name: Name in reports, as in the catalogue `physics.channels`, or a column of a TABLE.
+        name: Name in reports, as in the catalogue `physics.channels`, or a column of a sample
+            table.
         kind: How the channel acts on the adhesion.
         values: Values in every row, shape (n,).
         columns: Number of columns of its spline.
@@ -55,7 +56,7 @@ class Channel:
 
     @property
     def unit(self) -> str:
-        """Unit of the values in reports; '' for a column of a TABLE without a known unit."""
+        """Unit of the values in reports; '' for a column of a sample table without a known unit."""
         return channel_unit(self.name)
 
     @property

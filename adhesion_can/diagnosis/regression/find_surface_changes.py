@@ -55,7 +55,7 @@ def find_surface_changes(drive: DriveData, candidates: tuple[Candidate, ...]) ->
     """Times at which the surface changed, s since the drive's first row, ascending.
 
     Args:
-        drive: Drive data; a TABLE has no changes.
+        drive: Drive data; a sample table has no changes.
         candidates: Effects that may explain the data instead of a change.
 
     """

@@ -43,7 +43,7 @@ BLOCK_S = 4.0
 KNOTS = (4, 14)
 """Least and largest number of knots of the vehicle speed's error in a block."""
 TABLE_BLOCKS, TABLE_BLOCK_S, TABLE_PAUSE_S = 120, (0.2, 4.0), 1.0
-"""Blocks of a TABLE, their least and largest length, s, and the longest step that counts, s."""
+"""Blocks of a sample table, their least and largest length, s, and the longest step counted, s."""
 FIRST_ITERATIONS = 30
 
 
@@ -68,7 +68,8 @@ class PreparedRegression:
 def choose_block_length(drives: Sequence[DriveData]) -> float:
     """Length of a block, s: errors of the vehicle speed do not last much longer.
 
-    The rows of a TABLE have no such errors, and are often few: it is cut into about 120 blocks.
+    The rows of a sample table have no such errors, and are often few: it is cut into about
+    120 blocks.
     """
     if all(drive.table for drive in drives):
         steps = np.concatenate([np.diff(drive.t_s) for drive in drives])

@@ -22,7 +22,7 @@ from adhesion_can.physics.effects import ActiveEffect, Contact, LagStates, compu
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.samples import Samples
-from adhesion_can.sampling.equations import TRAVEL
+from adhesion_can.sampling.equations import TRAVEL_DIRECTION
 
 USABLE = 0.2
 """Least factor of a usable sample: divided by a smaller one, it would be mostly noise."""
@@ -97,11 +97,11 @@ _COLUMN = {
     "load": CHANNEL_BY_NAME["axle_load"].column,
     "place": CHANNEL_BY_NAME["axle"].column,
 }
-"""Column of a TABLE that carries an attribute of `Contact`."""
+"""Column of a sample table that carries an attribute of `Contact`."""
 
 
 def require_columns(model: ExtendedModel, samples: Samples, where: str) -> None:
-    """InputError where a TABLE lacks a column on which an effect of the model depends.
+    """InputError where a sample table lacks a column on which an effect of the model depends.
 
     Args:
         model: Extended model.
@@ -228,7 +228,7 @@ def _known(
 def build_contact(samples: Samples, origin_us: int, axles: int) -> Contact:
     """Contacts of the samples; travel is forwards where its direction is not known."""
     axle = samples.axle.astype(np.float64)
-    travel = samples.covariates.get(TRAVEL)
+    travel = samples.covariates.get(TRAVEL_DIRECTION)
     reverse = None if travel is None else travel < 0
     place = axle if reverse is None else np.where(reverse, axles + 1 - axle, axle)
     return Contact(
@@ -245,7 +245,7 @@ def build_contact(samples: Samples, origin_us: int, axles: int) -> Contact:
 
 
 def remove_instrument_errors(samples: Samples, instruments: Instruments, where: str) -> Samples:
-    """Samples of a TABLE with the errors of its instruments removed.
+    """Samples of a table with the errors of its instruments removed.
 
     Raises:
         InputError: An error can only be removed from readings, not from a table.

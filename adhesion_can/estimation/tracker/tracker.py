@@ -52,19 +52,19 @@ from adhesion_can.physics.burckhardt import CurveParameters, adhesion
 from adhesion_can.physics.estimate import CHANGED, Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 
-MIXED_FROM = 0.05
+MIN_MIXTURE_PROBABILITY = 0.05
 """Probability from which a hypothesis or a memory enters the estimate."""
-FEWEST_CURVES = 16.0
+MIN_EFFECTIVE_CURVES = 16.0
 """Least effective number of curves that describe a distribution."""
-NOISE_KEPT = 20.0
+MAX_NOISE_SAMPLES = 20.0
 """Largest weight of the noise estimate on a new surface, samples: noise is the sensors'."""
-FALL_SEEN = 4.0
+FALL_SIGNIFICANCE = 4.0
 """c3 over its standard deviation from which the fall beyond the peak is significant."""
 SHARES = (0.05, 0.5, 0.95)
 """Probabilities of the quantiles of an interval."""
-WORTH_A_SHIFT = 0.006
+COMMON_ERROR_THRESHOLD = 0.006
 """(c2 σ)² of the slip's error by the vehicle speed, from which `common_shift` is worth it."""
-WORTH_A_CORRECTION = 0.001
+PRIVATE_ERROR_THRESHOLD = 0.001
 """(c2 σ)² of the slip's error by the wheel speed, from which weights need another slope."""
 
 
@@ -184,7 +184,7 @@ class Tracker:
         )
         self._sign = float(points.sign[-1])
         added = fresh = self._compute_sums(points, slope, current)
-        if current.c2**2 * points.common_var.max() > WORTH_A_SHIFT:
+        if current.c2**2 * points.common_var.max() > COMMON_ERROR_THRESHOLD:
             moved = common_shift(points, current.theta, noise_var)
             shift = points.slip - moved.slip
             residual, slope = residual_at(moved, current.theta), slope_at(moved, current.theta)
@@ -207,7 +207,7 @@ class Tracker:
     ) -> Array:
         """Sums of points; slopes for the private errors come from the measured adhesion."""
         own_slope = bend = None
-        if current.c2**2 * points.private_var.max() > WORTH_A_CORRECTION:
+        if current.c2**2 * points.private_var.max() > PRIVATE_ERROR_THRESHOLD:
             own_slope = slope_by_adhesion(measured or points, current.theta)
             bend = bend_at(points, slope, current.theta)
         slip_max = self._limits.slip_max
@@ -245,7 +245,7 @@ class Tracker:
         current = self._current
         if current is not None and current.identifiable.both:
             self._learn(current.theta)
-        noise = NoisePrior(self._memories.noise_var, min(self._memories.dof, NOISE_KEPT))
+        noise = NoisePrior(self._memories.noise_var, min(self._memories.dof, MAX_NOISE_SAMPLES))
         self._memories.prior = Prior(self._settings.prior, self._learned)
         self._memories.restart(sums, noise)
         self._axles.fade(0.0, share=0.1)
@@ -268,16 +268,16 @@ class Tracker:
         """Keep a surface for the prior; one that is known already is replaced."""
         spread = np.array(self._settings.prior.narrow_std)
         phi = shape_coordinates(np.array([*self._learned, theta]))
-        away = np.abs(phi[:-1] - phi[-1]) / spread
-        kept = [old for old, row in zip(self._learned, away, strict=True) if row.max() > 1.0]
+        deviation = np.abs(phi[:-1] - phi[-1]) / spread
+        kept = [old for old, row in zip(self._learned, deviation, strict=True) if row.max() > 1.0]
         self._learned = [*kept, theta][max(len(kept) + 1 - self._settings.prior.learned, 0) :]
 
     # -------------------------------------------------------------------------- the estimate
 
     def _estimate(self, changed: float) -> Estimate:
         """Estimate from all memories, and from a change that is possible but not yet accepted."""
-        parts = self._memories.leading(MIXED_FROM)
-        if MIXED_FROM < changed < CHANGED:
+        parts = self._memories.leading(MIN_MIXTURE_PROBABILITY)
+        if MIN_MIXTURE_PROBABILITY < changed < CHANGED:
             parts = [(curves, (1.0 - changed) * weights) for curves, weights in parts]
             parts.append(self._after_change(changed))
         curves, weights = parts[0] if len(parts) == 1 else _joined(parts)
@@ -285,18 +285,18 @@ class Tracker:
         mu_max, lambda_m, theta = self._median_curve(curves, shares)
         mu_lag, lambda_lag = self._memories.lag()
         load_std = mu_max * sqrt(self._load_var)
-        further = hypot(load_std, mu_lag)
+        extra_std = hypot(load_std, mu_lag)
         mu_std = hypot(_std(curves.mu_max, weights), mu_lag)
         lambda_std = hypot(_std(curves.lambda_m, weights), lambda_lag)
-        away = curves.theta - weights @ curves.theta
-        covariance = (away * weights[:, None]).T @ away
-        known = Identifiable(mu_max=False, lambda_m=False)
-        if effective_size(weights) < FEWEST_CURVES:
+        deviation = curves.theta - weights @ curves.theta
+        covariance = (deviation * weights[:, None]).T @ deviation
+        identifiable = Identifiable(mu_max=False, lambda_m=False)
+        if effective_size(weights) < MIN_EFFECTIVE_CURVES:
             covariance, mu_std, lambda_std = np.diag([inf] * 3), inf, inf
-            further = lambda_lag = inf
+            extra_std = lambda_lag = inf
         else:
-            falls = float(weights @ curves.theta[:, 2]) > FALL_SEEN * sqrt(covariance[2, 2])
-            known = self._identifiable(mu_std / mu_max, lambda_m, lambda_std, falls=falls)
+            falls = float(weights @ curves.theta[:, 2]) > FALL_SIGNIFICANCE * sqrt(covariance[2, 2])
+            identifiable = self._identifiable(mu_std / mu_max, lambda_m, lambda_std, falls=falls)
         return Estimate(
             c1=theta[0],
             c2=theta[1],
@@ -308,11 +308,11 @@ class Tracker:
             lambda_m_std=lambda_std,
             noise_std=sqrt(self._memories.noise_var),
             samples=round(self._memories.count),
-            identifiable=known,
+            identifiable=identifiable,
             surface_since_us=self._since_us,
             change_probability=changed,
             per_axle=self._axles.estimate(mu_max, lambda_m, self._sign, self._memories.noise_var),
-            mu_max_interval=_interval(curves.mu_max[curves.order[0]], shares[0], further),
+            mu_max_interval=_interval(curves.mu_max[curves.order[0]], shares[0], extra_std),
             lambda_m_interval=_interval(curves.lambda_m[curves.order[1]], shares[1], lambda_lag),
         )
 
@@ -334,7 +334,7 @@ class Tracker:
         """Curves of the most probable hypothesis, weighted by the probability of a change."""
         factors = self._hypotheses.log_factors(self._memories.noise_var, self._memories.dof)
         sums = self._hypotheses.sums[int(np.argmax(factors))]
-        noise = NoisePrior(self._memories.noise_var, min(self._memories.dof, NOISE_KEPT))
+        noise = NoisePrior(self._memories.noise_var, min(self._memories.dof, MAX_NOISE_SAMPLES))
         slip_max, size = self._limits.slip_max, self._settings.curves
         curves = draw(sums, noise, self._memories.prior, slip_max, size)
         costs, dof = curves.costs(sums), float(sums[DOF])
@@ -379,14 +379,14 @@ def _shares_below(curves: Curves, weights: Array) -> Array:
 
 
 def _std(values: Array, weights: Array) -> float:
-    away = values - weights @ values
-    return sqrt(float(weights @ (away * away)))
+    deviation = values - weights @ values
+    return sqrt(float(weights @ (deviation * deviation)))
 
 
-def _interval(in_order: Array, share_below: Array, further_std: float) -> tuple[float, float]:
+def _interval(in_order: Array, share_below: Array, extra_std: float) -> tuple[float, float]:
     """Interval from the 5 to the 95 % quantile, widened by an independent error."""
     low, middle, high = np.interp(SHARES, share_below, in_order)
-    more = 1.645 * further_std
+    more = 1.645 * extra_std
     return float(middle - hypot(middle - low, more)), float(middle + hypot(high - middle, more))
 
 

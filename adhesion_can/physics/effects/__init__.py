@@ -5,7 +5,7 @@ change. A distribution with an effect of its own imports from here.
 """
 
 from adhesion_can.physics.effects.active import (
-    LEAST,
+    MIN_FACTOR,
     ActiveEffect,
     acts_in_contact,
     build_instruments,
@@ -32,7 +32,7 @@ from adhesion_can.physics.effects.registry import (
 
 __all__ = [
     "EFFECTS",
-    "LEAST",
+    "MIN_FACTOR",
     "ActiveEffect",
     "Change",
     "Contact",

@@ -18,7 +18,7 @@ from adhesion_can.physics.effects.base import (
 from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.instruments import PERFECT, Instruments
 
-LEAST = 0.01
+MIN_FACTOR = 0.01
 """Smallest factor of effects together: the adhesion never changes its sign."""
 
 
@@ -60,7 +60,7 @@ def compute_change(actives: Iterable[ActiveEffect], contact: Contact, lags: LagS
             if change.slip is not contact.slip:
                 contact = replace(contact, slip=change.slip)
             factor = change.factor if factor is None else factor * change.factor
-    return Change(contact.slip, 1.0 if factor is None else np.maximum(factor, LEAST))
+    return Change(contact.slip, 1.0 if factor is None else np.maximum(factor, MIN_FACTOR))
 
 
 def acts_in_contact(effect: Effect) -> TypeGuard[ContactEffect]:

@@ -44,7 +44,8 @@ class Requirements:
 
     Attributes:
         covariates: Names of channels of which at least one must be recorded and vary; () for none.
-        wheel_speed: Whether the wheel speeds are required; a TABLE has slip and adhesion alone.
+        wheel_speed: Whether the wheel speeds are required; a sample table has slip and
+            adhesion alone.
         several_axles: Whether data of more than one axle are required.
         speed: Whether the vehicle speed must be recorded.
         load: Whether the axle loads must be measured.
@@ -78,7 +79,7 @@ class Observability:
 
     Attributes:
         channel: Name of the channel over which residuals are plotted: one of the catalogue
-            `physics.channels`, or a column of a TABLE.
+            `physics.channels`, or a column of a sample table.
         excitation: What must vary for the effect to show, a noun phrase.
         separations: Manoeuvres that separate the effect from particular rivals. For other rivals
             the two excitations must vary independently of each other.

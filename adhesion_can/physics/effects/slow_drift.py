@@ -13,7 +13,7 @@ from adhesion_can.physics.effects.base import (
 )
 from adhesion_can.physics.effects.lag_states import LagStates
 
-LEAST = 0.1
+MIN_FACTOR = 0.1
 """A drift goes on no further than to this share of the adhesion."""
 
 
@@ -33,4 +33,4 @@ class SlowDrift:
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """Change of the contacts."""
-        return Change(contact.slip, np.maximum(1.0 + values[0] * contact.time_s, LEAST))
+        return Change(contact.slip, np.maximum(1.0 + values[0] * contact.time_s, MIN_FACTOR))

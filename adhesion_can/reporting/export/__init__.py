@@ -74,7 +74,7 @@ class Writer:
         self._sink.begin(t_ns)
 
     def write(self, rows: Sequence[Rows]) -> None:
-        """Append rows; `Rows.place` is their order."""
+        """Append rows; `Rows.position` is their order."""
         with _input_errors(self._path):
             self._sink.write(rows)
 

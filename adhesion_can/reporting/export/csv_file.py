@@ -14,14 +14,14 @@ from typing import IO, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.reporting.export.growing_table import GrowingTable
 from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count
-from adhesion_can.reporting.export.sheet import Sheet
 
 _CHUNK = 1 << 22
 _LEVEL = 6  # of gzip: its default of 9 takes three times as long for 2 % less
 
 
-class CsvForm:
+class CsvFormat:
     """How CSV writes a table.
 
     Args:
@@ -37,9 +37,9 @@ class CsvForm:
         self.by_message = by_message
         self.decimals = decimals
 
-    def open(self, path: Path, groups: Sequence[Group]) -> "CsvPart":
+    def open(self, path: Path, groups: Sequence[Group]) -> "CsvPartFile":
         """Begin a file with the columns of some groups."""
-        return CsvPart(path, groups, self)
+        return CsvPartFile(path, groups, self)
 
     def join(self, parts: Sequence[tuple[Path, int]], path: Path, groups: Sequence[Group]) -> None:
         """Write one file of several: their lines get the commas that they lack."""
@@ -72,11 +72,11 @@ class CsvForm:
         return _line(names).encode()
 
 
-class CsvPart:
+class CsvPartFile:
     """A CSV file of a fixed set of columns."""
 
-    def __init__(self, path: Path, groups: Sequence[Group], form: CsvForm) -> None:
-        self._form = form
+    def __init__(self, path: Path, groups: Sequence[Group], table_format: CsvFormat) -> None:
+        self._format = table_format
         self._before: dict[str, int] = {}
         self._width = 0
         for group in groups:
@@ -84,14 +84,14 @@ class CsvPart:
             self._width += len(group.fields)
         self._texts = _FloatTexts()
         self._stack = ExitStack()
-        self._file = form.create(path, self._stack)
-        self._file.write(form.header(groups))
+        self._file = table_format.create(path, self._stack)
+        self._file.write(table_format.header(groups))
 
     def write(self, rows: Sequence[Rows]) -> None:
         """Append rows."""
         lines = np.empty(count(rows), dtype=object)
         for part in rows:
-            lines[part.place] = list(self._lines(part))
+            lines[part.position] = list(self._lines(part))
         self._file.write("".join((*lines.tolist(),)).encode())
 
     def close(self) -> None:
@@ -101,9 +101,9 @@ class CsvPart:
     def _lines(self, rows: Rows) -> Iterable[str]:
         before = self._before[rows.group.name]
         after = self._width - before - len(rows.group.fields)
-        name = _line([rows.group.name])[:-1] if self._form.by_message else ""
-        cells: list[Iterable[str]] = [time_texts(rows.t_ns, self._form.decimals)]
-        if self._form.by_message:
+        name = _line([rows.group.name])[:-1] if self._format.by_message else ""
+        cells: list[Iterable[str]] = [time_texts(rows.t_ns, self._format.decimals)]
+        if self._format.by_message:
             cells.append(repeat(name + "," * before))
         for field, column in zip(rows.group.fields, rows.columns, strict=True):
             cells.append(self._column(field, column))
@@ -173,9 +173,9 @@ def time_texts(t_ns: NDArray[np.int64], decimals: int = 9) -> list[str]:
 def _write_digits(out: NDArray[np.uint8], numbers: NDArray[np.int64]) -> None:
     """Decimal digits with leading zeros, from the last column to the first."""
     rest = numbers
-    for place in range(out.shape[1] - 1, -1, -1):
+    for digit in range(out.shape[1] - 1, -1, -1):
         tenth = rest // 10
-        out[:, place] = rest - 10 * tenth + ord("0")
+        out[:, digit] = rest - 10 * tenth + ord("0")
         rest = tenth
 
 
@@ -188,7 +188,7 @@ def _line(cells: Sequence[str]) -> str:
 
 def open_sink(
     path: Path, _origin: Mapping[str, str], groups: Sequence[Group], decimals: int
-) -> Sheet:
+) -> GrowingTable:
     """A table as CSV, compressed where its name ends in .gz.
 
     Args:
@@ -199,4 +199,4 @@ def open_sink(
 
     """
     compressed = path.suffix.lower() == ".gz"
-    return Sheet(path, CsvForm(compressed, not groups, decimals), groups)
+    return GrowingTable(path, CsvFormat(compressed, not groups, decimals), groups)

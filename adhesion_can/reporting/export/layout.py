@@ -92,7 +92,7 @@ class Rows(NamedTuple):
 
     Attributes:
         group: Group of the rows.
-        place: Position of each row among the rows of all groups that are written at once: 0, 1,
+        position: Position of each row among the rows of all groups that are written at once: 0, 1,
             2, .. over the groups, ascending in each; shape (n,).
         t_ns: Time stamps, ns, shape (n,).
         columns: Column of each field of the group.
@@ -100,19 +100,19 @@ class Rows(NamedTuple):
     """
 
     group: Group
-    place: NDArray[np.int64]
+    position: NDArray[np.int64]
     t_ns: NDArray[np.int64]
     columns: Sequence[Column]
 
     def between(self, first: int, end: int) -> "Rows":
-        """The rows whose place is first .. end - 1, counted from `first`."""
-        low, high = np.searchsorted(self.place, (first, end))
+        """The rows whose position is first .. end - 1, counted from `first`."""
+        low, high = np.searchsorted(self.position, (first, end))
         part = slice(int(low), int(high))
         columns = [
             Column(c.values[part], None if c.missing is None else c.missing[part])
             for c in self.columns
         ]
-        return Rows(self.group, self.place[part] - first, self.t_ns[part], columns)
+        return Rows(self.group, self.position[part] - first, self.t_ns[part], columns)
 
 
 class Sink(Protocol):
@@ -122,7 +122,7 @@ class Sink(Protocol):
         """Set the begin of the file's time, if it counts from a start."""
 
     def write(self, rows: Sequence[Rows]) -> None:
-        """Append rows; `Rows.place` is their order."""
+        """Append rows; `Rows.position` is their order."""
 
     def close(self) -> None:
         """Finish the file, which then gets its name."""
@@ -140,5 +140,5 @@ def in_order(rows: Sequence[Rows]) -> NDArray[np.int64]:
     """Stamps of the rows of all groups in their order, ns, shape (n,)."""
     t_ns = np.empty(count(rows), dtype=np.int64)
     for part in rows:
-        t_ns[part.place] = part.t_ns
+        t_ns[part.position] = part.t_ns
     return t_ns

@@ -44,7 +44,7 @@ class MessageRows:
         ]
 
     def _rows(
-        self, columns: MessageColumns, keep: NDArray[np.bool_], place: NDArray[np.int64]
+        self, columns: MessageColumns, keep: NDArray[np.bool_], position: NDArray[np.int64]
     ) -> Rows:
         group = self._group(columns)
         every = keep.all()
@@ -56,7 +56,7 @@ class MessageRows:
                 values = values[keep]
                 missing = None if missing is None else missing[keep]
             cells.append(Column(values, missing))
-        return Rows(group, place, columns.t_ns if every else columns.t_ns[keep], cells)
+        return Rows(group, position, columns.t_ns if every else columns.t_ns[keep], cells)
 
     def _group(self, columns: MessageColumns) -> Group:
         message = columns.message
@@ -77,7 +77,7 @@ def id_text(number: int, extended: bool) -> str:
 
 
 def _rank(places: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """Place among all rows, by place in the block."""
+    """Position among all rows, by position in the block."""
     end = max((int(rows[-1]) + 1 for rows in places if len(rows)), default=0)
     held = np.zeros(end, dtype=bool)
     for rows in places:

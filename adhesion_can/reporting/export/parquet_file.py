@@ -10,8 +10,8 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import parquet
 
+from adhesion_can.reporting.export.growing_table import GrowingTable
 from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count, in_order
-from adhesion_can.reporting.export.sheet import Sheet
 
 _CELLS = 1 << 24
 """Number of cells of a row group, which is held in memory."""
@@ -19,7 +19,7 @@ _CELLS = 1 << 24
 _ROWS = 1 << 20
 
 
-class ParquetForm:
+class ParquetFormat:
     """How Parquet writes a table.
 
     Args:
@@ -33,9 +33,9 @@ class ParquetForm:
         self.by_message = by_message
         self.origin = dict(origin)
 
-    def open(self, path: Path, groups: Sequence[Group]) -> "ParquetPart":
+    def open(self, path: Path, groups: Sequence[Group]) -> "ParquetPartFile":
         """Begin a file with the columns of some groups."""
-        return ParquetPart(path, groups, self)
+        return ParquetPartFile(path, groups, self)
 
     def join(self, parts: Sequence[tuple[Path, int]], path: Path, groups: Sequence[Group]) -> None:
         """Write one file of several: the columns that a part lacks are null in it."""
@@ -61,13 +61,13 @@ class ParquetForm:
         return pa.schema(fields, metadata=self.origin)
 
 
-class ParquetPart:
+class ParquetPartFile:
     """A Parquet file of a fixed set of columns."""
 
-    def __init__(self, path: Path, groups: Sequence[Group], form: ParquetForm) -> None:
+    def __init__(self, path: Path, groups: Sequence[Group], table_format: ParquetFormat) -> None:
         self._groups = groups
-        self._form = form
-        self._schema = form.schema(groups)
+        self._format = table_format
+        self._schema = table_format.schema(groups)
         self._number = {group.name: number for number, group in enumerate(groups)}
         self._names = pa.array([group.name for group in groups], pa.string())
         self._limit = max(1024, min(_ROWS, _CELLS // len(self._schema)))
@@ -103,10 +103,10 @@ class ParquetPart:
         t_ns = in_order(rows)
         columns = [pa.array(t_ns / SECOND)]
         by_group = {part.group.name: part for part in rows if len(part.t_ns)}
-        if self._form.by_message:
+        if self._format.by_message:
             message = np.empty(size, dtype=np.int32)
             for name, part in by_group.items():
-                message[part.place] = self._number[name]
+                message[part.position] = self._number[name]
             columns.append(pa.array(t_ns))
             columns.append(pa.DictionaryArray.from_arrays(pa.array(message), self._names))
         for group in self._groups:
@@ -144,9 +144,9 @@ def _arrays(group: Group, rows: Rows | None, size: int) -> Iterator[Any]:
     absent = None
     if len(rows.t_ns) < size:
         absent = np.ones(size, dtype=bool)
-        absent[rows.place] = False
+        absent[rows.position] = False
     for field, column in zip(group.fields, rows.columns, strict=True):
-        values, missing = _spread(field, column, rows.place, absent)
+        values, missing = _scatter(field, column, rows.position, absent)
         if field.text:
             # A table row that is of another group has 0 there: masked, and so any code will do.
             numbers = sorted(field.names)
@@ -157,23 +157,23 @@ def _arrays(group: Group, rows: Rows | None, size: int) -> Iterator[Any]:
             yield pa.array(values, mask=missing)
 
 
-def _spread(
+def _scatter(
     field: Field,
     column: Column,
-    place: NDArray[np.int64],
+    position: NDArray[np.int64],
     absent: NDArray[np.bool_] | None,
 ) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
     """A group's column over the rows of all groups, and where it is missing."""
     values = column.values.astype(field.dtype, copy=False)
     if absent is None:
         return values, column.missing
-    spread = np.zeros(len(absent), dtype=field.dtype)
-    spread[place] = values
+    scattered = np.zeros(len(absent), dtype=field.dtype)
+    scattered[position] = values
     missing = absent
     if column.missing is not None:
         missing = absent.copy()
-        missing[place] = column.missing
-    return spread, missing
+        missing[position] = column.missing
+    return scattered, missing
 
 
 def _widened(table: Any, schema: Any) -> Any:
@@ -184,7 +184,7 @@ def _widened(table: Any, schema: Any) -> Any:
 
 def open_sink(
     path: Path, origin: Mapping[str, str], groups: Sequence[Group], _decimals: int
-) -> Sheet:
+) -> GrowingTable:
     """A table as Parquet.
 
     Args:
@@ -194,4 +194,4 @@ def open_sink(
         _decimals: Number of decimals in text; Parquet keeps numbers.
 
     """
-    return Sheet(path, ParquetForm(not groups, origin), groups)
+    return GrowingTable(path, ParquetFormat(not groups, origin), groups)

@@ -8,7 +8,7 @@ from typing import Protocol
 from adhesion_can.reporting.export.layout import Group, Rows
 
 
-class Part(Protocol):
+class PartFile(Protocol):
     """A file of a fixed set of columns."""
 
     def write(self, rows: Sequence[Rows]) -> None:
@@ -18,17 +18,17 @@ class Part(Protocol):
         """Finish the file."""
 
 
-class Form(Protocol):
+class TableFormat(Protocol):
     """How a format writes a table."""
 
-    def open(self, path: Path, groups: Sequence[Group]) -> Part:
+    def open(self, path: Path, groups: Sequence[Group]) -> PartFile:
         """Begin a file with the columns of some groups."""
 
     def join(self, parts: Sequence[tuple[Path, int]], path: Path, groups: Sequence[Group]) -> None:
         """Write one file of several, each with the columns of the first so many groups."""
 
 
-class Sheet:
+class GrowingTable:
     """Writes a table whose columns are found out on the way.
 
     Which messages a recording holds is known at its end alone, and a column for every signal of a
@@ -37,18 +37,18 @@ class Sheet:
 
     Args:
         path: Path of the finished table.
-        form: Format of the table.
+        table_format: Format of the table.
         groups: Groups known from the start.
 
     """
 
-    def __init__(self, path: Path, form: Form, groups: Sequence[Group] = ()) -> None:
+    def __init__(self, path: Path, table_format: TableFormat, groups: Sequence[Group] = ()) -> None:
         self._path = path
-        self._form = form
+        self._format = table_format
         self._groups = {group.name: group for group in groups}
         self._parts: list[tuple[Path, int]] = []
         self._joined = path.with_name(path.name + ".part")
-        self._part: Part | None = None
+        self._part: PartFile | None = None
         if groups:
             self._begin()
 
@@ -59,7 +59,7 @@ class Sheet:
         """Append rows."""
         held = [part for part in rows if len(part.t_ns)]
         fresh = [part for part in held if part.group.name not in self._groups]
-        for part in sorted(fresh, key=lambda part: int(part.place[0])):
+        for part in sorted(fresh, key=lambda part: int(part.position[0])):
             self._groups[part.group.name] = part.group
         if fresh:
             self._begin()
@@ -74,7 +74,7 @@ class Sheet:
         last = self._parts[0][0]
         if len(self._parts) > 1:
             last = self._joined
-            self._form.join(self._parts, last, list(self._groups.values()))
+            self._format.join(self._parts, last, list(self._groups.values()))
         last.replace(self._path)
         for path in self._made():
             path.unlink(missing_ok=True)
@@ -93,7 +93,7 @@ class Sheet:
         self._end()
         path = self._path.with_name(f"{self._path.name}.part{len(self._parts) + 1}")
         self._parts.append((path, len(self._groups)))
-        self._part = self._form.open(path, list(self._groups.values()))
+        self._part = self._format.open(path, list(self._groups.values()))
 
     def _end(self) -> None:
         part, self._part = self._part, None
