@@ -24,5 +24,5 @@ def timed(work):
 
 
 def print_result(frames, passes, **more):
-    """Print what `_ladder.run_process` reads, the last line on stdout; frames None: not counted."""
+    """Print a last line that `_reading_speed.run_process` reads; frames None: not counted."""
     print(json.dumps({"frames": frames, "passes": passes, "mib": peak_mib(), **more}))

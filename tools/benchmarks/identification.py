@@ -5,7 +5,7 @@ import os
 from _accuracy import accuracy, slow
 from _alarms import alarm_row, delay_row
 from _cost import memory_row, time_row
-from _doubt import excitation_row, variables_row
+from _low_excitation import excitation_row, variables_row
 from _rows import positive, row_parser, run_rows
 
 ROWS = {

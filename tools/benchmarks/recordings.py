@@ -7,10 +7,10 @@ from math import isclose
 from statistics import median
 
 import _ladder_data as data
-from _ladder import Way, climb, run_process, speed, table, times_as_fast
+from _reading_speed import Way, climb, run_process, speed, table, times_as_fast
+from _reading_ways import BUILD, ladder, ours
 from _report import aside
 from _rows import positive, row_parser, run_rows
-from _ways import BUILD, ladder, ours
 
 FOLDER = BUILD / "bench"
 FRAMES = 1_000_000

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import _ladder_data as data
-from _ladder import Way, run_process
 from _passes import SPEND_S
+from _reading_speed import Way, run_process
 from _report import aside
 
 HERE = Path(__file__).resolve().parent
