@@ -36,9 +36,10 @@ class Terminal:
         self.process = self._started(command, folder)
 
     def _started(self, command, folder):
+        # What a shell runs in the background ignores SIGINT, and so would the command.
         return subprocess.Popen(
-            in_path(command), cwd=folder, stdout=self.files[0], stderr=self.files[1],
-            stdin=subprocess.DEVNULL,
+            ["env", "--default-signal=INT", *in_path(command)], cwd=folder,
+            stdout=self.files[0], stderr=self.files[1], stdin=subprocess.DEVNULL,
         )  # fmt: skip
 
     def wait_for(self, text, timeout=60.0):

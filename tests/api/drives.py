@@ -14,12 +14,6 @@ def drive_file(path):
     return adhesion_can.simulate("wet", 10.0).write(path)
 
 
-def coasting_file(path):
-    """Two minutes with coasting; the wheels of axle 2 are 1 % larger than configured."""
-    effects = ["wheel_radius=0.01,axle=2"]
-    return adhesion_can.simulate("sweep", 120.0, effects=effects).write(path)
-
-
 def humid_table(path):
     """Sweeps of creep as a table; adhesion falls by 0.4 % for each percent of humidity."""
     rng = np.random.default_rng(1)

@@ -11,7 +11,7 @@ import pytest
 
 import adhesion_can
 from adhesion_can.errors import ConfigError, InputError, RecordingError
-from tests.api.drives import WET, coasting_file, drive_file, humid_table
+from tests.api.drives import WET, drive_file, humid_table
 
 C1, C2, C3 = 0.4, 40.0, 0.06
 SLIP = np.linspace(0.001, 0.2, 500)
@@ -178,16 +178,6 @@ def test_a_simulated_drive_is_the_one_of_the_command(tmp_path):
 def test_a_simulation_that_cannot_be_is_an_error(arguments, words):
     with pytest.raises(InputError, match=words):
         adhesion_can.simulate(**arguments)
-
-
-def test_a_calibration_finds_the_radii_of_a_coasting_drive(tmp_path):
-    log = coasting_file(tmp_path / "coasting.log")
-    result = adhesion_can.calibrate(log)
-    ratios = {axle.axle: axle.ratio for axle in result.axles if axle.estimate is not None}
-    assert ratios[2] == pytest.approx(1.01, abs=0.003)
-    assert ratios[1] == pytest.approx(1.0, abs=0.003)
-    assert json.loads(json.dumps(result.to_dict()))["axles"][1]["axle"] == 2
-    assert "<table>" in result._repr_html_()
 
 
 def test_a_diagnosis_of_a_table_names_the_cause_and_its_model_serves(tmp_path):

@@ -12,6 +12,7 @@ import cantools
 import numpy as np
 import pytest
 
+import adhesion_can
 from adhesion_can.bus.database import load_database
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.main import main
@@ -99,6 +100,13 @@ def test_worn_wheels_are_found_within_their_errors(found):
     assert result["version"]
     assert result["inputs"][0]["sha256"]
     assert any("offset" in note and "0.67 %" in note for note in result["notes"])
+
+
+def test_the_public_function_finds_what_the_command_finds(worn, found):
+    document, _ = found
+    result = adhesion_can.calibrate(worn)
+    assert json.loads(json.dumps(result.to_dict()))["axles"] == document["axles"]
+    assert "<table>" in result._repr_html_()
 
 
 def test_the_written_configuration_mends_the_slip_and_the_peak(worn, found, tmp_path):

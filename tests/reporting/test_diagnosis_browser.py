@@ -8,7 +8,7 @@ import pytest
 
 from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.page import Figure, write_page
-from tests.reporting.test_diagnosis_report import MADE, PROVENANCE, SECTIONS, SOURCES
+from tests.reporting.test_diagnosis_report import MADE, PROVENANCE, SECTIONS, SOURCES, of_files
 from tests.reporting.test_page import Elements
 
 WATCH = """<script>
@@ -54,7 +54,7 @@ def opened(browser, path, folder, width):
 
 
 def check(kind, browser, folder, width):
-    made = page(MADE[kind](), SOURCES, PROVENANCE)
+    made = page(of_files(MADE[kind](), SOURCES), PROVENANCE)
     path = folder / "page.html"
     write_page(made, path)
     elements, console = opened(browser, path, folder, width)
@@ -90,7 +90,7 @@ def test_so_it_is_for_every_verdict_and_on_a_narrow_window(kind, width, browser,
 @pytest.mark.slow
 def test_an_error_in_a_script_would_be_seen(browser, tmp_path):
     path = tmp_path / "page.html"
-    write_page(page(MADE["named"](), SOURCES, PROVENANCE), path)
+    write_page(page(of_files(MADE["named"](), SOURCES), PROVENANCE), path)
     path.write_text(path.read_text().replace("Plotly.newPlot(target", "Plotly.newPlt(target"))
     elements, console = opened(browser, path, tmp_path, 1280)
     root = next(attrs for tag, attrs in elements.found if tag == "html")
