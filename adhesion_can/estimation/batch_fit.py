@@ -1,9 +1,7 @@
 """Batch fit of a recording, and the changes of the surface within it.
 
-For a given c2 the model is linear in c1 and c3. Both are projected out (variable projection, the
-profile likelihood of c2) and only c2 is scanned; least squares on all three parameters refine the
-result. The same projection on sums over narrow bins of slip scores every possible change point in
-one matrix product.
+The curve is fitted by variable projection: the profile likelihood of c2. The same projection on
+sums over narrow bins of slip scores every possible change point in one matrix product.
 """
 
 from dataclasses import dataclass, replace
@@ -11,24 +9,21 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess
-from adhesion_can.estimation.likelihood import innovation, sensitivity, sum_of_squares
+from adhesion_can.estimation.likelihood import sum_of_squares
+from adhesion_can.estimation.variable_projection import (
+    STEEPNESS,
+    fit_least_squares,
+    solve_two_by_two,
+)
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 from adhesion_can.result_text import html_table, plus_minus
 
-STEEPNESS = np.geomspace(2.0, 400.0, 60)
-"""Values of c2 in the scan: 9 % apart, well within the convergence range of the refinement."""
-
-LOWER, UPPER = np.array([1e-6, 1.0, 0.0]), np.array([10.0, 1000.0, 10.0])
-"""Bounds of (c1, c2, c3), wide enough never to be active where data determine the curve."""
-
 BINS = 96
-SCAN_SAMPLES = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,19 +111,8 @@ def fit(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Es
     """
     settings = settings or IdentifiabilitySettings()
     h, z = samples.folded()
-    step = max(len(h) // SCAN_SAMPLES, 1)
-    start = np.clip(_scan(h[::step], z[::step]), 1.001 * LOWER + 1e-6, 0.999 * UPPER)
-    found = scipy.optimize.least_squares(
-        lambda theta: innovation(theta, h, z),
-        start,
-        jac=lambda theta: -sensitivity(theta, h),
-        bounds=(LOWER, UPPER),
-        x_scale=np.maximum(start, 1e-3),
-        xtol=1e-12,
-        ftol=1e-12,
-        gtol=1e-12,
-    )
-    return assess(found.x, sum_of_squares(found.x, h, z), samples, settings)
+    theta = fit_least_squares(h, z)
+    return assess(theta, sum_of_squares(theta, h, z), samples, settings)
 
 
 def identify(
@@ -279,27 +263,8 @@ def _projected_cost(count: Array, z: Array, zz: Array, centre: Array) -> Array:
     b = -centre[:, None]
     aa, ab, bb = count @ (a * a), count @ (a * b), count @ (b * b)
     az, bz = z @ a, z @ b
-    c1, c3 = _two_by_two(aa, ab, np.broadcast_to(bb, aa.shape), az, np.broadcast_to(bz, az.shape))
+    c1, c3 = solve_two_by_two(
+        aa, ab, np.broadcast_to(bb, aa.shape), az, np.broadcast_to(bz, az.shape)
+    )
     explained = c1 * az + c3 * bz
     return np.asarray(np.maximum(zz - explained.max(axis=-1), 1e-12 * np.maximum(zz, 1e-12)))
-
-
-def _two_by_two(aa: Array, ab: Array, bb: Array, az: Array, bz: Array) -> tuple[Array, Array]:
-    """c1, c3 ≥ 0 of the normal equations; c3 = 0 where it would come out negative."""
-    det = aa * bb - ab * ab
-    good = det > 1e-12 * np.maximum(aa * bb, 1e-300)
-    safe = np.where(good, det, 1.0)
-    c1, c3 = (bb * az - ab * bz) / safe, (aa * bz - ab * az) / safe
-    plain = np.divide(az, aa, out=np.zeros_like(az), where=aa > 0)
-    inside = good & (c3 >= 0)
-    return np.where(inside, c1, plain), np.where(inside, c3, 0.0)
-
-
-def _scan(h: Array, z: Array) -> Array:
-    """Start of the refinement: the best of the scan over c2; shape (3,)."""
-    a = -np.expm1(-np.multiply.outer(STEEPNESS, h))
-    aa, ab = np.einsum("ij,ij->i", a, a), -(a @ h)
-    c1, c3 = _two_by_two(aa, ab, np.full_like(aa, h @ h), a @ z, np.full_like(aa, -(h @ z)))
-    cost = z @ z - c1 * (a @ z) + c3 * (h @ z)
-    best = int(np.argmin(cost))
-    return np.array([max(c1[best], 1e-3), STEEPNESS[best], max(c3[best], 1e-5)])

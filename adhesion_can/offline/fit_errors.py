@@ -20,15 +20,10 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.config import Configuration
-from adhesion_can.estimation.batch_fit import (
-    LOWER,
-    UPPER,
-    SegmentationSettings,
-    change_points,
-    fit,
-)
+from adhesion_can.estimation.batch_fit import SegmentationSettings, change_points, fit
 from adhesion_can.estimation.extended.correction import remove_effects
 from adhesion_can.estimation.likelihood import innovation, sensitivity
+from adhesion_can.estimation.variable_projection import LOWER, UPPER
 from adhesion_can.physics.effects import LagStates
 from adhesion_can.physics.samples import Samples
 

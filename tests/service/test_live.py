@@ -154,6 +154,32 @@ def test_echoes_of_our_own_frames_are_not_a_second_sender():
     assert live.core.faults == []
 
 
+@pytest.mark.parametrize(("stamp_late_us", "echoes"), [(0, True), (3_000_000, False)])
+def test_a_loop_that_is_behind_knows_an_echo_by_its_stamp(stamp_late_us, echoes):
+    """The loop sees its frames 3 s after they passed the bus: the stamp says when that was."""
+    now_us = [0]
+    bus = FailingBus([to_message(f) for f in Bench().drive(0, 300_000)])
+    service = LiveService(
+        ServiceCore(CONFIG, FixedEstimator),
+        ReconnectingBus(lambda: bus, ()),
+        clock=lambda: now_us[0],
+    )
+    while bus.messages:
+        now_us[0] = round(bus.messages[0].timestamp * 1e6)
+        service._step()
+    own_frames = [from_message(message) for message in bus.sent]
+    assert len(own_frames) > 50
+    # As they come back: with the time at which they passed the bus, or with one 3 s later.
+    bus.messages = [to_message(f._replace(t_us=f.t_us + stamp_late_us)) for f in own_frames]
+    now_us[0] += 3_000_000
+    while bus.messages or service._queue:
+        service._step()
+    counts = service.counts
+    assert (counts.echoes, counts.foreign_outputs) == (
+        (len(own_frames), 0) if echoes else (0, len(own_frames))
+    )
+
+
 def test_a_second_service_is_reported_and_a_fault_and_in_the_log():
     channel = "second"
     other = run(ServiceCore(CONFIG, FixedEstimator), Bench().drive(0, 100_000))
