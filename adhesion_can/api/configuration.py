@@ -36,16 +36,18 @@ def load_configuration(
     configuration = _load_file(
         None if path is None else Path(path), None if dbc is None else Path(dbc)
     )
-    if model is None:
-        return configuration
-    found = model if isinstance(model, ExtendedModel) else read_model(Path(model))
-    return replace(configuration, model=found)
+    return _with_model(configuration, model)
 
 
 def as_configuration(configuration: ConfigurationLike, model: ModelLike = None) -> Configuration:
     """Configuration from what a caller gave, with an extended model where one is given."""
     if not isinstance(configuration, Configuration):
         return load_configuration(configuration, model=model)
+    return _with_model(configuration, model)
+
+
+def _with_model(configuration: Configuration, model: ModelLike) -> Configuration:
+    """Configuration with an extended model; unchanged where none is given."""
     if model is None:
         return configuration
     found = model if isinstance(model, ExtendedModel) else read_model(Path(model))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from adhesion_can.api.configuration import ConfigurationLike, as_configuration
-from adhesion_can.api.inputs import RecordingLike
+from adhesion_can.api.inputs import RecordingLike, as_paths, describe_left_out_rows
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.diagnosis.diagnose import ShowProgress
 from adhesion_can.diagnosis.diagnose import diagnose as _diagnose
@@ -17,7 +17,6 @@ from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.recordings.problems import describe_problems, distinct_names
-from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sample_table import is_table, read_table
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 
@@ -62,14 +61,9 @@ def diagnose(
 
     """
     config = as_configuration(configuration)
-    files = list_input_files(_paths(inputs), _paths(holdout))
+    files = list_input_files(as_paths(inputs), as_paths(holdout))
     progress = show or _show_nothing
     return diagnose_inputs(load_inputs(files, config, progress), progress)
-
-
-def _paths(given: RecordingLike | Iterable[RecordingLike]) -> list[Path]:
-    items = [given] if isinstance(given, str | Path | Recording) else list(given)
-    return [item.path if isinstance(item, Recording) else Path(item) for item in items]
 
 
 def _show_nothing(_work: str, _share: float) -> None:
@@ -139,12 +133,12 @@ def load_inputs(
     loaded = []
     for number, input_file in enumerate(input_files):
         show(f"reading {input_file.name}", number / len(input_files))
-        one = _load_table(input_file, config) if tables else _load_log(input_file, config)
+        one = _load_table(input_file, config) if tables else _load_recording(input_file, config)
         loaded.append(one)
     return loaded
 
 
-def _load_log(input_file: InputFile, config: Configuration) -> LoadedInput:
+def _load_recording(input_file: InputFile, config: Configuration) -> LoadedInput:
     recordings = open_recordings([input_file.path])
     received = load_traces(blocks_in_sequence(recordings), config, str(input_file.path))
     drive = build_drive_data_from_traces(
@@ -181,13 +175,7 @@ def _load_table(input_file: InputFile, config: Configuration) -> LoadedInput:
     rows = read_table(input_file.path)
     slip_max = config.estimators.identifiability.slip_max
     drive = build_drive_data_from_table(input_file.name, rows.samples, rows.segment, slip_max)
-    problems = []
-    if rows.left_out:
-        problems.append(
-            f"{input_file.name}: {rows.left_out} of {rows.rows} rows without a finite time, slip "
-            "and adhesion"
-        )
-    return LoadedInput(input_file, drive, problems)
+    return LoadedInput(input_file, drive, describe_left_out_rows(input_file.name, rows))
 
 
 def diagnose_inputs(loaded: Sequence[LoadedInput], show: ShowProgress) -> Diagnosis:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
 from adhesion_can.api.inputs import RecordingLike, as_recordings, name_of
-from adhesion_can.offline.extract_samples import require_known
+from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.reporting.setpoints import FIELDS, setpoint_row
 from adhesion_can.result_text import html_table
@@ -76,7 +76,7 @@ def replay(
     core = ServiceCore(settings, lambda: settings.make_estimator(estimator), add)
     blocks = blocks_in_sequence(opened)
     summary = replay_blocks(blocks, core, lambda _: None, from_s=from_s, to_s=to_s)
-    require_known(core.receiver, summary.frames, name_of(opened))
+    require_accepted_frame(core.receiver, summary.frames, name_of(opened))
     values = np.array(rows, dtype=np.float64).reshape(-1, len(FIELDS)).T
     status, *numbers = values
     names = np.array([status.name for status in Status])

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.api.inputs import describe_left_out_rows, name_of
 from adhesion_can.bus.block import Block
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.errors import InputError
@@ -76,8 +77,8 @@ def load_recording_samples(
         RecordingError: A recording cannot be read, or holds no known frame.
 
     """
-    where = ", ".join(str(recording.path) for recording in recordings)
-    samples, _ = extract_samples(watched(blocks_in_sequence(recordings)), config, where)
+    blocks = watched(blocks_in_sequence(recordings))
+    samples, _ = extract_samples(blocks, config, name_of(recordings))
     left_out: Counter[str] = Counter()
     if config.model is not None:
         result = correct_samples(samples, config.model, config.vehicle.axles)
@@ -105,9 +106,9 @@ def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSa
             for path, t in zip(paths, tables, strict=True)
         ]
     problems = [
-        f"{name}: {t.left_out} of {t.rows} rows without a finite time, slip and adhesion"
+        sentence
         for name, t in zip(distinct_names(paths), tables, strict=True)
-        if t.left_out
+        for sentence in describe_left_out_rows(name, t)
     ]
     samples = Samples.concatenate([t.samples for t in tables])
     if len(tables) == 1 and tables[0].segment is None:

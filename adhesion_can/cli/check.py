@@ -13,7 +13,7 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.cli.reading import reading
 from adhesion_can.offline.check import CheckResult, check, mean_cycle_ms
-from adhesion_can.offline.extract_samples import require_known
+from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.provenance import provenance
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
 def require_known_id(result: CheckResult, options: argparse.Namespace) -> None:
     """Raise a RecordingError where no frame has a known id; a faulty recording is a verdict."""
     if not any(record.frames for record in result.receiver.records):
-        require_known(result.receiver, result.frames, ", ".join(map(str, options.log)))
+        require_accepted_frame(result.receiver, result.frames, ", ".join(map(str, options.log)))
 
 
 def _print(result: CheckResult) -> None:

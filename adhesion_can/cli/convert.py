@@ -119,7 +119,7 @@ class _SignalFilter:
         globs: Patterns of --signals.
 
     Raises:
-        InputError: one matches nothing.
+        InputError: A pattern matches no message or signal.
 
     """
 

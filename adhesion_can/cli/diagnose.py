@@ -1,4 +1,4 @@
-"""Command `diagnose`: what the simulation gets wrong, why, the extended model and its gain."""
+"""`diagnose`: what the simulation gets wrong, why, the extended model and its gain."""
 
 import argparse
 import shlex

@@ -25,7 +25,7 @@ from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.batch_fit import BatchResult, identify
-from adhesion_can.estimation.extended.estimator import ExtendedModel
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.recordings.sequence import open_recordings
 from adhesion_can.reporting.provenance import provenance

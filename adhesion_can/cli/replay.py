@@ -27,7 +27,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.registry import known_estimators
 from adhesion_can.files import whole_file
-from adhesion_can.offline.extract_samples import require_known
+from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.problems import describe_problems
@@ -108,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
             summary = replay_blocks(channel.watch_blocks(blocks), core, send, **span)
         for recording in recordings:
             summary.kinds.update(recording.report.kinds)
-        require_known(core.receiver, summary.frames, ", ".join(map(str, options.log)))
+        require_accepted_frame(core.receiver, summary.frames, ", ".join(map(str, options.log)))
     problems = describe_problems(recordings)
     misfit = collector.compute()
     document = _document(summary, core, statuses, problems)

@@ -98,11 +98,11 @@ def extract_samples(
     configuration.require_identification()
     extractor = SampleExtractor(configuration)
     samples = extractor.run(blocks)
-    require_known(extractor.receiver, extractor.counts["frames"], where)
+    require_accepted_frame(extractor.receiver, extractor.counts["frames"], where)
     return samples, extractor.receiver
 
 
-def require_known(receiver: Receiver, frames: int, where: str) -> None:
+def require_accepted_frame(receiver: Receiver, frames: int, where: str) -> None:
     """Raise a RecordingError where not one frame was accepted."""
     if any(record.accepted for record in receiver.records):
         return

@@ -10,14 +10,14 @@ from adhesion_can.arrays import Array
 from adhesion_can.bus.block import Block, Kind, clamped
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
-from adhesion_can.offline.extract_samples import require_known
+from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.physics.readings import Role, SpeedSource
 from adhesion_can.sampling.column_former import Readings
 from adhesion_can.sampling.traces import Trace
 
 Signal = tuple[Role, int]
 """A role and its axle number, 0 for roles without axle."""
-_NOTHING = (np.empty(0, dtype=np.int64), np.empty(0))
+_NO_READINGS = (np.empty(0, dtype=np.int64), np.empty(0))
 
 
 @dataclass(slots=True)
@@ -42,7 +42,7 @@ class LoadedTraces:
 
     def add(self, readings: Readings) -> None:
         """Add the readings of a block."""
-        sources = readings.get((Role.SPEED_SOURCE, 0), _NOTHING)
+        sources = readings.get((Role.SPEED_SOURCE, 0), _NO_READINGS)
         for key, (stamps, values) in readings.items():
             usable = values
             if key[0] is Role.VEHICLE_SPEED:
@@ -66,7 +66,7 @@ class LoadedTraces:
 
     def trace(self, role: Role, axle: int = 0) -> Trace:
         """Trace of a signal; empty where the recording has no reading of it."""
-        parts = self.columns.get((role, axle), [_NOTHING])
+        parts = self.columns.get((role, axle), [_NO_READINGS])
         stamps, values = zip(*parts, strict=True)
         return Trace.from_readings(np.concatenate(stamps), np.concatenate(values))
 
@@ -97,5 +97,5 @@ def load_traces(blocks: Iterable[Block], config: Configuration, where: str) -> L
         frames, now_us = frames + len(own), int(t_us[-1])
         loaded.add(receiver.accept_block(own, t_us).readings)
     loaded.rejected = receiver.rejected
-    require_known(receiver, frames, where)
+    require_accepted_frame(receiver, frames, where)
     return loaded

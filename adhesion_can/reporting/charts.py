@@ -14,13 +14,13 @@ AT_MOST = 4000
 """Largest number of points of a line: a few for each column of pixels."""
 
 MARGINS = 78
-"""Height of a figure above and below its panels, px."""
+"""Height of the margins above and below the panels of a figure, px."""
 
-LEAP = 5.0
-"""Number of steps of the abscissa beyond which a line is interrupted."""
+MAX_STEPS = 5.0
+"""Longest distance between joined points of a line, in median steps of its abscissa."""
 
 DARK = "#1b2430"
-"""Colour of truth and bounds."""
+"""Colour of lines that show the truth or a bound."""
 
 
 def suffix(row: int) -> str:
@@ -41,7 +41,7 @@ def domains(count: int, height: int, gap: int) -> list[list[float]]:
     return [[bottom, min(bottom + each, 1.0)] for bottom in bottoms]
 
 
-def upright(x: float, row: int, dash: str) -> Trace:
+def vertical_line(x: float, row: int, dash: str) -> Trace:
     """Vertical line through a whole panel."""
     line = {"color": DARK, "width": 1.2, "dash": dash}
     refs = {"xref": f"x{suffix(row)}", "yref": f"y{suffix(row)} domain"}
@@ -63,7 +63,7 @@ def log_axis(numbers: Sequence[float]) -> Trace:
     return {"type": "log", "range": [low, high], "tickvals": ticks, "ticktext": texts}
 
 
-def rows(axes: Sequence[Mapping[str, Any]], title: str, height: int) -> dict[str, Any]:
+def panel_layout(axes: Sequence[Mapping[str, Any]], title: str, height: int) -> dict[str, Any]:
     """Layout of panels one under the other with a common abscissa."""
     layout: dict[str, Any] = {}
     for row, (y, domain) in enumerate(zip(axes, domains(len(axes), height, gap=22), strict=True)):
@@ -75,7 +75,7 @@ def rows(axes: Sequence[Mapping[str, Any]], title: str, height: int) -> dict[str
     return layout
 
 
-def spread(values: Array) -> Array:
+def mean_and_interval(values: Array) -> Array:
     """Mean, 5 % and 95 % of the finite values of each column, shape (3, columns)."""
     out = np.full((3, values.shape[1]), np.nan)
     for k, column in enumerate(values.T):
@@ -135,8 +135,8 @@ def thinned(x: Array, *ys: Array, at_most: int = AT_MOST) -> tuple[Array, ...]:
     return tuple(series[rows_kept] for series in (x, *ys))
 
 
-def broken(x: Array, *ys: Array) -> tuple[Array, ...]:
-    """Series with a gap inserted wherever the abscissa leaps by many of its steps.
+def insert_gaps(x: Array, *ys: Array) -> tuple[Array, ...]:
+    """Series with a gap inserted wherever the abscissa jumps by more than `MAX_STEPS` steps.
 
     Args:
         x: Abscissa, ascending, shape (n,).
@@ -149,6 +149,6 @@ def broken(x: Array, *ys: Array) -> tuple[Array, ...]:
     step = np.diff(x)
     if not len(step):
         return (x, *ys)
-    after = np.flatnonzero(step > LEAP * np.median(step)) + 1
+    after = np.flatnonzero(step > MAX_STEPS * np.median(step)) + 1
     between = (x[after - 1] + x[after]) / 2
     return (np.insert(x, after, between), *(np.insert(y, after, np.nan) for y in ys))

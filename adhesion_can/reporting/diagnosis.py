@@ -113,7 +113,7 @@ def _nothing(found: Diagnosis) -> str:
 def p_value_sentence(p_value: float) -> str:
     """P-value in a sentence."""
     if not isfinite(p_value):
-        return "How often p_value_sentence alone looks as strong is not known."
+        return "How often chance alone looks as strong is not known."
     if p_value < LEAST_P:
         return (
             f"Chance alone looks as strong in fewer than {100 * LEAST_P:g} % of drives "

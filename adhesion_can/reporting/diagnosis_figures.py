@@ -15,9 +15,9 @@ from adhesion_can.reporting.charts import (
     AT_MOST,
     DARK,
     Trace,
-    broken,
+    insert_gaps,
+    panel_layout,
     place,
-    rows,
     suffix,
     thinned,
 )
@@ -95,7 +95,7 @@ def simulation_figure(simulation_plot: SimulationPlot, *, extended: bool) -> Fig
         shown = [(_MEASURED, seen)] if seen is not None else []
         shown += [(_BEFORE, was), (_AFTER, now)] if extended else [(_BEFORE, was)]
         styles, lines = [style for style, _ in shown], [line for _, line in shown]
-        x, *ys = thinned(*broken(t, *lines), at_most=AT_MOST)
+        x, *ys = thinned(*insert_gaps(t, *lines), at_most=AT_MOST)
         data += [
             _line(style, x, y, legend=row == 0) | place(row)
             for style, y in zip(styles, ys, strict=True)
@@ -106,7 +106,7 @@ def simulation_figure(simulation_plot: SimulationPlot, *, extended: bool) -> Fig
         {"title": {"text": "adhesion<br>coefficient μ"}},
     ]
     height = 560
-    layout = rows(axes, "time, s", height)
+    layout = panel_layout(axes, "time, s", height)
     caption = (
         f"{simulation_plot.recording}, axle {simulation_plot.axle}, measured against simulated. "
         "Wheel speed is "
@@ -200,7 +200,7 @@ def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -
         for which in ("as measured", "effects taken out")[: len(clouds)]
     ]
     height = 70 + 275 * len(clouds)
-    layout = rows(axes, "slip ratio λ", height)
+    layout = panel_layout(axes, "slip ratio λ", height)
     for row in range(len(clouds)):
         layout[f"xaxis{suffix(row)}"]["range"] = [0.0, float(grid[-1])]
     caption = (

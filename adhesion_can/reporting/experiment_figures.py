@@ -22,12 +22,12 @@ from adhesion_can.reporting.charts import (
     domains,
     faded,
     log_axis,
+    mean_and_interval,
+    panel_layout,
     place,
-    rows,
-    spread,
     suffix,
-    upright,
     value_range,
+    vertical_line,
 )
 from adhesion_can.reporting.experiment_style import (
     COLOURS,
@@ -113,7 +113,7 @@ def over_updates(outcome: NoiseLevelResult, quantities: Sequence[str]) -> Figure
         spans = [truth]
         for result in in_order(outcome):
             values = result.values[..., q]
-            mean, low, high = spread(values)
+            mean, low, high = mean_and_interval(values)
             style = line_style(outcome, result, first=row == 0)
             if is_shown(outcome, result.name):
                 spans += [low, high]
@@ -140,7 +140,7 @@ def over_updates(outcome: NoiseLevelResult, quantities: Sequence[str]) -> Figure
         f"The {what} over the {where}: mean over the runs (line) and 5 to 95 % of them (band)."
     )
     height = 340 if len(axes) == 1 else 210 * len(axes)
-    layout = rows(axes, _abscissa_title(outcome), height)
+    layout = panel_layout(axes, _abscissa_title(outcome), height)
     return Figure(caption, data, layout, height)
 
 
@@ -227,7 +227,7 @@ def histograms(outcome: NoiseLevelResult) -> Figure:
             "rangemode": "tozero",
             "anchor": f"x{axis}",
         }
-        layout.setdefault("shapes", []).append(upright(truth, row, "dash"))
+        layout.setdefault("shapes", []).append(vertical_line(truth, row, "dash"))
     whose = "at the end of the run" if experiment.ramp else "over all blocks of each surface"
     caption = (
         f"Histograms of the maximum adhesion {whose} and all runs; the dashed line is the truth, "
@@ -285,7 +285,7 @@ def accuracy(outcome: NoiseLevelResult) -> Figure:
         }
         layout[f"yaxis{axis}"] = {"domain": domain, "anchor": f"x{axis}", "type": "category"}
         if bound is not None:
-            layout["shapes"].append(upright(bound, row, "dot"))
+            layout["shapes"].append(vertical_line(bound, row, "dot"))
     caption = (
         "Accuracy and cost side by side; the dotted line is the Cramér-Rao bound. Times were "
         "measured in these runs, with all that the machine did besides."

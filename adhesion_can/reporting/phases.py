@@ -33,13 +33,14 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """One surface of a run.
+    """Segment of a simulated run on one surface, with the estimate at its end.
 
     Attributes:
         truth: Entry of the truth's `surfaces`.
-        last: Outputs at the end of the surface; None where there were none.
-        found_s: Time from the begin of the surface until it was found, s; None where it never was.
-        adhesion_used: Mean share of μ_max that was used on the surface; None without setpoints.
+        last: Outputs at the end of the segment; None where there were none.
+        found_s: Time from the begin of the segment until its surface was found, s; None where it
+            never was.
+        adhesion_used: Mean share of μ_max that was used in the segment; None without setpoints.
 
     """
 

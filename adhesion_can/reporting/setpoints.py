@@ -43,7 +43,7 @@ FIELDS = (
 """Columns beside `time_s`."""
 
 
-class _Rows:
+class _RowBuffer:
     """Buffer of rows, written many at once."""
 
     def __init__(self, writer: TableWriter) -> None:
@@ -99,6 +99,6 @@ def setpoint_table(
 
     """
     with open_table(path, FIELDS, origin, name="AdhesionSetpoint") as writer:
-        rows = _Rows(writer)
+        rows = _RowBuffer(writer)
         yield rows.add
         rows.flush()

@@ -1,9 +1,9 @@
 """Blocks of recorded frames through a core: the same bytes as `ServiceCore.feed`, much sooner.
 
-An optimisation of the reference path in `core`, and of nothing else. What a frame is worth and
-which samples it completes depend on the frames alone; so a block is received and turned into
-samples at once, and the state of the inputs at each due time is looked up by stamps. From due
-time to due time goes only what depends on the estimate: the core's own `emit`.
+An optimisation of the reference path in `core`. Whether a frame is accepted and which samples it
+completes depends on the frames alone; so a block is received and turned into samples at once, and
+the state of the inputs at each due time is looked up by stamps. Only what depends on the estimate
+is computed due time by due time, by the core's own `emit`.
 """
 
 from collections.abc import Callable
@@ -30,7 +30,7 @@ class ColumnReplay:
     """Runs blocks of recorded frames through a core.
 
     Args:
-        core: Fresh core; it must be fed by nobody else.
+        core: Fresh core; no other caller may feed it.
 
     """
 
@@ -109,7 +109,7 @@ class ColumnReplay:
 
 
 class ColumnInputs:
-    """Inputs of the service in blocks: the columnar twin of `FrameInputs`.
+    """Inputs of the service in blocks: the counterpart of `FrameInputs` in columns.
 
     Args:
         configuration: Roles, messages and settings of the sampling.
@@ -193,9 +193,9 @@ class _Event(NamedTuple):
     """Event between due times.
 
     Attributes:
-        t_us: Time of the event, µs: after the due times until then, before all others.
+        t_us: Time of the event, µs; messages due then or earlier are sent before it.
         row: Row of the block that holds the mark, or the first row after the changed speed source.
-        apply: Function that makes the event happen.
+        apply: Function that carries the event out.
 
     """
 

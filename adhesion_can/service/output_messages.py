@@ -115,11 +115,16 @@ class OutputMessages:
     @property
     def ids(self) -> frozenset[tuple[int, bool]]:
         """Id of every output message, and whether it has 29 bits."""
-        return frozenset((s.plan.frame_id, s.plan.is_extended) for s in self._encoders.values())
+        plans = [encoder.plan for encoder in self._encoders.values()]
+        return frozenset((plan.frame_id, plan.is_extended) for plan in plans)
 
     def find_name(self, arbitration_id: int) -> str:
         """Name of the output message with an id."""
-        return next(n for n, s in self._encoders.items() if s.plan.frame_id == arbitration_id)
+        return next(
+            name
+            for name, encoder in self._encoders.items()
+            if encoder.plan.frame_id == arbitration_id
+        )
 
     def compose(self, name: str, t_us: int, outputs: Outputs, health: Health) -> list[Frame]:
         """Frames of one message at its due time, µs."""

@@ -34,7 +34,7 @@ from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate, Identifiable
-from adhesion_can.reporting.charts import broken, thinned
+from adhesion_can.reporting.charts import insert_gaps, thinned
 from adhesion_can.reporting.diagnosis import terminal, verdict_sentences
 from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.page import Figure, render
@@ -540,10 +540,10 @@ def test_thinning_refuses_what_does_not_fit():
 
 def test_a_leap_of_the_abscissa_is_a_gap():
     x = np.concatenate([np.arange(10.0), np.arange(50.0, 60.0)])
-    out, y = broken(x, x + 1)
+    out, y = insert_gaps(x, x + 1)
     assert len(out) == 21
     assert np.isnan(y[10])
     assert (np.diff(out) > 0).all()
     np.testing.assert_array_equal(y[~np.isnan(y)], x + 1)
     one = np.array([1.0])
-    assert broken(one, one) == (one, one)
+    assert insert_gaps(one, one) == (one, one)

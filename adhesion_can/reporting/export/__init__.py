@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.errors import InputError
-from adhesion_can.reporting.export.layout import Column, Field, Group, Raw, Rows, Sink
+from adhesion_can.reporting.export.layout import Column, Field, Group, Raw, Rows, Sink, SinkOpener
 
 __all__ = [
     "SUFFIXES",
@@ -35,7 +35,7 @@ class _Format(NamedTuple):
     """Module of this package that writes a format.
 
     Attributes:
-        module: Name of the module; it has `open_sink(path, origin, groups, decimals)`.
+        module: Name of the module; its function `open_sink` is a `SinkOpener`.
         extra: Extra of the package that the module needs; '' for none.
         library: Library behind the extra.
 
@@ -66,10 +66,10 @@ class Writer:
         self._sink = sink
 
     def begin(self, t_ns: int) -> None:
-        """Set the begin of the recording, ns: the time of MF4 counts from there.
+        """Set the begin of the recording, ns, from which the time of MF4 counts.
 
-        Files of one recording that hold other rows lie over each other then. To be called before
-        the first rows; without it, time counts from the first row.
+        So files with different rows of one recording have one time base. To be called before the
+        first rows; without it, time counts from the first row.
         """
         self._sink.begin(t_ns)
 
@@ -113,8 +113,7 @@ def require_format(path: Path, option: str) -> None:
     with _input_errors(path):
         if path.is_dir():
             raise InputError(f"{option} {path}", "is a folder", "name a file")
-    if suffix is not None:
-        _load_module(suffix, path)
+    _load_module(suffix, path)
 
 
 @contextmanager
@@ -130,7 +129,7 @@ def open_recording(path: Path, origin: Mapping[str, str]) -> Iterator[Writer]:
         origin: Version, inputs and the like, by name; CSV has no place for them.
 
     Raises:
-        InputError: no known format, an extra that is missing, or a disk that is full.
+        InputError: The format is unknown, an extra is missing, or the disk is full.
 
     """
     sink = _begin(path, origin)
@@ -159,7 +158,7 @@ def open_table(
         decimals: Number of decimals of `time_s` in CSV.
 
     Raises:
-        InputError: no known format, an extra that is missing, or a disk that is full.
+        InputError: The format is unknown, an extra is missing, or the disk is full.
 
     """
     group = Group(name, tuple(fields))
@@ -173,15 +172,14 @@ def _begin(
 ) -> Sink:
     """Begin a file in the format of its suffix; known groups make it a plain table."""
     require_format(path, "output")
-    module = _load_module(_suffix(path) or "", path)
+    open_sink: SinkOpener = _load_module(_suffix(path) or "", path).open_sink
     with _input_errors(path):
-        sink: Sink = module.open_sink(path, origin, groups, decimals)
-    return sink
+        return open_sink(path, origin, groups, decimals)
 
 
 @contextmanager
 def _closed(path: Path, sink: Sink) -> Iterator[None]:
-    """Close the file where all is written; leave none behind where an error comes."""
+    """Close the file once all is written; delete it after an error."""
     try:
         yield
         with _input_errors(path):
@@ -193,7 +191,7 @@ def _closed(path: Path, sink: Sink) -> Iterator[None]:
 
 @contextmanager
 def _input_errors(path: Path) -> Iterator[None]:
-    """Errors of the file system as InputErrors."""
+    """Turn errors of the file system into InputErrors."""
     try:
         yield
     except OSError as error:
@@ -205,7 +203,7 @@ def _input_errors(path: Path) -> Iterator[None]:
 
 
 def _suffix(path: Path) -> str | None:
-    """Suffix of a known format; None: of none."""
+    """Suffix of the file's format; None where the format is unknown."""
     name = path.name.lower()
     return next((suffix for suffix in SUFFIXES if name.endswith(suffix)), None)
 

@@ -1,4 +1,4 @@
-"""CSV (gzip too): a row a frame, or a row a sample."""
+"""CSV, with or without gzip: one table with a row for each frame, or for each row of a table."""
 
 import csv
 import gzip
@@ -64,7 +64,7 @@ class CsvFormat:
         return cast(IO[bytes], stack.enter_context(packed))
 
     def header(self, groups: Sequence[Group]) -> bytes:
-        """First line."""
+        """First line of the file, with the names of the columns."""
         names = ["time_s", *(["message"] if self.by_message else [])]
         for group in groups:
             prefix = f"{group.name}." if self.by_message else ""
@@ -189,14 +189,6 @@ def _line(cells: Sequence[str]) -> str:
 def open_sink(
     path: Path, _origin: Mapping[str, str], groups: Sequence[Group], decimals: int
 ) -> GrowingTable:
-    """A table as CSV, compressed where its name ends in .gz.
-
-    Args:
-        path: Path of the finished file.
-        _origin: Version and inputs, for which CSV has no place.
-        groups: Groups of a plain table; none: messages, which turn up on the way.
-        decimals: Number of decimals of the time stamps in s.
-
-    """
+    """Begin a CSV file, compressed where its name ends in .gz; a `SinkOpener`."""
     compressed = path.suffix.lower() == ".gz"
     return GrowingTable(path, CsvFormat(compressed, not groups, decimals), groups)

@@ -1,4 +1,4 @@
-"""One table for the rows of many groups, which gets wider when a group turns up."""
+"""One table for the rows of many groups; it gets wider with each new group."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -29,11 +29,11 @@ class TableFormat(Protocol):
 
 
 class GrowingTable:
-    """Writes a table whose columns are found out on the way.
+    """Writes a table whose columns become known as it is written.
 
-    Which messages a recording holds is known at its end alone, and a column for every signal of a
-    large database would be mostly empty. So a part is begun when a group turns up, and the parts
-    are joined at the end where there are several; nearly always all groups stand in the first rows.
+    The messages in a recording are known only at its end, and a column for every signal of a large
+    database would be mostly empty. So a new part of the file begins with each new group, and the
+    parts are joined at the end. Nearly always all groups stand in the first rows: one part then.
 
     Args:
         path: Path of the finished table.
@@ -53,7 +53,7 @@ class GrowingTable:
             self._begin()
 
     def begin(self, t_ns: int) -> None:
-        """Nothing: its stamps are those of the recording."""
+        """Do nothing: the table keeps the stamps of the recording."""
 
     def write(self, rows: Sequence[Rows]) -> None:
         """Append rows."""
@@ -80,8 +80,8 @@ class GrowingTable:
             path.unlink(missing_ok=True)
 
     def abandon(self) -> None:
-        """Leave nothing behind."""
-        # What is thrown away need not be whole: on a full disk its end cannot be written either.
+        """Delete what has been written so far."""
+        # The file is deleted, so its end may be missing; on a full disk it cannot be written.
         with suppress(OSError):
             self._end()
         for path in self._made():
@@ -101,5 +101,5 @@ class GrowingTable:
             part.close()
 
     def _made(self) -> list[Path]:
-        """Files under temporary names, those that are gone by now among them."""
+        """Paths of all temporary files; some may be gone by now."""
         return [*(part for part, _ in self._parts), self._joined]

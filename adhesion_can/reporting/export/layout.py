@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 SECOND = 1_000_000_000
-"""Nanoseconds of a second."""
+"""Number of nanoseconds in a second."""
 
 FLOAT = np.dtype(np.float64)
 
@@ -128,7 +129,26 @@ class Sink(Protocol):
         """Finish the file, which then gets its name."""
 
     def abandon(self) -> None:
-        """Leave nothing behind."""
+        """Delete what has been written so far."""
+
+
+class SinkOpener(Protocol):
+    """Function `open_sink` of the module that writes a format."""
+
+    def __call__(
+        self, path: Path, origin: Mapping[str, str], groups: Sequence[Group], decimals: int, /
+    ) -> Sink:
+        """Begin a file.
+
+        Args:
+            path: Path of the finished file.
+            origin: Version, inputs and the like, by name; not written where the format has no
+                place for them.
+            groups: Groups of a plain table; empty for a recording, whose messages become known as
+                they are written.
+            decimals: Number of decimals of the time stamps in s, where they are text.
+
+        """
 
 
 def count(rows: Sequence[Rows]) -> int:

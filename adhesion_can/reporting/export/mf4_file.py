@@ -19,17 +19,18 @@ _DEFLATE: Final = 1
 class Mf4File:
     """Writes a group a message; asammdf holds what was written in a temporary file.
 
-    A row that lacks an optional field has the invalidation bit of that channel set. A group a
-    multiplexer's choice would do without, but tear a message into parts of which each repeats the
-    signals that all choices share, and choices may be nested.
+    A row that lacks an optional field has the invalidation bit of that channel set. A group for
+    each choice of a multiplexer would need no such bits, but it would split a message into parts
+    that all repeat the common signals, and choices may be nested.
 
-    Times count from the file's start: where `begin` puts it, else the stamp of the first row. MF4
-    wants them to rise, so that rows written at once are sorted by time, each group for itself.
+    Times count from the start that `begin` sets, else from the stamp of the first row. MF4 requires
+    ascending times, so the rows of a group that are written at once are sorted by time.
 
     Args:
         path: Path of the finished file.
         origin: Version, inputs and the like, by name, for the file's comment.
-        groups: Groups of a plain table; none: messages of a bus, which turn up on the way.
+        groups: Groups of a plain table; empty for messages of a bus, which become known as they are
+            written.
 
     """
 
@@ -49,7 +50,7 @@ class Mf4File:
             self._append(Rows(group, empty, empty, columns), np.empty(0))
 
     def begin(self, t_ns: int) -> None:
-        """Set the begin of the file's time; before the first rows."""
+        """Set the time from which the file counts, ns since the epoch; before the first rows."""
         self._start_ns = max(t_ns, 0)  # the format knows none before 1970
 
     def write(self, rows: Sequence[Rows]) -> None:
@@ -61,7 +62,7 @@ class Mf4File:
         for given in rows:
             if not len(given.t_ns):
                 continue
-            part = _rising(given)
+            part = _sort_by_time(given)
             time_s = (part.t_ns - (self._start_ns or 0)) / SECOND
             if part.group.name not in self._number:
                 self._append(part, time_s)
@@ -83,7 +84,7 @@ class Mf4File:
         self._part.replace(self._path)
 
     def abandon(self) -> None:
-        """Leave nothing behind."""
+        """Delete what has been written so far."""
         # On a full disk what is still to be written cannot be, and need not; and what led here is
         # the error to be raised.
         for end in (self._mdf.close, self._file.close, self._part.unlink):
@@ -118,7 +119,7 @@ class Mf4File:
         )
 
 
-def _rising(rows: Rows) -> Rows:
+def _sort_by_time(rows: Rows) -> Rows:
     """The rows in the order of their stamps; those of one stamp stay as they are."""
     if (np.diff(rows.t_ns) >= 0).all():
         return rows
@@ -131,7 +132,7 @@ def _rising(rows: Rows) -> Rows:
 
 
 def _stored(field: Field, column: Column) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
-    """What stands in the file, and where it is invalid."""
+    """Values as the file stores them, and the mask of the invalid ones; None: all are valid."""
     missing = column.missing
     if field.optional and missing is None:
         missing = np.zeros(len(column.values), dtype=bool)
@@ -144,11 +145,12 @@ def _stored(field: Field, column: Column) -> tuple[NDArray[Any], NDArray[np.bool
     values = values.astype(field.dtype, copy=False)
     if missing is not None and missing.any():
         # For readers that do not know of invalidation bits.
-        values = np.where(missing, values.dtype.type(_nothing(values.dtype)), values)
+        values = np.where(missing, values.dtype.type(_placeholder(values.dtype)), values)
     return values, missing
 
 
-def _nothing(dtype: np.dtype[Any]) -> float:
+def _placeholder(dtype: np.dtype[Any]) -> float:
+    """Number that stands in place of a missing value."""
     return float("nan") if dtype.kind == "f" else 0
 
 
@@ -189,13 +191,5 @@ def _comment(field: Field) -> str:
 def open_sink(
     path: Path, origin: Mapping[str, str], groups: Sequence[Group], _decimals: int
 ) -> Mf4File:
-    """MF4 file for the rows of groups.
-
-    Args:
-        path: Path of the finished file.
-        origin: Version, inputs and the like, by name, for the file's comment.
-        groups: Groups of a plain table; none: messages, which turn up on the way.
-        _decimals: Number of decimals in text; MF4 keeps numbers.
-
-    """
+    """Begin an MF4 file; a `SinkOpener`."""
     return Mf4File(path, origin, groups)

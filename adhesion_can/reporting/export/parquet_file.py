@@ -17,6 +17,7 @@ _CELLS = 1 << 24
 """Number of cells of a row group, which is held in memory."""
 
 _ROWS = 1 << 20
+"""Largest number of rows of a row group."""
 
 
 class ParquetFormat:
@@ -148,7 +149,7 @@ def _arrays(group: Group, rows: Rows | None, size: int) -> Iterator[Any]:
     for field, column in zip(group.fields, rows.columns, strict=True):
         values, missing = _scatter(field, column, rows.position, absent)
         if field.text:
-            # A table row that is of another group has 0 there: masked, and so any code will do.
+            # Rows of other groups hold 0 here. They are masked, so any valid code will do.
             numbers = sorted(field.names)
             codes = np.searchsorted(numbers, values).astype(np.int32).clip(0, len(numbers) - 1)
             names = pa.array([field.names[number] for number in numbers], pa.string())
@@ -185,13 +186,5 @@ def _widened(table: Any, schema: Any) -> Any:
 def open_sink(
     path: Path, origin: Mapping[str, str], groups: Sequence[Group], _decimals: int
 ) -> GrowingTable:
-    """A table as Parquet.
-
-    Args:
-        path: Path of the finished file.
-        origin: Version, inputs and the like, by name, for the file's metadata.
-        groups: Groups of a plain table; none: messages, which turn up on the way.
-        _decimals: Number of decimals in text; Parquet keeps numbers.
-
-    """
+    """Begin a Parquet file; a `SinkOpener`."""
     return GrowingTable(path, ParquetFormat(not groups, origin), groups)
