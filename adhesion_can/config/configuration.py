@@ -15,7 +15,8 @@ from adhesion_can.bus.roles import (
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.extended.correction import require_axles, require_channels
-from adhesion_can.estimation.extended.estimator import ExtendedEstimator, ExtendedModel
+from adhesion_can.estimation.extended.estimator import ExtendedEstimator
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.estimation.registry import (
     DEFAULT,
     EstimatorSettings,
@@ -67,7 +68,7 @@ class ServiceSettings:
 class Configuration:
     """Everything that a user can set.
 
-    Each field of settings is a section of the configuration file, or holds several; `load` derives
+    Each field of settings is a section of the configuration file, or holds several. `load` derives
     the sections and their keys from these classes.
 
     Attributes:
@@ -183,7 +184,7 @@ class Configuration:
     def make_estimator(self, name: str | None = None) -> Estimator:
         """New estimator by name; without a name the configured one.
 
-        With an extended model it estimates the base curve and gives the curve in the latest
+        With an extended model the estimator fits the base curve and gives the curve in the latest
         conditions.
 
         Raises:

@@ -39,9 +39,9 @@ from adhesion_can.diagnosis.result import (
 from adhesion_can.diagnosis.sentences import (
     cause_sentence,
     channel_sentence,
-    line_sentence,
     name_with_wave,
-    pinned_sentences,
+    oscillation_sentence,
+    saturation_sentences,
     separation_sentence,
     where_sentence,
 )
@@ -120,7 +120,7 @@ class _Extension:
 
     Attributes:
         fitted: Fit of curves and named effects.
-        spline: Spline of an unexplained channel; None: none, or one that no model can have.
+        spline: Spline of an unexplained channel; None: no such channel, or no model can have it.
         model: Model with effects and spline.
 
     """
@@ -284,9 +284,9 @@ def _describe_findings(
 ) -> list[str]:
     """A sentence for each finding, and one about where the plain model is wrong most."""
     out = [cause_sentence(cause) for cause in causes]
-    out += pinned_sentences(found.saturated)
+    out += saturation_sentences(found.saturated)
     if found.oscillates and found.oscillation is not None:
-        out.append(line_sentence(found.oscillation))
+        out.append(oscillation_sentence(found.oscillation))
     if confirmed.channel is not None:
         out.append(channel_sentence(confirmed.channel))
     if out and profile is not None:

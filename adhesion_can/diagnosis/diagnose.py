@@ -85,7 +85,7 @@ def diagnose(
     """Diagnose recordings of one vehicle, or tables.
 
     Args:
-        drives: Drives that decide.
+        drives: Drives from which the diagnosis is made.
         holdout: Drives for the gain alone; none: a part of `drives` is held out.
         settings: Levels, rates and seeds; None: the defaults.
         show: Callback for the progress.
@@ -162,16 +162,16 @@ class _Analysis:
         # Step 6
         self.show("channels", 0.7)
         alpha, plain, best = self.settings.alpha, selection.plain, selection.best
-        of_plain = find_residual_channels(prepared.regression, plain.fitted, alpha, rng)
-        of_best = of_plain
+        plain_channels = find_residual_channels(prepared.regression, plain.fitted, alpha, rng)
+        best_channels = plain_channels
         if best.ids:
-            of_best = find_residual_channels(prepared.regression, best.fitted, alpha, rng)
+            best_channels = find_residual_channels(prepared.regression, best.fitted, alpha, rng)
         return Findings(
             prepared=prepared,
             detection=detection,
             selection=selection,
-            channels_of_plain=tuple(of_plain),
-            channels_of_best=tuple(of_best),
+            channels_of_plain=tuple(plain_channels),
+            channels_of_best=tuple(best_channels),
             oscillation=find_largest_oscillation(self.drives),
             saturated=tuple(find_saturated_sensors(self.drives)),
             change_times=change_times,

@@ -131,7 +131,7 @@ def build_extended_model(
         extended: Model with effects and spline.
         fitted: Fit of curves and effects, with their covariance.
         surface: Number of the surface whose curve becomes the base curve.
-        spline: Spline of an unexplained channel; None: none.
+        spline: Spline of an unexplained channel; None where there is none.
 
     """
     c1, log_c2, c3 = extended.curves.values[surface]

@@ -21,6 +21,7 @@ from adhesion_can.physics import burckhardt
 from adhesion_can.physics.effects import Effect, build_instruments
 
 BINS = 24
+"""Number of bins of a profile."""
 WINDOW_S, RESTART_S = 20.0, 0.2
 """Length of a simulated span, and time between restarts of the simulation, s."""
 LEAST_ROWS = 10

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.extended.estimator import ExtendedModel
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.result_text import html_table, plus_minus
 
@@ -21,7 +21,7 @@ class InputFile:
         path: Path of the file.
         name: Name of the file in the diagnosis.
         sha256: SHA-256 of the file's bytes, hexadecimal.
-        held_out: Whether the user gave it for the gain alone.
+        held_out: Whether the user gave the file for the gain alone.
 
     """
 
@@ -66,11 +66,11 @@ class Cause:
     Attributes:
         effect: Effect id.
         form: Form of the mechanism; '' where there is only one.
-        title: What happens, a clause.
+        title: Description of the mechanism, a clause.
         literature: Reference for the mechanism.
         parameters: Parameters with their estimates.
         p_value: P-value, all effects counted.
-        rivals: Ids of effects that the data cannot distinguish from it.
+        rivals: Ids of effects that the data cannot distinguish from the named one.
 
     """
 
@@ -106,7 +106,7 @@ class Gain:
         noise_floor: RMSE of the adhesion that no model goes below.
         percent: Gain 100 (1 − after/before), %.
         interval: 95 % confidence interval of the gain, %.
-        held_out: What was held out, a clause.
+        held_out: Description of the data that were held out, a clause.
         spans: Recording, begin and end of each held-out span, s on the recording's clock.
 
     """
@@ -222,7 +222,7 @@ class Profile:
     Attributes:
         channel: Name of the channel.
         unit: Unit of the channel.
-        at: Mean of the channel in each bin, in its unit.
+        at: Mean of the channel in each bin, in the channel's unit.
         before: Mean residual of the plain model, adhesion in the direction of the effort.
         after: Mean residual of the extended model, adhesion in the direction of the effort.
         before_std: Standard error of `before`, adhesion.
@@ -252,7 +252,8 @@ class SimulationPlot:
         wheel_speed: Measured wheel speed, rad/s.
         simulated_before: Wheel speed that the plain model gives from measured effort and vehicle
             speed, rad/s; the simulation restarts at the measurement every `restart_s`.
-        simulated_after: Wheel speed that the extended model gives likewise, rad/s.
+        simulated_after: Wheel speed that the extended model gives from measured effort and vehicle
+            speed, rad/s.
         adhesion: Measured adhesion.
         predicted_before: Adhesion that the plain model predicts from the measured slip.
         predicted_after: Adhesion that the extended model predicts from the measured slip.

@@ -6,7 +6,7 @@ import numpy as np
 
 from adhesion_can.diagnosis.formatting import measured, short, unit_text
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
-from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation
+from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.regression.channel_splines import Channel
 from adhesion_can.diagnosis.result import Cause, Gain, Profile
 from adhesion_can.physics.channels import channel_label
@@ -76,22 +76,23 @@ def channel_sentence(residual_channel: ResidualChannel) -> str:
     )
 
 
-def line_sentence(line: DriveTrainOscillation) -> str:
+def oscillation_sentence(oscillation: DriveTrainOscillation) -> str:
     """An oscillation of the drive train."""
     return (
-        f"The wheel speeds swing at {line.frequency:.1f} Hz by about {line.amplitude:.3f} rad/s: a "
-        f"torsional vibration, which in the force balance is {line.adhesion:.4f} of adhesion (rms)."
+        f"The wheel speeds swing at {oscillation.frequency:.1f} Hz by about "
+        f"{oscillation.amplitude:.3f} rad/s: a torsional vibration, which in the force balance is "
+        f"{oscillation.adhesion:.4f} of adhesion (rms)."
     )
 
 
-def pinned_sentences(found: Sequence[tuple[str, int, float, float]]) -> list[str]:
-    """Sensors at their limit: recording, axle, largest effort, share of the readings at it."""
+def saturation_sentences(sensors: Sequence[SaturatedSensor]) -> list[str]:
+    """A sentence for each recording with sensors that are cut off at a limit."""
     out = []
-    for recording in dict.fromkeys(one[0] for one in found):
-        mine = [one for one in found if one[0] == recording]
-        axles = ", ".join(str(one[1]) for one in mine)
-        most = max(one[2] for one in mine)
-        shares = [100 * one[3] for one in mine]
+    for recording in dict.fromkeys(one.recording for one in sensors):
+        own = [one for one in sensors if one.recording == recording]
+        axles = ", ".join(str(one.axle) for one in own)
+        most = max(one.effort for one in own)
+        shares = [100 * one.share for one in own]
         out.append(
             f"The tractive effort in {recording} is cut off at {most / 1e3:.2f} kN: so stand "
             f"{min(shares):.1f} to {max(shares):.1f} % of the readings (axle {axles})."

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.likelihood import innovation
+from adhesion_can.physics.burckhardt import CurveParameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +52,7 @@ class EvolutionSettings:
     innovation: Literal["mean", "sum"] = "mean"
     start: Literal["previous", "uniform"] = "previous"
     factor: float | None = None
-    theta0: tuple[float, float, float] | None = None
+    theta0: CurveParameters | None = None
     block: int = 500
     seed: int = 1
 
@@ -93,11 +94,11 @@ def first_population(
     shape = (settings.population, 3)
     if settings.start == "uniform":
         return np.asarray(lower + (upper - lower) * rng.random(shape))
-    people = np.asarray(theta) + np.array(settings.population_std) * rng.standard_normal(shape)
-    people[0] = theta
-    people = np.where(people < lower, 2 * lower - people, people)
-    people = np.where(people > upper, 2 * upper - people, people)
-    return np.asarray(np.clip(people, lower, upper))
+    individuals = np.asarray(theta) + np.array(settings.population_std) * rng.standard_normal(shape)
+    individuals[0] = theta
+    individuals = np.where(individuals < lower, 2 * lower - individuals, individuals)
+    individuals = np.where(individuals > upper, 2 * upper - individuals, individuals)
+    return np.asarray(np.clip(individuals, lower, upper))
 
 
 class Objective:
@@ -114,9 +115,9 @@ class Objective:
         self._z, self._zz = z.sum(), z @ z
         self._h, self._hh, self._hz = h.sum(), h @ h, h @ z
 
-    def __call__(self, people: Array) -> Array:
-        """J of each row (c1, c2, c3) of `people`, shape (population,)."""
-        c1, c2, c3 = people.T
+    def __call__(self, individuals: Array) -> Array:
+        """J of each row (c1, c2, c3) of `individuals`, shape (population,)."""
+        c1, c2, c3 = individuals.T
         e = np.exp(np.multiply.outer(c2, self._minus_h))
         e1, ez, eh = (e @ self._basis).T
         ee = np.einsum("ij,ij->i", e, e)
@@ -132,7 +133,7 @@ class Search(NamedTuple):
 
     Attributes:
         theta: Best parameters (c1, c2, c3), shape (3,).
-        cost: Sum of squares J of these, eq. 13.
+        cost: Sum of squares J of the best parameters, eq. 13.
 
     """
 
@@ -159,24 +160,24 @@ def search(
     """
     objective = Objective(h, z)
     lower, upper = np.array(settings.lower), np.array(settings.upper)
-    people = first_population(theta, settings, rng)
-    costs = objective(people)
+    individuals = first_population(theta, settings, rng)
+    costs = objective(individuals)
     factor = settings.factor if settings.factor is not None else _factor(theta, h, z, settings)
     # All random numbers of the run at once: drawn by generation they cost more than the rest.
     partners = _three_others(settings.generations, settings.population, rng)
     crossed = _crossover(settings, rng)
     for (a, b, c), gene in zip(partners, crossed, strict=True):
-        mutant = people[a] + factor * (people[b] - people[c])
-        trial = np.where(gene, mutant, people)
+        mutant = individuals[a] + factor * (individuals[b] - individuals[c])
+        trial = np.where(gene, mutant, individuals)
         # Halfway to the bound that was passed.
-        trial = np.where(trial < lower, (people + lower) / 2, trial)
-        trial = np.where(trial > upper, (people + upper) / 2, trial)
+        trial = np.where(trial < lower, (individuals + lower) / 2, trial)
+        trial = np.where(trial > upper, (individuals + upper) / 2, trial)
         trial_costs = objective(trial)
         better = trial_costs <= costs
-        people[better] = trial[better]
+        individuals[better] = trial[better]
         costs[better] = trial_costs[better]
     best = int(costs.argmin())
-    return Search(people[best].copy(), float(costs[best]))
+    return Search(individuals[best].copy(), float(costs[best]))
 
 
 def _factor(theta: ArrayLike, h: Array, z: Array, settings: EvolutionSettings) -> float:
@@ -185,10 +186,10 @@ def _factor(theta: ArrayLike, h: Array, z: Array, settings: EvolutionSettings) -
 
 
 def _three_others(generations: int, population: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Three individuals, distinct and not oneself, for each: shape (generations, 3, population).
+    """Indices of three distinct partners of each individual; shape (generations, 3, population).
 
-    Drawn without repetition as offsets 1..population−1 from oneself: the second skips the first,
-    the third skips both in ascending order.
+    Drawn without repetition as offsets 1..population−1 from the individual: the second skips the
+    first, the third skips both in ascending order.
     """
     shape = (generations, population)
     a = rng.integers(1, population, shape)
@@ -209,7 +210,7 @@ def _crossover(settings: EvolutionSettings, rng: np.random.Generator) -> NDArray
 
 
 def first_theta(settings: EvolutionSettings, rng: np.random.Generator) -> Array:
-    """θ̂(0): as set, else drawn from the search range; shape (3,)."""
+    """First estimate θ̂(0): the one that is set, else drawn from the bounds; shape (3,)."""
     if settings.theta0 is not None:
         return np.array(settings.theta0, dtype=np.float64)
     lower, upper = np.array(settings.lower), np.array(settings.upper)

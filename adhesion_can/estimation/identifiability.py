@@ -1,12 +1,12 @@
-"""Estimate from a fit: standard errors, and the verdict whether the peak is identifiable."""
+"""Estimate from a fit: standard errors, and whether the peak is identifiable."""
 
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, isfinite
 
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.likelihood import StandardErrors, standard_errors
+from adhesion_can.estimation.likelihood import UNDETERMINED, standard_errors
 from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
@@ -61,14 +61,12 @@ def assess(
     noise = float(np.sqrt(max(cost, 0.0) / max(len(h) - 3, 1)))
     errors = standard_errors(theta, h, noise, settings.slip_max)
     if len(h) < settings.samples:
-        errors = StandardErrors(np.diag([np.inf] * 3), np.inf, np.inf)
+        errors = UNDETERMINED
     c1, c2, c3 = map(float, theta)
     top = peak(c1, c2, c3, settings.slip_max)
     mu_max, lambda_m = float(top.mu_max), float(top.lambda_m)
     mu_std = hypot(errors.mu_max, mu_max * common_load_std(samples.load, samples.load_std))
     reached = float(np.quantile(h, 1.0 - settings.reach))
-    # The peak may lie farther out than estimated, by its standard error.
-    farthest = lambda_m + (3 * errors.lambda_m if np.isfinite(errors.lambda_m) else 0.0)
     return Estimate(
         c1=c1,
         c2=c2,
@@ -80,11 +78,34 @@ def assess(
         lambda_m_std=errors.lambda_m,
         noise_std=noise,
         samples=len(h),
-        identifiable=Identifiable(
-            mu_max=mu_max > 0.0
-            and errors.mu_max <= settings.mu_max_std * mu_max
-            and reached >= settings.mu_max_reach * farthest,
-            lambda_m=errors.lambda_m <= settings.lambda_m_std * lambda_m and reached >= farthest,
+        identifiable=assess_peak(
+            (mu_max, errors.mu_max), (lambda_m, errors.lambda_m), reached, settings
         ),
         surface_since_us=int(samples.t_us[0]),
+    )
+
+
+def assess_peak(
+    mu_max: tuple[float, float],
+    lambda_m: tuple[float, float],
+    reached: float,
+    settings: IdentifiabilitySettings,
+) -> Identifiable:
+    """Whether μ_max and λ_m are identifiable, from their errors and the slips that were reached.
+
+    Args:
+        mu_max: Estimate of μ_max and its standard error, 1.
+        lambda_m: Estimate of λ_m and its standard error, 1; inf where unknown.
+        reached: Slip ratio that the share `reach` of the samples exceeds.
+        settings: Limits from which the peak counts as identifiable.
+
+    """
+    (mu, mu_error), (slip, slip_error) = mu_max, lambda_m
+    # The peak may lie farther out than estimated, by its standard error.
+    farthest = slip + (3 * slip_error if isfinite(slip_error) else 0.0)
+    return Identifiable(
+        mu_max=mu > 0.0
+        and mu_error <= settings.mu_max_std * mu
+        and reached >= settings.mu_max_reach * farthest,
+        lambda_m=slip_error <= settings.lambda_m_std * slip and reached >= farthest,
     )

@@ -63,6 +63,10 @@ class StandardErrors(NamedTuple):
     lambda_m: float
 
 
+UNDETERMINED = StandardErrors(np.diag([np.inf] * 3), np.inf, np.inf)
+"""Standard errors where the samples determine nothing."""
+
+
 def standard_errors(
     theta: ArrayLike, h: Array, noise_std: float, slip_max: float = SLIP_MAX
 ) -> StandardErrors:
@@ -76,18 +80,17 @@ def standard_errors(
 
     """
     theta = np.asarray(theta, dtype=np.float64)
-    unknown = StandardErrors(np.diag([np.inf] * 3), np.inf, np.inf)
     if len(h) < 3:
-        return unknown
+        return UNDETERMINED
     g = sensitivity(theta, h)
     # Columns of one length: the parameters' magnitudes (1, 100, 0.1) do not spoil the inverse.
     norms = np.linalg.norm(g, axis=0)
     if not norms.min() > 0.0:
-        return unknown
+        return UNDETERMINED
     scale = 1.0 / norms
     values, vectors = np.linalg.eigh((g * scale).T @ (g * scale))
     if values[0] <= max(values[-1] * 1e-14, 0.0):
-        return unknown
+        return UNDETERMINED
     covariance = (vectors / values) @ vectors.T * np.outer(scale, scale) * noise_std**2
     c1, c2, c3 = map(float, theta)
     rows = peak_gradient(c1, c2, c3, slip_max)

@@ -54,7 +54,7 @@ def oracle(settings: EstimatorSettings, changes_us: Iterable[int]) -> Tracker:
 
 
 MakeEstimator = Callable[[EstimatorSettings], Estimator]
-"""Makes a fresh estimator."""
+"""Factory of a fresh estimator."""
 
 
 def _baseline(name: str) -> MakeEstimator:
@@ -74,8 +74,8 @@ def known_estimators() -> Mapping[str, MakeEstimator]:
     """The built-in estimators, then those of installed distributions.
 
     Raises:
-        PluginError: A distribution offers something that makes no estimator, or takes a name that
-            is there.
+        PluginError: A distribution offers something that makes no estimator, or a name that
+            exists already.
 
     """
     known = dict(ESTIMATORS)
@@ -89,7 +89,7 @@ def known_estimators() -> Mapping[str, MakeEstimator]:
 
 
 def estimator_by_name(name: str) -> MakeEstimator:
-    """What makes the estimator of that name; KeyError with the names that exist."""
+    """Factory of the estimator of that name; KeyError with the names that exist."""
     if name in ESTIMATORS:
         return ESTIMATORS[name]
     known = known_estimators()

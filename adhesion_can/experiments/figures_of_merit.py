@@ -108,8 +108,8 @@ class FiguresOfMerit:
         rmse_steady: Root mean square errors without the first update after each switch, shape (5,).
         blocks_needed: Number of blocks after each switch until μ_max is within 5 % and stays there,
             shape (runs, switches).
-        samples_needed: Number of samples until then, from the fine-grained runs, shape (runs,
-            switches); None where there were none.
+        samples_needed: Number of samples after each switch until μ_max is within 5 % and stays
+            there, from the fine-grained runs, shape (runs, switches); None without such runs.
         slip_needed: Slip ratio of experiment 1 from which on each quantity is within 10 %, shape
             (runs, 5); empty in the other experiments.
         update_ms: Median duration of an update, ms.
@@ -137,24 +137,24 @@ def compute_figures(
     """Figures of merit of one participant, over all its runs or some of them."""
     experiment, values = outcome.experiment, result.values[runs]
     errors = values - outcome.truth
-    looked, needed = result.samples_needed, _updates_needed(values, outcome)
-    if looked is not None:
-        looked = looked[runs] if len(looked[runs]) else None
+    samples_needed, needed = result.samples_needed, _updates_needed(values, outcome)
+    if samples_needed is not None:
+        samples_needed = samples_needed[runs] if len(samples_needed[runs]) else None
     if experiment.ramp:
         # The slip of the update that ended the search; NaN where it never ended.
         reached = np.where(np.isfinite(needed[:, 0]), needed[:, 0], np.nan) - 1
         slips = experiment.slip_max * reached / (experiment.updates - 1)
         slips = np.where(np.isnan(slips), np.inf, slips)
         errors = errors[:, -1:]
-        kept = errors
+        steady = errors
     else:
         slips = np.empty((0, len(QUANTITIES)))
-        kept = errors[:, steady_updates(experiment)]
+        steady = errors[:, steady_updates(experiment)]
     return FiguresOfMerit(
         rmse=rms(errors, (0, 1)),
-        rmse_steady=rms(kept, (0, 1)),
+        rmse_steady=rms(steady, (0, 1)),
         blocks_needed=needed[:, 1:, MU_MAX],
-        samples_needed=looked,
+        samples_needed=samples_needed,
         slip_needed=slips,
         update_ms=1e3 * float(np.median(result.seconds[runs])),
         answered=float(np.isfinite(values[..., MU_MAX]).mean()),
@@ -193,7 +193,7 @@ def _updates_needed(values: Array, outcome: NoiseLevelResult) -> Array:
 
     Args:
         values: `QUANTITIES` after each update, shape (runs, updates, 5).
-        outcome: Result of the noise level to which they belong.
+        outcome: Result of the noise level of these runs.
 
     Returns:
         Numbers of updates, shape (runs, surfaces, 5); inf: never.

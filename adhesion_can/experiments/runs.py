@@ -25,16 +25,15 @@ from adhesion_can.estimation.differential_evolution import (
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.likelihood import standard_errors
-from adhesion_can.estimation.registry import EstimatorSettings
+from adhesion_can.estimation.registry import EstimatorSettings, MakeEstimator
 from adhesion_can.physics.burckhardt import CurveParameters, adhesion, peak
 from adhesion_can.physics.samples import Samples
 
 Clock = Callable[[], float]
 """Current time in seconds, from any origin."""
 
-Factory = Callable[[EstimatorSettings], Estimator]
-InformedFactory = Callable[[EstimatorSettings, tuple[int, ...]], Estimator]
-"""Makes an estimator that knows the changes: stamps of the first sample on each new surface, µs."""
+MakeInformedEstimator = Callable[[EstimatorSettings, tuple[int, ...]], Estimator]
+"""Factory of an estimator that knows the changes: stamps of the first sample after each, µs."""
 
 QUANTITIES = ("c1", "c2", "c3", "mu_max", "lambda_m")
 """Quantities that are compared, in the order of the columns of every array of values."""
@@ -60,17 +59,17 @@ class Experiment:
 
     Attributes:
         number: Number of the experiment in the paper, 1..3.
-        surfaces: (c1, c2, c3) of the surfaces, one after the other.
+        surfaces: Parameters (c1, c2, c3) of the surfaces, one after the other.
         blocks: Number of blocks on each surface.
         block: Number of samples of a block.
         slip_max: Largest slip ratio; slips are uniform in 0..slip_max, or rise to it.
         ramp: Whether the slip rises through the run; estimators then get single samples, else
             blocks.
-        theta0: (c1, c2, c3) at which estimators with a start begin; None: anywhere.
+        theta0: Parameters (c1, c2, c3) at which estimators with a start begin; None: anywhere.
         noise_stds: Standard deviations of the adhesion noise, one experiment each, 1.
         detail: Number of samples per update in the fine-grained run over a switch.
         detail_before: Number of blocks before the switch at which the fine-grained run begins.
-        detail_after: Number of blocks after the switch at which it ends.
+        detail_after: Number of blocks after the switch at which the fine-grained run ends.
         detail_runs: Number of runs, from the first, that have fine-grained runs.
 
     """
@@ -130,7 +129,8 @@ class ExperimentData:
     Attributes:
         samples: Samples in the order of their stamps, `RATE_HZ` per second.
         block: Number of samples of a block.
-        theta0: (c1, c2, c3) at which estimators with a start begin, right or wrong; None: anywhere.
+        theta0: Parameters (c1, c2, c3) at which estimators with a start begin, right or wrong;
+            None: anywhere.
         changes_us: Stamps of the first sample on each new surface, µs.
         seed: Seed for estimators that draw random numbers.
 
@@ -178,9 +178,10 @@ class Participant:
     """An estimator that takes part in an experiment.
 
     Attributes:
-        run: Function that runs it over the data of a run.
-        streams: Whether it accepts updates of any size, so that fine-grained runs are possible.
-        first_runs: Number of runs, from the first, in which it takes part.
+        run: Function that runs the estimator over the data of a run.
+        streams: Whether the estimator accepts updates of any size, so that fine-grained runs are
+            possible.
+        first_runs: Number of runs, from the first, in which the estimator takes part.
 
     """
 
@@ -190,7 +191,9 @@ class Participant:
 
 
 def participants(
-    experiment: Experiment, estimators: Mapping[str, Factory], oracle: InformedFactory | None = None
+    experiment: Experiment,
+    estimators: Mapping[str, MakeEstimator],
+    oracle: MakeInformedEstimator | None = None,
 ) -> dict[str, Participant]:
     """All participants by name: estimators, the bare algorithm of the paper, and the oracle.
 
@@ -207,8 +210,8 @@ def participants(
     }
     if oracle is not None and not experiment.ramp:
         found["oracle"] = Participant(partial(_run_streaming, oracle))
-    for name, changes in _BARE[experiment.number].items():
-        found[name] = Participant(partial(_run_bare, changes), streams=False)
+    for name, overrides in _BARE[experiment.number].items():
+        found[name] = Participant(partial(_run_bare, overrides), streams=False)
     return found
 
 
@@ -225,13 +228,13 @@ _BARE: Mapping[int, Mapping[str, Mapping[str, Any]]] = {
 """Settings of the search for the paper's bare algorithm, without verdicts or change detection."""
 
 
-def streaming(factory: Factory) -> RunEstimator:
+def streaming(factory: MakeEstimator) -> RunEstimator:
     """Function that runs an `Estimator` over the data of a run."""
     return partial(_run_streaming, lambda settings, _: factory(settings))
 
 
 def _run_streaming(
-    factory: InformedFactory, data: ExperimentData, size: int, clock: Clock
+    factory: MakeInformedEstimator, data: ExperimentData, size: int, clock: Clock
 ) -> tuple[Array, Array]:
     search = EvolutionSettings(theta0=data.theta0, seed=data.seed, block=data.block)
     estimator = factory(EstimatorSettings(evolution=search), data.changes_us)
@@ -248,9 +251,9 @@ def _run_streaming(
 
 
 def _run_bare(
-    changes: Mapping[str, Any], data: ExperimentData, size: int, clock: Clock
+    overrides: Mapping[str, Any], data: ExperimentData, size: int, clock: Clock
 ) -> tuple[Array, Array]:
-    settings = EvolutionSettings(theta0=data.theta0, seed=data.seed, block=size, **changes)
+    settings = EvolutionSettings(theta0=data.theta0, seed=data.seed, block=size, **overrides)
     identify = identify_sequence if size == 1 else identify_blocks
     began = clock()
     theta = identify(*data.samples.folded(), settings)
@@ -283,7 +286,7 @@ def run_once(
     noise_std: float,
     run: int,
     seed: int,
-    who: Mapping[str, Participant],
+    participants_by_name: Mapping[str, Participant],
     clock: Clock,
 ) -> dict[str, EstimatorRun]:
     """One run: all participants over the same data.
@@ -293,13 +296,13 @@ def run_once(
         noise_std: Standard deviation of the adhesion noise, 1.
         run: Number of the run, from 0.
         seed: Seed of all runs.
-        who: Participants by name.
+        participants_by_name: Participants by name.
         clock: Clock that times the updates.
 
     """
     data = simulate_data(experiment, noise_std, run, seed)
     runs = {}
-    for name, participant in who.items():
+    for name, participant in participants_by_name.items():
         if run >= participant.first_runs:
             continue
         values, seconds = participant.run(data, experiment.update, clock)

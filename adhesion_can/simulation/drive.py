@@ -1,6 +1,6 @@
 """The drive: a PI controller on the creep speed of each axle, and its setpoints.
 
-A curve that is not excited cannot be identified. So the drive probes: it sweeps the creep of its
+A curve that is not excited cannot be identified. So the drive probes: it sweeps the slip of its
 axles from near zero to beyond the peak, each axle at another phase, so that the train's effort
 hardly changes. A drive that is left alone probes all the time. A drive that obeys the service
 probes while the service does not know the surface, and holds the service's setpoint otherwise.
@@ -19,8 +19,8 @@ class DriveSettings:
     """Gains and limits.
 
     Attributes:
-        gain: Proportional gain, N per m/s of creep error.
-        integral_gain: Integral gain, N/s per m/s of creep error.
+        gain: Proportional gain, N per m/s of creep speed error.
+        integral_gain: Integral gain, N/s per m/s of creep speed error.
         effort_max: Largest effort of one axle, N.
         lag_s: Time constant of the motor's torque, s.
         slip_low: Lower end of a probing sweep, slip ratio.
@@ -64,7 +64,7 @@ def probing_slip(time_s: float, axles: int, pattern: Pattern, settings: DriveSet
     Args:
         time_s: Simulated time, s.
         axles: Number of axles.
-        pattern: How the slip varies.
+        pattern: Pattern of the probing sweeps.
         settings: Range and duration of the sweeps.
 
     """
@@ -98,13 +98,13 @@ class Command:
 
 @dataclass
 class Drive:
-    """Effort of each axle from its creep.
+    """Effort of each axle from its creep speed.
 
     Attributes:
         axles: Number of axles.
         settings: Gains and limits.
-        pattern: How the drive probes.
-        obey: Whether to follow the service's setpoint while it knows the surface.
+        pattern: Pattern of the probing sweeps.
+        obey: Whether the drive follows the service's setpoint while the surface is known.
         command: Content of the latest `AdhesionSetpoint`.
 
     """
@@ -143,7 +143,7 @@ class Drive:
         error = self.setpoint(time_s, speed) - creep_speed
         wanted = s.gain * error + self._integral
         limited = np.clip(wanted, -s.effort_max, s.effort_max)
-        # The integral stands still where the limit holds it (anti-windup).
+        # Anti-windup by conditional integration: at the limit the integral stands still.
         free = (wanted == limited) | (np.sign(error) != np.sign(wanted))
         self._integral = self._integral + dt * s.integral_gain * error * free
         self.effort = self.effort + (limited - self.effort) * (1.0 - np.exp(-dt / s.lag_s))

@@ -25,7 +25,7 @@ SYNTAX = "NAME[:FORM][=SIZE[,PARAMETER=VALUE]..]"
 
 def effects_help() -> str:
     """Every effect with its parameters, a line each, for the help of a command."""
-    return "\n".join(f"  {_full_name(e):28}{_described(e)}" for e in known_effects())
+    return "\n".join(f"  {_full_name(e):28}{_describe(e)}" for e in known_effects())
 
 
 def parse_effects(texts: Iterable[str], vehicle: Locomotive) -> tuple[ActiveEffect, ...]:
@@ -54,25 +54,25 @@ def parse_effects(texts: Iterable[str], vehicle: Locomotive) -> tuple[ActiveEffe
 def _parse(text: str, vehicle: Locomotive) -> ActiveEffect:
     where = f"--effect {text}"
     name, given, rest = text.partition("=")
-    effect = _effect(name, where)
+    effect = _find_effect(name, where)
     first, *others = effect.parameters
     values = {p.name: p.typical for p in effect.parameters}
     size, *pairs = rest.split(",")
     if given:
-        values[first.name] = _number(size, first, where)
+        values[first.name] = _parse_number(size, first, where)
     for pair in pairs:
         key, _, number = pair.partition("=")
         named = next((p for p in others if p.name == key.strip()), None)
         if named is None:
             known = ", ".join(p.name for p in others) or "none beside the size"
             raise InputError(where, f"no parameter {key.strip()!r}", f"known: {known}")
-        values[named.name] = _number(number, named, where, vehicle.axles)
+        values[named.name] = _parse_number(number, named, where, vehicle.axles)
     active = ActiveEffect(effect, tuple(values.values()))
     _require_some_adhesion(active, vehicle, where)
     return active
 
 
-def _effect(name: str, where: str) -> Effect:
+def _find_effect(name: str, where: str) -> Effect:
     effect_id, _, form = name.partition(":")
     forms = [e.form for e in known_effects() if e.id == effect_id]
     if not forms:
@@ -85,7 +85,7 @@ def _effect(name: str, where: str) -> Effect:
         raise InputError(where, f"no form {form!r}", f"known: {known}") from error
 
 
-def _number(text: str, parameter: Parameter, where: str, axles: int = 0) -> float:
+def _parse_number(text: str, parameter: Parameter, where: str, axles: int = 0) -> float:
     upper = float(axles) if parameter.axle else parameter.upper
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"
     try:
@@ -144,7 +144,7 @@ def _full_name(effect: Effect) -> str:
     return f"{effect.id}:{effect.form}" if effect.form else effect.id
 
 
-def _described(effect: Effect) -> str:
+def _describe(effect: Effect) -> str:
     return "; ".join(
         f"{p.name}: {p.meaning}" + ("" if p.unit == "1" else f", {p.unit}") + f" ({p.typical:g})"
         for p in effect.parameters

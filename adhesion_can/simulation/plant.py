@@ -1,8 +1,9 @@
-"""Six wheelsets on a rail and the train behind them.
+"""Wheelsets on a rail and the train behind them.
 
 Each wheelset: J dω/dt = r (T − F), F = μ(λ) N. The train: M dv/dt = Σ F − resistance − gradient.
 Near the start of the curve the contact is stiff (1000 1/s and more). So a step is linearly implicit
-in ω (Rosenbrock-Euler), and the force of the rail follows from the same balance.
+in ω (Rosenbrock-Euler; Rosenbrock, Comput. J. 5, 1963), and the force of the rail follows from the
+same balance.
 
 Effects in the contact turn the curve into F = factor μ(λ') N, with λ' the slip that they change.
 """
@@ -25,13 +26,13 @@ from adhesion_can.physics.effects import (
 from adhesion_can.physics.vehicle import GRAVITY, Locomotive
 from adhesion_can.simulation.surroundings import Conditions, Surroundings
 
-Curves = tuple[Array, Array, Array]
+AxleCurves = tuple[Array, Array, Array]
 """c1, c2, c3 under each axle, shape (axles,) each."""
 
 SLOWEST = 0.2
 """Smallest speed in the slip ratio, m/s, so that a standing train can start."""
 
-NUDGE = 1e-6
+SLIP_STEP = 1e-6
 """Step of the slip in the difference quotient of a contact whose slip effects change."""
 
 
@@ -48,7 +49,7 @@ def running_resistance(speed: float, train_mass: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class GradientProfile:
     """A track that keeps the train near a speed: it rises where the train is fast.
 
     Attributes:
@@ -80,7 +81,7 @@ class Plant:
         speed: Speed at the start, m/s.
         effects: Mechanisms beyond the curve; those of the instruments change nothing here.
         load_transfer: Whether axle loads change under effort.
-        gradient: Gradient of the track, m/m, positive uphill; or its profile.
+        gradient: Gradient of the track, m/m, positive uphill, or the profile of the gradient.
         surroundings: Air, rail, sand and curves along the run; None: calm.
 
     """
@@ -92,7 +93,7 @@ class Plant:
         effects: Sequence[ActiveEffect] = (),
         *,
         load_transfer: bool = False,
-        gradient: "float | Profile" = 0.0,
+        gradient: float | GradientProfile = 0.0,
         surroundings: Surroundings | None = None,
     ) -> None:
         self.vehicle = vehicle
@@ -107,7 +108,7 @@ class Plant:
         self._effects = tuple(a for a in effects if isinstance(a.effect, ContactEffect))
         self._channels = {name for a in self._effects for name in a.effect.requires.covariates}
         self._lags = LagStates()
-        self._follows = False
+        self._lags_follow_slip = False
         self._axle = np.arange(1.0, vehicle.axles + 1)
         self._surroundings = surroundings or Surroundings()
         # Transfer is linear in the efforts: (axles, axles), N of load per N of effort.
@@ -121,7 +122,7 @@ class Plant:
     def gradient(self) -> float:
         """Gradient of the track here, m/m, positive uphill."""
         slope = self._gradient
-        return slope.at(self.speed, self.time_s) if isinstance(slope, Profile) else slope
+        return slope.at(self.speed, self.time_s) if isinstance(slope, GradientProfile) else slope
 
     @property
     def conditions(self) -> Conditions:
@@ -134,12 +135,12 @@ class Plant:
         v = max(self.speed, SLOWEST)
         return np.asarray((self.radius * self.wheel_speed - self.speed) / v)
 
-    def step(self, effort: Array, theta: Curves, dt: float) -> None:
+    def step(self, effort: Array, theta: AxleCurves, dt: float) -> None:
         """Advance by one step.
 
         Args:
             effort: Effort at the rim of each axle, N, shape (axles,).
-            theta: Parameters c1, c2, c3 of the surface under each axle.
+            theta: Parameters c1, c2, c3 of the surface under each axle, shape (axles,) each.
             dt: Duration of the step, s.
 
         """
@@ -168,10 +169,10 @@ class Plant:
         self.speed = max(before + dt * pull / mass, 0.0)
         self.position += dt * (before + self.speed) / 2
         self.time_s += dt
-        if contact is not None and self._follows:
+        if contact is not None and self._lags_follow_slip:
             compute_change(self._effects, replace(contact, slip=self.slip), self._lags)
 
-    def _compute_adhesion(self, contact: Contact, theta: Curves) -> tuple[Array, Array]:
+    def _compute_adhesion(self, contact: Contact, theta: AxleCurves) -> tuple[Array, Array]:
         """Adhesion at the end of a step in which the slip stays, and its slope over that slip.
 
         Both of shape (axles,). A contact that follows the slip moves only a part of the way within
@@ -183,11 +184,11 @@ class Plant:
         if change.slip is slip:
             self._lags = after
             return mu, adhesion_slope(slip, *theta) * change.factor
-        # What follows the slip is led to its end once that is known.
-        self._follows = True
-        moved = replace(contact, slip=slip + NUDGE)
-        nudged = compute_change(self._effects, moved, self._lags.copy())
-        return mu, (_curve(nudged.slip, theta) * nudged.factor - mu) / NUDGE
+        # Lag states that follow the slip are advanced in `step`, once the slip at its end is known.
+        self._lags_follow_slip = True
+        moved = replace(contact, slip=slip + SLIP_STEP)
+        stepped = compute_change(self._effects, moved, self._lags.copy())
+        return mu, (_curve(stepped.slip, theta) * stepped.factor - mu) / SLIP_STEP
 
     def _contact(self, slip: Array, v: float, dt: float) -> Contact:
         """State of the contacts, at the time of the step's end."""
@@ -209,7 +210,7 @@ class Plant:
         )
 
 
-def _curve(slip: Array, theta: Curves) -> Array:
+def _curve(slip: Array, theta: AxleCurves) -> Array:
     # Past a slip of 1 a wheel only spins faster: the straight -c3 λ would turn negative there.
     return adhesion(np.clip(slip, -SLIP_MAX, SLIP_MAX), *theta)
 
@@ -243,9 +244,9 @@ class Track:
         self._behind = behind
         self._entered_m = [-np.inf]
         self._curves = np.array([s.surface.theta for s in self._sections])
-        self._settled: Curves | None = None
+        self._settled: AxleCurves | None = None
 
-    def under(self, time_s: float, position: float) -> Curves:
+    def under(self, time_s: float, position: float) -> AxleCurves:
         """c1, c2, c3 under each axle, shape (axles,) each.
 
         Args:

@@ -135,10 +135,10 @@ class Simulation:
         )
 
     def truth(self) -> dict[str, Any]:
-        """What is true in this run, as `--truth` writes it.
+        """True surfaces, effects and noise of the run, as `--truth` writes them.
 
-        The vehicle is the configured one, and the surfaces are without the effects: these say in
-        what the real ones differ.
+        The vehicle is the configured one, and the surfaces are without the effects; in what the
+        real ones differ follows from the effects.
         """
         settings = self.settings
         ends = [section.from_s for section in self.sections[1:]] + [settings.duration_s]

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 from adhesion_can.physics.burckhardt import RAIL, Surface
 from adhesion_can.simulation.drive import Pattern
-from adhesion_can.simulation.plant import Profile, TrackSection
-from adhesion_can.simulation.surroundings import Curve, Surroundings, Wave
+from adhesion_can.simulation.plant import GradientProfile, TrackSection
+from adhesion_can.simulation.surroundings import Surroundings, TrackCurve, Wave
 
 _BY_NAME = {surface.name: surface for surface in RAIL}
 
@@ -21,7 +21,7 @@ class Scenario:
         name: Name for `--scenario`.
         surfaces: Names of `RAIL` surfaces, each for an even share of the duration.
         speed: Speed at the start, m/s; the track's profile keeps the train near it.
-        pattern: How a drive that is left alone varies the slip.
+        pattern: Pattern of the sweeps of a drive that is left alone.
         meaning: Description in one line.
         speed_swing: Relative amplitude with which the profile lets the speed swing.
         load_transfer: Whether axle loads always change under effort.
@@ -39,14 +39,16 @@ class Scenario:
     surroundings: Surroundings = field(default_factory=Surroundings)
 
     @property
-    def profile(self) -> Profile:
-        """Profile of the track: the climb for full effort on dry rail comes at 6 m/s more.
+    def profile(self) -> GradientProfile:
+        """Gradient profile of the track: the climb for full effort on dry rail comes at 6 m/s more.
 
         Where the speed is to change, the track is as steep as it must be for the train to follow.
         """
         if not self.speed_swing:
-            return Profile(self.speed, rise=0.005)
-        return Profile(self.speed, rise=0.02, amplitude=self.speed_swing, period_s=SPEED_PERIOD_S)
+            return GradientProfile(self.speed, rise=0.005)
+        return GradientProfile(
+            self.speed, rise=0.02, amplitude=self.speed_swing, period_s=SPEED_PERIOD_S
+        )
 
     def sections(self, duration_s: float) -> list[TrackSection]:
         """Surfaces with the times at which they begin."""
@@ -87,10 +89,10 @@ SCENARIOS: tuple[Scenario, ...] = (
             sanding_period_s=47.0,
             sanding_s=15.0,
             curves=(
-                Curve(260.0, 300.0, 220.0),
-                Curve(200.0, -600.0, 160.0),
-                Curve(240.0, 420.0, 280.0),
-                Curve(180.0, -1200.0, 130.0),
+                TrackCurve(260.0, 300.0, 220.0),
+                TrackCurve(200.0, -600.0, 160.0),
+                TrackCurve(240.0, 420.0, 280.0),
+                TrackCurve(180.0, -1200.0, 130.0),
             ),
         ),
     ),

@@ -41,7 +41,17 @@ class NoiseSettings:
 
 @dataclass(frozen=True, slots=True)
 class PlantState:
-    """Quantities that sensors measure, at one time: SI units, arrays of shape (axles,)."""
+    """Quantities that sensors measure, at one time.
+
+    Attributes:
+        wheel_speed: Angular speed of each wheelset, rad/s, shape (axles,).
+        speed: Vehicle speed, m/s.
+        effort: Effort at the rim of each axle, N, shape (axles,).
+        load: Load of each axle, N, shape (axles,).
+        gradient: Gradient of the track, m/m, positive uphill.
+        conditions: Surroundings of the locomotive.
+
+    """
 
     wheel_speed: Array
     speed: float
@@ -51,7 +61,7 @@ class PlantState:
     conditions: Conditions = DEFAULT_CONDITIONS
 
     def towards(self, other: "PlantState", share: float) -> "PlantState":
-        """Between this state (share 0) and a later one (share 1)."""
+        """State between this one (share 0) and a later one (share 1), by linear interpolation."""
         return PlantState(
             self.wheel_speed + share * (other.wheel_speed - self.wheel_speed),
             self.speed + share * (other.speed - self.speed),
@@ -135,7 +145,7 @@ class Sensors:
     Args:
         database: The message set of adhesion-can.
         noise: Standard deviations of the noise.
-        rng: Random numbers.
+        rng: Generator of the noise.
         instruments: Errors of the sensors beside the noise.
 
     """
@@ -155,8 +165,8 @@ class Sensors:
             "TractiveEffort1": to_us(instruments.effort_delay),
             "TractiveEffort2": to_us(instruments.effort_delay),
         }
-        latest = max(self._delay_us.values())
-        self._history = StateHistory(latest) if latest else None
+        longest_us = max(self._delay_us.values())
+        self._history = StateHistory(longest_us) if longest_us else None
         self._transmitters = [
             Transmitter(database, name, slot) for slot, name in enumerate(INPUT_MESSAGES)
         ]

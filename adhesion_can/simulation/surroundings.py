@@ -32,8 +32,8 @@ class Conditions:
         ambient_temperature: Temperature of the air, degC.
         rail_temperature: Temperature of the rail, degC.
         humidity: Relative humidity of the air, %.
-        sanding: 1.0 while sand is strewn, else 0.0.
-        rain: 0 none, 1 light, 2 heavy.
+        sanding: State of the sanders: 1.0 while sand is strewn, else 0.0.
+        rain: Intensity of the rain: 0 none, 1 light, 2 heavy.
         curvature: Curvature of the track, 1/m, positive to the left.
 
     """
@@ -91,7 +91,7 @@ TRANSITION_M = 40.0
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class TrackCurve:
     """A curve of the track and the straight behind it.
 
     Attributes:
@@ -129,15 +129,15 @@ class Surroundings:
     )
     sanding_period_s: float = 60.0
     sanding_s: float = 0.0
-    curves: tuple[Curve, ...] = ()
+    curves: tuple[TrackCurve, ...] = ()
 
     def at(self, time_s: float, position: float) -> Conditions:
         """Conditions at a time, s, and a place along the track, m."""
-        left = self.sanding_period_s - time_s % self.sanding_period_s
+        remaining_s = self.sanding_period_s - time_s % self.sanding_period_s
         return Conditions(
             rail_temperature=self.rail_temperature.at(time_s),
             humidity=self.humidity.at(time_s),
-            sanding=float(left <= self.sanding_s),
+            sanding=float(remaining_s <= self.sanding_s),
             curvature=self.curvature(position),
         )
 

@@ -12,7 +12,8 @@ import pytest
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.config.model_file import read_model, write_model
-from adhesion_can.estimation.extended.estimator import ExtendedEstimator, ExtendedModel
+from adhesion_can.estimation.extended.estimator import ExtendedEstimator
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.recordings.candump import ReadReport, read_candump

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from adhesion_can.config.model_file import model_text, read_model, write_model
 from adhesion_can.errors import ConfigError, InputError
-from adhesion_can.estimation.extended.estimator import ExtendedModel
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
 

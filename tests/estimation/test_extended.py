@@ -16,7 +16,8 @@ from adhesion_can.estimation.extended.correction import (
     require_channels,
     require_columns,
 )
-from adhesion_can.estimation.extended.estimator import ExtendedEstimator, ExtendedModel
+from adhesion_can.estimation.extended.estimator import ExtendedEstimator
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from adhesion_can.config import load_configuration
-from adhesion_can.estimation.extended.estimator import ExtendedModel
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.offline.fit_errors import MisfitCollector
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.samples import Samples

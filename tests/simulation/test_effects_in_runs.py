@@ -24,7 +24,7 @@ from adhesion_can.simulation.plant import Plant
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
 from adhesion_can.simulation.sensors import NoiseSettings
-from adhesion_can.simulation.surroundings import Curve, Surroundings, Wave
+from adhesion_can.simulation.surroundings import Surroundings, TrackCurve, Wave
 
 DATABASE = load_database()
 SILENT = NoiseSettings(0.0, 0.0, 0.0, 0.0)
@@ -36,7 +36,7 @@ QUICK = Surroundings(
     rail_temperature=Wave(20.0, 15.0, 1.3),
     sanding_period_s=0.7,
     sanding_s=0.3,
-    curves=(Curve(90.0, 300.0, 5.0),),
+    curves=(TrackCurve(90.0, 300.0, 5.0),),
 )
 SWEEP = replace(scenario_by_name("sweep"), surroundings=QUICK)
 
@@ -216,7 +216,7 @@ def test_effects_together_multiply_in_the_force():
 def test_a_steady_effort_below_the_peak_comes_to_rest(effect, speed):
     # No drive to hold it: whatever the step itself stirs up would be seen. A train so heavy keeps
     # its speed; the contact's own swinging dies away within some relaxation lengths.
-    bend = Surroundings(sanding_s=60.0, curves=(Curve(1e6, 300.0, 1.0),))
+    bend = Surroundings(sanding_s=60.0, curves=(TrackCurve(1e6, 300.0, 1.0),))
     vehicle = replace(Locomotive(), train_mass=1e12)
     plant = Plant(vehicle, speed, [effect], surroundings=bend)
     plant.position = 5e3

@@ -9,7 +9,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import load_database
 from adhesion_can.config import load_configuration
 from adhesion_can.offline.extract_samples import extract_samples
-from adhesion_can.simulation.plant import Plant, Profile
+from adhesion_can.simulation.plant import GradientProfile, Plant
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
 from adhesion_can.simulation.sensors import NoiseSettings
@@ -17,8 +17,8 @@ from adhesion_can.simulation.surroundings import (
     DEFAULT_CONDITIONS,
     TRANSITION_M,
     Conditions,
-    Curve,
     Surroundings,
+    TrackCurve,
     Wave,
 )
 
@@ -42,7 +42,7 @@ def test_the_default_is_calm():
 
 
 def test_curves_follow_each_other_with_transitions_and_begin_again():
-    track = Surroundings(curves=(Curve(200.0, 400.0, 100.0), Curve(100.0, -250.0, 50.0)))
+    track = Surroundings(curves=(TrackCurve(200.0, 400.0, 100.0), TrackCurve(100.0, -250.0, 50.0)))
     left, right = 1 / 400, -1 / 250
     corners = [
         (0, 0), (TRANSITION_M / 2, left / 2), (TRANSITION_M, left), (100, left),
@@ -57,7 +57,7 @@ def test_curves_follow_each_other_with_transitions_and_begin_again():
 @pytest.mark.parametrize("bad", [(70.0, 300.0, 10.0), (200.0, 0.0, 10.0), (200.0, 300.0, 0.0)])
 def test_a_curve_that_no_track_has_is_refused(bad):
     with pytest.raises(ValueError, match="transitions"):
-        Curve(*bad)
+        TrackCurve(*bad)
 
 
 def test_sand_is_strewn_at_the_end_of_each_period():
@@ -77,7 +77,7 @@ def test_conditions_go_by_the_names_that_samples_carry():
 
 
 def test_a_profile_lets_its_speed_swing():
-    profile = Profile(10.0, rise=0.01, amplitude=0.5, period_s=40.0)
+    profile = GradientProfile(10.0, rise=0.01, amplitude=0.5, period_s=40.0)
     assert profile.at(12.0, 0.0) == pytest.approx(0.02)
     assert profile.at(12.0, 10.0) == pytest.approx(-0.03)  # 15 m/s is what it is made for then
     assert profile.at(12.0, 30.0) == 0.035
@@ -93,7 +93,7 @@ def test_frames_carry_the_surroundings_of_their_time_and_place():
         rail_temperature=Wave(20.0, 15.0, 13.0),
         sanding_period_s=5.0,
         sanding_s=2.0,
-        curves=(Curve(90.0, 300.0, 5.0), Curve(100.0, -400.0, 5.0)),
+        curves=(TrackCurve(90.0, 300.0, 5.0), TrackCurve(100.0, -400.0, 5.0)),
     )
     scenario = replace(SWEEP, surroundings=quick)
     settings = RunSettings(scenario, 12.0, noise=NoiseSettings(0.0, 0.0, 0.0, 0.0))

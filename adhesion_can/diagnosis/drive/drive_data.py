@@ -51,9 +51,10 @@ class DriveData:
 
     Attributes:
         name: Name of the recording.
-        t_s: Stamps since the first row, s; shape (n,).
+        t_s: Stamps since the first row, s; shape (n,). In a sample table, rows that do not follow
+            each other are set further apart.
         axle: Axle numbers from 1; shape (n,).
-        place: Position of the axle, counted from the leading one; shape (n,).
+        place: Ordinal position of the axle, counted from the leading one; shape (n,).
         effort: Tractive effort as read, N; shape (n,).
         covariates: Further channels by name, shape (n,) each.
         radius: Configured wheel radii, m; shape (axles,).
@@ -61,8 +62,8 @@ class DriveData:
         position: Travelled distance, m; shape (n,).
         kinematics: Kinematics of the rows for any delays of the sensors.
         first_us: Stamp of time 0 on the recording's clock, µs.
-        clock_s: Time of each row, s, where `t_s` differs from it: in a sample table, rows that do
-            not follow each other are set apart; shape (n,).
+        clock_s: True time of each row of a sample table since the first row, s; shape (n,); None
+            where `t_s` is the true time.
         lost: Number of unusable rows by reason.
         table: Whether the rows come from a sample table with slip and adhesion.
         has_speed: Whether the vehicle speed is known.

@@ -31,7 +31,7 @@ LEAST_LOAD_SHARE = 0.1
 LEAST_LOADS_AVAILABLE = 0.5
 """Share of an axle's load readings that must be available for the load to count as measured."""
 MOST_MISSING = 0.05
-"""A channel that is missing in a larger share of the rows is not used."""
+"""Largest share of missing readings of a channel that is used."""
 
 Traces = Mapping[tuple[Role, int], Trace]
 
@@ -144,7 +144,7 @@ def distance_behind_leading_axle(
     """Distance behind the leading axle, m, shape (n,); zeros where the geometry is not known.
 
     Args:
-        vehicle: Vehicle with its geometry.
+        vehicle: Configured vehicle.
         axle: Axle number of each row from 1, shape (n,).
         direction: Direction of travel, 1 or −1; shape (n,).
 
@@ -170,7 +170,7 @@ def _find_usable_rows(
     early = DELAY_MAX["effort"]
     known = is_covered(wheel, t - early, t) & is_covered(speed, t - early, t + DELAY_MAX["speed"])
     v = np.interp(t, speed.t_s, speed.value)
-    # A delay reads the speed at other moments, and each of them needs a slip ratio.
+    # A delay reads the speed at other times, and each of them needs a slip ratio.
     around = np.arange(-early, DELAY_MAX["speed"] + 0.01, 0.25)
     slowest = np.min([np.interp(t + step, speed.t_s, speed.value) for step in around], axis=0)
     fast = slowest >= v_min

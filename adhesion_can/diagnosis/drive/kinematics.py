@@ -127,7 +127,7 @@ class SignalKinematics:
         return SignalKinematics(self._axles[kept], self._t_s[kept], self._signals)
 
     def __call__(self, speed_delay: float, effort_delay: float) -> Kinematics:
-        """Kinematics at the moment at which the effort was measured.
+        """Kinematics at the time at which the effort was measured.
 
         Args:
             speed_delay: Delay of the vehicle speed, s.

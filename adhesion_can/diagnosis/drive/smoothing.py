@@ -17,12 +17,17 @@ from adhesion_can.sampling.traces import Trace
 SPEED_WINDOWS_S = (0.3, 0.6, 1.0, 1.5, 2.2, 3.0)
 """Widths for the vehicle speed less the part that the efforts predict, s."""
 WHEEL_WINDOWS_S = (0.05, 0.09)
+"""Widths for the wheel speeds, s."""
 EFFORT_WINDOWS_S = (0.15,)
+"""Width for the tractive efforts, s."""
 HIGH_PASS_WINDOW_S = 0.4
+"""Width of the window of the high-pass filter, s."""
 GAP_CYCLES = 3.0
+"""Time between two readings, in cycles of the signal, from which it is a gap."""
 LEAST_READINGS = 8
 """A signal with fewer readings is not used."""
 LEAST_POINTS = 5
+"""Least number of readings in a window."""
 
 
 class SmoothedSignal(NamedTuple):
@@ -103,8 +108,8 @@ def _best_smoothing(
             if len(run) >= points:
                 value[run] = scipy.signal.savgol_filter(raw[run], points, 2)
                 rate[run] = scipy.signal.savgol_filter(raw[run], points, 2, deriv=1, delta=cycle)
-        # The weight of a reading in its own smoothed value is the leverage: dividing by 1 − it
-        # turns a residual into a leave-one-out prediction error.
+        # Leverage: the weight of a reading in its own smoothed value. A residual over 1 − leverage
+        # is the leave-one-out prediction error (PRESS; Allen, Technometrics 16, 1974).
         leverage = float(scipy.signal.savgol_coeffs(points, 2)[points // 2])
         error = float(np.nanmean((raw - value) ** 2))
         unseen = error / (1.0 - leverage) ** 2

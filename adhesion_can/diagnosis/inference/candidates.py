@@ -12,6 +12,7 @@ from adhesion_can.physics.channels import CHANNEL_BY_NAME
 from adhesion_can.physics.effects import Effect, known_effects
 
 LEAST_ROWS, LEAST_BLOCKS = 400, 9
+"""Rows that decide, and blocks of time, without which there is no diagnosis."""
 LEAST_RANGE = 0.004
 """Range of |λ| (5 to 95 % of the rows) below which there is no curve in the data."""
 LEAST_ADHESION = 0.01
@@ -23,7 +24,7 @@ COASTING = 0.005
 
 
 def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...], list[Untested]]:
-    """Effects that the recordings can be tested for, and those that they cannot."""
+    """Effects that the recordings can be tested for, and the others with the reason."""
     found: list[Candidate] = []
     untested: dict[str, str] = {}
     for effect in known_effects():
@@ -62,12 +63,12 @@ def _missing_signal(covariates: Sequence[str], drives: Sequence[DriveData]) -> s
     needed = sorted(known.intersection(covariates))
     if not needed:
         return _no_signal(covariates, drives)
-    still = all(_constant(drives, name) for name in needed)
+    still = all(_is_constant(drives, name) for name in needed)
     return f"{' and '.join(needed)} does not change in these data" if still else ""
 
 
 def _no_signal(covariates: Sequence[str], drives: Sequence[DriveData]) -> str:
-    """Whether a channel is not there at all, or not there often enough."""
+    """Why a channel is not known: no signal gives it, or its readings are not available."""
     for drive in drives:
         for name in covariates:
             count = drive.lost.get(f"channel {name}", 0)
@@ -76,7 +77,7 @@ def _no_signal(covariates: Sequence[str], drives: Sequence[DriveData]) -> str:
     return f"no signal gives {' or '.join(covariates)}"
 
 
-def _constant(drives: Sequence[DriveData], name: str) -> bool:
+def _is_constant(drives: Sequence[DriveData], name: str) -> bool:
     values = np.concatenate([drive.covariates[name] for drive in drives])
     return not len(values) or float(np.ptp(values)) == 0.0
 
@@ -101,29 +102,26 @@ def describe_insufficient_data(drives: Sequence[DriveData], block: NDArray[np.in
             f"the usable part of the drive is too short: {blocks} blocks of time, where "
             f"{LEAST_BLOCKS} are the least from which a part can be held out"
         )
-    seen = [drive.observe() for drive in drives]
-    for name, least, words in (
-        ("slip", LEAST_RANGE, "slip"),
-        ("adhesion", LEAST_ADHESION, "adhesion"),
-    ):
-        size = np.abs(np.concatenate([getattr(one, name) for one in seen]))
+    observed = [drive.observe() for drive in drives]
+    for name, least in (("slip", LEAST_RANGE), ("adhesion", LEAST_ADHESION)):
+        size = np.abs(np.concatenate([getattr(one, name) for one in observed]))
         low, high = map(float, np.quantile(size, [0.05, 0.95]))
         if high - low < least:
             return (
-                f"the {words} hardly varies ({low:.4f} to {high:.4f}): a curve needs creep swept "
+                f"the {name} hardly varies ({low:.4f} to {high:.4f}): a curve needs creep swept "
                 "from near 0 to beyond its peak"
             )
     return ""
 
 
 def find_untestable(drives: Sequence[DriveData]) -> list[Untested]:
-    """What else cannot be identified from these drives."""
+    """Quantities beside the effects that these drives do not identify, with the reason."""
     found = []
     for drive in drives:
         if drive.table:
             continue
         idle = np.abs(drive.observe().adhesion) < COASTING
-        if not _lasting(idle, drive):
+        if not _coasts(idle, drive):
             found.append(
                 Untested(
                     f"wheel against ground speed in {drive.name}",
@@ -139,7 +137,7 @@ def find_untestable(drives: Sequence[DriveData]) -> list[Untested]:
     return found
 
 
-def _lasting(idle: np.ndarray, drive: DriveData) -> bool:
+def _coasts(idle: np.ndarray, drive: DriveData) -> bool:
     """Whether a fifth of the rows of some second of an axle coast: noise alone does not do that."""
     second = np.floor(drive.t_s).astype(np.int64) + 100_000 * drive.axle
     numbers, inverse = np.unique(second, return_inverse=True)

@@ -22,7 +22,7 @@ class ConfirmedFindings:
 
     Attributes:
         named: Effects that explain the data; () where none does.
-        channel: Channel of an unexplained residual; None: none.
+        channel: Channel of an unexplained residual; None where there is none.
         gain: Gain of the effects or the channel on the held-out data.
         rejected: Findings that do not hold on the held-out data, with the reason.
 

@@ -25,8 +25,9 @@ from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegres
 from adhesion_can.diagnosis.result import Gain
 
 CONFIDENCE = 0.95
+"""Confidence level of the interval."""
 LEAST_RECORDINGS = 3
-"""Held-out recordings from which each one is a unit of its own."""
+"""Least number of held-out recordings for each one to be a unit of its own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,7 @@ class HoldOutUnits:
 
     Attributes:
         unit: Unit number of each held-out row, shape (m,).
-        description: What was held out, a clause for reports.
+        description: Description of the data that were held out, a clause for reports.
         spans: Recording, begin and end of each unit, s on the recording's clock.
 
     """
@@ -74,10 +75,10 @@ def compute_hold_out_gain(
     """Gain of an extended model over the plain one on the held-out rows.
 
     Args:
-        regression: Regression on which both were fitted.
+        regression: Regression on which both models were fitted.
         plain: Model without effects.
         extended: Model with effects.
-        channel: Residual channel that is added to it; None: none.
+        channel: Residual channel that is added to the extended model; None: none.
         other_drives: Whether whole recordings were held out.
         noise_floor: RMSE of the adhesion that no model goes below.
         block_length_s: Length of a block, s.
@@ -101,10 +102,10 @@ def evaluate_hold_out(
     """Residuals of both models on the held-out rows.
 
     Args:
-        regression: Regression on which both were fitted.
+        regression: Regression on which both models were fitted.
         plain: Model without effects.
         extended: Model with effects.
-        channel: Residual channel that is added to it; None: none.
+        channel: Residual channel that is added to the extended model; None: none.
         other_drives: Whether whole recordings were held out. Their surfaces are their own, so both
             models get curves fitted to them; the effects stay as they were fitted.
 
@@ -139,7 +140,7 @@ def group_hold_out(
     """Group the held-out rows into spans, or into recordings where at least three are held out.
 
     Args:
-        regression: Regression with its blocks.
+        regression: Regression whose rows are in blocks.
         rows: Indices of the held-out rows, shape (m,).
         block_length_s: Length of a block, s.
         other_drives: Whether whole recordings were held out.

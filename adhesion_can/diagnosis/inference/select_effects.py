@@ -79,7 +79,7 @@ class ModelSelection:
 
         Args:
             candidate: Effect of the best model.
-            tested: All effects that were tested.
+            tested: Effects that were tested.
 
         """
         by_signs = float(self.test.p_value[list(tested).index(candidate)])

@@ -18,7 +18,7 @@ HELD_EVERY, HELD_BLOCKS = 3, 2
 
 
 def choose_held_out_drives(drives: Sequence[DriveData], given: Sequence[DriveData]) -> list[bool]:
-    """Whether each drive is held out whole; none is where one drive is all there is.
+    """Whether each drive is held out whole; a single drive never is.
 
     Args:
         drives: All drives.

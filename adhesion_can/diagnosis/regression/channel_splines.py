@@ -43,8 +43,8 @@ class Channel:
             table.
         kind: How the channel acts on the adhesion.
         values: Values in every row, shape (n,).
-        columns: Number of columns of its spline.
-        period: Length of a wave in the channel, in its unit; 0 for none.
+        columns: Number of columns of the channel's spline.
+        period: Length of a wave in the channel, in the channel's unit; 0 for none.
 
     """
 
@@ -133,5 +133,5 @@ def _compute_slip_rate(data: RegressionData, slip: Array) -> Array:
     """Rate of change of the slip along each axle's rows, 1/s."""
     t_s = data.column("t_s")
     rate = np.gradient(slip) / np.where(np.gradient(t_s) > 0, np.gradient(t_s), np.inf)
-    parameter = np.quantile(np.abs(rate), 0.999) if len(rate) else 0.0
-    return np.clip(rate, -parameter, parameter)
+    limit = np.quantile(np.abs(rate), 0.999) if len(rate) else 0.0
+    return np.clip(rate, -limit, limit)

@@ -37,6 +37,7 @@ LEAST_ROWS, MOST_ROWS = 500, 6_000
 EXCLUDED_AROUND_S = 2.0
 """Rows this close to a change are left out, since each axle meets it at its own time, s."""
 PASSES = 3
+"""Largest number of Gauss-Newton passes over the curves of a trial."""
 LEAST_CURVE_ROWS, MOST_CURVE_ROWS = 10, 3_000
 """Rows without which no curve is fitted, and to which a surface is thinned for its start curve."""
 DEFAULT_CURVE = (0.3, 40.0, 0.1)

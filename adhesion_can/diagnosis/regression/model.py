@@ -31,6 +31,7 @@ DERIVATIVE_STEP = 0.01
 EXCLUDED = -1
 """Surface number of a row that belongs to no surface: it is close to a surface change."""
 LARGEST_C, LARGEST_C2 = 10.0, 1000.0
+"""Upper bounds of c1 and c3, and of c2; never active where data determine the curve."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +70,9 @@ class SegmentCurves:
 
     def parameters_of(self, surface: NDArray[np.int64]) -> tuple[Array, Array, Array]:
         """c1, c2 and c3 of each row, given its surface number; shape (n,) each."""
-        c1, log_c2, c3 = self.values[np.maximum(surface, 0)].T
-        return c1, np.exp(log_c2), c3
+        c1, log_c2, c3 = self.values.T
+        row = np.maximum(surface, 0)
+        return c1[row], np.exp(log_c2)[row], c3[row]
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +257,8 @@ def compute_effect_jacobian(
         data: Rows of all drives.
         model: Model without the effect.
         candidate: Effect whose parameters are varied.
-        values: Values of its free parameters; a step that leaves the range is one-sided.
+        values: Values of the candidate's free parameters; a step that leaves the range is
+            one-sided.
         slip_correction: Correction added to every measured slip ratio, shape (n,).
 
     Returns:
@@ -287,7 +290,7 @@ def compute_signature(
         data: Rows of all drives.
         model: Model without the effect.
         candidate: Effect whose signature is computed.
-        start: Values of its free parameters, with size 0.
+        start: Values of the candidate's free parameters, with size 0.
         slip_correction: Correction added to every measured slip ratio, shape (n,).
         chord: Size of the effect at the chord's end, relative to the typical one.
 

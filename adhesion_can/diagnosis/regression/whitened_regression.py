@@ -33,9 +33,11 @@ from adhesion_can.diagnosis.regression.model import (
 from adhesion_can.diagnosis.regression.whitening import Whitener, fit_whitener
 
 ITERATIONS = 10
+"""Largest number of steps of a fit."""
 CONVERGED = 1e-5
 """A step that lowers the explained square by a smaller share of the sum of squares is the last."""
 FIRST_DAMPING, LARGEST_DAMPING = 1e-4, 1e2
+"""Damping of the first step, and damping beyond which no further step is tried."""
 RIDGE = 1e-10
 """Added to the diagonal of a correlation matrix, so that it can be inverted."""
 WEIGHT_GROUPS, WEIGHT_ROWS = 20, 200
@@ -132,7 +134,7 @@ class WhitenedRegression:
         Args:
             model: Model without the effect.
             candidate: Effect whose signature is computed.
-            start: Values of its free parameters, with size 0; None: its null values.
+            start: Values of the candidate's free parameters, with size 0; None: its null values.
             chord: Size of the effect at the chord's end, relative to the typical one.
 
         Returns:
@@ -156,7 +158,8 @@ def _compute_weights(square: Array, share: Array, used: NDArray[np.bool_]) -> Ar
     """Reciprocal standard deviation of whitened residuals, as a function of the slip's share.
 
     A filter that removes most of a slow noise leaves the slip's own error as it was. The variance
-    function is linear in the share, with coefficients that are not negative (Lawson and Hanson).
+    function is linear in the share, with coefficients that are not negative (non-negative
+    least squares; Lawson and Hanson, Solving Least Squares Problems, 1974).
 
     Args:
         square: Squares of the whitened residuals, shape (n,).
@@ -183,7 +186,7 @@ class FittedModel:
 
     Attributes:
         model: Model with the fitted parameters.
-        grams: Gram matrices of its whitened Jacobian and residual, the residual last.
+        grams: Gram matrices of the model's whitened Jacobian and residual, the residual last.
         covariance: Covariance of the free parameters, shape (p, p).
 
     """

@@ -1,8 +1,8 @@
 """Prewhitening of residuals by an autoregressive filter, the same for every axle.
 
-The coefficients solve the Yule-Walker equations, the order minimises Schwarz's criterion (BIC);
-columns and residual pass the same filter (Cochrane and Orcutt, JASA 44 (1949)), which makes
-ordinary least squares on them generalised least squares.
+The coefficients solve the Yule-Walker equations. The order minimises Schwarz's criterion (BIC;
+Annals of Statistics 6 (1978)). Columns and residual pass the same filter (Cochrane and Orcutt, JASA
+44 (1949)), which makes ordinary least squares on them generalised least squares.
 """
 
 from dataclasses import dataclass
@@ -18,8 +18,11 @@ NUGGET = 1.0
 of it. A filter for slow noise alone would difference it until the small errors of timing and
 smoothing dominated."""
 ORDERS = (0, 1, 2, 4, 8, 16, 32, 64)
+"""Orders of the autoregression that are compared."""
 ROWS_PER_COEFFICIENT = 20
+"""Least number of rows for each coefficient of the filter."""
 GAP_CYCLES = 3
+"""Time between two rows, in cycles of the data, from which it is a gap."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ from adhesion_can.physics.samples import Samples
 BlockFit = Callable[[Samples, Estimate | None], Estimate]
 """Fit of one block, given the estimate of the block before."""
 
-POORER = 1.2
+REFIT_RATIO = 1.2
 """Residual, over that of the last fit, from which a refinement is repeated from a scan.
 
 The residual of 500 samples scatters by 3 %; the paper's surfaces differ by much more than noise.
@@ -106,9 +106,8 @@ def scipy_evolution_estimator(
 
     SciPy's own strategy ('best1bin', F drawn from 0.5..1 anew for each generation, crossover 0.7,
     Latin hypercube) with the range, population and generations of `settings`. Two defaults of
-    SciPy are not taken. Its stop at a 1 % spread of J, since J has a floor of noise of which 1 %
-    is a coarse answer. Its polishing, since that is another method, which `least-squares` stands
-    for.
+    SciPy are not used: its stop at a 1 % spread of J, since J has a floor of noise of which 1 % is
+    a coarse answer; and its polishing, which is another method (`least-squares`).
 
     Args:
         settings: Settings of the search; `crossover`, `start`, `factor` and `innovation` are not
@@ -133,7 +132,7 @@ def scipy_evolution_estimator(
             polish=False,
             updating="deferred",
             vectorized=True,
-            # The name of before SciPy 1.15, which later ones take as well; `rng` they alone do.
+            # `rng` since SciPy 1.15; later versions still accept the older name.
             seed=rng,
         )
         return assess(found.x, sum_of_squares(found.x, h, z), block, identifiability)
@@ -147,7 +146,7 @@ def least_squares_estimator(
     """Bounded nonlinear least squares on each block, started from the last estimate.
 
     Args:
-        settings: Settings of which only `block`, `lower` and `upper` are used.
+        settings: Settings of the search; only `block`, `lower` and `upper` are used.
         identifiability: Limits from which the peak counts as identifiable, and range of slip.
 
     """
@@ -175,7 +174,7 @@ def fit_from(
     """
     if last is not None:
         near = _refined(last, samples, settings, identifiability)
-        if near.noise_std <= POORER * last.noise_std:
+        if near.noise_std <= REFIT_RATIO * last.noise_std:
             return near
     return _refined(fit(samples, identifiability), samples, settings, identifiability)
 

@@ -4,7 +4,8 @@ The state x = ln(c1, c2, c3) follows a random walk; each sample is a measurement
 The logarithms keep all three positive, and make one walk fit surfaces that differ tenfold. A walk
 slow enough to average noise cannot follow a sudden change. So the normalised innovations are
 monitored as in Gustafsson's friction estimator (Automatica 33(6), 1997), in the simplest form:
-where their mean square grows, the covariance is set back to that of the start.
+where their mean square grows, the covariance is set back to that of the start. The filter is in
+Jazwinski, "Stochastic Processes and Filtering Theory", 1970.
 """
 
 from dataclasses import dataclass, replace
@@ -19,6 +20,7 @@ from adhesion_can.estimation.baselines.forgetting import (
 )
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
@@ -28,7 +30,7 @@ class EkfSettings:
     """Tuning of the filter.
 
     Attributes:
-        start: (c1, c2, c3) at the start, those of a wet rail.
+        start: Parameters (c1, c2, c3) at the start, those of a wet rail.
         start_std: Standard deviations of ln (c1, c2, c3) at the start and after a reset, 1.
         walk_std: Standard deviations of the random walk of ln (c1, c2, c3), per sample. Larger:
             slow changes are followed faster, with more noise.
@@ -44,7 +46,7 @@ class EkfSettings:
 
     """
 
-    start: tuple[float, float, float] = (0.27, 45.0, 0.22)
+    start: CurveParameters = (0.27, 45.0, 0.22)
     start_std: tuple[float, float, float] = (0.5, 0.5, 1.0)
     walk_std: tuple[float, float, float] = (0.0003, 0.0003, 0.002)
     noise_std: float = 0.05
@@ -90,7 +92,7 @@ class EkfEstimator:
         self._covariance = self._first
         self._noise_var = settings.noise_std**2
         self._ratio = 1.0  # mean normalised innovation squared
-        self._taken = 0  # samples since the last reset
+        self._since_reset = 0  # samples
         self._window = ForgettingWindow(1.0 - 1.0 / settings.noise_memory, limits)
         self._current: Estimate | None = None
 
@@ -133,17 +135,17 @@ class EkfEstimator:
         counted = min(squared, settings.gate**2)
         self._ratio += (counted - self._ratio) / settings.window
         if self._ratio > settings.reset:
-            self._covariance, self._ratio, self._taken = self._first, 1.0, 0
+            self._covariance, self._ratio, self._since_reset = self._first, 1.0, 0
             return True
         if squared > settings.gate**2:
             return False
         gain /= variance
         self._x = np.clip(self._x + gain * innovation, self._lower, self._upper)
-        # Joseph's form: it stays positive definite under rounding.
+        # Joseph's form: the covariance stays positive definite under rounding.
         rest = np.eye(3) - np.outer(gain, gradient)
         self._covariance = rest @ predicted @ rest.T + noise_var * np.outer(gain, gain)
-        self._taken += 1
-        # Fast at first, then the mean over the window; never 0, which no later sample could change.
-        share = 1.0 / min(self._taken + 20.0, settings.noise_memory)
+        self._since_reset += 1
+        # Fast at first, then the mean over the window. It is kept above 0: no sample could raise 0.
+        share = 1.0 / min(self._since_reset + 20.0, settings.noise_memory)
         self._noise_var = max(self._noise_var * (1.0 + share * (squared - 1.0)), 1e-10)
         return False

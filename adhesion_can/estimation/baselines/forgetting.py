@@ -6,14 +6,16 @@ from math import hypot, inf, sqrt
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess_peak
+from adhesion_can.estimation.likelihood import UNDETERMINED
 from adhesion_can.physics.burckhardt import peak, peak_gradient
-from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.former import common_load_std
 
 BINS = 500
-UNKNOWN = np.diag([inf] * 3)
+"""Number of bins of the histogram of slip."""
+UNKNOWN = UNDETERMINED.covariance
 """Covariance of (c1, c2, c3) without any information."""
 
 
@@ -97,7 +99,7 @@ class ForgettingWindow:
         noise_std: float,
         change_probability: float = 0.0,
     ) -> Estimate:
-        """Estimate with the verdict of `identifiability.assess`; after at least one sample.
+        """Estimate from the window, which holds at least one sample.
 
         Args:
             theta: Curve parameters (c1, c2, c3).
@@ -114,9 +116,6 @@ class ForgettingWindow:
         c1, c2, c3 = map(float, theta)
         top = peak(c1, c2, c3, limits.slip_max)
         mu_max, lambda_m = float(top.mu_max), float(top.lambda_m)
-        reached = self._reached()
-        # The peak may lie farther out than estimated, by its standard error.
-        farthest = lambda_m + (3 * lambda_error if np.isfinite(lambda_error) else 0.0)
         return Estimate(
             c1=c1,
             c2=c2,
@@ -128,11 +127,8 @@ class ForgettingWindow:
             lambda_m_std=lambda_error,
             noise_std=noise_std,
             samples=round(n),
-            identifiable=Identifiable(
-                mu_max=mu_max > 0.0
-                and mu_error <= limits.mu_max_std * mu_max
-                and reached >= limits.mu_max_reach * farthest,
-                lambda_m=lambda_error <= limits.lambda_m_std * lambda_m and reached >= farthest,
+            identifiable=assess_peak(
+                (mu_max, mu_error), (lambda_m, lambda_error), self._reached(), limits
             ),
             surface_since_us=self._since_us or 0,
             change_probability=change_probability,

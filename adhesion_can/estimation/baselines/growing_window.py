@@ -29,8 +29,8 @@ class WindowSettings:
     Attributes:
         latest: Number of latest samples that are tested for a reset, and that the first fit needs.
             Larger: smaller changes are detected, later.
-        share: Relative growth of the window after which it is fitted again. Larger: less CPU, an
-            older estimate.
+        share: Relative growth of the window after which the curve is fitted again. Larger: less
+            CPU, an older estimate.
         most: Largest number of samples of the window; beyond it the oldest are dropped.
         ratio: Least root mean square of the latest residuals, over the window's, for a reset, so
             that a small increase of the noise is no change. Larger: fewer false alarms.
@@ -152,7 +152,8 @@ class WindowEstimator:
 def _most_likely_change(squares: Array, after: float) -> int:
     """Row before which the squared residuals have an expectation of 1, and `after` > 1 from it on.
 
-    The log likelihood ratio of two normal variances, summed from each row on, is largest there.
+    Maximum likelihood: the log likelihood ratio of two normal variances, summed from each row on,
+    is largest there.
     """
     gain = squares * (1.0 - 1.0 / after) - np.log(after)
     return int(np.argmax(np.cumsum(gain[::-1])[::-1]))

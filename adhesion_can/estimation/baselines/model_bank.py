@@ -3,8 +3,8 @@
 The surface is assumed to be one of the presets. The mean square innovation of each, with
 exponential forgetting, gives its probability with the noise variance profiled out, w ∝ (mean
 square)^(−n/2). Where no preset is right the nearest one becomes certain. So the means of its
-innovations over bins of slip are kept as well, which noise alone would bring to zero; what they
-leave is the model error, which adds to the standard deviation.
+innovations over bins of slip are kept as well. Noise alone would bring them to zero; what remains
+of them is the model error, which adds to the standard deviation.
 
 D. T. Magill, "Optimal adaptive estimation of sampled stochastic processes", IEEE Transactions on
 Automatic Control 10(4), 1965.
@@ -113,25 +113,26 @@ class BankEstimator:
         weights /= weights.sum()
         mu_max, mu_std = _moments(weights, self._peaks.mu_max)
         lambda_m, lambda_std = _moments(weights, self._peaks.lambda_m)
-        missed, noise = self._missed(best)
-        if missed > self._limits.mu_max_std * mu_max:
+        model_error, noise = self._model_error(best)
+        if model_error > self._limits.mu_max_std * mu_max:
             lambda_std = inf
         c1, c2, c3 = self._presets[best]
         up, along = mu_max / self._peaks.mu_max[best], lambda_m / self._peaks.lambda_m[best]
         theta = np.array([up * c1, c2 / along, up * c3 / along])
         offsets = self._presets - theta
         covariance = (offsets.T * weights) @ offsets
-        return self._window.estimate(theta, covariance, (hypot(mu_std, missed), lambda_std), noise)
+        errors = (hypot(mu_std, model_error), lambda_std)
+        return self._window.estimate(theta, covariance, errors, noise)
 
-    def _missed(self, preset: int) -> tuple[float, float]:
-        """Root mean square model error of a preset by the bins' means, and noise in the bins."""
-        n, seen = self._counts.sum(), self._counts >= 1.0
-        between = float(np.sum(self._sums[preset, seen] ** 2 / self._counts[seen]))
-        within = max(float(self._squares[preset]) - between, 0.0) / max(n - seen.sum(), 1.0)
+    def _model_error(self, preset: int) -> tuple[float, float]:
+        """Root mean square model error of a preset by the bins' means, and noise in the bins, 1."""
+        n, filled = self._counts.sum(), self._counts >= 1.0
+        between = float(np.sum(self._sums[preset, filled] ** 2 / self._counts[filled]))
+        within = max(float(self._squares[preset]) - between, 0.0) / max(n - filled.sum(), 1.0)
         # Expectation by noise alone: the weights' squares sum to a share of n.
         forgetting = self._settings.forgetting
-        by_noise = float(seen.sum()) * within / (1.0 + forgetting)
-        if seen.sum() < 3:
+        by_noise = float(filled.sum()) * within / (1.0 + forgetting)
+        if filled.sum() < 3:
             # Three parameters: fewer points than that are on many curves.
             return inf, sqrt(within)
         return sqrt(max(between - by_noise, 0.0) / n), sqrt(within)

@@ -1,4 +1,4 @@
-"""The paper's block estimator with standard errors, a verdict on them, and change detection.
+"""The paper's block estimator with standard errors, identifiability, and change detection.
 
 The search is the paper's (`differential_evolution`). What is added is what a controller needs and
 the paper leaves open: whether the peak is identifiable from a block, and which estimate to use when
@@ -17,6 +17,7 @@ from math import hypot, inf
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.baselines.forgetting import UNKNOWN, select_usable
 from adhesion_can.estimation.differential_evolution import (
     EvolutionSettings,
     Search,
@@ -30,6 +31,7 @@ from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 
 MOST_SEARCHES = 6
+"""Largest number of searches of one block."""
 SETTLED = 1e-3
 """Relative decrease of J below which a repeated search counts as converged."""
 
@@ -89,19 +91,18 @@ class PaperEstimator:
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
         """Process samples, as `Estimator.update` defines it; a new estimate once per block."""
         del now_us  # a block is a number of samples, not a time
-        usable = np.isfinite(samples.slip) & np.isfinite(samples.adhesion)
-        usable &= np.abs(samples.slip) <= self._identifiability.slip_max
-        if usable.any():
-            self._waiting.append(samples.select(usable))
+        usable = select_usable(samples, self._identifiability.slip_max)
+        if len(usable):
+            self._waiting.append(usable)
             declared = self._look_for_change()
-            while (block := self._take_block()) is not None:
+            while (block := self._next_block()) is not None:
                 self._current = self._identify(block)
             if declared and not self._changing and self._current is not None:
                 # The block of the new surface was full at once: the change is still to be reported.
                 self._current = replace(self._current, change_probability=1.0)
         return self._current
 
-    def _take_block(self) -> Samples | None:
+    def _next_block(self) -> Samples | None:
         size = self._settings.block
         if sum(map(len, self._waiting)) < size:
             return None
@@ -131,14 +132,15 @@ class PaperEstimator:
             return False
         if not _is_structured(np.abs(waiting.slip[latest]), scaled[latest], change.structure):
             return False
-        # The change is where the cumulative sum of the excess squares begins to rise (CUSUM).
+        # The change is where the cumulative sum of the excess squares begins to rise
+        # (CUSUM; Page, Biometrika 41, 1954).
         excess = np.concatenate([[0.0], np.cumsum(squares - change.ratio**2)])
         cut = min(int(np.argmin(excess)), len(waiting) - 1)
         self._wait_with(waiting.select(slice(cut, None)))
         self._changing = True
         self._current = replace(
             current,
-            covariance=np.diag([np.inf] * 3),
+            covariance=UNKNOWN,
             mu_max_std=inf,
             lambda_m_std=inf,
             identifiable=Identifiable(mu_max=False, lambda_m=False),
@@ -156,7 +158,7 @@ class PaperEstimator:
         )
         return np.asarray(innovation(current.theta, h, z) / np.sqrt(explained))
 
-    def _continued(self, found: Search, h: Array, z: Array) -> Search:
+    def _search_until_converged(self, found: Search, h: Array, z: Array) -> Search:
         """Result of a search from a distant start, repeated until it has converged.
 
         Within its iteration limit a search may stop short of the optimum, where standard errors
@@ -174,7 +176,7 @@ class PaperEstimator:
         h, z = block.folded()
         found = search(h, z, self._theta, self._settings, self._rng)
         if self._current is None or self._changing:
-            found = self._continued(found, h, z)
+            found = self._search_until_converged(found, h, z)
         fresh = assess(found.theta, found.cost, block, self._identifiability)
         current, self._changing = self._current, False
         if current is None or fresh.identifiable.both or not current.identifiable.both:
@@ -182,8 +184,8 @@ class PaperEstimator:
             since = fresh.surface_since_us if current is None else current.surface_since_us
             return replace(fresh, surface_since_us=since)
         # The old estimate stays; the mean distance of the block from it adds to its uncertainty.
-        off = float(np.mean(innovation(current.theta, h, z)))
-        return replace(current, mu_max_std=hypot(self._current_std, off))
+        distance = float(np.mean(innovation(current.theta, h, z)))
+        return replace(current, mu_max_std=hypot(self._current_std, distance))
 
 
 def _is_structured(slip: Array, scaled: Array, threshold: float, groups: int = 4) -> bool:

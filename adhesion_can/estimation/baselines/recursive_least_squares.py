@@ -23,6 +23,7 @@ from adhesion_can.estimation.baselines.forgetting import (
 )
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
@@ -34,7 +35,7 @@ class RlsSettings:
     Attributes:
         forgetting: Forgetting factor per sample, in 0..1; the window has about 1/(1 − forgetting)
             samples. Larger: less noise, slower.
-        nominal: (c1, c2, c3) of the prior, those of a wet rail; the estimate where data carry no
+        nominal: Prior mean (c1, c2, c3), that of a wet rail; the estimate where data carry no
             information.
         prior_std: Standard deviations of the prior of (c1, c2, c3). Larger: less bias, more
             wind-up.
@@ -44,7 +45,7 @@ class RlsSettings:
     """
 
     forgetting: float = 0.996
-    nominal: tuple[float, float, float] = (0.27, 45.0, 0.22)
+    nominal: CurveParameters = (0.27, 45.0, 0.22)
     prior_std: tuple[float, float, float] = (0.5, 37.0, 1.0)
     noise_std: float = 0.01
     chunk: int = 50
@@ -87,7 +88,7 @@ class RlsEstimator:
         self._prior = np.diag((settings.noise_std / spread) ** 2)
         self._c1 = c1
         self._information = np.zeros((3, 3))
-        self._squared = np.zeros((3, 3))  # as the information, of the weights' squares
+        self._squared = np.zeros((3, 3))  # the information with squared weights
         self._vector = np.zeros(3)
         self._zz = 0.0
         self._current: Estimate | None = None
@@ -147,14 +148,14 @@ class RlsEstimator:
         beta, settings = self._solve(), self._settings
         squares = self._zz - 2 * beta @ self._vector + beta @ self._information @ beta
         noise = sqrt(max(float(squares), 0.0) / max(self._window.samples - 3.0, 1.0))
-        # The weights are not those of the noise: their squares stand between the inverses.
+        # Sandwich covariance: weights that forget are not the reciprocal variances of the noise.
         inverse = np.linalg.inv(self._information + self._prior)
-        middle = noise**2 * self._squared + settings.noise_std**2 * self._prior
+        meat = noise**2 * self._squared + settings.noise_std**2 * self._prior
         c1, c3, d = beta
         c1 = max(c1, 1e-6)
         to_theta = np.array([[1.0, 0.0, 0.0], [-d / c1**2, 0.0, 1.0 / c1], [0.0, 1.0, 0.0]])
         carried = to_theta @ inverse
-        covariance = carried @ middle @ carried.T
+        covariance = carried @ meat @ carried.T
         theta = np.clip([c1, self._c2 + d / c1, c3], self._range.lower, self._range.upper)
         errors = peak_errors(theta, covariance, self._slip_max)
         return self._window.estimate(theta, covariance, errors, noise)
@@ -167,9 +168,10 @@ def regressors(h: Array, c2: float) -> Array:
 
 
 def bounded_minimum(matrix: Array, vector: Array, lower: Array, upper: Array) -> Array:
-    """Minimum of xᵀAx/2 − xᵀb in a box, by an active set.
+    """Minimum of xᵀAx/2 − xᵀb in a box, by a simple active-set method.
 
-    The component farthest outside is fixed to its bound, and the rest is solved anew.
+    The component farthest outside is fixed to its bound for good, and the rest is solved anew (for
+    the general method: Nocedal and Wright, "Numerical Optimization", 2006, section 16.5).
 
     Args:
         matrix: Matrix A, positive definite, shape (m, m).

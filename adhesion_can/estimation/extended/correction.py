@@ -30,13 +30,15 @@ USABLE = 0.2
 # ----------------------------------------------------------- requirements of a model on the data
 
 
-def require_channels(model: ExtendedModel, available: Iterable[str], giver: str, mend: str) -> None:
+def require_channels(
+    model: ExtendedModel, available: Iterable[str], source: str, mend: str
+) -> None:
     """ConfigError where an effect depends on a channel that is not available.
 
     Args:
         model: Extended model.
         available: Names of the available channels.
-        giver: Source that lacks the channel, for the error.
+        source: Source that lacks the channel, for the error.
         mend: Way to mend it, for the error.
 
     """
@@ -44,7 +46,7 @@ def require_channels(model: ExtendedModel, available: Iterable[str], giver: str,
     for active in model.in_contact:
         needs = active.effect.requires.covariates
         if needs and present.isdisjoint(needs):
-            what = f"{active.effect.id} needs {' or '.join(needs)}, which {giver} does not give"
+            what = f"{active.effect.id} needs {' or '.join(needs)}, which {source} does not give"
             raise ConfigError(model.where, what, mend)
 
 
@@ -61,7 +63,7 @@ def require_axles(model: ExtendedModel, axles: int) -> None:
 
 
 def channels_used(active: ActiveEffect) -> set[str]:
-    """Those of speed, load and place on which the effect depends with its values."""
+    """Channels among speed, load and place on which an effect with its values depends."""
     if isinstance(active.effect, Empirical):
         known = {"speed": "speed", "creep_speed": "speed", "load": "load", "axle": "place"}
         return {known[active.effect.channel]} if active.effect.channel in known else set()
@@ -131,8 +133,8 @@ class CorrectedSamples(NamedTuple):
 
     Attributes:
         samples: Samples of the base curve.
-        kept: Whether each of the original samples is among them, shape (n,).
-        left_out: Number of samples that are not among them, by reason.
+        kept: Whether each original sample is kept, shape (n,).
+        left_out: Number of samples that are left out, by reason.
 
     """
 
@@ -161,7 +163,7 @@ def remove_effects(
     actives: tuple[ActiveEffect, ...],
     origin_us: int,
     axles: int,
-    memory: LagStates,
+    lags: LagStates,
 ) -> CorrectedSamples:
     """Samples without effects in the contact, for a whole drive or a step of it.
 
@@ -174,16 +176,16 @@ def remove_effects(
         actives: Effects in the contact with their values.
         origin_us: Stamp of the begin of the drive, µs.
         axles: Number of axles of the vehicle.
-        memory: Lag states of the effects, continued from step to step.
+        lags: Lag states of the effects, continued from step to step.
 
     """
     left_out: Counter[str] = Counter()
-    kept = _known(samples, actives, left_out)
+    kept = _has_channels(samples, actives, left_out)
     if not kept.all():
         samples = samples.select(kept)
     if not len(samples):
         return CorrectedSamples(samples, kept, left_out)
-    change = compute_change(actives, build_contact(samples, origin_us, axles), memory)
+    change = compute_change(actives, build_contact(samples, origin_us, axles), lags)
     factor = np.broadcast_to(change.factor, change.slip.shape)
     good = np.isfinite(change.slip) & (factor >= USABLE)
     if not good.all():
@@ -192,7 +194,7 @@ def remove_effects(
         kept[kept] = good
         change, factor = replace(change, slip=change.slip[good]), factor[good]
     square = 1.0 / (factor * factor)
-    amended = replace(
+    corrected = replace(
         samples,
         slip=change.slip,
         adhesion=samples.adhesion / factor,
@@ -200,10 +202,10 @@ def remove_effects(
         transient_var=samples.transient_var * square
         + samples.adhesion_var * np.maximum(square - 1.0, 0.0),
     )
-    return CorrectedSamples(amended, kept, left_out)
+    return CorrectedSamples(corrected, kept, left_out)
 
 
-def _known(
+def _has_channels(
     samples: Samples, actives: tuple[ActiveEffect, ...], left_out: Counter[str]
 ) -> NDArray[np.bool_]:
     """Whether a sample has all channels on which the effects depend, shape (n,)."""

@@ -17,8 +17,8 @@ POINTS = 96
 _SHARES = np.linspace(0.0, 1.0, POINTS)
 LOWEST = 0.05
 """Slip at which the grid begins, as a share of the base curve's λ_m."""
-PULLING = 0.01
-"""Mean adhesion beyond which its sign is that of traction or braking; below it the last sign."""
+LEAST_PULL = 0.01
+"""Mean adhesion from which its sign says traction or braking; below it the last sign holds."""
 
 
 class LatestLagStates(LagStates):
@@ -82,8 +82,8 @@ class CurvePeaks(NamedTuple):
 
     Attributes:
         mu_max: Largest adhesion of the mean curve of all axles, 1.
-        lambda_m: Slip ratio of that adhesion.
-        axles: (μ_max, λ_m) by axle.
+        lambda_m: Slip ratio of the mean curve's largest adhesion.
+        axles: Peak (μ_max, λ_m) of each axle's curve, by axle.
 
     """
 
@@ -97,7 +97,7 @@ class LatestConditions:
     """Conditions of the latest samples.
 
     Attributes:
-        contact: Latest contact of each axle, one row per axle; its slip and creep are not used.
+        contact: Latest contact of each axle, one row per axle; slip and creep speed are not used.
         sign: Sign of the slip: 1 in traction, -1 in braking.
 
     """
@@ -140,7 +140,7 @@ class LatestConditions:
                 adhesion=latest("adhesion"),
                 covariates={n: everywhere * np.mean(c) for n, c in contact.covariates.items()},
             ),
-            copysign(1.0, pull) if abs(pull) > PULLING else sign,
+            copysign(1.0, pull) if abs(pull) > LEAST_PULL else sign,
         )
 
 

@@ -10,7 +10,6 @@ from adhesion_can.arrays import Array
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.extended.correction import (
     build_contact,
-    correct_samples,
     remove_effects,
 )
 from adhesion_can.estimation.extended.current_curve import (
@@ -20,13 +19,11 @@ from adhesion_can.estimation.extended.current_curve import (
     SteadyLagStates,
     compute_peaks,
 )
-from adhesion_can.estimation.extended.model import ExtendedModel, Matrix
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.effects import LagStates
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
-
-__all__ = ["ExtendedEstimator", "ExtendedModel", "Matrix", "correct_samples"]
 
 UPDATES = 10
 """Number of updates with samples between two computations of the peak's sensitivities."""
@@ -64,7 +61,9 @@ class ExtendedEstimator:
         self._inner = inner
         self._settings = settings or IdentifiabilitySettings()
         self._actives = model.online
-        self._directions = [_root(model.covariance_of(active)) for active in self._actives]
+        self._directions = [
+            _principal_directions(model.covariance_of(active)) for active in self._actives
+        ]
         self._axles = axles
         self._lags = LatestLagStates()
         self._origin_us: int | None = None
@@ -107,12 +106,12 @@ class ExtendedEstimator:
         lags, slip_max = SteadyLagStates(self._lags.states), self._settings.slip_max
         peaks = compute_peaks(base, self._actives, conditions, lags, slip_max)
         if self._uncertainty.is_due(fresh):
-            slopes = self._slopes(base, conditions, lags, peaks)
-            self._uncertainty.update(slopes, base.samples)
+            sensitivities = self._sensitivities(base, conditions, lags, peaks)
+            self._uncertainty.update(sensitivities, base.samples)
         mu_std, lambda_std = self._uncertainty.stds
         return scale_estimate(base, peaks, mu_std, lambda_std, self._settings)
 
-    def _slopes(
+    def _sensitivities(
         self, base: Estimate, conditions: LatestConditions, lags: LagStates, at: CurvePeaks
     ) -> Array:
         """Changes of (ln μ_max, ln λ_m) per standard deviation of the parameters; shape (k, 2)."""
@@ -127,7 +126,7 @@ class ExtendedEstimator:
         return np.array(rows).reshape(-1, 2) / STEP
 
 
-def _root(covariance: Array) -> Array:
+def _principal_directions(covariance: Array) -> Array:
     """Principal directions of a covariance (k, k), each one standard deviation long, (m, k)."""
     std = np.sqrt(covariance.diagonal())
     scale = np.where(std > 0.0, std, 1.0)
@@ -153,19 +152,19 @@ class _EffectUncertainty:
         self._updates -= fresh > 0
         return self._updates < 0
 
-    def update(self, slopes: Array, samples: int) -> None:
+    def update(self, sensitivities: Array, samples: int) -> None:
         """Set the standard deviations from the sensitivities in the latest conditions.
 
         Args:
-            slopes: Changes of (ln μ_max, ln λ_m) per standard deviation, shape (k, 2).
+            sensitivities: Changes of (ln μ_max, ln λ_m) per standard deviation, shape (k, 2).
             samples: Number of samples from which the base curve was estimated.
 
         """
         share = min(1.0, self._samples / max(samples, 1))
-        mean = slopes if self._mean is None else self._mean
-        self._mean = mean + share * (slopes - mean)
-        away = slopes - self._mean
-        mu_max, lambda_m = np.sqrt((away * away).sum(axis=0)).tolist()
+        mean = sensitivities if self._mean is None else self._mean
+        self._mean = mean + share * (sensitivities - mean)
+        deviation = sensitivities - self._mean
+        mu_max, lambda_m = np.sqrt((deviation * deviation).sum(axis=0)).tolist()
         self.stds = (mu_max, lambda_m)
         self._updates, self._samples = UPDATES, 0
 

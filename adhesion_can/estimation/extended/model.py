@@ -34,7 +34,7 @@ class ExtendedModel:
         splines: Empirical splines over channels, for effects without a known mechanism.
         provenance: Origin of the model as texts: version, command, inputs.
         where: Path of the model's file.
-        sha256: SHA-256 of that file, hex.
+        sha256: SHA-256 of the model's file, hexadecimal.
 
     """
 
@@ -59,7 +59,7 @@ class ExtendedModel:
         for active, covariance in zip(self.effects, self.covariances, strict=True):
             require_values(active)
             require_covariance(covariance, len(active.values))
-        for one, other in pairwise(sorted(map(_place, self.effects))):
+        for one, other in pairwise(sorted(map(_identity, self.effects))):
             if one == other:
                 raise ValueError(f"{one[0]} stands twice")
 
@@ -127,7 +127,7 @@ class ExtendedModel:
         return np.zeros((len(active.values),) * 2)
 
 
-def _place(active: ActiveEffect) -> tuple[str, float]:
+def _identity(active: ActiveEffect) -> tuple[str, float]:
     """Key that no two effects of a model share: the mechanism, and the axle where it has one."""
     pairs = zip(active.effect.parameters, active.values, strict=True)
     return active.effect.id, sum(value for parameter, value in pairs if parameter.axle)

@@ -65,7 +65,7 @@ class AxleDeviations:
             axle: Number of each sample's axle, shape (n,); 0 for none.
             level: Adhesion μ of the common curve, the regressor of g, shape (n,).
             shifted: Slope −dμ/dλ of the common curve with the sign of the slip, the regressor of d,
-                shape (n,); the slip by an error of the radius has the same sign in traction and
+                shape (n,); an error of the radius shifts the slip by the same sign in traction and
                 in braking.
             residual: Adhesion less that of the common curve, shape (n,).
             weight: Weight of each sample, noise variance over residual variance, shape (n,).
@@ -97,7 +97,7 @@ class AxleDeviations:
 
         Args:
             mu_max: Largest adhesion of the common curve, 1.
-            lambda_m: Slip ratio of that adhesion.
+            lambda_m: Slip ratio of the common curve's peak.
             sign: 1 in traction, −1 in braking.
             noise_var: Variance σ² of the adhesion noise.
 
@@ -108,7 +108,7 @@ class AxleDeviations:
         a = n[:, 0] + noise_var / self._settings.level_std**2
         c = n[:, 2] + noise_var / self._settings.slip_std**2
         b = n[:, 1]
-        # It is 0 only by rounding, after levels beyond all measure: nothing can be separated then.
+        # It is 0 only by rounding, after absurdly large levels: nothing can be separated then.
         det = a * c - b * b
         det = np.where(det > 0.0, det, np.inf)
         g = (c * n[:, 3] - b * n[:, 4]) / det

@@ -45,12 +45,14 @@ D, E, Z, DOF, COUNT = range(3 * NODES, 3 * NODES + 5)
 COUNT where slips are not exact."""
 SURE = 4.0
 """Standard deviations beyond which the sign of a measured slip is its true one."""
-STEEPEST = 8.0
+LARGEST_EXPONENT = 8.0
+"""Largest exponent of e^(−c2 λ): a slip below zero is an error, which must not become 1e20."""
 WIDE_ERROR, TOO_WIDE = 0.02, 0.1
-"""c2² p from which the private error is as wide as the bend of the curve."""
+"""c2² p from which the private error is as wide as the bend of the curve: the correction of the
+slope is limited there, and that of the sums."""
 BINS = 64
 HISTOGRAM = slice(COUNT + 1, COUNT + 1 + BINS)
-"""Samples by the slip that they surely reached, from 0 to the largest slip of the model."""
+"""Number of samples by the slip that they surely reached, from 0 to the model's largest slip."""
 LENGTH = COUNT + 1 + BINS
 
 
@@ -192,11 +194,10 @@ def increment(
     # correction from few samples may exceed the sum.
     corrected = private / (1.0 + (private / TOO_WIDE) * _C2_SQUARES)
     log_shrink = -0.5 * corrected * _C2_SQUARES
-    # A slip below zero is an error; the steepest curves must not turn it into 1e20.
-    e = np.exp(np.minimum(np.multiply.outer(h, -C2_NODES), STEEPEST) + log_shrink)
+    e = np.exp(np.minimum(np.multiply.outer(h, -C2_NODES), LARGEST_EXPONENT) + log_shrink)
     rows = np.vstack([weight, wh, wz, own, in_group])
     we, whe, wze, owne, *group_e = rows @ e
-    wee, ownee = rows[::3][:2] @ (e * e)
+    wee, ownee = rows[::3][:2] @ (e * e)  # rows 0 and 3: weight and own
     group_f1 = in_group.sum(axis=1, keepdims=True) - group_e
     group_h, group_z = in_group @ h, in_group @ z
     if bend is not None:
@@ -215,7 +216,7 @@ def increment(
 
 
 def _by_group(values: Array, member: NDArray[np.int64], groups: int) -> Array:
-    """A row a group with its members' values, else 0; shape (groups, n)."""
+    """One row per group: its members' values, else 0; shape (groups, n)."""
     if groups == 1:
         return values[None]
     return np.where(member == np.arange(groups)[:, None], values, 0.0)

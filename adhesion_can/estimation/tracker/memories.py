@@ -2,7 +2,8 @@
 
 On a constant surface every sample is worth keeping; on one that dries old samples mislead. So the
 sums are kept with several rates of forgetting. Each of these fading memories has a probability from
-its predictive density, with slow switching between them (Bayesian model averaging).
+its predictive density, with slow switching between them (dynamic model averaging; Raftery, Kárný
+and Ettler, Technometrics 52, 2010).
 """
 
 from dataclasses import dataclass
@@ -24,15 +25,15 @@ from adhesion_can.estimation.tracker.prior import Prior
 
 LEAST_DENSITY = exp(-3.0)
 """Least factor on a memory's probability by one update, so that no single one decides."""
-FEW, FEW_FOLLOWERS = 1 / 5, 1 / 20
-"""Least effective share of the curves: of the most probable memory, and of the others."""
-CERTAIN = 0.9
+LEAST_EFFECTIVE, LEAST_EFFECTIVE_OTHERS = 1 / 5, 1 / 20
+"""Least effective share of the curves of the most probable memory, and of the others."""
+NO_LAG_PROBABILITY = 0.9
 """Probability of the longest memory from which on no lag is assumed."""
-SURELY = 2.0
+LAG_SIGNIFICANCE = 2.0
 """Distance of a shorter memory, in its standard deviations, from which it is significant."""
-NEWS = 0.03
+LEAST_NEW_SHARE = 0.03
 """Least share of samples that are new since the last draw, for another draw."""
-LOST = 0.7
+LEAST_KEPT_SHARE = 0.7
 """Share of the samples at the last draw below which the curves are drawn anew, wider."""
 
 
@@ -169,11 +170,11 @@ class FadingMemories:
         """Weight the curves by the sums, and draw new ones where too few carry the weight."""
         self._weigh()
         effective = 1.0 / np.einsum("ij,ij->i", self._weights, self._weights)
-        least = np.full(len(effective), self._size * FEW_FOLLOWERS)
-        least[self._leader] = self._size * FEW
-        # Where no draw is better (one slip only, say), a new one waits for new samples.
-        poor = (effective < least) & (self._new_dof > NEWS * self._sums[:, DOF])
-        poor |= self._sums[:, DOF] < LOST * self._drawn_dof
+        least = np.full(len(effective), self._size * LEAST_EFFECTIVE_OTHERS)
+        least[self._leader] = self._size * LEAST_EFFECTIVE
+        # Where no draw is better (as with one slip only), a new one waits for new samples.
+        poor = (effective < least) & (self._new_dof > LEAST_NEW_SHARE * self._sums[:, DOF])
+        poor |= self._sums[:, DOF] < LEAST_KEPT_SHARE * self._drawn_dof
         if poor.any():
             for i in np.flatnonzero(poor):
                 self._draw(int(i))
@@ -191,7 +192,7 @@ class FadingMemories:
         0 where the shorter memory's own uncertainty explains the distance, and for the shortest.
         """
         i, shorter = self._leader, self._leader + 1
-        if shorter == len(self._curves) or (i == 0 and self._probability[0] > CERTAIN):
+        if shorter == len(self._curves) or (i == 0 and self._probability[0] > NO_LAG_PROBABILITY):
             return 0.0, 0.0
         lags = []
         for name in ("mu_max", "lambda_m"):
@@ -199,7 +200,7 @@ class FadingMemories:
             middle = self._weights[shorter] @ short
             std = np.sqrt(self._weights[shorter] @ (short - middle) ** 2)
             distance = abs(float(middle - self._weights[i] @ long))
-            lags.append(distance if distance > SURELY * std else 0.0)
+            lags.append(distance if distance > LAG_SIGNIFICANCE * std else 0.0)
         return lags[0], lags[1]
 
     def _draw(self, i: int) -> None:

@@ -18,22 +18,25 @@ def is_usable(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
     impossible adhesion, and coasting: where neither slip nor adhesion exceeds its error a sample
     only shows that the curve begins at 0, which is known.
     """
-    size, force = np.abs(samples.slip), np.abs(samples.adhesion)
+    slip_size, adhesion_size = np.abs(samples.slip), np.abs(samples.adhesion)
     slip_var = samples.slip_total_var
     further = samples.adhesion_var + samples.transient_var + samples.load_std
-    usable = (size <= slip_max) & (force <= ADHESION_MAX) & np.isfinite(slip_var + further)
-    small = size * size < SURE * SURE * slip_var
+    usable = (
+        (slip_size <= slip_max) & (adhesion_size <= ADHESION_MAX) & np.isfinite(slip_var + further)
+    )
+    small = slip_size * slip_size < SURE * SURE * slip_var
     if small.any():
-        usable &= ~small | (force * force > SURE * SURE * samples.adhesion_var)
+        adhesion_var = samples.adhesion_var
+        usable &= ~small | (adhesion_size * adhesion_size > SURE * SURE * adhesion_var)
     return np.asarray(usable)
 
 
 def build_points(samples: Samples, *, errors_in_variables: bool = True) -> Points:
     """Points on one branch from samples in traction and braking.
 
-    A slip that is large against its own error carries the sign itself. One that is not takes it
-    from the mean adhesion of all samples: folding it at zero by its own noise would make a small
-    slip of what is none, and bend the curve where it is steepest.
+    A slip that is large against its own error has the sign of its branch. The sign of a smaller
+    slip is noise, and folding at zero by it would bend the curve where it is steepest; the branch
+    is then that of the mean adhesion of all samples.
 
     Args:
         samples: Samples, at least one, finite.
@@ -63,10 +66,13 @@ class OutlierGate:
     """Rejection of an axle that alone contradicts all others, for a few updates.
 
     A surface changes under all axles within a train's length; a sensor fails on one. An axle that
-    persists is used again.
+    persists in its contradiction is used again.
     """
 
-    FAR, NEAR, AXLES, PATIENCE = 8.0, 4.0, 3, 3
+    FAR, NEAR = 8.0, 4.0
+    """Residual that an outlier exceeds, and all other axles stay below, in standard deviations."""
+    AXLES, PATIENCE = 3, 3
+    """Least number of axles for a rejection, and largest number of updates of it in sequence."""
 
     def __init__(self) -> None:
         self._suspect = 0

@@ -26,9 +26,11 @@ from adhesion_can.estimation.tracker.prior import C1_MAX, Prior, shape_coordinat
 from adhesion_can.physics.burckhardt import peak
 
 GRID = 48
+"""Number of cells of the grid over ln c2."""
 DEPTH = 14.0
 """Log density below its maximum down to which the grid over ln c2 reaches."""
 ZOOMS = 8
+"""Largest number of grids, each over the part of the last one that matters."""
 FEWEST = 8
 """Least number of curves with a peak in a draw; with fewer the prior is drawn from."""
 FEWEST_SAMPLES = 1.0
@@ -47,7 +49,7 @@ class NoisePrior(NamedTuple):
 
     Attributes:
         var: Prior variance σ0², 1.
-        freedom: Degrees of freedom ν, the number of samples that it is worth.
+        freedom: Degrees of freedom ν, the number of samples that the prior is worth.
 
     """
 
@@ -69,7 +71,7 @@ class Curves:
         factors: Coefficients of the sums in the curves' J, shape (5, n).
         log_base: Log of prior density over density of the draw, shape (n,).
         mu_max: Largest adhesion within the model's range of slip, 1, shape (n,).
-        lambda_m: Slip ratio of that adhesion, shape (n,).
+        lambda_m: Slip ratio of the largest adhesion, shape (n,).
         peaks: (μ_m, λ_m, s = c2 λ_m) of the peak, also beyond the range of slip, shape (3, n).
         order: Indices that sort the curves by each row of `peaks`, shape (3, n).
 
@@ -129,7 +131,7 @@ def normalise(log_weights: Array) -> Array:
 
 
 def effective_size(weights: Array) -> float:
-    """Effective sample size 1/Σ w² (Kish)."""
+    """Effective sample size 1/Σ w² (Kish, "Survey Sampling", 1965)."""
     return float(1.0 / (weights @ weights))
 
 
@@ -234,6 +236,8 @@ def _draw_steepness(
         step = edges[1] - edges[0]
         low = max(edges[inside[0]] - step, X_RANGE[0])
         high = min(edges[inside[-1] + 1] + step, X_RANGE[1])
+    # Tempered, with a uniform part, so that the importance weights stay bounded (defensive mixture;
+    # Hesterberg, Technometrics 37, 1995).
     mass = np.exp(0.8 * (log_m - log_m.max()))
     mass = 0.9 * mass / mass.sum() + 0.1 / GRID
     cumulative = np.concatenate([[0.0], np.cumsum(mass)])
@@ -252,7 +256,7 @@ def _draw_level_and_fall(
     m1, m3 = (d * r1 - b * r3) / det, (a * r3 - b * r1) / det
     std3 = SPREAD * np.sqrt(a / det)
     std1 = SPREAD / np.sqrt(a)
-    first, second = _points(len(c2))
+    first, second = _quasi_random(len(c2))
     # Where the data determine the fall, few curves need the prior of the shape.
     every = 8 if float(np.median(m3 / std3)) > FALL_DETERMINED else 2
     by_shape = np.arange(len(c2)) % every == 0
@@ -300,7 +304,7 @@ def _shape_quantile(prior: Prior, share: Array) -> Array:
 
 
 def _log_shape(prior: Prior, log_s: Array) -> Array:
-    """Log density of ln s by `_shape_quantile`."""
+    """Log density of the ln s that `_shape_quantile` gives."""
     centre, spread = prior.shape_summary
     u = np.abs(log_s - centre) / spread
     return np.asarray(-u - np.log(spread) - 2.0 * np.log1p(np.exp(-u)))
@@ -311,8 +315,8 @@ def _log_normal(value: Array, mean: Array, std: Array) -> Array:
     return np.asarray(-0.5 * u * u - np.log(std) - 0.5 * np.log(2 * np.pi))
 
 
-def _points(size: int) -> tuple[Array, Array]:
-    """Two-dimensional low-discrepancy sequence in 0..1 (Roberts' R2)."""
+def _quasi_random(size: int) -> tuple[Array, Array]:
+    """Two-dimensional low-discrepancy sequence in 0..1 (the R2 sequence; Roberts 2018)."""
     k = np.arange(1, size + 1)
     steps = np.array([[0.7548776662466927], [0.5698402909980532]])
     first, second = (0.5 + k * steps) % 1.0

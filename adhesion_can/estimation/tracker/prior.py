@@ -18,6 +18,7 @@ from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Surface
 C1_MAX = 2.0
 """Largest level c1 of a curve, beyond any adhesion of a wheel."""
 FREEDOM = 4.0
+"""Degrees of freedom of the t distributions."""
 _NORM = gamma((FREEDOM + 3) / 2) / (gamma(FREEDOM / 2) * (FREEDOM * pi) ** 1.5)
 
 
@@ -69,7 +70,7 @@ class PriorSettings:
             raise ValueError("learned must not be negative")
 
     def surfaces(self) -> tuple[Surface, ...]:
-        """Surfaces of the library: those of our own, and the published ones with a peak."""
+        """Surfaces of the library: our own rail surfaces and the published ones with a peak."""
         return tuple(s for s in (*RAIL, *PUBLISHED) if s.c3 > 0) if self.library else ()
 
 

@@ -114,10 +114,10 @@ class RunLengthHypotheses:
         self._old_cost[: self._count] += old_cost
 
     def close(self, accepted: int, latest_cost: float, latest_dof: float, noise_var: float) -> None:
-        """Add a last hypothesis after a detected change, which begins with the next update.
+        """Add a last hypothesis after a detected change: it begins with the next update.
 
-        The latest update may hold samples of both surfaces. For this hypothesis it belongs to
-        neither: it costs the expectation by noise, and a little for leaving it out.
+        The latest update may hold samples of both surfaces. For this hypothesis the update belongs
+        to neither: it costs the expectation by noise, and a little for leaving it out.
 
         Args:
             accepted: Index of the hypothesis that was accepted; it is kept.
@@ -177,8 +177,8 @@ class RunLengthHypotheses:
         r3 = s[:, curve_sums.E, None] + p3 * _MEAN[1]
         det = np.maximum(a * d - b * b, 1e-12 * a * d)
         explained = (r1 * (d * r1 - (2.0 * r3) * b) + a * (r3 * r3)) / det
-        at_rest = p1 * _MEAN[0] ** 2 + p3 * _MEAN[1] ** 2
-        cost = np.maximum(s[:, Z, None] + at_rest - explained, 0.0)
+        prior_term = p1 * _MEAN[0] ** 2 + p3 * _MEAN[1] ** 2
+        cost = np.maximum(s[:, Z, None] + prior_term - explained, 0.0)
         occam = self._log_prior - 0.5 * np.log(det * (1.0 / (p1 * p3)))
         old = self._old_cost[: self._count, None] / noise_var
         if noise_dof is None:

@@ -160,8 +160,8 @@ class Tracker:
         return self._current
 
     def _begin(self, samples: Samples) -> Estimate:
-        stated = float(np.mean(samples.adhesion_var))
-        noise = NoisePrior(stated, 4.0) if stated > 0.0 else self._memories.noise
+        given_var = float(np.mean(samples.adhesion_var))
+        noise = NoisePrior(given_var, 4.0) if given_var > 0.0 else self._memories.noise
         self._memories.restart(np.zeros(LENGTH), noise)
         self._since_us = int(samples.t_us[0])
         return self._estimate(0.0)
@@ -264,7 +264,7 @@ class Tracker:
             self._hypotheses.clear()
         return moved
 
-    def _learn(self, theta: tuple[float, float, float]) -> None:
+    def _learn(self, theta: CurveParameters) -> None:
         """Keep a surface for the prior; one that is known already is replaced."""
         spread = np.array(self._settings.prior.narrow_std)
         phi = shape_coordinates(np.array([*self._learned, theta]))
@@ -280,7 +280,7 @@ class Tracker:
         if MIN_MIXTURE_PROBABILITY < changed < CHANGED:
             parts = [(curves, (1.0 - changed) * weights) for curves, weights in parts]
             parts.append(self._after_change(changed))
-        curves, weights = parts[0] if len(parts) == 1 else _joined(parts)
+        curves, weights = parts[0] if len(parts) == 1 else _join_parts(parts)
         shares = _shares_below(curves, weights)
         mu_max, lambda_m, theta = self._median_curve(curves, shares)
         mu_lag, lambda_lag = self._memories.lag()
@@ -366,7 +366,7 @@ class Tracker:
         )
 
 
-def _joined(parts: list[tuple[Curves, Array]]) -> tuple[Curves, Array]:
+def _join_parts(parts: list[tuple[Curves, Array]]) -> tuple[Curves, Array]:
     """Curves of several distributions as one, with normalised weights."""
     weights = np.concatenate([weights for _, weights in parts])
     return join_curves([curves for curves, _ in parts]), weights / weights.sum()
@@ -393,5 +393,5 @@ def _interval(in_order: Array, share_below: Array, extra_std: float) -> tuple[fl
 def _reach(histogram: Array, share: float, slip_max: float) -> float:
     """Slip ratio that a share of the samples exceeds, by the lower edge of its bin."""
     beyond = np.cumsum(histogram[::-1])[::-1]
-    current = np.flatnonzero((beyond > 0.0) & (beyond >= share * beyond[0]))
-    return float(current[-1]) * slip_max / BINS if len(current) else 0.0
+    bins = np.flatnonzero((beyond > 0.0) & (beyond >= share * beyond[0]))
+    return float(bins[-1]) * slip_max / BINS if len(bins) else 0.0
