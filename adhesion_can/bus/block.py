@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark
 
 EXTENDED = 1 << 31
-"""Stands in a key beside a 29-bit id."""
+"""Bit of a key that marks an id of 29 bits."""
 
 
 class Kind(IntEnum):
@@ -126,7 +126,7 @@ class Block:
 
         Args:
             items: Frames and marks in the order of their file.
-            channels: Names that stand first among the block's, for blocks that follow each other.
+            channels: Names of buses to put first, those of the block in front of this one.
 
         """
         rows = list(items)
@@ -153,7 +153,13 @@ class Block:
 
     @classmethod
     def concatenate(cls, parts: "list[Block]") -> "Block":
-        """Join blocks, at least one; the channels of each begin with those of the one before."""
+        """Rows of all parts in their order.
+
+        Args:
+            parts: Blocks to join, at least one; the channels of each begin with those of the one
+                before.
+
+        """
         if len(parts) == 1:
             return parts[0]
         width = max(part.words.shape[1] for part in parts)

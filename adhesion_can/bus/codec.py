@@ -116,7 +116,7 @@ class SignalPlan:
         return raw * self.scale + self.offset
 
     def raw_column(self, words: NDArray[np.uint64]) -> Raw:
-        """As `raw`, for payloads as `Block.words` has them.
+        """Raw values in many payloads: `raw` in columns.
 
         Args:
             words: Payloads as 64-bit words, shape (n, w); 8 w bytes reach the payload's end.
@@ -151,7 +151,7 @@ class SignalPlan:
         return np.asarray((words[:, place] >> np.uint64(-behind)) | high)
 
     def value_column(self, raw: Raw) -> NDArray[np.float64]:
-        """As `value`, for many raw values.
+        """Physical values of raw ones: `value` in columns.
 
         Args:
             raw: Raw values, shape (n,).
@@ -168,13 +168,13 @@ class SignalPlan:
         return number
 
     def float_column(self, raw: Raw) -> NDArray[np.float64]:
-        """Numbers that raw values of an IEEE float spell, unscaled, shape (n,)."""
+        """Numbers whose IEEE 754 bits the raw values are, unscaled, shape (n,)."""
         integer, real = _FLOAT_TYPES[self.length]
         with np.errstate(invalid="ignore"):
             return raw.astype(integer).view(real).astype(np.float64)
 
     def in_range_column(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """As `in_range`, for values of shape (n,)."""
+        """Mask of the values within the database's range, shape (n,): `in_range` in columns."""
         slack = 0.0 if self.is_float else abs(self.scale) / 2
         inside = np.isfinite(values)
         low, high = self.minimum, self.maximum
@@ -226,7 +226,7 @@ class SignalPlan:
 
 
 def among(raw: Raw, ids: Iterable[int]) -> NDArray[np.bool_]:
-    """Which raw values are one of `ids`, shape as theirs."""
+    """Mask of the raw values that are one of `ids`; shape of `raw`."""
     limits = np.iinfo(raw.dtype)
     possible = [number for number in ids if limits.min <= number <= limits.max]
     if len(possible) == 1:
@@ -256,22 +256,31 @@ class MessagePlan:
 
     def present(self, name: str, little: int, big: int) -> bool:
         """Whether a payload carries a signal: false where its multiplexer selects another."""
-        selector = self.multiplexed.get(name)
-        if selector is None:
+        condition = self.multiplexed.get(name)
+        if condition is None:
             return True
-        chooser, ids = selector
-        plan = self.signals[chooser]
-        chosen = plan.raw(big if plan.big_endian else little)
-        return chosen in ids and self.present(chooser, little, big)
+        selector, ids = condition
+        plan = self.signals[selector]
+        selected = plan.raw(big if plan.big_endian else little) in ids
+        return selected and self.present(selector, little, big)
 
     def present_column(self, name: str, words: NDArray[np.uint64]) -> NDArray[np.bool_] | None:
-        """As `present`, for payloads of shape (n, w): shape (n,), or None where all carry it."""
-        selector = self.multiplexed.get(name)
-        if selector is None:
+        """Mask of the payloads that carry a signal: `present` for many payloads at once.
+
+        Args:
+            name: Name of the signal.
+            words: Payloads as 64-bit words, shape (n, w).
+
+        Returns:
+            Mask, shape (n,); None where every payload carries the signal.
+
+        """
+        condition = self.multiplexed.get(name)
+        if condition is None:
             return None
-        chooser, ids = selector
-        selected = among(self.signals[chooser].raw_column(words), ids)
-        above = self.present_column(chooser, words)
+        selector, ids = condition
+        selected = among(self.signals[selector].raw_column(words), ids)
+        above = self.present_column(selector, words)
         return selected if above is None else selected & above
 
     def encode(self, values: Mapping[str, float | None]) -> bytearray:

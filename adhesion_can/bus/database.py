@@ -1,5 +1,6 @@
 """Loading of CAN databases: the packaged one and the user's."""
 
+from codecs import BOM_UTF8
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -21,10 +22,10 @@ OUTPUT_MESSAGES = (
 
 
 def packaged_path() -> Path:
-    """Our own DBC: inside the installed package, else beside it in a source tree.
+    """Path of the packaged DBC: inside the installed package, else beside it in a source tree.
 
     Raises:
-        DatabaseError: neither is there; the installation is broken.
+        DatabaseError: The file is in neither place; the installation is broken.
 
     """
     package = Path(__file__).resolve().parent.parent
@@ -54,7 +55,7 @@ class CanDatabase:
         """The message of that name.
 
         Raises:
-            DatabaseError: there is none.
+            DatabaseError: No message has that name.
 
         """
         for message in self.db.messages:
@@ -75,7 +76,7 @@ class CanDatabase:
             role: Name of the role that needs the signal, for the error.
 
         Raises:
-            DatabaseError: there is no such message or signal.
+            DatabaseError: No message or signal has that name.
 
         """
         where = f"{self.path.name}: {message_name}.{signal_name}"
@@ -92,10 +93,13 @@ class CanDatabase:
 
 
 def load_database(path: Path | None = None) -> CanDatabase:
-    """Load a database of any format that cantools reads; None: our own.
+    """Load a database.
+
+    Args:
+        path: Path of a file of any format that cantools reads; None: the packaged DBC.
 
     Raises:
-        DatabaseError: the file is missing or is not a database.
+        DatabaseError: The file is missing or is not a database.
 
     """
     path = path or packaged_path()
@@ -131,8 +135,7 @@ def _encoding(content: bytes) -> str | None:
 
     Text of that encoding with other letters than ASCII's is hardly ever UTF-8 by chance.
     """
-    mark = b"\xef\xbb\xbf"
-    if content.isascii() or content.removeprefix(mark).lstrip().startswith(b"<"):
+    if content.isascii() or content.removeprefix(BOM_UTF8).lstrip().startswith(b"<"):
         return None  # XML declares its own
     try:
         content.decode("utf-8")
@@ -142,7 +145,12 @@ def _encoding(content: bytes) -> str | None:
 
 
 def e2e_data_id(message: Message) -> int | None:
-    """Attribute E2EDataId of a message; None where the database has none."""
+    """Attribute E2EDataId of a message; None where the database has none.
+
+    Raises:
+        DatabaseError: The attribute is no number from 0 to 65535.
+
+    """
     attribute = message.dbc.attributes.get("E2EDataId") if message.dbc else None
     if attribute is None:
         return None

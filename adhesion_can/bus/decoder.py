@@ -128,7 +128,7 @@ class Decoder:
         wanted: Predicate of the signals to decode, by the names of message and signal; None: all.
 
     Raises:
-        DatabaseError: an E2EDataId is no number from 0 to 65535.
+        DatabaseError: An E2EDataId is no number from 0 to 65535.
 
     """
 

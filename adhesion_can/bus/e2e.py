@@ -1,5 +1,7 @@
 """AUTOSAR E2E profile 1: checksum and counter of a message, protected and supervised.
 
+Reference: AUTOSAR Foundation, E2E Protocol Specification (PRS_E2EProtocol).
+
 Checksum: CRC-8, polynomial 0x1D, effective init 0, no final xor, over both bytes of the data id and
 the payload from byte 1 on. Counter: byte 1, low nibble, 0..14; 15 is never sent.
 """
@@ -63,8 +65,9 @@ def checksums_ok(words: NDArray[np.uint64], size: int, data_id: int) -> NDArray[
         Mask of the payloads with a right checksum, shape (n,).
 
     """
-    # A checksum without init and final xor is linear over GF(2): it is the xor of what each pair
-    # of bytes gives alone. Pairs by table take half the time of bytes by table.
+    # A CRC without init and final xor is linear over GF(2): it is the xor of what each pair of
+    # bytes gives alone, by a table for each place (slicing-by-n; Kounavis and Berry, ISCC 2005).
+    # Pairs by table take half the time of bytes by table.
     pairs = np.ascontiguousarray(words).astype("<u8", copy=False).view("<u2")
     tables = _pair_tables(size)
     left = tables[0].take(pairs[:, 0])
@@ -229,7 +232,7 @@ class CounterSupervision:
         return outcome, lost
 
     def _steps(self, counts: NDArray[np.uint8], t_us: NDArray[np.int64]) -> NDArray[np.uint8]:
-        """Step from each count's forerunner, 1 for a new start, `COUNTS` for what is no count."""
+        """Step from the count in front; 1 for a new start, `COUNTS` for the invalid count 15."""
         former = np.empty_like(counts)
         former[:1] = 0 if self._baseline is None else self._baseline
         former[1:] = counts[:-1]

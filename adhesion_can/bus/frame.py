@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-LONGEST = 64
-"""Bytes of the longest payload, that of CAN FD."""
+MAX_PAYLOAD = 64
+"""Length of the longest payload, that of CAN FD, bytes."""
 
 
 class Frame(NamedTuple):

@@ -9,18 +9,18 @@ _Keys = NDArray[np.uint32]
 _Tables = NDArray[np.uint16]
 
 UNSEEN = 0
-"""Code of an id that no code is left for."""
+"""Code of an id met after all codes were given away."""
 
 _LEARNED = 1024  # ids that no database knows; a bus of random ids must not fill the memory
 _LOW, _MIDDLE = 11, 10  # bits; a standard id is low bits alone
-_STANDARD = 1  # place of the standard ids' tables; place 0 is that of what is not there
+_STANDARD = 1  # place of the tables of standard ids; the tables at place 0 stay empty
 
 
 class KeyCodes:
     """Gives each key of `Block.key` a code, new ones when they are first met.
 
-    Three tables one under the other, by the high, middle and low bits of a key: one table of all
-    keys would be of gigabytes.
+    The codes are in a radix tree of three levels, by the high, middle and low bits of a key, like
+    the page tables of a processor: one table of all keys would be of gigabytes.
 
     Args:
         keys: Known ids, which get the codes 1, 2, ..

@@ -19,7 +19,7 @@ PROTECTIONS: tuple[Protection, ...] = ("e2e-p01", "none")
 
 @dataclass(frozen=True, slots=True)
 class SignalChoice:
-    """A signal that a configuration names for a role; what is None comes from the database.
+    """A signal that a configuration names for a role; a field that is None comes from the database.
 
     Attributes:
         role: Meaning of the signal.
@@ -84,7 +84,7 @@ class BoundSignal:
 
     @property
     def name(self) -> str:
-        """As `SignalChoice.name`."""
+        """Role as configurations spell it: `wheel_speed.1`, `vehicle_speed`."""
         return role_name(self.role, self.axle)
 
 
@@ -158,8 +158,8 @@ def bind(
         where: Name of the configuration, for errors.
 
     Raises:
-        DatabaseError: a signal is not in the database.
-        ConfigError: a unit, an axle or a protection does not fit, or a signal does not fit into
+        DatabaseError: A signal is not in the database.
+        ConfigError: A unit, an axle or a protection does not fit, or a signal does not fit into
             its message.
 
     """

@@ -16,7 +16,7 @@ from cantools.database.conversion import (
 from numpy.typing import NDArray
 
 from adhesion_can.bus.codec import Raw, SignalPlan, among
-from adhesion_can.bus.frame import LONGEST
+from adhesion_can.bus.frame import MAX_PAYLOAD
 
 Values = NDArray[np.int64] | NDArray[np.uint64] | NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -257,8 +257,8 @@ class _Selection:
 
 def _obstacle(signal: Signal, size: int) -> str | None:
     """Why a signal cannot be decoded; None: it can."""
-    if size > LONGEST:
-        return f"in a message of {size} bytes, of which no frame has more than {LONGEST}"
+    if size > MAX_PAYLOAD:
+        return f"in a message of {size} bytes, of which no frame has more than {MAX_PAYLOAD}"
     if signal.length > 64:
         return "longer than 64 bits"
     if signal.conversion.is_float and signal.length not in (16, 32, 64):

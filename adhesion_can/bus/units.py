@@ -1,13 +1,14 @@
 """Units of signals, converted to SI at the bus and nowhere else."""
 
+from math import pi
+
 from adhesion_can.physics.readings import Role
+from adhesion_can.physics.vehicle import GRAVITY
 
-PI = 3.141592653589793
-
-_ANGULAR = {"rad/s": 1.0, "deg/s": PI / 180, "rpm": PI / 30, "1/min": PI / 30, "1/s": 2 * PI}
+_ANGULAR = {"rad/s": 1.0, "deg/s": pi / 180, "rpm": pi / 30, "1/min": pi / 30, "1/s": 2 * pi}
 _LINEAR = {"m/s": 1.0, "km/h": 1 / 3.6, "kph": 1 / 3.6, "mph": 0.44704, "mm/s": 1e-3}
 _FORCE = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605}
-_MASS = {"kg": 9.80665, "t": 9806.65}
+_MASS = {"kg": GRAVITY, "t": 1000 * GRAVITY}
 _NUMBER = {"": 1.0, "-": 1.0, "1": 1.0}
 
 UNITS: dict[Role, dict[str, float]] = {
@@ -25,11 +26,11 @@ UNITS: dict[Role, dict[str, float]] = {
     Role.GRADIENT: {"permille": 1e-3, "‰": 1e-3, "%": 1e-2, "m/m": 1.0},
     Role.CURVATURE: {"1/km": 1e-3, "1/m": 1.0},
 }
-"""Factor to SI of every unit that a role understands."""
+"""Factor to SI of every unit that a role accepts."""
 
 
 def to_si(role: Role, unit: str, wheel_radius: float | None) -> float | None:
-    """Factor from a unit to the SI unit of a role; None where the unit is none of its own.
+    """Factor from a unit to the SI unit of a role; None where the role does not accept it.
 
     A wheel speed may be given as speed of the rim (km/h): it is divided by the configured radius.
 
@@ -47,7 +48,7 @@ def to_si(role: Role, unit: str, wheel_radius: float | None) -> float | None:
 
 
 def known_units(role: Role) -> str:
-    """The units that a role understands, for an error message."""
+    """Units that a role accepts, for an error message."""
     units = list(UNITS[role])
     if role is Role.WHEEL_SPEED:
         units += list(_LINEAR)

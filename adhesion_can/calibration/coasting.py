@@ -14,7 +14,7 @@ from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.traces import Trace
 
 SOFTEST_CONTACT = min(s.c1 * s.c2 - s.c3 for s in RAIL)
-"""Least slope dμ/dλ at zero slip of our rail surfaces.
+"""Least slope dμ/dλ at zero slip of the surfaces `RAIL`.
 
 An adhesion μ that counts as coasting leaves a slip ratio of at most μ/slope.
 """

@@ -8,11 +8,12 @@ with the measured vehicle speed v, its zero error o, its delay τ and the accele
 vehicle; e is an error that all axles share and that is correlated over seconds. The radii are
 relative to the vehicle speed: a scale error of it is indistinguishable from one of all radii.
 
-All r_i, o and τ are fitted together by Huber's M-estimator (Huber 1964; weights k·s/|e| beyond
-k·s, s from the median absolute residual), which short slides cannot drag. Standard errors come
-from deleting one block of several seconds at a time (block jackknife; Künsch 1989), since standard
-errors per sample would treat a correlated error as many independent ones. o and τ are estimated
-only where they are identifiable: in a drive at one speed o is a part of every radius.
+All r_i, o and τ are fitted together by Huber's M-estimator (Huber, Ann. Math. Statist. 35 (1964)
+73-101) by iteratively reweighted least squares: weights k·s/|e| beyond k·s, s from the median
+absolute residual. Short slides have little influence on it. Standard errors come from deleting one
+block of several seconds at a time (block jackknife; Künsch, Ann. Statist. 17 (1989) 1217-1241),
+since standard errors per sample would treat a correlated error as many independent ones. o and τ
+are estimated only where they are identifiable: in a drive at one speed o is a part of every radius.
 """
 
 from collections.abc import Collection, Sequence

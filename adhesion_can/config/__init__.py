@@ -1,4 +1,4 @@
-"""Configuration: everything that a user can set, and the files that say it."""
+"""Configuration: everything that a user can set, and its files."""
 
 from adhesion_can.config.configuration import Configuration, ServiceSettings
 from adhesion_can.config.load import load_configuration

@@ -1,4 +1,4 @@
-"""Calibrated values in a user's configuration file; all else stays as written."""
+"""Calibrated values in a user's configuration file, whose other text stays as it is."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from adhesion_can.config.configuration import Configuration
 from adhesion_can.physics.readings import Role
 
 MARK = "calibrated:"
-"""Begin of our part of a comment behind a value; the part before it is the user's."""
+"""First word of the remark of a calibration in a comment; text before it is the user's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +55,7 @@ def rim_axles(configuration: Configuration) -> set[int]:
 def with_correction(
     configuration: Configuration, source: Path | None, target: Path, correction: Correction
 ) -> str:
-    """Text of the configuration file with the correction in it, comments and order kept.
+    """Text of the configuration file with the correction, its comments and order kept.
 
     Args:
         configuration: Configuration as it was loaded.

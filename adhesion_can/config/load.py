@@ -15,7 +15,7 @@ from adhesion_can.config.toml_tables import (
     load_toml,
     nested_sections,
     nested_settings,
-    no_more,
+    reject_unknown_keys,
     section_keys,
     table_of,
 )
@@ -39,7 +39,7 @@ def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Con
 
     Raises:
         ConfigError: The file cannot be read, or has unknown keys or wrong values.
-        DatabaseError: Its database is missing, broken or lacks a signal.
+        DatabaseError: The database is missing, broken or lacks a signal.
 
     """
     if path is None:
@@ -50,7 +50,7 @@ def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Con
     where = path.name
     bus = table_of(document.pop("bus", {}), f"{where}: bus")
     named = bus.pop("database", None)
-    no_more(bus, f"{where}: bus", ("database",))
+    reject_unknown_keys(bus, f"{where}: bus", ("database",))
     if named is not None and not isinstance(named, str):
         raise ConfigError(f"{where}: bus.database", "not a path", 'write database = "my.dbc"')
     database = load_database(dbc or (path.parent / named if named else None))
@@ -63,7 +63,7 @@ def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Con
     sections = tuple(settings_sections())
     tables = {name: document.pop(name) for name in sections if name in document}
     settings = nested_settings(Configuration, tables, where)
-    no_more(document, where, ("bus", "vehicle", "roles", "estimator", *sections))
+    reject_unknown_keys(document, where, ("bus", "vehicle", "roles", "estimator", *sections))
     return _complete(
         Configuration(
             vehicle=vehicle,
@@ -78,14 +78,14 @@ def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Con
 
 
 def _complete(configuration: Configuration) -> Configuration:
-    """Configuration with the default roles where none are given, all bound so that errors show."""
+    """Configuration with the default roles where none are given; errors of any part are raised."""
     if not configuration.choices:
-        present = {message.name for message in configuration.database.db.messages}
+        messages = {message.name for message in configuration.database.db.messages}
         choices = tuple(
             choice
             for choice in packaged_choices()
             if choice.axle <= configuration.vehicle.axles
-            and (choice.message in present or choice.message not in OPTIONAL_MESSAGES)
+            and (choice.message in messages or choice.message not in OPTIONAL_MESSAGES)
         )
         configuration = replace(configuration, choices=choices)
     _ = configuration.messages

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from adhesion_can.config.toml_tables import load_toml, no_more, section, table_of, typed
+from adhesion_can.config.toml_tables import load_toml, reject_unknown_keys, section, table_of, typed
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.extended.model import (
     ExtendedModel,
@@ -66,7 +66,7 @@ def _model(document: dict[str, Any], where: str) -> ExtendedModel:
     pairs = [_effect(t, w) for t, w in _tables(document.pop("effect", []), where, "effect")]
     splines = [_spline(t, w) for t, w in _tables(document.pop("spline", []), where, "spline")]
     provenance = table_of(document.pop("provenance", {}), f"{where}: provenance")
-    no_more(document, where, _KEYS)
+    reject_unknown_keys(document, where, _KEYS)
     texts = {
         key: typed(value, str, f"{where}: provenance.{key}") for key, value in provenance.items()
     }
@@ -102,7 +102,9 @@ def _stated(kind: type, value: object, where: str, keys: tuple[str, ...]) -> Any
 
 
 def _effect(table: dict[str, Any], where: str) -> tuple[ActiveEffect, Matrix | None]:
-    no_more({k: v for k, v in table.items() if k not in _EFFECT_KEYS}, where, _EFFECT_KEYS)
+    reject_unknown_keys(
+        {k: v for k, v in table.items() if k not in _EFFECT_KEYS}, where, _EFFECT_KEYS
+    )
     effect = _definition(table, where)
     place = f"{where}.parameters"
     given = table_of(table.get("parameters", {}), place)
@@ -118,7 +120,7 @@ def _effect(table: dict[str, Any], where: str) -> tuple[ActiveEffect, Matrix | N
         except ValueError as error:
             raise ConfigError(key, str(error), "mend the value") from error
         values.append(value)
-    no_more(given, place, names)
+    reject_unknown_keys(given, place, names)
     covariance = None
     if "covariance" in table:
         key = f"{where}.covariance"

@@ -57,8 +57,18 @@ def table_of(value: object, where: str) -> dict[str, Any]:
     return dict(value)
 
 
-def no_more(rest: Mapping[str, Any], where: str, known: tuple[str, ...]) -> None:
-    """ConfigError where keys are left over that are not known."""
+def reject_unknown_keys(rest: Mapping[str, Any], where: str, known: tuple[str, ...]) -> None:
+    """Raise an error for keys that a table must not have.
+
+    Args:
+        rest: Keys and values of a table less its known keys.
+        where: File and section, for errors.
+        known: Known keys, for the error.
+
+    Raises:
+        ConfigError: A key is unknown.
+
+    """
     if rest:
         key = next(iter(rest))
         dot = "." if ": " in where else ": "

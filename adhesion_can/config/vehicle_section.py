@@ -6,7 +6,7 @@ The defaults are those of `Locomotive` and `Geometry`; only the names are mapped
 from collections.abc import Mapping
 from typing import Any
 
-from adhesion_can.config.toml_tables import arguments_from, no_more, table_of, typed
+from adhesion_can.config.toml_tables import arguments_from, reject_unknown_keys, table_of, typed
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 
@@ -45,7 +45,7 @@ def load_vehicle(value: object, where: str) -> Locomotive:
     table = table_of(value, place)
     known = ("axles", *PER_AXLE, *WHOLE_VEHICLE)
     unknown = {key: v for key, v in table.items() if key not in (*known, "geometry")}
-    no_more(unknown, place, (*sorted(known), "geometry"))
+    reject_unknown_keys(unknown, place, (*sorted(known), "geometry"))
     default = Locomotive()
     number = typed(table["axles"], int, f"{place}.axles") if "axles" in table else None
     stated = {} if number is None else {"axles": number}

@@ -45,7 +45,18 @@ def adhesion(slip: ArrayLike, c1: ArrayLike, c2: ArrayLike, c3: ArrayLike) -> Ar
 
 
 def adhesion_slope(slip: ArrayLike, c1: ArrayLike, c2: ArrayLike, c3: ArrayLike) -> Array:
-    """Slope dμ/dλ = c1 c2 e^(−c2 |λ|) − c3 of `adhesion`; even in λ. Shapes as there."""
+    """Slope dμ/dλ = c1 c2 e^(−c2 |λ|) − c3 of `adhesion`; even in λ.
+
+    Args:
+        slip: Slip ratio λ, any shape.
+        c1: Level of the curve, adhesion.
+        c2: Steepness, per unit of slip.
+        c3: Fall beyond the peak, adhesion per unit of slip.
+
+    Returns:
+        Slope, adhesion per unit of slip, of the broadcast shape of all arguments.
+
+    """
     size = np.abs(np.asarray(slip, dtype=np.float64))
     c2 = np.asarray(c2, dtype=np.float64)
     return np.asarray(np.asarray(c1, dtype=np.float64) * c2 * np.exp(-c2 * size) - np.asarray(c3))
@@ -94,8 +105,8 @@ def adhesion_full(
         c1: Level of the curve, adhesion.
         c2: Steepness, per unit of slip.
         c3: Fall beyond the peak, adhesion per unit of slip.
-        c4: s/m.
-        c5: 1/N².
+        c4: Fall of the adhesion with creep speed, s/m.
+        c5: Fall of the adhesion with the squared load, 1/N².
 
     """
     creep = np.asarray(slip, dtype=np.float64) * np.asarray(speed, dtype=np.float64)
@@ -151,10 +162,10 @@ def peak(c1: ArrayLike, c2: ArrayLike, c3: ArrayLike, slip_max: float = SLIP_MAX
 
 
 def peak_gradient(c1: float, c2: float, c3: float, slip_max: float = SLIP_MAX) -> Array:
-    """Derivatives of (μ_m, λ_m) by (c1, c2, c3), shape (2, 3).
+    """Jacobian of (μ_m, λ_m) with respect to (c1, c2, c3), shape (2, 3).
 
-    At an interior peak dμ/dλ = 0, so ∂μ_m/∂θ is ∂μ/∂θ at λ_m. At the end of the range λ_m does
-    not move, its row is NaN: what is not a maximum has no standard deviation.
+    At an interior peak dμ/dλ = 0, so ∂μ_m/∂θ is ∂μ/∂θ at λ_m (envelope theorem). At the end of the
+    range λ_m is fixed, so its row is NaN: the end of a range has no standard deviation.
     """
     at = peak(c1, c2, c3, slip_max)
     lam = float(at.lambda_m)
@@ -185,7 +196,7 @@ def slip_at(
     target = np.minimum(np.abs(mu), top.mu_max)
     columns = (target, c1, c2, c3, top.lambda_m)
     numbers = zip(*(column.ravel().tolist() for column in columns), strict=True)
-    lam = np.array([_climb(*row) for row in numbers]).reshape(mu.shape)
+    lam = np.array([_solve_rising_branch(*row) for row in numbers]).reshape(mu.shape)
     # A rounding error above the peak is the peak.
     reachable = np.abs(mu) <= top.mu_max * (1 + 1e-12)
     return np.asarray(np.where(reachable, np.copysign(lam, mu), np.nan))
@@ -194,17 +205,26 @@ def slip_at(
 def slip_at_share(
     share: float, c1: float, c2: float, c3: float, slip_max: float = SLIP_MAX
 ) -> float:
-    """The smallest λ with μ(λ) ≥ `share` · μ_max; arguments as in `peak`, 0 < share ≤ 1."""
+    """Smallest slip ratio λ with μ(λ) ≥ `share` · μ_max.
+
+    Args:
+        share: Share of μ_max, above 0 and at most 1.
+        c1: Level of the curve, adhesion.
+        c2: Steepness, per unit of slip, > 0.
+        c3: Fall beyond the peak, adhesion per unit of slip.
+        slip_max: End of the valid range, slip ratio.
+
+    """
     top = peak(c1, c2, c3, slip_max)
-    return _climb(share * float(top.mu_max), c1, c2, c3, float(top.lambda_m))
+    return _solve_rising_branch(share * float(top.mu_max), c1, c2, c3, float(top.lambda_m))
 
 
-def _climb(target: float, c1: float, c2: float, c3: float, lambda_m: float) -> float:
+def _solve_rising_branch(target: float, c1: float, c2: float, c3: float, lambda_m: float) -> float:
     """Smallest slip in 0..λ_m at which the curve reaches a target that it does reach.
 
     Newton's method from λ = 0: the curve is concave there, so its tangents lie above it and the
-    iteration climbs to the root from below without ever passing it. By number and not by array:
-    the service asks for one at every setpoint, and arrays of one number cost ten times as much.
+    iteration rises to the root without ever passing it. On floats and not on arrays: the service
+    needs one root for every setpoint, and an array of one number costs ten times as much.
     """
     lam = 0.0
     for _ in range(60):
@@ -239,7 +259,7 @@ class Surface:
     source: str
 
     @property
-    def theta(self) -> tuple[float, float, float]:
+    def theta(self) -> CurveParameters:
         """(c1, c2, c3)."""
         return (self.c1, self.c2, self.c3)
 
@@ -262,7 +282,7 @@ PUBLISHED: tuple[Surface, ...] = (
     Surface("snow", 0.1946, 94.129, 0.0646, _TYRE),
     Surface("ice", 0.05, 306.39, 0.0, _TYRE),
 )
-"""Published curves. They are for tyres; a rail lies below them, its creep zone is narrower."""
+"""Published curves of tyres; a curve of wheel and rail is lower, with its peak at less slip."""
 
 _OURS = "adhesion-can, shaped after Polach 2005 and Curtius-Kniffler 1950 at 10 m/s; not measured"
 RAIL: tuple[Surface, ...] = (

@@ -6,6 +6,7 @@ from math import inf
 from typing import Any
 
 from adhesion_can.arrays import Array
+from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.result_text import html_table, plus_minus
 
 
@@ -48,7 +49,7 @@ class Estimate:
         noise_std: Standard deviation of the measured adhesion about the curve.
         samples: Number of samples that the estimate rests on.
         identifiable: Whether the data suffice to identify the peak.
-        surface_since_us: Stamp of the first sample of the present surface, µs.
+        surface_since_us: Stamp of the first sample of the current surface, µs.
         change_probability: Probability that the surface changed within the last update, 0..1.
         per_axle: (μ_max, λ_m) by axle number, where an estimator follows single axles.
         mu_max_interval: 90 % interval of μ_max; unbounded where an estimator gives none.
@@ -74,7 +75,7 @@ class Estimate:
     lambda_m_interval: tuple[float, float] = (-inf, inf)
 
     @property
-    def theta(self) -> tuple[float, float, float]:
+    def theta(self) -> CurveParameters:
         """(c1, c2, c3)."""
         return (self.c1, self.c2, self.c3)
 

@@ -1,6 +1,6 @@
 """Errors of the sensors and of the vehicle's data.
 
-They are one value, used alike by sample formation, diagnosis and the simulated sensors.
+Sample formation, diagnosis and the simulated sensors share the same value.
 """
 
 from collections.abc import Mapping

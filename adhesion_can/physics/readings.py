@@ -5,7 +5,7 @@ from enum import StrEnum
 
 
 class Role(StrEnum):
-    """What a signal means to the service; the SI unit of its readings stands beside it."""
+    """Meaning of a signal to the service; a comment beside each role has the unit of its values."""
 
     WHEEL_SPEED = "wheel_speed"  # rad/s, an axle each
     VEHICLE_SPEED = "vehicle_speed"  # m/s

@@ -1,6 +1,6 @@
 """Samples of the adhesion curve, one by one and in columns, in SI units.
 
-Time is integer microseconds throughout. `Samples` is the columnar twin of `Sample`.
+Time is integer microseconds throughout. `Samples` has the fields of `Sample` as columns.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -55,7 +55,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Columnar twin of `Sample`: arrays of one length n, same names and units."""
+    """Samples in columns: the fields of `Sample`, arrays of shape (n,), in the same units."""
 
     t_us: NDArray[np.int64]
     axle: NDArray[np.int64]
@@ -128,7 +128,12 @@ class Samples:
 
     @classmethod
     def concatenate(cls, parts: Sequence["Samples"]) -> "Samples":
-        """One after another, at least one; keeps the covariates that all of them carry."""
+        """Samples of all parts in their order.
+
+        Args:
+            parts: Samples to join, at least one part; covariates that a part lacks are left out.
+
+        """
         full = [part for part in parts if len(part)] or list(parts[:1])
         names = set(full[0].covariates).intersection(*(part.covariates for part in full))
 

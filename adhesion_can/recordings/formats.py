@@ -42,7 +42,7 @@ def detect_format(path: Path, head: bytes) -> str:
         head: First bytes of the file, unpacked.
 
     Raises:
-        RecordingError: the name is of no known format, or of another one than the content.
+        RecordingError: The name is of no known format, or of another one than the content.
 
     """
     named, seen = _inner_suffix(path), _by_content(head)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
-from adhesion_can.bus.frame import LONGEST
+from adhesion_can.bus.frame import MAX_PAYLOAD
 from adhesion_can.recordings.candump import LAST_US, ReadReport
 
 _KINDS = {
@@ -33,7 +33,7 @@ _NO_BUS = 0xFFFF
 _ID_BITS = 0x1FFFFFFF
 _LEAST = 1000  # records read at a time from one of many groups
 _KEPT = np.array([(1 << 8 * count) - 1 for count in range(9)], np.uint64)
-"""Mask of a word of which so many bytes belong to the payload."""
+"""Masks of words, by the number of a word's bytes that belong to the payload, 0..8."""
 
 
 class NotInColumnsError(Exception):
@@ -47,8 +47,8 @@ def open_mf4(path: Path) -> Any:
         path: Path of the file, which is not packed.
 
     Raises:
-        ImportError: asammdf is needed.
-        Exception: the file cannot be opened; asammdf raises whatever its parsers meet.
+        ImportError: The package asammdf is not installed.
+        Exception: The file cannot be opened; asammdf raises whatever its parsers meet.
 
     """
     from asammdf import MDF  # noqa: PLC0415  an extra is imported where it is needed
@@ -67,7 +67,7 @@ def mf4_blocks(mdf: Any, report: ReadReport, size: int) -> Iterator[tuple[Block,
         size: Number of rows of a block, from half to twice as many but for the last.
 
     Raises:
-        NotInColumnsError: what is behind the frames given so far needs python-can's reader.
+        NotInColumnsError: The frames behind those given so far need python-can's reader.
 
     """
     groups = _groups(mdf)
@@ -124,7 +124,7 @@ class _Group:
         self.left: int = mdf.groups[index].channel_group.cycles_nr
 
     def read(self, count: int) -> _Part:
-        """So many of the records that are left, or all of them."""
+        """Next `count` records, or all that are left."""
         count = min(count, self.left)
         try:
             # As python-can's reader does; `select` leaves out some conversions.
@@ -219,18 +219,18 @@ def _payload(
     """Lengths and words of payloads, from their stated lengths and their bytes, shape (n, m)."""
     length = np.minimum(stated, data.shape[1])
     longest = int(length.max())
-    if longest > LONGEST:
+    if longest > MAX_PAYLOAD:
         raise NotInColumnsError(f"a payload of {longest} bytes")
-    room = 8 if longest <= 8 else LONGEST
+    room = 8 if longest <= 8 else MAX_PAYLOAD
     padded = np.zeros((len(data), room), np.uint8)
     padded[:, : data.shape[1]] = data[:, :room]
-    held = length.astype(np.int64)[:, np.newaxis] - np.arange(0, room, 8)
-    words = padded.view("<u8").astype(np.uint64) & _KEPT[held.clip(0, 8)]
+    rest = length.astype(np.int64)[:, np.newaxis] - np.arange(0, room, 8)
+    words = padded.view("<u8").astype(np.uint64) & _KEPT[rest.clip(0, 8)]
     return length.astype(np.uint8), words
 
 
 def _merged(groups: list[_Group], size: int) -> Iterator[_Part]:
-    """Rows of all groups by their stamps, those of the group in front first where they are equal.
+    """K-way merge of all groups by their stamps; of equal stamps the group in front comes first.
 
     A stamp that runs back in its group stands behind the later one in front of it, as in a merge
     that looks at one row of each group at a time.
@@ -256,7 +256,7 @@ def _merged(groups: list[_Group], size: int) -> Iterator[_Part]:
 
 
 def _gathered(parts: Iterable[_Part], least: int) -> Iterator[Block]:
-    """Parts joined until they have so many rows."""
+    """Blocks of at least `least` rows but for the last, from parts joined in their order."""
     waiting: list[Block] = []
     for part in parts:
         waiting.append(part.rows)

@@ -8,7 +8,7 @@ from pathlib import Path
 import can
 
 from adhesion_can.bus.block import Block
-from adhesion_can.bus.frame import LONGEST, Frame, Mark, to_us
+from adhesion_can.bus.frame import MAX_PAYLOAD, Frame, Mark, to_us
 from adhesion_can.errors import RecordingError
 from adhesion_can.files import file_sha256
 from adhesion_can.recordings.candump import (
@@ -38,7 +38,7 @@ class Recording:
             its suffix.
 
     Raises:
-        RecordingError: the file is missing, no file but a pipe, or of no known format.
+        RecordingError: The file is missing, no file but a pipe, or of no known format.
 
     """
 
@@ -88,10 +88,11 @@ class Recording:
         those of the blocks given so far.
 
         Args:
-            size: Number of bytes of candump text a block, to within a line.
+            size: Number of bytes of candump text in a block, to within a line.
 
         Raises:
-            RecordingError: the file cannot be read to its end; all that could be is given before.
+            RecordingError: The file cannot be read to its end; blocks in front of the fault are
+                given first.
 
         """
         self.position = 0
@@ -223,7 +224,7 @@ class Recording:
 
 def _require_valid(frame: Frame) -> Frame:
     """The frame; a ValueError where no bus can carry it."""
-    if len(frame.data) > LONGEST:
+    if len(frame.data) > MAX_PAYLOAD:
         raise ValueError(f"a frame of {len(frame.data)} bytes")
     if abs(frame.t_us) > LAST_US:
         raise ValueError(f"a frame stamped {frame.t_us / 1e6:g} s")
@@ -239,21 +240,21 @@ def _position(reader: can.io.generic.MessageReader | None) -> int:
 
 
 def _joined(found: Iterator[tuple[Block, int]], most: int) -> Iterator[tuple[Block, int]]:
-    """Blocks put together, at most so many, with the position of the last one."""
-    held: list[Block] = []
+    """Blocks joined, at most `most` of them, each with the position of the last one in it."""
+    waiting: list[Block] = []
     position = 0
     try:
         for block, position in found:
-            held.append(block)
-            if len(held) >= most:
-                yield Block.concatenate(held), position
-                held = []
+            waiting.append(block)
+            if len(waiting) >= most:
+                yield Block.concatenate(waiting), position
+                waiting = []
     except RecordingError:
-        if held:
-            yield Block.concatenate(held), position
+        if waiting:
+            yield Block.concatenate(waiting), position
         raise
-    if held:
-        yield Block.concatenate(held), position
+    if waiting:
+        yield Block.concatenate(waiting), position
 
 
 def from_message(message: can.Message) -> Frame:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.errors import TableError
+from adhesion_can.recordings.sample_table import TIME_LIMIT_S
 
 
 def reference_path(option: str) -> tuple[Path, str | None]:
@@ -31,7 +32,7 @@ def read_reference(option: str) -> tuple[NDArray[np.int64], Array]:
         Time stamps, µs, and speeds, m/s, NaN where a cell is empty; shape (n,) each.
 
     Raises:
-        TableError: the file cannot be read as such.
+        TableError: The file cannot be read, or its columns, numbers or times are wrong.
 
     """
     path, column = reference_path(option)
@@ -75,7 +76,6 @@ def _numbers(row: list[str], places: tuple[int, int], where: str) -> tuple[float
         time_s, speed = (float(row[place].strip() or "nan") for place in places)
     except (IndexError, ValueError) as error:
         raise TableError(where, "not numbers under the header", "mend the line") from error
-    # Past 285 years of microseconds a stamp is no stamp.
-    if not abs(time_s) < 9e9:
+    if not abs(time_s) < TIME_LIMIT_S:
         raise TableError(where, f"{time_s} is no time", "mend the line")
     return time_s, speed if isfinite(speed) else np.nan

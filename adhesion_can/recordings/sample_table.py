@@ -18,8 +18,11 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.errors import TableError
 from adhesion_can.physics.samples import Samples
+from adhesion_can.recordings.candump_columns.text_source import Packing
 
 FORCE, LOAD = "longitudinal_force_N", "normal_load_N"
+TIME_LIMIT_S = 9e9
+"""Limit of a time, s: beyond it, 285 years, stamps do not fit 64 bits as ns."""
 _KNOWN = frozenset({"time_s", "slip", "adhesion", FORCE, LOAD, "speed_mps", "axle", "segment"})
 
 
@@ -47,7 +50,7 @@ def is_table(path: Path) -> bool:
     """Whether a file is a sample table rather than a recording.
 
     Raises:
-        TableError: a .csv that is neither.
+        TableError: The file is a .csv with the columns of neither.
 
     """
     suffixes = [suffix.lower() for suffix in path.suffixes if suffix.lower() != ".gz"]
@@ -74,7 +77,7 @@ def read_table(path: Path) -> Table:
     """Read a sample table.
 
     Raises:
-        TableError: it cannot be read, or lacks a column that it needs.
+        TableError: The file cannot be read, or lacks a required column.
 
     """
     columns = _parquet(path) if path.suffix.lower() == ".parquet" else _csv(path)
@@ -107,8 +110,7 @@ def _table(path: Path, columns: Mapping[str, Array], ignored: tuple[str, ...]) -
         adhesion = np.divide(force, load, out=np.full_like(slip, np.nan), where=load > 0)
     speed = columns.get("speed_mps", ones)
     good = np.isfinite(time_s) & np.isfinite(slip) & np.isfinite(adhesion)
-    # Past 285 years of microseconds a stamp is no stamp.
-    good &= np.abs(np.where(good, time_s, 0.0)) < 9e9
+    good &= np.abs(np.where(good, time_s, 0.0)) < TIME_LIMIT_S
     if not good.any():
         raise TableError(
             str(path), "no row has a finite time, slip and adhesion", "check the units"
@@ -145,7 +147,8 @@ def _table(path: Path, columns: Mapping[str, Array], ignored: tuple[str, ...]) -
 def _read(path: Path) -> bytes:
     try:
         content = path.read_bytes()
-        return gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content
+        is_gzip = Packing.from_head(content) is Packing.GZIP
+        return gzip.decompress(content) if is_gzip else content
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise TableError(
             str(path), f"the gzip file is damaged ({error})", "compress it again"

@@ -104,7 +104,7 @@ def in_sequence(recordings: Sequence[Recording]) -> Iterator[Frame | Mark]:
     """Recordings one after another.
 
     Raises:
-        RecordingError: one begins before the one in front of it ended.
+        RecordingError: A recording begins before the one in front of it ended.
 
     """
     last = None
@@ -122,7 +122,7 @@ def blocks_in_sequence(recordings: Sequence[Recording]) -> Iterator[Block]:
     """Recordings one after another, in blocks.
 
     Raises:
-        RecordingError: one begins before the one in front of it ended.
+        RecordingError: A recording begins before the one in front of it ended.
 
     """
     last: int | None = None

@@ -91,11 +91,11 @@ class ColumnFormer:
             elif role is Role.AXLE_LOAD and axle in self._load:
                 self._load[axle].extend(stamps, values)
             elif role is Role.DIRECTION:
-                self._turn(stamps, values)
+                self._add_direction(stamps, values)
             elif role in COVARIATES:
                 self._covariates[COVARIATES[role]].extend(stamps, values)
 
-    def _turn(self, stamps: Stamps, values: Array) -> None:
+    def _add_direction(self, stamps: Stamps, values: Array) -> None:
         available = np.isfinite(values)
         stamps, values = stamps[available], np.trunc(values[available])
         travel = np.full(len(values), np.nan)
@@ -168,7 +168,7 @@ class ColumnFormer:
         """Covariates of samples by their stamps and the times at which they were collected."""
         out = {}
         for name, history in sorted(self._covariates.items()):
-            # The present ones, unless samples had to wait for late readings.
+            # Values at the time of collecting, unless samples had to wait for late readings.
             place = (
                 np.searchsorted(history.t_us, t_us, side="right") - 1
                 if self._equations.lag_us
@@ -181,10 +181,7 @@ class ColumnFormer:
     def _forget(self, now_us: int) -> None:
         equations = self._equations
         waiting = [int(wheel.t_us[0]) for wheel in self._wheel.values() if len(wheel.t_us)]
-        oldest = max(
-            min(waiting, default=now_us),
-            round(now_us - 4 * equations.longest_gap_us - equations.lag_us),
-        )
+        oldest = equations.oldest_needed_us(waiting, now_us)
         histories = (self._speed, self._direction, *self._effort.values(), *self._load.values())
         for history in (*histories, *self._covariates.values()):
             history.forget_before(oldest)
@@ -192,7 +189,7 @@ class ColumnFormer:
     # ------------------------------------------------------------------------------- an axle
 
     def _form(self, axle: int, due: _Due) -> _Formed:
-        """Samples of an axle that come in these collections; the wheel forgets what is settled."""
+        """Samples of an axle that come in these collections; drops the wheel speeds they settle."""
         wheel, equations = self._wheel[axle], self._equations
         t = wheel.t_us[1:-1]
         omega, before, after = wheel.value[1:-1], wheel.value[:-2], wheel.value[2:]

@@ -4,7 +4,7 @@ Two formers use them: `SampleFormer` reading by reading, `ColumnFormer` whole co
 are equal to the last bit.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
@@ -83,7 +83,7 @@ class SampleEquations:
     """Equations of a vehicle's samples, with its data, sensors and settings.
 
     Attributes:
-        stated: Vehicle with the radii, loads and inertia as configured.
+        configured: Vehicle with the radii, loads and inertia as configured.
         cycles_us: Cycle time of each role's message, µs; a gap is a multiple of it.
         settings: Conditions under which a sample is formed.
         sensors: Standard deviations of the measurements.
@@ -92,7 +92,7 @@ class SampleEquations:
 
     """
 
-    stated: Locomotive
+    configured: Locomotive
     cycles_us: Mapping[Role, int]
     settings: SamplingSettings
     sensors: Sensors
@@ -102,7 +102,7 @@ class SampleEquations:
     @cached_property
     def vehicle(self) -> Locomotive:
         """Vehicle with the errors of its data corrected."""
-        return self.instruments.vehicle(self.stated)
+        return self.instruments.vehicle(self.configured)
 
     @cached_property
     def speed_lag_us(self) -> int:
@@ -125,7 +125,7 @@ class SampleEquations:
 
     @cached_property
     def longest_gap_us(self) -> float:
-        """The longest gap allowed in what every sample needs, µs."""
+        """Longest gap allowed in the signals that every sample needs, µs."""
         required = (Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT)
         return max(self.gap_us(role) for role in required)
 
@@ -133,6 +133,17 @@ class SampleEquations:
     def give_up_us(self) -> float:
         """Longest time that a wheel speed waits for its bracket, µs."""
         return 2 * self.longest_gap_us + self.lag_us
+
+    def oldest_needed_us(self, waiting_us: Iterable[int], now_us: int) -> int:
+        """Oldest stamp around which a sample may still need readings, µs.
+
+        Args:
+            waiting_us: Stamps of the wheel speeds that wait for their brackets, µs.
+            now_us: Current time, µs.
+
+        """
+        limit = round(now_us - 4 * self.longest_gap_us - self.lag_us)
+        return max(min(waiting_us, default=now_us), limit)
 
     @cached_property
     def transfer(self) -> list[list[float]] | None:

@@ -136,7 +136,7 @@ class SampleFormer:
             self._history.append((t_us, self._covariates))
 
     def _covariates_at(self, t_us: int) -> dict[str, float]:
-        """Covariates of a sample: the present ones, unless it had to wait for late readings."""
+        """Covariates of a sample: the latest ones, unless it had to wait for late readings."""
         if not self.equations.lag_us:
             return self._covariates
         before = bisect_right(self._history, t_us, key=lambda entry: entry[0]) - 1
@@ -146,7 +146,7 @@ class SampleFormer:
         """Samples that became complete, by stamp and axle.
 
         Args:
-            now_us: Present time, µs; a wheel speed that has waited for its bracket longer than the
+            now_us: Current time, µs; a wheel speed that has waited for its bracket longer than the
                 gap allowed is given up.
 
         """
@@ -176,10 +176,7 @@ class SampleFormer:
             for axle, wheel in self._wheel.items()
             if len(wheel.times) >= self._next[axle]
         ]
-        oldest = max(
-            min(waiting, default=now_us),
-            round(now_us - 4 * self.equations.longest_gap_us - self.equations.lag_us),
-        )
+        oldest = self.equations.oldest_needed_us(waiting, now_us)
         for history in (self._speed, *self._effort.values(), *self._load.values()):
             history.forget_before(oldest)
         gone = bisect_right(self._history, oldest, key=lambda entry: entry[0]) - 1

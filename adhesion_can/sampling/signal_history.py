@@ -5,7 +5,7 @@ from math import sqrt
 
 
 class Waiting:
-    """The bracket's later reading has not come yet."""
+    """Answer of a history whose reading that closes the bracket has not come yet."""
 
 
 WAITING = Waiting()

@@ -18,7 +18,7 @@ CURVATURE, ANGLE = "curvature_per_m", "slip_angle_deg"
 
 
 def lateral_channel(contact: Contact) -> Array:
-    """What lateral creep is proportional to: curvature, 1/m, or the tangent of a slip angle."""
+    """Values proportional to lateral creep: tangent of a slip angle, else curvature, 1/m."""
     if ANGLE in contact.covariates:
         return np.tan(np.radians(contact.covariates[ANGLE]))
     return contact.covariates[CURVATURE]

@@ -21,18 +21,20 @@ from adhesion_can.physics.effects.base import (
 from adhesion_can.physics.effects.lag_states import LagStates
 
 DEGREE = 3
+"""Degree of the splines."""
 CONTACT_CHANNELS = tuple(channel.contact for channel in CHANNELS if channel.contact)
 """Channels of every contact, by their attribute of `Contact`; slip and creep speed as magnitude."""
 KINDS = ("factor",)
+"""Quantities that a spline may change: 'factor', the factor of the adhesion."""
 
 
 @dataclass(frozen=True, slots=True)
 class Empirical:
-    """Factor 1 + s(x) with a cubic B-spline s; beyond its knots x counts as at the last of them.
+    """Factor 1 + s(x) with a cubic B-spline s, constant beyond its first and its last knot.
 
     Attributes:
         channel: Name of x: one of `CONTACT_CHANNELS`, or a covariate.
-        kind: What the spline changes: 'factor', the adhesion.
+        kind: Quantity that the spline changes, one of `KINDS`.
         knots: Knots in ascending order, the first four alike and the last four alike.
         coefficients: Coefficients of the B-splines, four fewer than the knots.
 
@@ -78,7 +80,7 @@ class Empirical:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """None: its coefficients are part of what it is."""
+        """No parameters: the coefficients are fields of the spline."""
         return ()
 
     @property
@@ -93,7 +95,7 @@ class Empirical:
 
     @property
     def observability(self) -> Observability:
-        """The channel; over the time a spline is a drift."""
+        """Residuals over the channel; a spline over time is a drift."""
         return Observability(self.channel, self.channel, drift=self.channel == "time_s")
 
     def change(self, contact: Contact, _values: tuple[float, ...], _lags: LagStates) -> Change:
@@ -107,7 +109,7 @@ class Empirical:
         return Change(contact.slip, 1.0 + self.at(x))
 
     def at(self, x: Array) -> Array:
-        """S at values of the channel; shape of `x`."""
+        """Value s(x) of the spline at values of the channel; shape of `x`."""
         inside = np.clip(x, self.knots[0], self.knots[-1])
         spline = _spline(self.knots, self.coefficients)
         return np.asarray(spline(inside), dtype=np.float64)

@@ -1,4 +1,9 @@
-"""First-order lags, axle by axle, over a whole drive or a step at a time."""
+"""First-order lags, axle by axle, over a whole drive or a step at a time.
+
+The input of a lag is a straight line between its samples: the first-order-hold (ramp-invariant)
+discretisation of Franklin, Powell and Workman, Digital Control of Dynamic Systems, 3rd ed. 1998,
+ch. 6, which is exact for any step.
+"""
 
 from itertools import pairwise
 from math import expm1, inf
@@ -10,7 +15,7 @@ from adhesion_can.arrays import Array
 PAUSE_S = 1.0
 """Pause in an axle's samples after which its lags begin anew, s."""
 FEW = 48
-"""Number of rows up to which rows are followed one by one: arrays do not pay for so few."""
+"""Number of rows up to which a loop over the rows is faster than arrays."""
 _RANGE = 300.0
 """Largest exponent of a running sum; its exponential stays finite, and so do products with it."""
 
@@ -30,7 +35,7 @@ class LagStates:
         rate: Array | float,
         start: float | None = None,
     ) -> Array:
-        """X of dx/dt = rate · (target − x), the target a straight line over each step.
+        """Response x of dx/dt = rate · (target − x), the target a straight line over each step.
 
         Args:
             name: Name of the lag.
@@ -53,12 +58,12 @@ class LagStates:
             key = (name, int(number))
             times, targets = time_s[rows], target[rows]
             known = self._states.get(key)
-            steps = np.diff(times, prepend=times[0] if known is None else known[0])
-            begins = np.flatnonzero((steps > PAUSE_S) | (steps < 0))
+            steps = _steps(times, times[0] if known is None else known[0])
+            begins = {int(row) for row in np.flatnonzero((steps > PAUSE_S) | (steps < 0))}
             if known is None:
-                begins = np.union1d(begins, [0])
+                begins.add(0)
             state, before = (0.0, 0.0) if known is None else known[1:]
-            bounds = np.union1d(begins, [0, len(rows)]).astype(np.int64)
+            bounds = sorted(begins | {0, len(rows)})
             for first, last in pairwise(bounds):
                 if first in begins:
                     before = float(targets[first])
@@ -72,7 +77,7 @@ class LagStates:
         return x
 
     def copy(self) -> "LagStates":
-        """The same states, which then go a way of their own."""
+        """Independent copy of the states."""
         other = LagStates()
         other._states = dict(self._states)
         return other
@@ -86,7 +91,7 @@ class LagStates:
         rates: Array,
         start: float | None,
     ) -> Array:
-        """The same for few rows."""
+        """Response as in `follow`, row by row."""
         x = []
         columns = (column.tolist() for column in (axle, time_s, target, rates))
         for number, time, wanted, rate in zip(*columns, strict=True):
@@ -104,13 +109,21 @@ class LagStates:
         return np.array(x)
 
 
+def _steps(values: Array, before: float) -> Array:
+    """Increase of each value over the one in front of it, shape (n,)."""
+    steps = np.empty(len(values))
+    steps[0] = values[0] - before
+    np.subtract(values[1:], values[:-1], out=steps[1:])
+    return steps
+
+
 def _lag(target: Array, before: float, exponent: Array, state: float) -> Array:
-    """The lag's exact answer to straight lines between its targets, in pieces of one sum each.
+    """Response of a lag to straight lines between its targets, as pieces of a prefix sum.
 
     x_n = a x_(n-1) + b_n with a = e^(−E), b_n = u_n − a u_(n-1) − (u_n − u_(n-1)) (1 − a)/E. With S
     the running sum of the exponents E, x_n e^(S_n) is a running sum of b_n e^(S_n).
     """
-    rise = np.diff(target, prepend=before)
+    rise = _steps(target, before)
     gone = -np.expm1(-exponent)
     mean = np.divide(gone, exponent, out=np.ones_like(gone), where=exponent > 0)
     taken = gone * target + rise * (1.0 - gone - mean)

@@ -54,7 +54,7 @@ EFFECTS: tuple[Effect, ...] = (
     SlowDrift(),
     TractionBrakingAsymmetry(),
 )
-"""The built-in effects. What changes the slip stands before what multiplies the adhesion."""
+"""The built-in effects; effects that change the slip stand before those that scale the adhesion."""
 
 
 @cache

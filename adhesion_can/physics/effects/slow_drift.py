@@ -14,7 +14,7 @@ from adhesion_can.physics.effects.base import (
 from adhesion_can.physics.effects.lag_states import LagStates
 
 MIN_FACTOR = 0.1
-"""A drift goes on no further than to this share of the adhesion."""
+"""Smallest factor of a drift, a share of the adhesion."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ class Layout:
     Attributes:
         kind: Kind of the lines.
         size: Number of characters in front of the payload.
-        fixed: Words that are the same in every line, as (offset, characters, mask).
+        fixed: Words whose characters are the same in every line, as (offset, characters, mask).
         stamp: Words of decimal digits, as (offset, mask, ns of the last digit).
         name: Words that together hold the name of the bus, as (offset, mask).
         letters: Number of characters of the name.
@@ -258,7 +258,7 @@ def _words_at(heads: NDArray[np.void], places: tuple[tuple[int, np.uint64], ...]
 
 
 def _fits(layout: Layout, heads: NDArray[np.void]) -> NDArray[np.bool_]:
-    """Whether all that is the same in every line is so, shape (n,)."""
+    """Whether a line has the fixed characters of the layout, shape (n,)."""
     differs = np.zeros(len(heads), WORD)
     word = np.empty(len(heads), WORD)
     for offset, characters, mask in layout.fixed:
@@ -270,7 +270,7 @@ def _fits(layout: Layout, heads: NDArray[np.void]) -> NDArray[np.bool_]:
 
 
 def _stamps(layout: Layout, heads: NDArray[np.void]) -> tuple[Words, Words]:
-    """Stamps in ns, and what is not 0 where a character is no digit, shapes (n,)."""
+    """Stamps in ns, and words that are not 0 where a character is no digit, shapes (n,)."""
     words = np.empty((len(layout.stamp), len(heads)), WORD)
     for row, (offset, _, _) in zip(words, layout.stamp, strict=True):
         row[:] = _word(heads, offset)
@@ -301,7 +301,7 @@ def _keys(layout: Layout, heads: NDArray[np.void]) -> tuple[NDArray[np.uint32], 
 def _payloads(
     layout: Layout, text: Text, places: Places, sizes: Places
 ) -> tuple[NDArray[np.uint8], Words, NDArray[np.bool_]]:
-    """Lengths in bytes, payloads as words, and whether they are ones, shapes (n,), (n, w), (n,)."""
+    """Lengths in bytes, payloads as words, and whether each is valid: (n,), (n, w), (n,)."""
     allowed = _sizes(layout.kind)
     bounded = sizes.clip(-1, len(allowed) - 1)
     right = allowed[bounded]
@@ -323,7 +323,7 @@ def _payloads(
 
 @cache
 def _sizes(kind: Kind) -> NDArray[np.bool_]:
-    """Whether so many characters make a payload, shape (130,); the last for all that do not."""
+    """Whether a payload can have 0, 1, .. characters, shape (130,); the last entry is False."""
     allowed = np.zeros(130, np.bool_)
     octets = {Kind.DATA: range(9), Kind.FD: FD_LENGTHS}.get(kind, (0,))
     allowed[[2 * count for count in octets]] = True
@@ -332,7 +332,7 @@ def _sizes(kind: Kind) -> NDArray[np.bool_]:
 
 @cache
 def _kept(width: int) -> NDArray[np.void]:
-    """Masks that keep so many characters of a payload, shape (130,), `width` words each."""
+    """Masks of the first 0, 1, .. characters of payloads in `width` words, shape (130,)."""
     places = np.arange(8 * width)
     masks = np.where(places < np.arange(130)[:, None], np.uint8(0xFF), np.uint8(0))
     return masks.view(f"V{8 * width}")[:, 0]

@@ -31,8 +31,8 @@ from adhesion_can.recordings.candump_columns.text_source import FRONT, LINE_LIMI
 _FEW = 24  # lines that are read one by one sooner than all at once
 _LAYOUTS = 16  # of one chunk; past them its lines are read one by one
 _NOTHING = 0xFF  # kind of a line that gives no row
-_NO_NAME = 0xFFFF  # channel of what is no name
-_FREED = 1 << 24  # bytes
+_NO_NAME = 0xFFFF  # channel of a line whose characters there are no name
+_FREED = 1 << 24  # bytes of an array that is allocated and freed at once; see `read_chunks`
 _SPACE = re.compile(rb"\s")
 _NAMES = {
     Kind.DATA: "frame",
@@ -82,14 +82,14 @@ def parse_chunk(chunk: Chunk, layouts: tuple[Layout, ...] = ()) -> ParsedChunk:
 
     Args:
         chunk: Whole lines.
-        layouts: Layouts to try first; they change the time it takes and nothing else.
+        layouts: Layouts to try first; they save time and do not change the result.
 
     """
     return _ChunkParser(chunk, layouts).result()
 
 
 class _ChunkParser:
-    """One chunk on its way from lines to columns."""
+    """Parser of one chunk: its columns while they are filled."""
 
     def __init__(self, chunk: Chunk, layouts: tuple[Layout, ...]) -> None:
         self._text = chunk.text
@@ -125,7 +125,7 @@ class _ChunkParser:
         return ParsedChunk(block, self._lines, self._skipped, layouts)
 
     def _read(self) -> None:
-        """Lines by the known layouts, by those that they show themselves, and one by one."""
+        """Read lines by the known layouts, then by layouts found in them, then one by one."""
         left = np.arange(self._lines)
         for layout in self._layouts:
             if len(left) < _FEW:
@@ -297,15 +297,15 @@ class ChunkSequence:
 
     def follow(self, parsed: ParsedChunk) -> Block:
         """The next chunk's rows as they stand in the recording."""
-        for row, kind, is_whole in parsed.skipped:
-            self._report.skip(kind, self._lines + row + 1, is_whole=is_whole)
+        for row, line_kind, is_whole in parsed.skipped:
+            self._report.skip(line_kind, self._lines + row + 1, is_whole=is_whole)
         self._lines += parsed.lines
         block = self._renamed(parsed.block)
         frames = block.kind < Kind.ADVANCE
         if self._differences:
             block = self._summed(block, frames)
-        for of, name in _NAMES.items():
-            if count := np.count_nonzero(block.kind == of):
+        for kind, name in _NAMES.items():
+            if count := np.count_nonzero(block.kind == kind):
                 self._report.kinds[name] += int(count)
         self._count_backwards(block.t_ns if frames.all() else block.t_ns[frames])
         return block

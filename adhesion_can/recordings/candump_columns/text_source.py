@@ -3,6 +3,7 @@
 import gzip
 import io
 import zlib
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from enum import Enum
@@ -22,9 +23,8 @@ LINE_LIMIT = 1 << 16
 """Longest line, bytes with the line end; a longer one is read as several."""
 
 FRONT, BACK = 8, 128
-"""Bytes that stand before and behind the lines of a chunk, so that a look aside stays inside."""
+"""Numbers of bytes before and behind the lines of a chunk: room for words across their edges."""
 
-_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _PIECE = 1 << 16
 _ZSTD_PIECE = 1 << 14  # packed
 
@@ -68,7 +68,7 @@ class TextSource:
         report: Statistics, to which a note is added where a compressed file ends early.
 
     Raises:
-        RecordingError: while reading: zstandard is needed and not installed.
+        RecordingError: The package zstandard, which reading needs, is not installed.
 
     """
 
@@ -108,7 +108,7 @@ class TextSource:
         self._report_fault()
 
     def head(self, size: int) -> bytes:
-        """The first bytes, as many as there are; in place of all else that is read."""
+        """First bytes of the text, fewer where it is shorter; nothing else may be read after it."""
         self._skip_mark()
         return bytes(self._file.read(size) or b"")
 
@@ -142,7 +142,7 @@ class TextSource:
             end = start + self._file.readinto(text[start : start + size].data)
             is_end = end < start + size
             lines_end = _end_of_lines(text[FRONT:end]) + FRONT
-            # What there is of the last line where a packed file ends early is no line.
+            # Where a packed file ends early, a last line without its end is cut and left out.
             stop = end if is_end and not self._fault else lines_end
             rest = text[stop:end]
             if stop > FRONT:
@@ -151,8 +151,8 @@ class TextSource:
 
     def _skip_mark(self) -> None:
         # An editor that stores UTF-8 may put it in front: it belongs to no line.
-        if self._file.peek(len(_BYTE_ORDER_MARK)).startswith(_BYTE_ORDER_MARK):
-            self._file.read(len(_BYTE_ORDER_MARK))
+        if self._file.peek(len(BOM_UTF8)).startswith(BOM_UTF8):
+            self._file.read(len(BOM_UTF8))
 
     @property
     def _fault(self) -> Exception | None:

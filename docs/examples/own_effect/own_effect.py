@@ -29,7 +29,7 @@ class FlangeLubrication:
     parameters: tuple[Parameter, ...] = (
         Parameter("loss", "1", 0.15, -0.2, 0.8, "share of adhesion lost in the sharpest curves"),
     )
-    literature: str = "Lewis and Olofsson (eds.), Wheel-Rail Interface Handbook, 2009"
+    literature: str = "Olofsson and Lewis, Handbook of Railway Vehicle Dynamics, 2006, ch. 5"
     requires: Requirements = Requirements(covariates=(CURVATURE,))
     observability: Observability = Observability(
         channel=CURVATURE,
