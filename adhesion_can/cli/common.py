@@ -12,10 +12,8 @@ from typing import Any
 
 import can
 import can.cli
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from adhesion_can.config import Configuration, load_configuration
-from adhesion_can.config.model_file import read_model
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.files import whole_file
 from adhesion_can.reporting.text import console
@@ -60,7 +58,11 @@ def configuration(options: argparse.Namespace) -> Configuration:
     """Configuration that the options name, with the extended model where one is named."""
     config = load_configuration(options.config, options.dbc)
     model = getattr(options, "model", None)
-    return config if model is None else replace(config, model=read_model(model))
+    if model is None:
+        return config
+    from adhesion_can.config.model_file import read_model  # noqa: PLC0415  who has a model pays
+
+    return replace(config, model=read_model(model))
 
 
 def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
@@ -125,6 +127,14 @@ def talk(options: argparse.Namespace) -> bool:
 @contextmanager
 def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], None]]:
     """Progress bar on stderr where it is a terminal; gives the function that updates it."""
+    from rich.progress import (  # noqa: PLC0415  a fifth of the start of a short command
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
     err = console(sys.stderr)
     bar = Progress(
         TextColumn(what),

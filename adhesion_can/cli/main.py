@@ -6,6 +6,7 @@ imported when the command is called, so that no command waits for the libraries 
 
 import argparse
 import errno
+import gc
 import os
 import signal
 import sys
@@ -51,11 +52,24 @@ class _CommandParser(_Parser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         if self.command is not None:
-            module = import_module(f"adhesion_can.cli.{self.command}")
+            with _garbage_collection_paused():
+                module = import_module(f"adhesion_can.cli.{self.command}")
             self.command = None
             module.add_arguments(self)
             self.set_defaults(run=module.run)
         return super().parse_known_args(args, namespace)
+
+
+@contextmanager
+def _garbage_collection_paused() -> Iterator[None]:
+    """No garbage collection: modules that load leave no garbage, and looking takes a tenth."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -5,14 +5,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from time import monotonic
 
-from rich.progress import (
-    BarColumn,
-    Progress,
-    TaskProgressColumn,
-    TextColumn,
-    TimeRemainingColumn,
-)
-
 from adhesion_can.bus.block import Block
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.reporting.text import console
@@ -30,6 +22,14 @@ def reading(what: str, recordings: Sequence[Recording]) -> Iterator[Watched]:
         recordings: Recordings whose blocks are passed through.
 
     """
+    from rich.progress import (  # noqa: PLC0415  a fifth of the start of a short command
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
     err = console(sys.stderr)
     begin, frames = monotonic(), 0
     total = max(sum(recording.size for recording in recordings), 1)

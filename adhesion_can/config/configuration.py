@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import hypot, sqrt
+from typing import TYPE_CHECKING
 
 from adhesion_can.bus.database import CanDatabase
 from adhesion_can.bus.roles import (
@@ -14,9 +15,6 @@ from adhesion_can.bus.roles import (
 )
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.estimator import Estimator
-from adhesion_can.estimation.extended.correction import require_axles, require_channels
-from adhesion_can.estimation.extended.estimator import ExtendedEstimator
-from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.estimation.registry import (
     DEFAULT,
     EstimatorSettings,
@@ -33,6 +31,10 @@ from adhesion_can.sampling.equations import (
     Sensors,
 )
 from adhesion_can.sampling.former import SampleFormer
+
+# What concerns extended models is imported where there is one: it takes a tenth of a short command.
+if TYPE_CHECKING:
+    from adhesion_can.estimation.extended.model import ExtendedModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +97,7 @@ class Configuration:
     sensors: Sensors = field(default_factory=Sensors)
     estimators: EstimatorSettings = field(default_factory=EstimatorSettings)
     estimator: str = DEFAULT
-    model: ExtendedModel | None = None
+    model: "ExtendedModel | None" = None
     where: str = "defaults"
     sha256: str = ""
 
@@ -160,6 +162,11 @@ class Configuration:
         """ConfigError where the extended model needs a channel or an axle that there is not."""
         if self.model is None:
             return
+        from adhesion_can.estimation.extended.correction import (  # noqa: PLC0415
+            require_axles,
+            require_channels,
+        )
+
         given = [COVARIATES[role] for role in self.roles() if role in COVARIATES]
         mend = "map its role under [roles], or take the effect out of the model"
         require_channels(self.model, given, f"no role of {self.where}", mend)
@@ -201,5 +208,9 @@ class Configuration:
         estimator = make(self.estimators)
         if self.model is None or not self.model.online:
             return estimator
+        from adhesion_can.estimation.extended.estimator import (  # noqa: PLC0415
+            ExtendedEstimator,
+        )
+
         limits = self.estimators.identifiability
         return ExtendedEstimator(estimator, self.model, self.vehicle.axles, limits)

@@ -9,19 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares, lsq_linear
 
-from adhesion_can.estimation.baselines import (
-    BASELINES,
-    BankEstimator,
-    BankSettings,
-    EkfEstimator,
-    EkfSettings,
+from adhesion_can.estimation.baselines import BASELINES
+from adhesion_can.estimation.baselines.extended_kalman import EkfEstimator, EkfSettings
+from adhesion_can.estimation.baselines.forgetting import ForgettingWindow, peak_errors
+from adhesion_can.estimation.baselines.growing_window import WindowEstimator, WindowSettings
+from adhesion_can.estimation.baselines.model_bank import BankEstimator, BankSettings
+from adhesion_can.estimation.baselines.recursive_least_squares import (
     RlsEstimator,
     RlsSettings,
-    WindowEstimator,
-    WindowSettings,
+    bounded_minimum,
 )
-from adhesion_can.estimation.baselines.forgetting import ForgettingWindow, peak_errors
-from adhesion_can.estimation.baselines.recursive_least_squares import bounded_minimum
 from adhesion_can.estimation.batch_fit import fit
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess

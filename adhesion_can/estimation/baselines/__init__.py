@@ -5,40 +5,32 @@ the paper's experiments and on `burckhardt.RAIL`, with switches between surfaces
 """
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 
-from adhesion_can.estimation.baselines.block_fit import (
-    BlockEstimator,
-    evolution_estimator,
-    least_squares_estimator,
-    scipy_evolution_estimator,
-)
-from adhesion_can.estimation.baselines.extended_kalman import EkfEstimator, EkfSettings
-from adhesion_can.estimation.baselines.growing_window import WindowEstimator, WindowSettings
-from adhesion_can.estimation.baselines.model_bank import BankEstimator, BankSettings
-from adhesion_can.estimation.baselines.recursive_least_squares import RlsEstimator, RlsSettings
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 
-__all__ = [
-    "BASELINES",
-    "BankEstimator",
-    "BankSettings",
-    "BlockEstimator",
-    "EkfEstimator",
-    "EkfSettings",
-    "RlsEstimator",
-    "RlsSettings",
-    "WindowEstimator",
-    "WindowSettings",
-]
+MakeBaseline = Callable[[EvolutionSettings, IdentifiabilitySettings], Estimator]
+"""Factory of a fresh baseline estimator."""
 
-BASELINES: Mapping[str, Callable[[EvolutionSettings, IdentifiabilitySettings], Estimator]] = {
-    "de": evolution_estimator,
-    "scipy-de": scipy_evolution_estimator,
-    "least-squares": least_squares_estimator,
-    "rls": lambda evolution, limits: RlsEstimator(None, evolution, limits),
-    "ekf": lambda evolution, limits: EkfEstimator(None, evolution, limits),
-    "bank": lambda _evolution, limits: BankEstimator(None, limits),
-    "window": lambda evolution, limits: WindowEstimator(None, evolution, limits),
+
+def _imported_when_called(module: str, factory: str) -> MakeBaseline:
+    """Factory in a module of this folder, imported when it is called: few commands need one."""
+
+    def make(evolution: EvolutionSettings, limits: IdentifiabilitySettings) -> Estimator:
+        found: MakeBaseline = getattr(import_module(f"{__name__}.{module}"), factory)
+        return found(evolution, limits)
+
+    return make
+
+
+BASELINES: Mapping[str, MakeBaseline] = {
+    "de": _imported_when_called("block_fit", "evolution_estimator"),
+    "scipy-de": _imported_when_called("block_fit", "scipy_evolution_estimator"),
+    "least-squares": _imported_when_called("block_fit", "least_squares_estimator"),
+    "rls": _imported_when_called("recursive_least_squares", "rls_estimator"),
+    "ekf": _imported_when_called("extended_kalman", "ekf_estimator"),
+    "bank": _imported_when_called("model_bank", "bank_estimator"),
+    "window": _imported_when_called("growing_window", "window_estimator"),
 }

@@ -149,3 +149,8 @@ class EkfEstimator:
         share = 1.0 / min(self._since_reset + 20.0, settings.noise_memory)
         self._noise_var = max(self._noise_var * (1.0 + share * (squared - 1.0)), 1e-10)
         return False
+
+
+def ekf_estimator(evolution: EvolutionSettings, limits: IdentifiabilitySettings) -> EkfEstimator:
+    """EkfEstimator with the default tuning."""
+    return EkfEstimator(None, evolution, limits)

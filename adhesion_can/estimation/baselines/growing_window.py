@@ -157,3 +157,10 @@ def _most_likely_change(squares: Array, after: float) -> int:
     """
     gain = squares * (1.0 - 1.0 / after) - np.log(after)
     return int(np.argmax(np.cumsum(gain[::-1])[::-1]))
+
+
+def window_estimator(
+    evolution: EvolutionSettings, limits: IdentifiabilitySettings
+) -> WindowEstimator:
+    """WindowEstimator with the default tuning."""
+    return WindowEstimator(None, evolution, limits)

@@ -21,6 +21,7 @@ from adhesion_can.estimation.baselines.forgetting import (
     decay_weights,
     select_usable,
 )
+from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.likelihood import innovation
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Surface, peak
@@ -142,3 +143,8 @@ def _moments(weights: Array, values: Array) -> tuple[float, float]:
     """Weighted mean and standard deviation."""
     mean = float(weights @ values)
     return mean, sqrt(float(weights @ (values - mean) ** 2))
+
+
+def bank_estimator(_evolution: EvolutionSettings, limits: IdentifiabilitySettings) -> BankEstimator:
+    """BankEstimator with the default tuning."""
+    return BankEstimator(None, limits)

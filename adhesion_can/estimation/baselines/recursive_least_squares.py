@@ -192,3 +192,8 @@ def bounded_minimum(matrix: Array, vector: Array, lower: Array, upper: Array) ->
         x[worst] = min(max(x[worst], lower[worst]), upper[worst])
         free[worst] = False
     return x
+
+
+def rls_estimator(evolution: EvolutionSettings, limits: IdentifiabilitySettings) -> RlsEstimator:
+    """RlsEstimator with the default tuning."""
+    return RlsEstimator(None, evolution, limits)
