@@ -12,7 +12,7 @@ TEXT = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 EXAMPLES = {
     "An effect": r"class Humidity|effects\.humidity",
     "A role": r"Role\.RAIN\b|\bRAIN =|\bRain\b",
-    "An estimator": r"EkfEstimator",
+    "An estimator": r"ekf_estimator",
     "A format of written files": r"class ParquetPartFile|\"parquet_file\"",
     "A command": r"cli\.check\b|^\"\"\"`check`|\"check\":",
 }
