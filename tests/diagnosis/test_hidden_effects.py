@@ -1,16 +1,17 @@
 """Drives that hide an effect: a candump file goes in, the cause must come out.
 
-The worlds share no code with the effects' definitions. One seed of each kind; how often it comes
-out right over many seeds is the hunt's business.
+The worlds share no code with the effects' definitions. The hunt finds 98 % of single effects. Here
+one seed of each kind is enough; where it fails, two others must pass. What is right in 95 % of the
+seeds fails that in 0.5 %, and never by the last bit of a product alone.
 """
 
 import numpy as np
 import pytest
 
-from tests.diagnosis.diagnosis_helpers import diagnosed
+from tests.diagnosis.diagnosis_helpers import diagnosed, two_of_three
 from tests.worlds import NULLS, OUTSIDE, SINGLES, make_world
 
-SEED = 20261
+SEEDS = (20261, 20262, 20263)
 EFFORT_NOISE = 0.009
 """Of adhesion: 1 % of the static load, over loads up to a tenth larger."""
 QUICK_SINGLES = ("wheel_radius", "humidity", "load_dependence", "creep_relaxation", "effort_bias")
@@ -27,7 +28,9 @@ def slow_but(quick, kinds):
     return [kind if kind in quick else pytest.param(kind, marks=pytest.mark.slow) for kind in kinds]
 
 
-def answered(kind, folder, seed=SEED):
+def answered(kind, folder, seed):
+    folder = folder / str(seed)
+    folder.mkdir()
     path = folder / ("w.csv" if kind == "out:table" else "w.log")
     truth = make_world(kind, seed, path)
     answer = diagnosed(folder, path)
@@ -36,8 +39,9 @@ def answered(kind, folder, seed=SEED):
 
 
 @pytest.mark.parametrize("kind", slow_but(QUICK_SINGLES, SINGLES))
-def test_one_effect_is_named(kind, tmp_path):
-    truth, answer = answered(kind, tmp_path)
+@two_of_three(SEEDS)
+def test_one_effect_is_named(seed, kind, tmp_path):
+    truth, answer = answered(kind, tmp_path, seed)
     (hidden,) = truth.effects
     assert answer.verdict == "named", answer.out
     right = [c for c in answer.document["causes"] if kind in {c["effect"], *c["rivals"]}]
@@ -56,22 +60,25 @@ def test_one_effect_is_named(kind, tmp_path):
 
 
 @pytest.mark.parametrize("kind", slow_but(PAIRS[:1], PAIRS))
-def test_two_effects_are_both_named(kind, tmp_path):
-    truth, answer = answered(kind, tmp_path)
+@two_of_three(SEEDS)
+def test_two_effects_are_both_named(seed, kind, tmp_path):
+    truth, answer = answered(kind, tmp_path, seed)
     assert set(truth.names) <= answer.named_or_rivals, answer.out
     assert len(answer.named) == 2
 
 
 @pytest.mark.parametrize("kind", slow_but(QUICK_NULLS, NULLS))
-def test_nothing_is_found_where_nothing_is_hidden(kind, tmp_path):
-    _, answer = answered(kind, tmp_path)
+@two_of_three(SEEDS)
+def test_nothing_is_found_where_nothing_is_hidden(seed, kind, tmp_path):
+    _, answer = answered(kind, tmp_path, seed)
     assert answer.verdict == "nothing_found", answer.out
     assert answer.document["causes"] == []
 
 
 @pytest.mark.parametrize("kind", slow_but(("out:table",), OUTSIDE))
-def test_what_is_not_in_the_library_is_not_named(kind, tmp_path):
-    truth, answer = answered(kind, tmp_path)
+@two_of_three(SEEDS)
+def test_what_is_not_in_the_library_is_not_named(seed, kind, tmp_path):
+    truth, answer = answered(kind, tmp_path, seed)
     assert answer.verdict == "unexplained", answer.out
     assert answer.named == set()
     if truth.channel is not None:
@@ -80,7 +87,7 @@ def test_what_is_not_in_the_library_is_not_named(kind, tmp_path):
 
 @pytest.mark.slow
 def test_another_drive_of_the_same_world_is_the_proof(tmp_path):
-    truth = make_world("humidity", SEED, tmp_path / "w.log", fresh=True)
+    truth = make_world("humidity", SEEDS[0], tmp_path / "w.log", fresh=True)
     answer = diagnosed(tmp_path, tmp_path / "w.log", "--holdout", tmp_path / "w_fresh.log")
     assert answer.named == {"humidity"}
     gain = answer.document["gain"]
