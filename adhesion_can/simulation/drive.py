@@ -12,6 +12,7 @@ from enum import Enum, auto
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.simulation.surroundings import interpolate
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ def probing_slip(time_s: float, axles: int, pattern: Pattern, settings: DriveSet
     half = SWEEP_PERIOD_S / 2
     sign = 1.0 if phase_s < half else -1.0
     part = (phase_s % half) / half
-    size = high * np.interp(part, SWEEP_PARTS, SWEEP_HEIGHTS)
+    size = high * interpolate(part, SWEEP_PARTS, SWEEP_HEIGHTS)
     return np.full(axles, sign * size)
 
 
@@ -142,7 +143,7 @@ class Drive:
         s = self.settings
         error = self.setpoint(time_s, speed) - creep_speed
         wanted = s.gain * error + self._integral
-        limited = np.clip(wanted, -s.effort_max, s.effort_max)
+        limited = np.minimum(np.maximum(wanted, -s.effort_max), s.effort_max)
         # Anti-windup by conditional integration: at the limit the integral stands still.
         free = (wanted == limited) | (np.sign(error) != np.sign(wanted))
         self._integral = self._integral + dt * s.integral_gain * error * free

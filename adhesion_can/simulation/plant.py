@@ -212,7 +212,7 @@ class Plant:
 
 def _curve(slip: Array, theta: AxleCurves) -> Array:
     # Past a slip of 1 a wheel only spins faster: the straight -c3 λ would turn negative there.
-    return adhesion(np.clip(slip, -SLIP_MAX, SLIP_MAX), *theta)
+    return adhesion(np.minimum(np.maximum(slip, -SLIP_MAX), SLIP_MAX), *theta)
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,6 +86,8 @@ class Simulation:
         rng = np.random.default_rng(settings.seed)
         self._sensors = Sensors(database, settings.noise, rng, instruments)
         self._setpoint = MessagePlan(database.message("AdhesionSetpoint"))
+        self._latest: PlantState | None = None
+        """State at the end of the last step, which is that at the start of the next one."""
         self.now_us = 0
 
     def run(self) -> Iterator[list[Frame]]:
@@ -96,14 +98,15 @@ class Simulation:
 
     def step(self) -> list[Frame]:
         """One step; returns the frames due in it."""
-        before, dt = self._state(), STEP_US / 1e6
+        before, dt = self._latest or self._state(), STEP_US / 1e6
         plant, time_s = self.plant, self.now_us / 1e6
         creep = plant.radius * plant.wheel_speed - plant.speed
         effort = self._drive.step(time_s, plant.speed, creep, dt)
         plant.step(effort, self._track.under(time_s, plant.position), dt)
         start_us, self.now_us = self.now_us, self.now_us + STEP_US
         plant.time_s = self.now_us / 1e6  # steps added up would drift off the bus's clock
-        return self._sensors.due(self._state(), before, start_us, self.now_us)
+        self._latest = self._state()
+        return self._sensors.due(self._latest, before, start_us, self.now_us)
 
     def receive(self, frame: Frame) -> None:
         """Process a frame from the bus: `AdhesionSetpoint` is for the drive, others are ignored."""

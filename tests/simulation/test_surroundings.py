@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import load_database
@@ -20,6 +22,7 @@ from adhesion_can.simulation.surroundings import (
     Surroundings,
     TrackCurve,
     Wave,
+    interpolate,
 )
 
 DATABASE = load_database()
@@ -146,3 +149,14 @@ def test_a_sweep_of_four_minutes_shows_every_channel():
     channels = [speed, np.abs(slip), np.abs(bend), humidity, temperature, sand, time, slip < 0]
     among = np.corrcoef(np.array(channels, dtype=float)) - np.eye(len(channels))
     assert np.abs(among).max() < 0.55
+
+
+@given(
+    st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=8, unique=True).map(sorted),
+    st.data(),
+)
+def test_one_number_is_interpolated_as_numpy_does(corners, data):
+    size = len(corners)
+    values = data.draw(st.lists(st.floats(-1e6, 1e6), min_size=size, max_size=size))
+    x = data.draw(st.floats(-2e6, 2e6) | st.sampled_from(corners))
+    assert interpolate(x, corners, values) == np.interp(x, corners, values)
