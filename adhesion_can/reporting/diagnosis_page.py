@@ -7,9 +7,9 @@ from adhesion_can.diagnosis.result import Diagnosis, SegmentResult
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects import ActiveEffect
-from adhesion_can.physics.effects.base import Parameter
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.parameter import Parameter
 from adhesion_can.reporting.diagnosis import (
     CHANNEL_COLUMNS,
     EVIDENCE_COLUMNS,

@@ -18,7 +18,6 @@ from adhesion_can.physics.effects.base import (
     Effect,
     InstrumentEffect,
     Observability,
-    Parameter,
     Requirements,
     Separation,
 )
@@ -29,6 +28,7 @@ from adhesion_can.physics.effects.registry import (
     effect_position,
     known_effects,
 )
+from adhesion_can.physics.parameter import Parameter
 
 __all__ = [
     "EFFECTS",

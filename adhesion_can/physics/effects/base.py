@@ -12,30 +12,7 @@ from typing import Protocol, runtime_checkable
 from adhesion_can.arrays import Array
 from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.instruments import Instruments
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """One number of an effect.
-
-    Attributes:
-        name: Name as in the literature.
-        unit: SI unit; '1' for a ratio.
-        typical: Value where none is given.
-        lower: Smallest value that makes sense.
-        upper: Largest value that makes sense.
-        meaning: Meaning in one line.
-        axle: Whether the value is the number of an axle; the diagnosis tries each axle.
-
-    """
-
-    name: str
-    unit: str
-    typical: float
-    lower: float
-    upper: float
-    meaning: str
-    axle: bool = False
+from adhesion_can.physics.parameter import Parameter
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,10 @@ from adhesion_can.physics.effects.base import (
     Change,
     Contact,
     Observability,
-    Parameter,
     Requirements,
 )
 from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.parameter import Parameter
 
 CURVATURE, ANGLE = "curvature_per_m", "slip_angle_deg"
 

@@ -7,10 +7,10 @@ from adhesion_can.physics.effects.base import (
     Change,
     Contact,
     Observability,
-    Parameter,
     Requirements,
 )
 from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.parameter import Parameter
 
 _ID, _TITLE = "load_dependence", "adhesion changes with wheel load"
 _REQUIRES = Requirements(load=True)

@@ -6,11 +6,11 @@ from adhesion_can.physics.effects.base import (
     Change,
     Contact,
     Observability,
-    Parameter,
     Requirements,
     Separation,
 )
 from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.parameter import Parameter
 
 CHANNEL = "rail_temperature_degC"
 REFERENCE = 20.0

@@ -9,7 +9,7 @@ import re
 from functools import cache
 
 from adhesion_can.physics.effects.adhesion_recovery import AdhesionRecovery
-from adhesion_can.physics.effects.base import Effect, Observability, Parameter, Requirements
+from adhesion_can.physics.effects.base import Effect, Observability, Requirements
 from adhesion_can.physics.effects.creep_relaxation import CreepRelaxation
 from adhesion_can.physics.effects.curve_creep import CurveCreep
 from adhesion_can.physics.effects.effort_bias import EffortBias
@@ -27,6 +27,7 @@ from adhesion_can.physics.effects.speed_scale import SpeedScale
 from adhesion_can.physics.effects.traction_braking_asymmetry import TractionBrakingAsymmetry
 from adhesion_can.physics.effects.wheel_radius import WheelRadius
 from adhesion_can.physics.effects.wheelset_inertia import WheelsetInertia
+from adhesion_can.physics.parameter import Parameter
 from adhesion_can.plugins import Plugin, load_plugins
 
 GROUP = "adhesion_can.effects"

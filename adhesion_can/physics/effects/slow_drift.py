@@ -8,10 +8,10 @@ from adhesion_can.physics.effects.base import (
     Change,
     Contact,
     Observability,
-    Parameter,
     Requirements,
 )
 from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.parameter import Parameter
 
 MIN_FACTOR = 0.1
 """Smallest factor of a drift, a share of the adhesion."""

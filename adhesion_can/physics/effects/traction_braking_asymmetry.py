@@ -8,10 +8,10 @@ from adhesion_can.physics.effects.base import (
     Change,
     Contact,
     Observability,
-    Parameter,
     Requirements,
 )
 from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.parameter import Parameter
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass, replace
 
-from adhesion_can.physics.effects.base import Observability, Parameter, Requirements
+from adhesion_can.physics.effects.base import Observability, Requirements
 from adhesion_can.physics.instruments import Instruments
+from adhesion_can.physics.parameter import Parameter
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,27 @@
+"""One number of an effect or of a curve family, with unit, range and meaning."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One number of an effect or of a curve family.
+
+    Attributes:
+        name: Name as in the literature.
+        unit: SI unit; '1' for a ratio.
+        typical: Value where none is given.
+        lower: Smallest value that makes sense.
+        upper: Largest value that makes sense.
+        meaning: Meaning in one line.
+        axle: Whether the value is the number of an axle; the diagnosis tries each axle.
+
+    """
+
+    name: str
+    unit: str
+    typical: float
+    lower: float
+    upper: float
+    meaning: str
+    axle: bool = False

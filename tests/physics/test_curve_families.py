@@ -1,0 +1,187 @@
+"""Every family of curves: odd, with exact derivatives and the peak that a dense grid has."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adhesion_can.physics.burckhardt import adhesion, adhesion_full, peak
+from adhesion_can.physics.curves import FAMILIES, Conditions, bounds, family_by_name
+from adhesion_can.physics.curves.burckhardt import curve_with_peak
+from adhesion_can.physics.samples import Samples
+
+FIXED = settings(derandomize=True, deadline=None, max_examples=25)
+ALL = pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
+
+RANGES = {
+    "c1": (0.1, 0.6), "c2": (20.0, 300.0), "c3": (0.02, 0.8), "c4": (0.0, 1.0),
+    "kA": (0.1, 1.0), "kS": (0.05, 0.5), "mu0": (0.05, 0.6), "A": (0.1, 0.9), "B": (0.05, 1.5),
+    "B_magic": (10.0, 300.0), "C": (1.1, 1.9), "D": (0.05, 0.6), "E": (-3.0, 0.8),
+    "mu_max": (0.05, 0.6), "lambda_m": (0.005, 0.2), "q16": (0.6, 1.0), "q4": (0.1, 0.9),
+    "p4": (0.01, 0.5), "p16": (0.01, 0.8),
+}  # fmt: skip
+"""Values of rails, narrower than the bounds of a fit."""
+
+
+def values_of(family, shares):
+    """Values within `RANGES` from shares in 0..1."""
+    names = [p.name for p in family.parameters]
+    if family.name == "magic_formula":
+        names[0] = "B_magic"
+    ranges = [RANGES[name] for name in names]
+    return np.array(
+        [low + (high - low) * s for (low, high), s in zip(ranges, shares, strict=False)]
+    )
+
+
+SHARES = st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6)
+SPEED = st.floats(2.0, 40.0)
+SLIPS = np.array([1e-5, 4e-4, 0.003, 0.011, 0.04, 0.13, 0.45])
+
+
+@ALL
+@FIXED
+@given(shares=SHARES, speed=SPEED)
+def test_odd_in_the_slip_and_even_in_its_slope(family, shares, speed):
+    values, conditions = values_of(family, shares), Conditions(speed, 2e5)
+    there, back = (family.adhesion(s, values, conditions) for s in (SLIPS, -SLIPS))
+    assert np.array_equal(there, -back)
+    assert family.adhesion(0.0, values, conditions) == 0.0
+    slopes = [family.slope(s, values, conditions) for s in (SLIPS, -SLIPS)]
+    assert np.array_equal(*slopes)
+    gradients = [family.gradient(s, values, conditions) for s in (SLIPS, -SLIPS)]
+    np.testing.assert_array_equal(gradients[0], -gradients[1])
+
+
+@ALL
+@FIXED
+@given(shares=SHARES, speed=SPEED)
+def test_derivatives_are_those_of_central_differences(family, shares, speed):
+    values, conditions = values_of(family, shares), Conditions(speed, 2e5)
+    step = 1e-6 * SLIPS
+    by_slip = (
+        family.adhesion(SLIPS + step, values, conditions)
+        - family.adhesion(SLIPS - step, values, conditions)
+    ) / (2 * step)
+    scale = values_of(family, [0.5] * 6)
+    slope = family.slope(SLIPS, values, conditions)
+    np.testing.assert_allclose(slope, by_slip, rtol=1e-5, atol=1e-4 * np.abs(slope).max() * 1e-2)
+    gradient = family.gradient(SLIPS, values, conditions)
+    for i, width in enumerate(1e-6 * scale):
+        shift = np.zeros(len(values))
+        shift[i] = width
+        numeric = (
+            family.adhesion(SLIPS, values + shift, conditions)
+            - family.adhesion(SLIPS, values - shift, conditions)
+        ) / (2 * width)
+        tolerance = 1e-5 * max(float(np.abs(numeric).max()), 1e-6)
+        np.testing.assert_allclose(gradient[i], numeric, rtol=1e-5, atol=tolerance)
+
+
+@ALL
+@FIXED
+@given(shares=SHARES, speed=SPEED, slip_max=st.sampled_from([0.05, 0.5, 1.0]))
+def test_peak_is_that_of_a_dense_grid(family, shares, speed, slip_max):
+    values, conditions = values_of(family, shares), Conditions(speed, 2e5)
+    grid = np.geomspace(1e-5, slip_max, 20_001)
+    curve = family.adhesion(grid, values, conditions)
+    found = family.peak(values, conditions, slip_max)
+    best = int(np.argmax(curve))
+    np.testing.assert_allclose(found.mu_max, curve[best], rtol=1e-6)
+    assert bool(found.interior) == (best < len(grid) - 1)
+    if found.interior:
+        # Flat at the top: the grid's place is as good as its distance.
+        assert family.slope(found.lambda_m * 0.999, values, conditions) > 0
+        assert family.slope(found.lambda_m * 1.001, values, conditions) < 0
+    else:
+        assert found.lambda_m == pytest.approx(slip_max)
+
+
+@ALL
+def test_conditions_and_values_broadcast(family):
+    values = values_of(family, [0.5] * 6)
+    speeds = np.array([[5.0], [20.0]])
+    mu = family.adhesion(SLIPS, values, Conditions(speeds, 2e5))
+    assert mu.shape == (2, len(SLIPS))
+    assert family.gradient(SLIPS, values, Conditions(speeds, 2e5)).shape == (len(values), *mu.shape)
+    assert family.slope(SLIPS, values, Conditions(speeds, 2e5)).shape == mu.shape
+    for row, speed in zip(mu, (5.0, 20.0), strict=True):
+        np.testing.assert_allclose(
+            row, family.adhesion(SLIPS, values, Conditions(speed, 2e5)), rtol=1e-14
+        )
+    peaks = family.peak(values, Conditions(np.array([5.0, 20.0]), 2e5), 0.5)
+    single = family.peak(values, Conditions(20.0, 2e5), 0.5)
+    assert peaks.lambda_m.shape == (2,)
+    assert float(peaks.lambda_m[1]) == pytest.approx(float(single.lambda_m), rel=1e-9)
+    two = np.stack([values, 1.1 * values], axis=1)
+    of_axles = family.adhesion(np.array([0.01, 0.01]), two, Conditions(10.0, 2e5))
+    assert of_axles.shape == (2,)
+    assert of_axles[0] != of_axles[1]
+
+
+@ALL
+def test_starts_lie_within_the_bounds_and_near_the_points(family):
+    rng = np.random.default_rng(3)
+    slip = rng.uniform(-0.2, 0.2, 300)
+    mu = adhesion(slip, 0.35, 90.0, 0.4) + 0.003 * rng.standard_normal(300)
+    conditions = Conditions(np.full(300, 10.0), np.full(300, 2e5))
+    lower, upper = bounds(family)
+    starts = family.starts(slip, mu, conditions)
+    errors = []
+    for start in starts:
+        assert np.all((lower <= start) & (start <= upper))
+        errors.append(np.sqrt(np.mean((family.adhesion(slip, start, conditions) - mu) ** 2)))
+    assert min(errors) < 0.1
+
+
+def test_burckhardt_is_the_curve_of_eq_5_and_c4_that_of_eq_4():
+    slip, speed = np.linspace(-0.4, 0.4, 41), np.full(41, 12.0)
+    theta = (0.4, 60.0, 0.3)
+    conditions = Conditions(speed, 2e5)
+    plain, falling = FAMILIES["burckhardt"], FAMILIES["burckhardt_c4"]
+    assert np.array_equal(plain.adhesion(slip, theta, conditions), adhesion(slip, *theta))
+    np.testing.assert_allclose(
+        falling.adhesion(slip, (*theta, 0.2), conditions),
+        adhesion_full(slip, speed, 2e5, *theta, c4=0.2),
+        rtol=1e-12,
+    )
+    assert plain.peak(theta, Conditions(10.0), 0.5) == peak(*theta, 0.5)
+
+
+@FIXED
+@given(mu_max=st.floats(0.02, 0.6), lambda_m=st.floats(0.003, 0.3), exponent=st.floats(0.5, 8.0))
+def test_a_burckhardt_curve_with_a_given_peak_has_it(mu_max, lambda_m, exponent):
+    top = peak(*curve_with_peak(mu_max, lambda_m, exponent))
+    assert float(top.mu_max) == pytest.approx(mu_max, rel=1e-9)
+    assert float(top.lambda_m) == pytest.approx(lambda_m, rel=1e-9)
+
+
+def test_polach_of_a_heavier_wheel_is_softer_and_an_unknown_load_is_the_reference():
+    polach, values = FAMILIES["polach"], (1.0, 0.4, 0.55, 0.4, 0.6)
+    slopes = [polach.slope(0.0, values, Conditions(10.0, n)) for n in (1e5, 2e5, np.nan)]
+    assert slopes[0] / slopes[1] == pytest.approx(2 ** (1 / 3))
+    assert slopes[2] == slopes[1]
+
+
+def test_the_free_curve_is_straight_at_small_slip_and_has_one_peak_whatever_its_values():
+    free, conditions = FAMILIES["free"], Conditions(10.0)
+    rng = np.random.default_rng(5)
+    lower, upper = bounds(free)
+    slip = np.geomspace(1e-7, 1.0, 3001)
+    for _ in range(200):
+        values = rng.uniform(lower, upper)
+        signs = np.sign(free.slope(slip, values, conditions))
+        assert np.all(np.diff(signs[signs != 0]) <= 0)
+        tiny = values[1] / 64 * np.array([1e-6, 1e-3, 0.5])
+        stiffness = free.adhesion(tiny, values, conditions) / tiny
+        np.testing.assert_allclose(stiffness, stiffness[0], rtol=1e-9)
+
+
+def test_conditions_of_points_without_a_vehicle_have_no_load():
+    samples = Samples.curve(np.array([0.01, 0.02]), np.array([0.1, 0.2]))
+    assert np.isnan(Conditions.from_samples(samples).load).all()
+
+
+def test_an_unknown_family_is_refused_with_the_names_that_exist():
+    with pytest.raises(KeyError, match=r"no curve family 'kalker'; known: burckhardt, .*free"):
+        family_by_name("kalker")
