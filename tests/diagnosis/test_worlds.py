@@ -109,7 +109,7 @@ def test_the_same_seed_gives_the_same_bytes_and_a_fresh_drive_the_same_world(tmp
 def test_kinds_are_all_singles_all_pairs_nulls_and_the_rest(tmp_path):
     assert len(SINGLES) == 18
     assert len(PAIRS) == 153
-    assert len(KINDS) == 18 + 153 + len(NULLS) + len(OUTSIDE)
+    assert len(KINDS) == 18 + 153 + len(NULLS) + len(OUTSIDE) + 6 + 6 * 17 + 6
     with pytest.raises(ValueError, match="no kind 'rain'"):
         make_world("rain", 1, tmp_path / "a.log")
 

@@ -112,7 +112,7 @@ def draw_profile(
     gradient = 0.006 * wander(rng, t, 40, 160)
     curves = rail.curves[rail.surface_at(t)]
     while True:
-        driven = _phases(rng, t, gradient, vehicle, curves)
+        driven = _phases(rng, t, gradient, vehicle, curves, rail.tops)
         if driven is not None:
             v, slip = driven
             break
@@ -136,7 +136,12 @@ def draw_profile(
 
 
 def _phases(
-    rng: np.random.Generator, t: Floats, gradient: Floats, vehicle: Vehicle, curves: Floats
+    rng: np.random.Generator,
+    t: Floats,
+    gradient: Floats,
+    vehicle: Vehicle,
+    curves: Floats,
+    tops: tuple[float, float] | None,
 ) -> tuple[Floats, Floats] | None:
     """Speed (n,) and creep (n, 6) of traction, coasting and braking in turn; None: too few."""
     n = len(t)
@@ -146,7 +151,7 @@ def _phases(
     mode = 0
     while row < n:
         end = min(row + length, n)
-        wanted = mode * _sweeps(rng, end - row, curves[row:end])
+        wanted = mode * _sweeps(rng, end - row, curves[row:end], tops)
         force = (curve(curves[row:end], wanted) * vehicle.static_load).sum(axis=1)
         pull = force / vehicle.mass - 0.015 - 9.81 * gradient[row:end]
         profile = speed + np.cumsum(pull) * STEP_S
@@ -178,11 +183,14 @@ def _next_mode(rng: np.random.Generator, mode: int, last: int, speed: float) -> 
     return -last if last and rng.random() < 0.75 else int(rng.choice((-1, 1)))
 
 
-def _sweeps(rng: np.random.Generator, rows: int, curves: Floats) -> Floats:
+def _sweeps(
+    rng: np.random.Generator, rows: int, curves: Floats, tops: tuple[float, float] | None
+) -> Floats:
     """Creep from 0 to beyond the peak and back, again and again, (rows, 6), not negative."""
     t = np.arange(rows) * STEP_S
     beyond = 1.3 * max(peak(c)[1] for c in np.unique(curves, axis=0))
-    top = rng.uniform(min(max(0.15, beyond), 0.24), 0.25) * rng.uniform(0.9, 1.0, AXLES)
+    low, high = tops or (min(max(0.15, beyond), 0.24), 0.25)
+    top = rng.uniform(low, high) * rng.uniform(0.9, 1.0, AXLES)
     period = rng.uniform(4, max(min(20.0, rows * STEP_S), 4.5))
     phase = rng.uniform(0, 2 * np.pi, AXLES) if rng.random() < 0.5 else np.zeros(AXLES)
     swing = 0.5 - 0.5 * np.cos(2 * np.pi * t[:, None] / period + phase)

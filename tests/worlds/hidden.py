@@ -6,11 +6,12 @@ model.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import solve_banded
 
+from tests.worlds.contact_laws import ContactLaw, make_law
 from tests.worlds.drive_profile import AXLES, INERTIA, RADIUS, STEP_S
 from tests.worlds.rail import Floats, Ints
 
@@ -62,13 +63,17 @@ class State:
 class Contact:
     """How the curve is entered and what multiplies it; every array (n, 6).
 
-    μ = factor · (curve(λ_c) + hump(λ_c)) · λ/λ_c with λ_c² = λ² + λ_y².
+    μ = factor · (curve(λ_c) + hump(λ_c)) · λ/λ_c with λ_c² = λ² + λ_y². The curve is Burckhardt's,
+    or `law` at the speed (n, 1) and the loads.
     """
 
     slip: Floats
     lateral: Floats
     factor: Floats
+    speed: Floats
+    load: Floats
     hump: Parameters = field(default_factory=dict)
+    law: ContactLaw | None = None
 
     def entered(self) -> tuple[Floats, Floats]:
         """λ_c and λ/λ_c."""
@@ -78,6 +83,9 @@ class Contact:
     def adhesion(self, c: Floats) -> Floats:
         """μ, (n, 6), of a curve (3,) or one a row (n, 3)."""
         whole, share = self.entered()
+        if self.law is not None:
+            height = self.law.adhesion(whole, self.speed, self.load)
+            return self.factor * share * (height + self.second_hump(whole))
         c = c[:, None, :] if c.ndim == 2 else c
         height = c[..., 0] * -np.expm1(-c[..., 1] * whole) - c[..., 2] * whole
         return self.factor * share * (height + self.second_hump(whole))
@@ -105,8 +113,16 @@ def contact(state: State, effects: Sequence[Hidden], c: Floats) -> Contact:
     factor = np.ones_like(slip)
     for e in effects:
         factor = factor * _factor(state, e)
-    hump = find(effects, "out:hump")
-    now = Contact(slip, lateral, factor, hump.parameters if hump else {})
+    hump, shape = find(effects, "out:hump"), find(effects, "curve_shape")
+    now = Contact(
+        slip,
+        lateral,
+        factor,
+        state.v[:, None],
+        state.load,
+        hump.parameters if hump else {},
+        make_law(shape.form, shape.parameters) if shape else None,
+    )
     if e := find(effects, "adhesion_recovery"):
         now = _recovered(state, e.parameters, now, c)
     return now
@@ -175,7 +191,7 @@ def _recovered(state: State, p: Parameters, now: Contact, c: Floats) -> Contact:
         factor = new
         if done:
             break
-    return Contact(now.slip, now.lateral, now.factor * factor, now.hump)
+    return replace(now, factor=now.factor * factor)
 
 
 @dataclass(frozen=True)

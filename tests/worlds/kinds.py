@@ -1,4 +1,9 @@
-"""What a world can hide: kinds by name, drawn forms and the range of their sizes."""
+"""What a world can hide: kinds by name, drawn forms and the range of their sizes.
+
+An effect by its id; `pair:a+b` two of them; `null:..` nothing; `out:..` what no library has;
+`contact:NAME` a contact that is not Burckhardt's, `contact:NAME+a` an effect besides;
+`points:NAME` a table of independent points of such a contact.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,6 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
+from tests.worlds.contact_laws import NAMES
 from tests.worlds.hidden import Hidden
 from tests.worlds.rail import Floats, peak
 
@@ -38,7 +44,16 @@ SINGLES = tuple(RANGES)
 NULLS = ("null:0", "null:1", "null:5", "null:surfaces")
 OUTSIDE = ("out:periodic", "out:hump", "out:torsion", "out:saturation", "out:table")
 PAIRS = tuple(f"pair:{a}+{b}" for a, b in combinations(SINGLES, 2))
-KINDS = (*SINGLES, *PAIRS, *NULLS, *OUTSIDE)
+CONTACTS = tuple(f"contact:{name}" for name in NAMES)
+CONTACT_EFFECTS = tuple(
+    f"contact:{name}+{effect}"
+    for name in NAMES
+    for effect in SINGLES
+    if effect != "falling_friction"
+)
+"""Not falling friction: these contacts have it in themselves."""
+POINTS = tuple(f"points:{name}" for name in NAMES)
+KINDS = (*SINGLES, *PAIRS, *NULLS, *OUTSIDE, *CONTACTS, *CONTACT_EFFECTS, *POINTS)
 CHANNELS = {
     "out:periodic": "position",
     "out:hump": "slip",
@@ -77,10 +92,20 @@ class Draft:
         return Hidden(self.effect, self.form, {self.name: float(size), **self.others})
 
 
+def contact_of(kind: str) -> str | None:
+    """Name of the contact law of a kind; None: Burckhardt's curve."""
+    head, _, rest = kind.partition(":")
+    return rest.partition("+")[0] if head in ("contact", "points") else None
+
+
 def effects_of(kind: str) -> tuple[str, ...]:
-    """Ids of what a kind hides; none for a null."""
+    """Ids of what a kind hides besides its contact; none for a null."""
     if kind not in KINDS:
-        raise ValueError(f"no kind {kind!r}: an effect id, pair:a+b, {', '.join(NULLS + OUTSIDE)}")
+        others = ", ".join(NULLS + OUTSIDE + CONTACTS + POINTS)
+        raise ValueError(f"no kind {kind!r}: an effect id, pair:a+b, contact:NAME+a, {others}")
+    if contact_of(kind) is not None:
+        effect = kind.partition("+")[2]
+        return (effect,) if effect else ()
     if kind.startswith("pair:"):
         first, second = kind.removeprefix("pair:").split("+")
         return first, second

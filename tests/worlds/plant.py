@@ -86,19 +86,7 @@ def drive(
     profile: DriveProfile, vehicle: Vehicle, rail: Rail, effects: Sequence[Hidden], noise: Noise
 ) -> Readings:
     """Run the profile with the effects hidden in it."""
-    state = State(
-        profile.t,
-        profile.v,
-        profile.slip,
-        profile.load,
-        profile.position,
-        profile.curvature,
-        profile.humidity,
-        profile.rail_temperature,
-        profile.sanding,
-        vehicle.order,
-        vehicle.behind,
-    )
+    state = true_state(profile, vehicle)
     curves = rail.curves[rail.surface_at(profile.t)]
     link = between(effects)
     omega = (1 + profile.slip) * profile.v[:, None] / link.radius
@@ -125,6 +113,23 @@ def drive(
         ambient_temperature=_steps(profile.ambient_temperature[LEAD::100] + 40, 0.5, 0, 254) - 40,
         sanding=profile.sanding[LEAD::100],
         forward=vehicle.forward,
+    )
+
+
+def true_state(profile: DriveProfile, vehicle: Vehicle) -> State:
+    """What the contact truly feels, row by row of the profile."""
+    return State(
+        profile.t,
+        profile.v,
+        profile.slip,
+        profile.load,
+        profile.position,
+        profile.curvature,
+        profile.humidity,
+        profile.rail_temperature,
+        profile.sanding,
+        vehicle.order,
+        vehicle.behind,
     )
 
 
@@ -184,6 +189,8 @@ class View:
             slip=self.contact.slip[rows],
             lateral=self.contact.lateral[rows],
             factor=np.broadcast_to(self.contact.factor, self.contact.slip.shape)[rows],
+            speed=self.contact.speed[rows],
+            load=self.contact.load[rows],
         )
         return View(
             self.t[rows],

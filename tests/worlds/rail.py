@@ -17,11 +17,13 @@ class Rail:
     Attributes:
         curves: c1, c2, c3 of each surface, shape (surfaces, 3).
         begins_s: first moment of each surface, s; the first one holds from before the drive.
+        tops: Lowest and highest slip that sweeps go to; None: beyond the peak, 0.15 to 0.25.
 
     """
 
     curves: Floats
     begins_s: tuple[float, ...]
+    tops: tuple[float, float] | None = None
 
     def surface_at(self, t: Floats) -> Ints:
         """Number of the surface at each moment, shape of `t`."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.worlds.drive_profile import wander
-from tests.worlds.fitting import project
+from tests.worlds.fitted_curve import project
 from tests.worlds.hidden import Hidden
 from tests.worlds.rail import Floats, curve, draw_curve
 from tests.worlds.truth import Surface, Truth

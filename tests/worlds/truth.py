@@ -12,6 +12,7 @@ from tests.worlds.fitting import fitted_curves, fitted_residual, residual_of, rm
 from tests.worlds.hidden import Hidden
 from tests.worlds.plant import View
 from tests.worlds.rail import Floats, Ints
+from tests.worlds.true_contact import TrueContact
 
 Span = tuple[float, float]
 
@@ -40,7 +41,8 @@ class DriveJudge:
     `plain` and `true` have the noise of the effort alone: a diagnosis may smooth the kinematics,
     and the gain that it can have is then the one over that noise. `noisy` is what it works with.
     c1..c3 are fitted anew for both, in the same way, to what is not held out; but where the sensor
-    cuts off the truth keeps its own (n, 3), which what is left does not tell.
+    cuts off the truth keeps its own (n, 3), which what is left does not tell, and so does a contact
+    that has no c1..c3.
     """
 
     plain: View
@@ -54,6 +56,11 @@ class DriveJudge:
         """Time of each row, s."""
         return self.plain.t
 
+    @property
+    def refits(self) -> bool:
+        """Whether the true model has c1..c3, and what is left tells them."""
+        return self.true.limits is None and self.true.contact.law is None
+
     def errors(self, inside: NDArray[np.bool_]) -> tuple[float, float]:
         """RMSE on the rows inside, of the plain and of the true model fitted to the others."""
         inside = inside & self.plain.use
@@ -61,7 +68,7 @@ class DriveJudge:
         if len(outside) == 0:
             outside = np.flatnonzero(self.plain.use)
         before = fitted_residual(self.plain, self.surface, outside)[inside]
-        if self.true.limits is None:
+        if self.refits:
             after = fitted_residual(self.true, self.surface, outside)[inside]
         else:
             after = self.true.residual(self.curves)[inside]
@@ -72,7 +79,7 @@ class DriveJudge:
         use = other.plain.use
         curves = fitted_curves(self.plain, self.surface)
         before = residual_of(other.plain, other.surface, curves)[use]
-        if other.true.limits is not None:
+        if not other.refits:
             return rmse(before), other.floor(use)
         curves = fitted_curves(self.true, self.surface)
         return rmse(before), rmse(residual_of(other.true, other.surface, curves)[use])
@@ -93,6 +100,26 @@ class Surface:
 
 
 @dataclass(frozen=True)
+class Peak:
+    """Peak of the contact alone, without the effects, in the mean conditions of a drive.
+
+    Attributes:
+        mu_max: Largest adhesion.
+        lambda_m: Slip ratio that it stands at.
+        interior: Whether the curve falls beyond it.
+        speed: Median speed of the rows with creep, m/s.
+        load: Mean load of a wheelset, N.
+
+    """
+
+    mu_max: float
+    lambda_m: float
+    interior: bool
+    speed: float
+    load: float
+
+
+@dataclass(frozen=True)
 class Truth:
     """What is hidden in a file.
 
@@ -109,6 +136,8 @@ class Truth:
             alone, on the same noise.
         fresh: truth of a second drive in the same world.
         judge: Computes the true gain and noise floor; not part of the JSON.
+        peak: Peak of the last surface; None: no contact of wheels.
+        true_contact: Curve that is there at each moment; None: no drive; not part of the JSON.
 
     """
 
@@ -123,6 +152,8 @@ class Truth:
     excess: tuple[float, ...]
     fresh: "Truth | None"
     judge: Judge = field(repr=False, compare=False)
+    peak: Peak | None = None
+    true_contact: TrueContact | None = field(default=None, repr=False, compare=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -161,9 +192,10 @@ class Truth:
         return inside
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything but the judge, fit for JSON."""
+        """Everything but the judge and the curves in time, fit for JSON."""
         shallow = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        del shallow["judge"]
+        del shallow["judge"], shallow["true_contact"]
+        shallow["peak"] = None if self.peak is None else asdict(self.peak)
         shallow["effects"] = [
             {"effect": e.effect, "form": e.form, "parameters": dict(e.parameters)}
             for e in self.effects

@@ -2,6 +2,8 @@
 
 The size is searched for: it must raise the residual RMSE, after c1..c3 were fitted anew, by a
 random share above the noise floor. A drive in which the effect's range cannot do so is drawn again.
+Beside a contact that is not Burckhardt's an effect has the size that it would need on the nearest
+curve of Burckhardt's; this curve also makes the drive.
 """
 
 from collections.abc import Callable
@@ -11,15 +13,18 @@ from zlib import crc32
 
 import numpy as np
 
-from tests.worlds.drive_profile import LEAD, DriveProfile, draw_profile, draw_vehicle
+from tests.worlds.contact_laws import draw_parameters, make_law, nearest_burckhardt
+from tests.worlds.drive_profile import LEAD, STATIC_LOAD, DriveProfile, draw_profile, draw_vehicle
 from tests.worlds.encoding import write_log
 from tests.worlds.fitting import THIN, fitted_residual, rmse
 from tests.worlds.hidden import Hidden
-from tests.worlds.kinds import CHANNELS, Draft, draft, effects_of
+from tests.worlds.kinds import CHANNELS, Draft, contact_of, draft, effects_of
 from tests.worlds.plant import Noise, draw_noise, drive, view
-from tests.worlds.rail import curve, one_surface, several_surfaces
+from tests.worlds.points import make_points
+from tests.worlds.rail import Rail, curve, one_surface, peak, several_surfaces
 from tests.worlds.table import make_table
-from tests.worlds.truth import DriveJudge, Surface, Truth
+from tests.worlds.true_contact import TrueContact
+from tests.worlds.truth import DriveJudge, Peak, Surface, Truth
 
 LEAST_EXCESS = 0.10
 LEAST_FACTOR = 0.1
@@ -57,6 +62,8 @@ def make_world(
     """
     excess = excess or (PAIR_EXCESS if kind.startswith("pair:") else SINGLE_EXCESS)
     path = Path(path)
+    if kind.startswith("points:"):
+        return make_points(kind, seed, path)
     if kind == "out:table":
         return make_table(seed, path, duration_s=duration_s, excess=excess, fresh=fresh)
     names = effects_of(kind)
@@ -74,8 +81,14 @@ class _World:
     def __init__(self, kind: str, seed: int, attempt: int, duration_s: float) -> None:
         self.kind, self.seed, self.duration_s = kind, seed, duration_s
         self.rng = np.random.default_rng([seed, crc32(kind.encode()), attempt])
-        surfaces = kind == "null:surfaces"
-        self.rail = several_surfaces(self.rng, duration_s) if surfaces else one_surface(self.rng)
+        self.shape: tuple[Hidden, ...] = ()
+        law = contact_of(kind)
+        if law is not None:
+            self.shape, self.rail = draw_contact(self.rng, law)
+        elif kind == "null:surfaces":
+            self.rail = several_surfaces(self.rng, duration_s)
+        else:
+            self.rail = one_surface(self.rng)
         self.vehicle = draw_vehicle(self.rng, self.rail)
         self.profile, self.noise = self._drive()
 
@@ -87,8 +100,11 @@ class _World:
 
     def written(self, names: tuple[str, ...], path: Path, excess: Excess, fresh: bool) -> Truth:
         effects, shares = self._sized(names, excess)
+        effects = (*self.shape, *effects)
         truth = self._write(self.profile, self.noise, effects, shares, path)
-        if effects and truth.rmse_before < (1 + LEAST_EXCESS) * truth.noise_floor:
+        if self.shape:
+            truth = replace(truth, excess=(_excess_by_shape(truth), *shares))
+        if names and truth.rmse_before < (1 + LEAST_EXCESS) * truth.noise_floor:
             # Two that hide each other, or a figure that one row in five flattered.
             raise TooWeakError(self.kind)
         if not fresh:
@@ -164,7 +180,46 @@ class _World:
                 surface,
                 self.rail.curves[surface],
             ),
+            peak=self._peak(profile),
+            true_contact=TrueContact(profile, self.vehicle, self.rail, effects),
         )
+
+    def _peak(self, profile: DriveProfile) -> Peak:
+        """Peak of the contact alone, in the mean conditions of the drive."""
+        creeping = np.abs(profile.slip).max(axis=1) > 1e-3
+        speed, load = float(np.median(profile.v[creeping])), float(profile.load.mean())
+        if not self.shape:
+            mu_max, lambda_m = peak(self.rail.curves[-1])
+            return Peak(mu_max, lambda_m, interior=True, speed=speed, load=load)
+        law = make_law(self.shape[0].form, self.shape[0].parameters)
+        mu_max, lambda_m = law.peak(speed, load)
+        return Peak(mu_max, lambda_m, interior=law.falls, speed=speed, load=load)
+
+
+def _excess_by_shape(truth: Truth) -> float:
+    """Share by which the misfit of c1..c3, free of the kinematics' noise, raises the noise floor.
+
+    The plain fit is no measure here: where a curve is steep, the noise of the slip makes most of
+    what is left, and a curve that is too flat leaves less of it than the true one.
+    """
+    before, after = truth.judge.errors(np.ones(len(truth.judge.t), dtype=bool))
+    misfit = max(before**2 - after**2, 0.0) ** 0.5
+    return float(np.hypot(1.0, misfit / truth.noise_floor) - 1.0)
+
+
+def draw_contact(rng: np.random.Generator, name: str) -> tuple[tuple[Hidden, ...], Rail]:
+    """A contact law as something hidden, and the rail that makes the drive with it."""
+    parameters = draw_parameters(rng, name)
+    law = make_law(name, parameters)
+    _, lambda_m = law.peak(12.0, STATIC_LOAD)
+    # A drive control goes a few times beyond the peak, not to slips where all is long slid.
+    low = float(np.clip(3 * lambda_m, 0.04, 0.15))
+    rail = Rail(
+        nearest_burckhardt(law, 12.0, STATIC_LOAD)[None],
+        (0.0,),
+        (low, float(np.clip(10 * lambda_m, 1.2 * low, 0.25))),
+    )
+    return (Hidden("curve_shape", name, parameters),), rail
 
 
 def size_for(
