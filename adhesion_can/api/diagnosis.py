@@ -174,7 +174,9 @@ def _describe_unused_frames(input_file: InputFile, received: LoadedTraces) -> li
 def _load_table(input_file: InputFile, config: Configuration) -> LoadedInput:
     rows = read_table(input_file.path)
     slip_max = config.estimators.identifiability.slip_max
-    drive = build_drive_data_from_table(input_file.name, rows.samples, rows.segment, slip_max)
+    drive = build_drive_data_from_table(
+        input_file.name, rows.samples, rows.segment, slip_max, timed=rows.timed
+    )
     return LoadedInput(input_file, drive, describe_left_out_rows(input_file.name, rows))
 
 

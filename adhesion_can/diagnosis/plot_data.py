@@ -13,11 +13,10 @@ from adhesion_can.diagnosis.regression.model import (
     Evaluation,
     Model,
     RegressionData,
-    SegmentCurves,
     evaluate_model,
 )
 from adhesion_can.diagnosis.result import CurveData, Profile, SimulationPlot
-from adhesion_can.physics import burckhardt
+from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.effects import Effect, build_instruments
 
 BINS = 24
@@ -155,8 +154,7 @@ def build_simulation_plots(
 def _evaluate_drive(drive: DriveData, model: Model, surface: int) -> Evaluation:
     """A model with the curve of one surface, evaluated on every row of a drive."""
     data = RegressionData((drive,), np.zeros(len(drive), dtype=np.int64), 1)
-    curves = SegmentCurves(model.curves.values[[surface]])
-    return evaluate_model(data, curves, model.active_effects)
+    return evaluate_model(data, model.curves.select(surface), model.active_effects)
 
 
 def simulate_wheel_speed(
@@ -181,8 +179,7 @@ def simulate_wheel_speed(
     instruments = build_instruments(model.active_effects)
     observed = drive.observe(instruments)
     evaluation = _evaluate_drive(drive, model, surface)
-    c1, log_c2, c3 = model.curves.values[surface]
-    c2 = float(np.exp(log_c2))
+    family, values = model.curves.family, model.curves.parameters[surface]
     radii = drive.radius * instruments.radius_factor(len(drive.radius))
     radius = float(radii[drive.axle[rows[0]] - 1])
     inertia = max(drive.inertia + instruments.inertia_error, 1.0)
@@ -201,8 +198,9 @@ def simulate_wheel_speed(
             continue
         omega = (1.0 + slip[i - 1]) * speed[i - 1] / radius
         contact_slip = omega * radius / speed[i] - 1.0 + slip_change[i]
-        mu = factor[i] * float(burckhardt.adhesion(contact_slip, c1, c2, c3))
-        slope = factor[i] * float(burckhardt.adhesion_slope(contact_slip, c1, c2, c3))
+        at = Conditions(speed[i], load[i])
+        mu = factor[i] * float(family.adhesion(contact_slip, values, at))
+        slope = factor[i] * float(family.slope(contact_slip, values, at))
         stiffness = max(slope, 0.0) * load[i] * radius / speed[i]
         gain = dt * radius / inertia
         omega += gain * (effort[i] - mu * load[i]) / (1.0 + gain * stiffness)

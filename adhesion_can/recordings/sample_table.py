@@ -2,6 +2,7 @@
 
 Columns: `time_s`, `slip`, and `adhesion` or both `longitudinal_force_N` and `normal_load_N`;
 optional `speed_mps`, `axle`, `segment`; every other numeric column is a covariate by its name.
+Without `time_s` the rows are independent points and all have the stamp 0.
 """
 
 import csv
@@ -9,7 +10,7 @@ import gzip
 import io
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,7 @@ class Table:
         rows: Number of rows of the file.
         left_out: Number of rows without a finite slip, adhesion or time.
         ignored: Names of the columns that are not numeric.
+        timed: Whether the table has the column `time_s`.
 
     """
 
@@ -44,6 +46,7 @@ class Table:
     rows: int
     left_out: int
     ignored: tuple[str, ...]
+    timed: bool = True
 
 
 def is_table(path: Path) -> bool:
@@ -82,11 +85,12 @@ def read_table(path: Path) -> Table:
     """
     columns = _parquet(path) if path.suffix.lower() == ".parquet" else _csv(path)
     numeric = {name: column for name, column in columns.items() if column is not None}
-    for name in ("time_s", "slip"):
-        if name not in columns:
-            raise TableError(
-                str(path), f"no column {name!r}", "add it, or rename the one that is it"
-            )
+    if "slip" not in columns:
+        raise TableError(str(path), "no column 'slip'", "add it, or rename the one that is it")
+    timed = "time_s" in columns
+    if not timed:
+        stamps = np.zeros_like(numeric.get("slip", np.empty(0)))
+        columns["time_s"] = numeric["time_s"] = stamps
     by_force = FORCE in columns and LOAD in columns
     if "adhesion" not in columns and not by_force:
         raise TableError(
@@ -96,7 +100,8 @@ def read_table(path: Path) -> Table:
     for name in needed:
         if name not in numeric:
             raise TableError(str(path), f"column {name!r} is not numeric", "write numbers in it")
-    return _table(path, numeric, tuple(n for n, c in columns.items() if c is None))
+    ignored = tuple(n for n, c in columns.items() if c is None)
+    return replace(_table(path, numeric, ignored), timed=timed)
 
 
 def _table(path: Path, columns: Mapping[str, Array], ignored: tuple[str, ...]) -> Table:
@@ -132,6 +137,7 @@ def _table(path: Path, columns: Mapping[str, Array], ignored: tuple[str, ...]) -
         slip_common_var=0 * ones[good],
         speed_us=t_us,
         transient_var=0 * ones[good],
+        speed_share=ones[good],
         covariates={n: c[good] for n, c in columns.items() if n not in _KNOWN},
     )
     segment = columns.get("segment")

@@ -113,6 +113,7 @@ def samples(slip, adhesion, t_s=None, *, axle=None, speed=None, load=None, covar
         slip_common_var=zero,
         speed_us=t_us,
         transient_var=zero,
+        speed_share=one,
         covariates=covariates or {},
     )
 

@@ -85,7 +85,7 @@ def test_nothing_is_found_where_nothing_is(kind, tmp_path):
 EMPTY = {
     "five rows": (columns(rows=5), "usable rows"),
     "one row": (columns(rows=1), "usable rows"),
-    "399 rows": (columns(rows=399), "usable rows"),
+    "59 rows": (columns(rows=59), "usable rows"),
     "one constant slip": (by_slip(np.full(N, 0.05)), "slip hardly varies"),
     "almost one slip": (by_slip(0.05 + 0.0005 * np.sin(T)), "slip hardly varies"),
     "no slip": (by_slip(0 * T), "slip hardly varies"),

@@ -12,7 +12,8 @@ from adhesion_can.diagnosis.inference.hold_out_gain import (
     gain_interval,
 )
 from adhesion_can.diagnosis.regression.candidate import Candidate
-from adhesion_can.diagnosis.regression.model import Model, RegressionData, SegmentCurves
+from adhesion_can.diagnosis.regression.model import Model, RegressionData
+from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
 from adhesion_can.physics.effects import effect_by_id

@@ -7,13 +7,13 @@ from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import (
     Model,
     RegressionData,
-    SegmentCurves,
     compute_curve_jacobian,
     compute_effect_jacobian,
     compute_signature,
     evaluate_model,
     remove_effect,
 )
+from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id

@@ -227,10 +227,16 @@ def test_a_byte_order_mark_is_no_part_of_the_first_name(tmp_path):
     assert len(read_table(path).samples) == 1
 
 
+def test_rows_without_a_time_have_one_stamp(tmp_path):
+    table = read_table(csv_of(tmp_path / "a.csv", ["slip", "adhesion"], [(0.1, 0.2), (0.2, 0.3)]))
+    assert table.samples.t_us.tolist() == [0, 0]
+    assert table.samples.adhesion.tolist() == [0.2, 0.3]
+
+
 # --- what cannot be read -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("missing", ["time_s", "slip", "adhesion"])
+@pytest.mark.parametrize("missing", ["slip", "adhesion"])
 def test_a_missing_column_is_named(tmp_path, missing):
     header = [name for name in ("time_s", "slip", "adhesion") if name != missing]
     refused(csv_of(tmp_path / "a.csv", header, [(1, 2)]), missing)

@@ -68,6 +68,8 @@ class DriveData:
         table: Whether the rows come from a sample table with slip and adhesion.
         has_speed: Whether the vehicle speed is known.
         has_load: Whether the axle load is known.
+        independent: Whether the rows are independent points of a sample table, in an arbitrary
+            order, and no time series.
 
     """
 
@@ -87,6 +89,7 @@ class DriveData:
     table: bool = False
     has_speed: bool = True
     has_load: bool = True
+    independent: bool = False
 
     def __len__(self) -> int:
         return len(self.t_s)

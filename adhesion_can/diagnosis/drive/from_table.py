@@ -13,10 +13,18 @@ PAUSE_S = 1.0
 SEPARATION_S, SAME_STAMP_S = 10.0, 1e-6
 """Time put between rows that do not follow each other, and between rows of one stamp, s."""
 MOST_AXLES = 100
+SERIES_ROWS = 400
+"""Rows without which a sample table is too short to show what its rows have in common in time: they
+are taken as independent points."""
 
 
 def build_drive_data_from_table(
-    name: str, samples: Samples, segment: NDArray[np.int64] | None, slip_max: float
+    name: str,
+    samples: Samples,
+    segment: NDArray[np.int64] | None,
+    slip_max: float,
+    *,
+    timed: bool = True,
 ) -> DriveData:
     """Build drive data from a sample table, whose slip and adhesion are used unchanged.
 
@@ -25,6 +33,7 @@ def build_drive_data_from_table(
         samples: Rows of the table.
         segment: Segment number of each row, shape (n,); None: the table has no such column.
         slip_max: Largest slip ratio that is used.
+        timed: Whether the rows have times; without any they are independent points.
 
     """
     good = np.abs(samples.slip) <= slip_max
@@ -34,7 +43,11 @@ def build_drive_data_from_table(
     parts = np.zeros(len(rows), dtype=np.int64) if segment is None else segment[good]
     number = _number_axles(rows.axle)
     first_us = int(rows.t_us.min()) if len(rows) else 0
-    t_s = _monotonic_times((rows.t_us - first_us) / 1e6, parts, number)
+    independent = len(samples) < SERIES_ROWS or not timed
+    if independent:
+        t_s = _arbitrary_times(len(rows))
+    else:
+        t_s = _monotonic_times((rows.t_us - first_us) / 1e6, parts, number)
     order = np.lexsort((t_s, number))
     rows, t_s, number = rows.select(order), t_s[order], number[order]
     columns = np.stack([(1.0 + rows.slip) * rows.speed, rows.speed, rows.load])
@@ -55,6 +68,7 @@ def build_drive_data_from_table(
         clock_s=(rows.t_us - first_us) / 1e6,
         has_speed=bool(np.any(rows.speed != 1.0)),
         has_load=bool(np.any(rows.load != 1.0)),
+        independent=independent,
     )
 
 
@@ -63,6 +77,11 @@ def _number_axles(axle: NDArray[np.int64]) -> NDArray[np.int64]:
     if len(axle) and (axle.min() < 1 or axle.max() > MOST_AXLES):
         return np.unique(axle, return_inverse=True)[1] + 1
     return axle
+
+
+def _arbitrary_times(rows: int) -> Array:
+    """Times of independent points, s: far apart and in random order, so that blocks are random."""
+    return SEPARATION_S * np.random.default_rng(rows).permutation(rows).astype(np.float64)
 
 
 def _monotonic_times(t_s: Array, segment: NDArray[np.int64], axle: NDArray[np.int64]) -> Array:

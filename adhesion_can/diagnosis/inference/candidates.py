@@ -1,6 +1,7 @@
 """Effects that the data can identify, and the reasons for those that they cannot."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +10,22 @@ from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.result import Untested
 from adhesion_can.physics.channels import CHANNEL_BY_NAME
-from adhesion_can.physics.effects import Effect, known_effects
+from adhesion_can.physics.effects import (
+    ActiveEffect,
+    Contact,
+    Effect,
+    LagStates,
+    acts_in_contact,
+    build_instruments,
+    known_effects,
+)
 
 LEAST_ROWS, LEAST_BLOCKS = 400, 9
 """Rows that decide, and blocks of time, without which there is no diagnosis."""
+LEAST_POINTS = 60
+"""Independent points that decide, without which there is no diagnosis."""
+NOTICED = 10.0
+"""Increase of twice the log likelihood by one parameter from which it is hardly chance."""
 LEAST_RANGE = 0.004
 """Range of |λ| (5 to 95 % of the rows) below which there is no curve in the data."""
 LEAST_ADHESION = 0.01
@@ -45,6 +58,14 @@ def _missing(effect: Effect, drives: Sequence[DriveData]) -> str:
     requires = effect.requires
     if requires.covariates and (why := _missing_signal(requires.covariates, drives)):
         return why
+    return _missing_rows(effect, drives)
+
+
+def _missing_rows(effect: Effect, drives: Sequence[DriveData]) -> str:
+    """Why the rows of these drives cannot show an effect; '' where they can."""
+    requires = effect.requires
+    if any(drive.independent for drive in drives) and depends_on_sequence(effect):
+        return "the rows are independent points: no row follows upon another"
     if requires.wheel_speed and any(drive.table for drive in drives):
         return "a table gives slip and adhesion, not the wheel speed that they were formed from"
     axles = max(len(np.unique(drive.axle)) for drive in drives)
@@ -55,6 +76,30 @@ def _missing(effect: Effect, drives: Sequence[DriveData]) -> str:
     if requires.load and not all(drive.has_load for drive in drives):
         return "the loads are not measured"
     return ""
+
+
+def depends_on_sequence(effect: Effect) -> bool:
+    """Whether an effect depends on when a row was measured, or on the rows before it."""
+    values = tuple(p.typical for p in effect.parameters)
+    if not acts_in_contact(effect):
+        instruments = build_instruments([ActiveEffect(effect, values)])
+        return bool(instruments.speed_delay or instruments.effort_delay)
+    rows = np.ones(3)
+    contact = Contact(
+        slip=np.array([0.02, 0.04, 0.03]),
+        creep_speed=np.array([0.2, 0.4, 0.3]),
+        speed=10.0 * rows,
+        load=1e5 * rows,
+        time_s=np.array([0.0, 0.02, 0.04]),
+        axle=rows,
+        place=rows,
+        adhesion=0.2 * rows,
+        covariates=dict.fromkeys(effect.requires.covariates, rows),
+    )
+    later = replace(contact, time_s=np.array([100.0, 150.0, 300.0]))
+    changes = [effect.change(one, values, LagStates()) for one in (contact, later)]
+    early, late = (np.concatenate([c.slip, np.broadcast_to(c.factor, (3,))]) for c in changes)
+    return not np.array_equal(early, late)
 
 
 def _missing_signal(covariates: Sequence[str], drives: Sequence[DriveData]) -> str:
@@ -90,11 +135,15 @@ def describe_insufficient_data(drives: Sequence[DriveData], block: NDArray[np.in
         block: Number of each row's block, negative for a row that is held out; shape (n,).
 
     """
+    points = all(drive.independent for drive in drives)
+    decide, hold = np.count_nonzero(block >= 0), np.count_nonzero(block < 0)
+    enough = LEAST_POINTS if points else LEAST_ROWS
     for count, fewest, what in (
-        (np.count_nonzero(block >= 0), LEAST_ROWS, "to decide on"),
-        (np.count_nonzero(block < 0), LEAST_ROWS // 4, "to hold out"),
+        (decide, enough, "to decide on"),
+        (hold, enough // 4, "to hold out"),
     ):
-        if count < fewest:
+        # Of independent points each one is held out in turn where no other data are.
+        if count < fewest and not (points and what == "to hold out" and not hold):
             return f"{count} usable rows {what}: at least {fewest} are needed"
     blocks = len(np.unique(block))
     if blocks < LEAST_BLOCKS:
@@ -118,6 +167,8 @@ def find_untestable(drives: Sequence[DriveData]) -> list[Untested]:
     """Quantities beside the effects that these drives do not identify, with the reason."""
     found = []
     for drive in drives:
+        if drive.independent:
+            found.append(_describe_size(drive))
         if drive.table:
             continue
         idle = np.abs(drive.observe().adhesion) < COASTING
@@ -135,6 +186,15 @@ def find_untestable(drives: Sequence[DriveData]) -> list[Untested]:
             if not (drive.axle == axle).any()
         ]
     return found
+
+
+def _describe_size(drive: DriveData) -> Untested:
+    """What the size of a table of independent points does not allow to see."""
+    rows = len(drive)
+    return Untested(
+        f"differences in {drive.name} of less than about {50.0 * NOTICED / rows:.1f} % of the RMSE",
+        f"{rows} points, taken as independent of each other, do not tell them from chance",
+    )
 
 
 def _coasts(idle: np.ndarray, drive: DriveData) -> bool:

@@ -156,6 +156,8 @@ def find_wave(
     """
     position = regression.data.column("position")
     used = np.flatnonzero(regression.used)
+    if any(drive.independent for drive in regression.data.drives):
+        return None
     if len(used) < LEAST_ROWS or float(np.ptp(position[used])) < 10 * WAVES_M[0]:
         return None
     lengths = WAVES_M[np.ptp(position[used]) / LEAST_WAVES > WAVES_M]

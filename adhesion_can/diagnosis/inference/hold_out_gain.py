@@ -84,11 +84,73 @@ def compute_hold_out_gain(
         block_length_s: Length of a block, s.
 
     """
+    if not regression.held_out.used.any():
+        return compute_leave_one_out_gain(regression, plain, extended, channel, noise_floor)
     result = evaluate_hold_out(regression, plain, extended, channel, other_drives=other_drives)
     units = group_hold_out(
         regression, result.rows, block_length_s=block_length_s, other_drives=other_drives
     )
     return compute_gain(result, units, noise_floor)
+
+
+def compute_leave_one_out_gain(
+    regression: WhitenedRegression,
+    plain: Model,
+    extended: Model,
+    channel: ResidualChannel | None,
+    noise_floor: float,
+) -> Gain:
+    """Gain of an extended model where no row is held out: each block in turn (case deletion).
+
+    Args:
+        regression: Regression on independent points.
+        plain: Model without effects.
+        extended: Model with effects.
+        channel: Residual channel that is added to the extended model; None: none.
+        noise_floor: RMSE of the adhesion that no model goes below.
+
+    """
+    rows = np.flatnonzero(regression.used)
+    before = _left_out_residuals(regression, regression.build_columns(plain))
+    columns = regression.build_columns(extended)
+    if channel is not None:
+        added = regression.whiten(channel.basis)
+        columns = np.column_stack([columns[:, :-1], added, columns[:, -1]])
+        step = solve_normal_equations(columns[:, :-1].T @ columns[:, :-1],
+                                      columns[:, :-1].T @ columns[:, -1])  # fmt: skip
+        columns[:, -1] -= columns[:, :-1] @ step
+    after = _left_out_residuals(regression, columns)
+    block = regression.block[rows]
+    what = "point" if len(np.unique(block)) == len(block) else "random group of points"
+    units = HoldOutUnits(
+        block,
+        f"each {what} in turn, predicted by the others ({len(rows)} points); the model was chosen "
+        "with all of them",
+        (),
+    )
+    return compute_gain(HoldOutResult(rows, before[rows], after[rows]), units, noise_floor)
+
+
+def _left_out_residuals(regression: WhitenedRegression, columns: Array) -> Array:
+    """Residual of each row by the parameters of the other blocks, adhesion; shape (n,).
+
+    To first order the parameters change by −(G − G_b)⁻¹ X_bᵀ e_b without block b (Cook and
+    Weisberg, Residuals and Influence in Regression, 1982).
+
+    Args:
+        regression: Regression whose whitening filter has order 0.
+        columns: Whitened Jacobian of a fitted model and its residual, shape (n, p + 1).
+
+    """
+    design, residual = columns[:, :-1], columns[:, -1]
+    total = design.T @ design
+    left_out = residual.copy()
+    for number in np.unique(regression.block[regression.used]):
+        rows = np.flatnonzero(regression.block == number)
+        own = design[rows]
+        change = solve_normal_equations(total - own.T @ own, own.T @ residual[rows])
+        left_out[rows] += own @ change
+    return np.asarray(left_out / (regression.scale * regression.weight))
 
 
 def evaluate_hold_out(

@@ -1,7 +1,8 @@
 """Step 1, split hold-out: rows that decide, and rows on which the gain alone is measured.
 
 Whole recordings are held out where there are several; of a single drive every third pair of blocks.
-Blocks are spans of time, since rows of the same moment share their errors.
+Blocks are spans of time, since rows of the same moment share their errors. All independent points
+decide: each of them is held out in turn later.
 """
 
 from collections.abc import Sequence
@@ -53,7 +54,7 @@ def split_hold_out(
         # Consecutive numbers: pauses are no blocks.
         number = np.unique(number_blocks(drive.t_s, block_length_s), return_inverse=True)[1]
         held = np.full(len(number), whole)
-        if not any(held_out):
+        if not any(held_out) and not drive.independent:
             held = (number // HELD_BLOCKS) % HELD_EVERY == 1
         number = number + base
         base = int(number.max(initial=base - 1)) + 1

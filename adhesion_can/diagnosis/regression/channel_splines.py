@@ -19,6 +19,8 @@ COLUMNS, DRIVE_COLUMNS = 6, 14
 """Columns of a channel's spline; more along time and position, where more may happen."""
 MOST_LEVELS = 3
 """A channel with no more values than these gets a column for each value."""
+SEQUENCE_CHANNELS = ("slip_rate", "time", "position")
+"""Channels that mean nothing where rows are independent points."""
 CONSTANT = 1e-9
 """Range of a channel, relative to its largest value, that counts as constant."""
 
@@ -122,6 +124,8 @@ def build_channels(data: RegressionData, evaluation: Evaluation) -> list[Channel
         Channel("time", ChannelKind.FACTOR, data.column("time_s"), DRIVE_COLUMNS),
         Channel("position", ChannelKind.FACTOR, data.column("position"), DRIVE_COLUMNS),
     ]
+    if any(drive.independent for drive in data.drives):
+        found = [one for one in found if one.name not in SEQUENCE_CHANNELS]
     names = set.intersection(*(set(drive.covariates) for drive in data.drives))
     for name in sorted(names):
         values = np.concatenate([drive.covariates[name] for drive in data.drives])

@@ -20,11 +20,11 @@ from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
     Model,
     RegressionData,
-    SegmentCurves,
     compute_curve_jacobian,
     compute_signature,
     evaluate_model,
 )
+from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.estimation.batch_fit import SegmentationSettings, change_points, fit
 from adhesion_can.physics import burckhardt
 from adhesion_can.physics.samples import Samples

@@ -2,9 +2,10 @@
 
     e = z(φ) − factor(φ) · curve(slip(φ); θ_s)
 
-z is the observed adhesion, θ_s = (c1, ln c2, c3) belongs to the surface of a row, and φ are the
-parameters of the effects. This module gives predictions, residuals and Jacobians; the least-squares
-fit on weighted, whitened residuals is in `whitened_regression`.
+z is the observed adhesion, θ_s belongs to the surface of a row ((c1, ln c2, c3) of Burckhardt's
+curve, or the coordinates of another family), and φ are the parameters of the effects. This module
+gives predictions, residuals and Jacobians; the least-squares fit on weighted, whitened residuals is
+in `whitened_regression`.
 """
 
 from collections.abc import Sequence
@@ -16,7 +17,8 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.regression.candidate import CHORD_STEP, Candidate
-from adhesion_can.physics import burckhardt
+from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
+from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.effects import (
     ActiveEffect,
     Contact,
@@ -30,8 +32,6 @@ DERIVATIVE_STEP = 0.01
 """Step of a numerical derivative, relative to the parameter's typical size."""
 EXCLUDED = -1
 """Surface number of a row that belongs to no surface: it is close to a surface change."""
-LARGEST_C, LARGEST_C2 = 10.0, 1000.0
-"""Upper bounds of c1 and c3, and of c2; never active where data determine the curve."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,24 +57,6 @@ class RegressionData:
         return np.concatenate([getattr(drive, name) for drive in self.drives])
 
 
-@dataclass(frozen=True, slots=True)
-class SegmentCurves:
-    """Curve parameters of all segments.
-
-    Attributes:
-        values: Parameters (c1, ln c2, c3) of each surface, shape (surfaces, 3).
-
-    """
-
-    values: Array
-
-    def parameters_of(self, surface: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-        """c1, c2 and c3 of each row, given its surface number; shape (n,) each."""
-        c1, log_c2, c3 = self.values.T
-        row = np.maximum(surface, 0)
-        return c1[row], np.exp(log_c2)[row], c3[row]
-
-
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """A model evaluated on all rows; shape (n,) each.
@@ -84,6 +66,7 @@ class Evaluation:
         slip: Slip ratio at which the curve is evaluated.
         factor: Factor of the curve's adhesion.
         predicted: Adhesion that the model predicts.
+        conditions: Speed and load at the contact.
 
     """
 
@@ -91,6 +74,7 @@ class Evaluation:
     slip: Array
     factor: Array
     predicted: Array
+    conditions: Conditions
 
     @property
     def residual(self) -> Array:
@@ -121,15 +105,18 @@ def evaluate_model(
         _apply_effects(drive, active_effects, own)
         for drive, own in zip(data.drives, corrections, strict=True)
     ]
-    adhesion, slip, factor = (np.concatenate(column) for column in zip(*parts, strict=True))
-    curve = burckhardt.adhesion(slip, *curves.parameters_of(data.surface))
-    return Evaluation(adhesion, slip, factor, factor * curve)
+    adhesion, slip, factor, speed, load = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
+    conditions = Conditions(speed, load)
+    curve = curves.adhesion(slip, data.surface, conditions)
+    return Evaluation(adhesion, slip, factor, factor * curve, conditions)
 
 
 def _apply_effects(
     drive: DriveData, active_effects: Sequence[ActiveEffect], slip_correction: Array | None
-) -> tuple[Array, Array, Array]:
-    """Observed adhesion, slip ratio at the curve, and factor of the adhesion; shape (n,) each."""
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Observed adhesion, slip ratio at the curve, factor, speed and load; shape (n,) each."""
     observed = drive.observe(build_instruments(active_effects))
     slip, creep_speed = observed.slip, observed.creep_speed
     if slip_correction is not None:
@@ -146,13 +133,16 @@ def _apply_effects(
         covariates=drive.covariates,
     )
     change = compute_change(active_effects, contact, LagStates())
-    return observed.adhesion, change.slip, np.broadcast_to(change.factor, change.slip.shape)
+    factor = np.broadcast_to(change.factor, change.slip.shape)
+    # A table without loads has 1 N in every row.
+    load = observed.load if drive.has_load else np.full(len(drive), np.nan)
+    return observed.adhesion, change.slip, factor, observed.speed, load
 
 
 def compute_curve_jacobian(
     data: RegressionData, curves: SegmentCurves, evaluation: Evaluation
 ) -> Array:
-    """Derivatives of the prediction by (c1, ln c2, c3) of each surface, 0 in other rows.
+    """Derivatives of the prediction by each surface's coordinates, 0 in other rows.
 
     Args:
         data: Rows of all drives.
@@ -160,20 +150,18 @@ def compute_curve_jacobian(
         evaluation: Model evaluated at the slips at which the derivatives are taken.
 
     Returns:
-        Jacobian, adhesion per unit of the parameter; shape (n, 3·surfaces).
+        Jacobian, adhesion per unit of the coordinate; shape (n, k·surfaces).
 
     """
-    c1, c2, _ = curves.parameters_of(data.surface)
-    size = np.abs(evaluation.slip)
-    signed = np.copysign(evaluation.factor, evaluation.slip)
-    decay = np.exp(-c2 * size)
-    own = np.stack([signed * (1.0 - decay), signed * c1 * c2 * size * decay, -signed * size], 1)
+    gradient = curves.gradient(evaluation.slip, data.surface, evaluation.conditions)
+    own = np.ascontiguousarray((evaluation.factor * gradient).T)
     if data.surfaces == 1:
         return own
-    columns = np.zeros((len(data), 3 * data.surfaces))
+    size = curves.size
+    columns = np.zeros((len(data), size * data.surfaces))
     for number in range(data.surfaces):
         rows = data.surface == number
-        columns[rows, 3 * number : 3 * number + 3] = own[rows]
+        columns[rows, size * number : size * (number + 1)] = own[rows]
     return columns
 
 
@@ -211,10 +199,7 @@ class Model:
     def with_parameters(self, vector: Array) -> "Model":
         """The model with other free parameters, clipped to their ranges; `vector` shape (p,)."""
         size = self.curves.values.size
-        curves = vector[:size].reshape(-1, 3).copy()
-        curves[:, 0] = np.clip(curves[:, 0], 1e-6, LARGEST_C)
-        curves[:, 1] = np.clip(curves[:, 1], 0.0, np.log(LARGEST_C2))
-        curves[:, 2] = np.clip(curves[:, 2], 0.0, LARGEST_C)
+        curves = self.curves.with_values(vector[:size].reshape(self.curves.values.shape))
         values, first = [], size
         for candidate in self.candidates:
             last = first + candidate.size
@@ -225,7 +210,7 @@ class Model:
                 )
             )
             first = last
-        return replace(self, curves=SegmentCurves(curves), values=tuple(values))
+        return replace(self, curves=curves, values=tuple(values))
 
     def with_effect(self, candidate: Candidate, values: tuple[float, ...] | None = None) -> "Model":
         """The model with one more effect, of size 0 where no values are given."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.drive.from_table import SEPARATION_S
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import build_channels
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
@@ -19,17 +20,16 @@ from adhesion_can.diagnosis.regression.model import (
     Evaluation,
     Model,
     RegressionData,
-    SegmentCurves,
     compute_curve_jacobian,
     evaluate_model,
 )
+from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import (
     FittedModel,
     WhitenedRegression,
     fit_model,
 )
 from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
-from adhesion_can.physics.burckhardt import adhesion_slope
 
 FLAT_SLOPE, LEAST_FLAT = 2.0, 0.02
 """Slope dμ/dλ below which slip errors hardly matter, so that the residual is the noise of the
@@ -44,6 +44,8 @@ KNOTS = (4, 14)
 """Least and largest number of knots of the vehicle speed's error in a block."""
 TABLE_BLOCKS, TABLE_BLOCK_S, TABLE_PAUSE_S = 120, (0.2, 4.0), 1.0
 """Blocks of a sample table, their least and largest length, s, and the longest step counted, s."""
+POINT_BLOCKS = 400
+"""Largest number of blocks of independent points; fewer points are blocks of one point each."""
 FIRST_ITERATIONS = 30
 
 
@@ -71,6 +73,9 @@ def choose_block_length(drives: Sequence[DriveData]) -> float:
     The rows of a sample table have no such errors, and are often few: it is cut into about
     120 blocks.
     """
+    if all(drive.independent for drive in drives):
+        rows = sum(map(len, drives))
+        return SEPARATION_S * float(np.ceil(rows / POINT_BLOCKS))
     if all(drive.table for drive in drives):
         steps = np.concatenate([np.diff(drive.t_s) for drive in drives])
         steps = steps[(steps > 0) & (steps <= TABLE_PAUSE_S)]
@@ -120,6 +125,9 @@ def _find_runs(data: RegressionData) -> ContiguousRuns:
     starts = np.cumsum([0, *lengths])[:-1]
     breaks = np.zeros(len(data), dtype=np.bool_)
     breaks[starts[np.array(lengths) > 0]] = True
+    for drive, start in zip(data.drives, starts, strict=True):
+        if drive.independent:
+            breaks[start : start + len(drive)] = True
     return ContiguousRuns.find(data.column("t_s"), data.column("axle"), breaks)
 
 
@@ -129,7 +137,7 @@ def _weight_rows(
     """Row weights from the wheel speed's noise, and the design matrix of vehicle speed errors."""
     data = regression.data
     evaluation = evaluate_model(data, model.curves)
-    slope = _compute_curve_slope(data, model, evaluation.slip)
+    slope = _compute_curve_slope(data, model, evaluation)
     flat = regression.used & (np.abs(slope) < FLAT_SLOPE)
     if flat.sum() < LEAST_FLAT * regression.used.sum():
         flat = regression.used
@@ -175,9 +183,9 @@ def _design_speed_errors(
     return np.asarray(hats * sensitivity[:, None])
 
 
-def _compute_curve_slope(data: RegressionData, model: Model, slip: Array) -> Array:
+def _compute_curve_slope(data: RegressionData, model: Model, evaluation: Evaluation) -> Array:
     """Slope dμ/dλ of the plain curve in each row, shape (n,)."""
-    return adhesion_slope(slip, *model.curves.parameters_of(data.surface))
+    return model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
 
 
 def _saturated_residual(
@@ -215,7 +223,7 @@ def _estimate_slip_correction(
     """
     data = regression.data
     evaluation = evaluate_model(data, model.curves)
-    slope = _compute_curve_slope(data, model, evaluation.slip)
+    slope = _compute_curve_slope(data, model, evaluation)
     by_speed = np.zeros(len(data))
     # A surface that is held out whole had no part in the saturated model, which is arbitrary there.
     known = np.isin(data.surface, data.surface[regression.used])
