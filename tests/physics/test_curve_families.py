@@ -17,8 +17,8 @@ RANGES = {
     "c1": (0.1, 0.6), "c2": (20.0, 300.0), "c3": (0.02, 0.8), "c4": (0.0, 1.0),
     "kA": (0.1, 1.0), "kS": (0.05, 0.5), "mu0": (0.05, 0.6), "A": (0.1, 0.9), "B": (0.05, 1.5),
     "B_magic": (10.0, 300.0), "C": (1.1, 1.9), "D": (0.05, 0.6), "E": (-3.0, 0.8),
-    "mu_max": (0.05, 0.6), "lambda_m": (0.005, 0.2), "q16": (0.6, 1.0), "q4": (0.1, 0.9),
-    "p4": (0.01, 0.5), "p16": (0.01, 0.8),
+    "mu_max": (0.05, 0.6), "lambda_m": (0.005, 0.2), "q12": (0.6, 1.0), "q3": (0.1, 0.8),
+    "kappa": (0.01, 1.0), "p3": (0.01, 0.5), "p12": (0.01, 0.8),
 }  # fmt: skip
 """Values of rails, narrower than the bounds of a fit."""
 
@@ -34,7 +34,7 @@ def values_of(family, shares):
     )
 
 
-SHARES = st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6)
+SHARES = st.lists(st.floats(0.0, 1.0), min_size=8, max_size=8)
 SPEED = st.floats(2.0, 40.0)
 SLIPS = np.array([1e-5, 4e-4, 0.003, 0.011, 0.04, 0.13, 0.45])
 
@@ -63,7 +63,7 @@ def test_derivatives_are_those_of_central_differences(family, shares, speed):
         family.adhesion(SLIPS + step, values, conditions)
         - family.adhesion(SLIPS - step, values, conditions)
     ) / (2 * step)
-    scale = values_of(family, [0.5] * 6)
+    scale = values_of(family, [0.5] * 8)
     slope = family.slope(SLIPS, values, conditions)
     np.testing.assert_allclose(slope, by_slip, rtol=1e-5, atol=1e-4 * np.abs(slope).max() * 1e-2)
     gradient = family.gradient(SLIPS, values, conditions)
@@ -99,7 +99,7 @@ def test_peak_is_that_of_a_dense_grid(family, shares, speed, slip_max):
 
 @ALL
 def test_conditions_and_values_broadcast(family):
-    values = values_of(family, [0.5] * 6)
+    values = values_of(family, [0.5] * 8)
     speeds = np.array([[5.0], [20.0]])
     mu = family.adhesion(SLIPS, values, Conditions(speeds, 2e5))
     assert mu.shape == (2, len(SLIPS))
