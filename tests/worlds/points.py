@@ -76,7 +76,7 @@ def make_points(kind: str, seed: int, path: Path) -> Truth:
     )
     judge = PointsJudge(np.arange(n, dtype=float), slip, adhesion, noise)
     before, floor = judge.errors(np.ones(n, dtype=bool))
-    middle = float(np.median(speed))
+    middle = float(np.mean(speed))
     c = nearest_burckhardt(law, middle, FILE_LOAD)
     mu_max, lambda_m = law.peak(middle, FILE_LOAD)
     return Truth(

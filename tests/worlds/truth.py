@@ -107,7 +107,7 @@ class Peak:
         mu_max: Largest adhesion.
         lambda_m: Slip ratio that it stands at.
         interior: Whether the curve falls beyond it.
-        speed: Median speed of the rows with creep, m/s.
+        speed: Mean speed, m/s.
         load: Mean load of a wheelset, N.
 
     """

@@ -186,8 +186,7 @@ class _World:
 
     def _peak(self, profile: DriveProfile) -> Peak:
         """Peak of the contact alone, in the mean conditions of the drive."""
-        creeping = np.abs(profile.slip).max(axis=1) > 1e-3
-        speed, load = float(np.median(profile.v[creeping])), float(profile.load.mean())
+        speed, load = float(profile.v[LEAD:].mean()), float(profile.load[LEAD:].mean())
         if not self.shape:
             mu_max, lambda_m = peak(self.rail.curves[-1])
             return Peak(mu_max, lambda_m, interior=True, speed=speed, load=load)

@@ -9,11 +9,29 @@ from typing import Any
 
 import numpy as np
 
-from tests.worlds import KINDS, NULLS, OUTSIDE, PAIRS, SINGLES
+from tests.worlds import (
+    CONTACT_EFFECTS,
+    CONTACTS,
+    KINDS,
+    NULLS,
+    OUTSIDE,
+    PAIRS,
+    POINTS,
+    SINGLES,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 PAIRS_A_ROUND = 10
-GROUPS = {"single": SINGLES, "pair": PAIRS, "null": NULLS, "out": OUTSIDE}
+CONTACT_EFFECTS_A_ROUND = 6
+GROUPS = {
+    "single": SINGLES,
+    "pair": PAIRS,
+    "null": NULLS,
+    "out": OUTSIDE,
+    "contact": CONTACTS,
+    "contact+": CONTACT_EFFECTS,
+    "points": POINTS,
+}
 
 
 @dataclass(frozen=True)
@@ -25,8 +43,10 @@ class Task:
 
 
 def find_group(kind: str) -> str:
-    """'single', 'pair', 'null' or 'out'."""
+    """One of `GROUPS`; 'contact+' is a contact with an effect besides."""
     head = kind.partition(":")[0]
+    if head == "contact" and "+" in kind:
+        return "contact+"
     return head if head in GROUPS else "single"
 
 
@@ -47,7 +67,8 @@ def build_tasks(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
 
     Args:
         seed: of the whole hunt; the first rounds are the same however many there are.
-        rounds: each one has every single effect, null and outsider once and ten pairs.
+        rounds: each one has every single effect, null, outsider and contact once, ten pairs and
+            six contacts with an effect besides.
         only: kinds and groups; none: all.
 
     """
@@ -55,9 +76,11 @@ def build_tasks(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
     for number in range(rounds):
         rng = np.random.default_rng([seed, number])
         sampled = [PAIRS[k] for k in rng.choice(len(PAIRS), PAIRS_A_ROUND, replace=False)]
-        everything = [*SINGLES, *sampled, *NULLS, *OUTSIDE]
+        beside = rng.choice(len(CONTACT_EFFECTS), CONTACT_EFFECTS_A_ROUND, replace=False)
+        everything = [*SINGLES, *sampled, *NULLS, *OUTSIDE, *CONTACTS]
+        everything += [*(CONTACT_EFFECTS[k] for k in beside), *POINTS]
         kinds = [k for k in everything if not only or k in only or find_group(k) in only]
-        kinds += [k for k in only if k in PAIRS and k not in kinds]
+        kinds += [k for k in only if k in KINDS and k not in kinds]
         tasks += [Task(kind, seed + number) for kind in kinds]
     return tasks
 

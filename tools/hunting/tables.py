@@ -8,7 +8,7 @@ import numpy as np
 from judge import JudgedRecord
 from scipy.stats import beta
 
-from tests.worlds import NULLS, OUTSIDE, SINGLES
+from tests.worlds import CONTACTS, NULLS, OUTSIDE, POINTS, SINGLES
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,7 @@ def targets(rows: Sequence[JudgedRecord]) -> list[Target]:
         own = [r.outcome == "unexplained" for r in outside if r.kind == kind]
         if own:
             result.append(share(f"- {kind}", own, 0.85))
+    result += contact_targets(rows)
     covered = [r.covered for r in named if r.covered is not None]
     median = float(np.median(seconds)) if seconds else None
     longest = f", longest {max(seconds):.1f} s" if seconds else ""
@@ -103,10 +104,44 @@ def targets(rows: Sequence[JudgedRecord]) -> list[Target]:
     return result
 
 
+def contact_targets(rows: Sequence[JudgedRecord]) -> list[Target]:
+    """Targets of contacts that are not Burckhardt's; none where there are no such drives."""
+    contacts = [r for r in rows if r.group == "contact"]
+    beside = [r for r in rows if r.group == "contact+"]
+    points = [r for r in rows if r.group == "points"]
+    if not (contacts or beside or points):
+        return []
+    result = []
+    for title, own in (("contacts", contacts), ("points", points)):
+        right = (r.outcome in ("named", "nothing below noise") for r in own)
+        peaks = [r.peak for r in own if r.peak is not None]
+        slips = [p.lambda_m for p in peaks if p.lambda_m is not None]
+        result += [
+            share(f"{title}: shape or falling friction named, or too small", right, 0.95),
+            share(f"{title}: no sensor or vehicle error blamed",
+                  (not r.blames_instrument for r in own), 0.97),
+            share(f"{title}: μ_max after extension within 1 %",
+                  (abs(p.mu_max) <= 0.01 for p in peaks), 0.95),
+            share(f"{title}: λ_m after extension within 8 %",
+                  (abs(slip) <= 0.08 for slip in slips), 0.95),
+            share(f"{title}: peak in its 95 % interval",
+                  (hit for p in peaks for hit in p.covered), 0.90),
+        ]  # fmt: skip
+    result.append(
+        share("contact and effect: effect named", (r.outcome in ("both", "one") for r in beside),
+              0.90)
+    )  # fmt: skip
+    result.append(
+        share("contact and effect: no sensor or vehicle error blamed",
+              (not r.blames_instrument for r in beside), 0.97)
+    )  # fmt: skip
+    return result
+
+
 def target_table(found: Sequence[Target]) -> str:
     """Targets as Markdown."""
     head = ("target", "wanted", "figure (one-sided 95 % bounds)", "verdict")
-    return _table(head, [(t.what, t.wanted, t.figure, t.verdict) for t in found])
+    return markdown_table(head, [(t.what, t.wanted, t.figure, t.verdict) for t in found])
 
 
 def confusion(rows: Sequence[JudgedRecord]) -> str:
@@ -127,6 +162,12 @@ def confusion(rows: Sequence[JudgedRecord]) -> str:
             ("unexplained", "wrong channel", "wrong", "nothing", "failed"),
         ),
     ]
+    shapes = ("named", "nothing below noise", "wrong", "unexplained", "nothing", "failed")
+    parts.append(_outcomes(rows, "contact", CONTACTS, shapes))
+    besides = sorted({r.kind for r in rows if r.group == "contact+"})
+    columns = ("both", "one", "shape", "wrong", "unexplained", "nothing", "failed")
+    parts.append(_outcomes(rows, "contact and effect", besides, columns))
+    parts.append(_outcomes(rows, "points of a contact", POINTS, shapes))
     return "\n\n".join(part for part in parts if part)
 
 
@@ -147,7 +188,7 @@ def _outcomes(
                 )
             instead = ", ".join(f"{name} {n}" for name, n in answers.most_common())
             lines.append((kind, str(len(own)), *(_count(counts[c]) for c in columns), instead))
-    return _table((title, "drives", *columns, "instead"), lines) if lines else ""
+    return markdown_table((title, "drives", *columns, "instead"), lines) if lines else ""
 
 
 def _pairs(rows: Sequence[JudgedRecord]) -> str:
@@ -167,7 +208,7 @@ def _pairs(rows: Sequence[JudgedRecord]) -> str:
         row = line(effect, lambda r, e=effect: e in _members(r.kind))  # type: ignore[misc]
         if row[1] != "0":
             lines.append(row)
-    return _table(("pairs with", "drives", *columns), lines)
+    return markdown_table(("pairs with", "drives", *columns), lines)
 
 
 def _members(kind: str) -> list[str]:
@@ -178,7 +219,8 @@ def _count(n: int) -> str:
     return str(n) if n else "."
 
 
-def _table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+def markdown_table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """A table as Markdown, its columns aligned."""
     widths = [max(len(row[k]) for row in (head, *lines)) for k in range(len(head))]
 
     def text(row: Sequence[str]) -> str:

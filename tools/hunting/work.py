@@ -43,14 +43,16 @@ def work(task: Task, diagnosis_options: DiagnosisOptions) -> dict[str, Any]:
     with TemporaryDirectory(prefix="hunt-") as folder:
         name = f"{task.kind}-{task.seed}".replace(":", "_").replace("+", "-")
         where = Path(folder) if diagnosis_options.keep is None else diagnosis_options.keep
-        path = where / (name + (".csv" if task.kind == "out:table" else ".log"))
+        is_table = task.kind == "out:table" or task.kind.startswith("points:")
+        path = where / (name + (".csv" if is_table else ".log"))
         record: dict[str, Any] = {
             "kind": task.kind,
             "seed": task.seed,
             "holdout": diagnosis_options.holdout,
         }
         try:
-            truth = make_world(task.kind, task.seed, path, fresh=diagnosis_options.holdout)
+            fresh = diagnosis_options.holdout and not task.kind.startswith("points:")
+            truth = make_world(task.kind, task.seed, path, fresh=fresh)
         except RuntimeError as error:
             return record | {"status": NO_WORLD, "error": str(error), "seconds": 0, "rss_mb": None}
         answer = path.with_name(f"{name}.json")
@@ -134,6 +136,7 @@ def _peak_mb() -> float:
 def shorten_diagnosis(diagnosis: dict[str, Any]) -> dict[str, Any]:
     """What of a diagnosis is needed to judge it."""
     gain = diagnosis.get("gain") or {}
+    extended = diagnosis.get("extended")
     return {
         "verdict": diagnosis["verdict"],
         "channel": diagnosis.get("channel"),
@@ -145,6 +148,7 @@ def shorten_diagnosis(diagnosis: dict[str, Any]) -> dict[str, Any]:
             key: gain.get(key)
             for key in ("percent", "interval", "rmse_before", "rmse_after", "spans")
         },
+        "extended": extended and {name: extended[name] for name in ("mu_max", "lambda_m")},
     }
 
 
@@ -156,7 +160,8 @@ def compare_with_truth(truth: Truth, diagnosis: dict[str, Any]) -> dict[str, Any
             "floor": truth.fresh.noise_floor,
         }
     spans = diagnosis["gain"]["spans"]
-    if not spans:
+    # Independent points have no times.
+    if not spans or truth.kind.startswith("points:"):
         return {"true_gain": None, "floor": None}
     held = [(float(begin), float(end)) for begin, end in spans]
     return {"true_gain": truth.true_gain_percent(held), "floor": truth.floor_on(held)}
