@@ -13,8 +13,12 @@ from adhesion_can.api.samples import are_tables, load_recording_samples, load_ta
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.batch_fit import BatchResult
 from adhesion_can.estimation.batch_fit import identify as _identify
+from adhesion_can.physics.curves import FAMILIES, CurveFamily
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.recording import Recording
+
+ALL_CURVES = "all"
+"""Value of the option `curve` that asks for every family."""
 
 
 @overload
@@ -24,6 +28,7 @@ def identify(
     *,
     time_s: ArrayLike | None = None,
     configuration: ConfigurationLike = None,
+    curve: str | None = None,
 ) -> BatchResult: ...
 
 
@@ -33,6 +38,7 @@ def identify(
     *,
     configuration: ConfigurationLike = None,
     model: ModelLike = None,
+    curve: str | None = None,
 ) -> BatchResult: ...
 
 
@@ -43,6 +49,7 @@ def identify(
     time_s: ArrayLike | None = None,
     configuration: ConfigurationLike = None,
     model: ModelLike = None,
+    curve: str | None = None,
 ) -> BatchResult:
     """Maximum-likelihood fit of one curve, and of one for each segment of constant surface.
 
@@ -53,9 +60,11 @@ def identify(
         time_s: Times, s, ascending, shape (n,); without them all points are of one segment.
         configuration: Vehicle, database, roles and settings.
         model: Extended model whose effects are removed before the fit; with recordings alone.
+        curve: Name of a curve family to fit besides, such as 'polach', or 'all' to compare all of
+            them by held-out score; the result is `BatchResult.curves`.
 
     Raises:
-        InputError: The arrays do not fit together, or no sample is usable.
+        InputError: The arrays do not fit together, no sample is usable, or no family has the name.
         ConfigError: The roles do not suffice to form adhesion.
         RecordingError: A recording cannot be read, or holds no known frame.
 
@@ -69,6 +78,7 @@ def identify(
 
     """
     config = as_configuration(configuration, model)
+    families = families_by_option(curve)
     labels = None
     if adhesion is not None:
         samples, where = _samples_from_arrays(slip, adhesion, time_s), "slip, adhesion"
@@ -82,7 +92,8 @@ def identify(
         else:
             recordings = as_recordings(slip)  # type: ignore[arg-type]  # `_paths` has checked it
             samples = load_recording_samples(recordings, config).samples
-    result = _identify(samples, config.estimators.identifiability, labels=labels)
+    settings = config.estimators.identifiability
+    result = _identify(samples, settings, labels=labels, families=families)
     if result is None:
         raise InputError(
             where,
@@ -90,6 +101,24 @@ def identify(
             "give slip ratios, not percent, of a drive in which the axles pull or brake",
         )
     return result
+
+
+def families_by_option(curve: str | None) -> tuple[CurveFamily, ...]:
+    """Curve families of the option `curve`: one by its name, all of them, or none.
+
+    Raises:
+        InputError: No family has the name.
+
+    """
+    if curve is None:
+        return ()
+    if curve == ALL_CURVES:
+        return tuple(FAMILIES.values())
+    if curve not in FAMILIES:
+        raise InputError(
+            "curve", f"no family {curve!r}", f"give one of {', '.join(FAMILIES)}, or {ALL_CURVES}"
+        )
+    return (FAMILIES[curve],)
 
 
 def _paths(given: object) -> list[Path]:

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from adhesion_can.api.identification import ALL_CURVES, families_by_option
 from adhesion_can.api.samples import (
     LoadedSamples,
     are_tables,
@@ -26,8 +27,10 @@ from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.batch_fit import BatchResult, identify
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.recordings.sequence import open_recordings
+from adhesion_can.reporting.curves import render_curves
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 from adhesion_can.result_text import plus_minus
@@ -41,6 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
     add_model(parser, "its effects are removed, and its base curve is fitted")
+    parser.add_argument(
+        "--curve",
+        choices=(*FAMILIES, ALL_CURVES),
+        help="fit a curve of this family besides, or compare all of them by held-out score",
+    )
     add_json(parser)
     add_configuration(parser)
 
@@ -52,7 +60,8 @@ def run(options: argparse.Namespace) -> int:
     loaded = _load(options.inputs, config)
     problems, left_out = loaded.problems, loaded.left_out
     settings = config.estimators.identifiability
-    result = identify(loaded.samples, settings, labels=loaded.labels)
+    families = families_by_option(options.curve)
+    result = identify(loaded.samples, settings, labels=loaded.labels, families=families)
     if result is None:
         raise InputError(
             ", ".join(map(str, options.inputs)),
@@ -71,6 +80,8 @@ def run(options: argparse.Namespace) -> int:
     )
     if talk(options):
         _print(result, [*problems, *left_out_lines(left_out)], config.model)
+        for part in render_curves(result):
+            console().print(part, markup=False)
     return 0
 
 

@@ -4,6 +4,7 @@ The curve is fitted by variable projection: the profile likelihood of c2. The sa
 sums over narrow bins of slip scores every possible change point in one matrix product.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -12,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.curve_comparison import compare_families
+from adhesion_can.estimation.curve_result import CurveComparison
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess
 from adhesion_can.estimation.likelihood import sum_of_squares
 from adhesion_can.estimation.variable_projection import (
@@ -19,6 +22,7 @@ from adhesion_can.estimation.variable_projection import (
     fit_least_squares,
     solve_two_by_two,
 )
+from adhesion_can.physics.curves import CurveFamily
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 from adhesion_can.result_text import html_table, plus_minus
@@ -68,23 +72,29 @@ class BatchResult:
         whole: Estimate of one curve for all samples; not identifiable where the surface changed.
         segments: Segments with one surface each, at least one.
         left_out: Number of samples outside the model's range, or not finite.
+        curves: Comparison of curve families in each segment, None for one with too few samples;
+            () where none was asked for.
 
     """
 
     whole: Estimate
     segments: tuple[Segment, ...]
     left_out: int
+    curves: tuple[CurveComparison | None, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Estimates of all samples together and of each segment, as JSON has them."""
-        return {
-            **self.whole.to_dict(),
-            "segments": [
-                {"from_s": s.from_us / 1e6, "to_s": s.to_us / 1e6, **s.estimate.to_dict()}
-                for s in self.segments
-            ],
-            "left_out": self.left_out,
-        }
+        segments: list[dict[str, Any]] = [
+            {"from_s": s.from_us / 1e6, "to_s": s.to_us / 1e6, **s.estimate.to_dict()}
+            for s in self.segments
+        ]
+        document = {**self.whole.to_dict(), "segments": segments, "left_out": self.left_out}
+        if self.curves:
+            found = [None if c is None else c.to_dict() for c in self.curves]
+            for segment, curves in zip(segments, found, strict=True):
+                segment["curves"] = curves
+            document["curves"] = found[0] if len(found) == 1 else None
+        return document
 
     def _repr_html_(self) -> str:
         rows = [
@@ -120,6 +130,7 @@ def identify(
     settings: IdentifiabilitySettings | None = None,
     segmentation: SegmentationSettings | None = None,
     labels: NDArray[np.int64] | None = None,
+    families: Sequence[CurveFamily] = (),
 ) -> BatchResult | None:
     """Batch fit of a recording: one curve for all of it, and one for each segment.
 
@@ -129,6 +140,7 @@ def identify(
         segmentation: Settings of the detection of surface changes.
         labels: Number of each sample's segment where it is known, shape (n,); None: changes are
             detected from the samples.
+        families: Curve families to compare in each segment.
 
     Returns:
         Result of the fit; None where no sample is usable.
@@ -152,7 +164,11 @@ def identify(
     whole = fit(kept, settings)
     if len(segments) > 1:
         whole = replace(whole, identifiable=Identifiable(mu_max=False, lambda_m=False))
-    return BatchResult(whole, segments, left_out=len(samples) - len(kept))
+    curves = tuple(
+        compare_families(kept.select(slice(a, b)), families, slip_max=settings.slip_max)
+        for a, b in (pairwise(bounds) if families else ())
+    )
+    return BatchResult(whole, segments, len(samples) - len(kept), curves)
 
 
 def change_points(samples: Samples, settings: SegmentationSettings) -> list[int]:

@@ -1,0 +1,162 @@
+"""Comparison of curve families by held-out score, and the peak pooled over those that hold.
+
+The score of a family is the mean log density of samples that had no part in its fit. Families whose
+difference to the best is within its chance error cannot be told apart by the data. The peak is the
+mixture of theirs, with weights by pseudo-Bayesian model averaging with the Bayesian bootstrap
+(Yao, Vehtari, Simpson & Gelman, "Using stacking to average Bayesian predictive distributions",
+Bayesian Analysis 13 (2018) 917), so its standard deviation holds their spread.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.arrays import Array
+from adhesion_can.estimation.curve_data import (
+    CurvePoints,
+    HoldOutPlan,
+    correlation_factor,
+    plan_hold_out,
+)
+from adhesion_can.estimation.curve_fit import (
+    FamilyFit,
+    fit_family,
+    fit_values,
+    log_density,
+    standardised_residual,
+)
+from adhesion_can.estimation.curve_result import CommonErrors, CurveComparison, ScoredFit
+from adhesion_can.physics.burckhardt import SLIP_MAX
+from adhesion_can.physics.curves import FAMILIES, CurveFamily
+from adhesion_can.physics.samples import Samples
+
+LEAST_SAMPLES = 30
+"""Number of samples below which no families are compared."""
+TICK_US = 10
+"""Mean distance of stamps, µs, below which points have no time: they are independent."""
+CHANCE = 2.0
+"""Standard errors of a difference of scores within which two families are not told apart."""
+SMALL = 4.0
+"""Difference of the log density of all data below which its standard error cannot be trusted
+(Sivula, Magnusson & Vehtari, arXiv 2008.10296)."""
+BOOTSTRAPS = 2000
+"""Draws of the Bayesian bootstrap over blocks."""
+
+
+def compare_families(
+    samples: Samples,
+    families: Sequence[CurveFamily] = tuple(FAMILIES.values()),
+    *,
+    slip_max: float = SLIP_MAX,
+    common: CommonErrors | None = None,
+) -> CurveComparison | None:
+    """Fit families to samples of one surface and compare them by held-out score.
+
+    Args:
+        samples: Samples in the order of their stamps, finite.
+        families: Families to compare, at least one.
+        slip_max: End of the range in which peaks are looked for, slip ratio.
+        common: Errors common to all samples; None: those of a vehicle that is not calibrated.
+
+    Returns:
+        Comparison; None for fewer samples than `LEAST_SAMPLES`.
+
+    """
+    if len(samples) < LEAST_SAMPLES:
+        return None
+    independent = are_independent(samples)
+    plan = plan_hold_out(samples, independent=independent)
+    fits = [
+        fit_family(samples, family, slip_max=slip_max, independent=independent)
+        for family in families
+    ]
+    densities = np.stack([_held_out_densities(samples, fit, plan) for fit in fits])
+    best = int(np.argmax(densities.mean(axis=1)))
+    factor = 1.0
+    if not independent:
+        points = CurvePoints.from_samples(samples)
+        values = np.array(fits[best].values)
+        residual = standardised_residual(
+            points, fits[best].family, values, fits[best].noise_std ** 2
+        )
+        factor = correlation_factor(residual, samples)
+    blocks = np.stack([np.bincount(plan.block, row) for row in densities]) / factor
+    behind = blocks[best] - blocks
+    error = np.sqrt(blocks.shape[1]) * behind.std(axis=1)
+    total = behind.sum(axis=1)
+    plausible = total <= np.maximum(CHANCE * error, SMALL)
+    weights = _bootstrap_weights(blocks[plausible])
+    scale = factor / len(samples)
+    every = np.zeros(len(fits))
+    every[plausible] = weights
+    scored = [
+        ScoredFit(
+            fit=fits[i],
+            score=float(densities[i].mean()),
+            behind=float(total[i] * scale),
+            behind_std=float(error[i] * scale),
+            plausible=bool(plausible[i]),
+            weight=float(every[i]),
+        )
+        for i in np.argsort(total, kind="stable")
+    ]
+    held = [s for s in scored if s.plausible]
+    mu = _pool([(s.weight, s.fit.mu_max, s.fit.mu_max_std) for s in held])
+    lam = _pool([(s.weight, s.fit.lambda_m, s.fit.lambda_m_std) for s in held])
+    return CurveComparison(
+        families=tuple(scored),
+        mu_max=mu[0],
+        mu_max_std=mu[1],
+        lambda_m=lam[0],
+        lambda_m_std=lam[1],
+        common=common or CommonErrors(),
+        samples=len(samples),
+        speed=float(np.mean(samples.speed)),
+        held_out=plan.text,
+    )
+
+
+def are_independent(samples: Samples) -> bool:
+    """Whether samples are points without a time, such as rows of a table without `time_s`."""
+    return int(np.ptp(samples.t_us)) <= TICK_US * len(samples)
+
+
+def _held_out_densities(samples: Samples, fit: FamilyFit, plan: HoldOutPlan) -> Array:
+    """Log density of each sample under fits to the other folds, mean of the repetitions."""
+    points = CurvePoints.from_samples(samples)
+    result = np.zeros(len(samples))
+    for folds in plan.folds:
+        numbers = np.unique(folds)
+        cells = [points.select(folds == number).compressed() for number in numbers]
+        for i, number in enumerate(numbers):
+            rest = CurvePoints.concatenate([c for j, c in enumerate(cells) if j != i])
+            values, noise_var = fit_values(rest, fit.family, [fit.values])
+            held = folds == number
+            result[held] += log_density(points.select(held), fit.family, values, noise_var)
+    return result / len(plan.folds)
+
+
+def _bootstrap_weights(blocks: NDArray[np.float64]) -> Array:
+    """Weights of families from the log densities of independent blocks, shape (families, blocks).
+
+    Mean of the normalised likelihoods under Dirichlet weights of the blocks.
+    """
+    rng = np.random.default_rng(0)
+    count = blocks.shape[1]
+    shares = rng.dirichlet(np.ones(count), BOOTSTRAPS)
+    logs = count * shares @ blocks.T
+    likelihood = np.exp(logs - logs.max(axis=1, keepdims=True))
+    return np.asarray((likelihood / likelihood.sum(axis=1, keepdims=True)).mean(axis=0))
+
+
+def _pool(parts: Sequence[tuple[float, float, float]]) -> tuple[float, float]:
+    """Mean and standard deviation of a mixture of (weight, mean, standard deviation)."""
+    weights, means, stds = np.array(parts).T
+    known = np.isfinite(stds)
+    if not known.any() or weights[known].sum() < 0.5:
+        return float(weights @ means), float("inf")
+    weights = np.where(known, weights, 0.0) / weights[known].sum()
+    stds = np.where(known, stds, 0.0)
+    mean = float(weights @ means)
+    return mean, float(np.sqrt(weights @ (stds**2 + (means - mean) ** 2)))

@@ -1,0 +1,86 @@
+"""Comparison of curve families as tables and sentences for a terminal."""
+
+from math import exp, isfinite
+
+from rich.table import Table
+
+from adhesion_can.estimation.batch_fit import BatchResult, Segment
+from adhesion_can.estimation.curve_comparison import LEAST_SAMPLES
+from adhesion_can.estimation.curve_fit import FamilyFit
+from adhesion_can.estimation.curve_result import COLUMNS, CurveComparison
+from adhesion_can.physics.curves import FAMILIES
+from adhesion_can.reporting.text import table
+from adhesion_can.result_text import plus_minus
+
+CREEP_SPEED = 1.0
+"""Creep speed for which the fall of the friction is stated, m/s."""
+
+
+def render_curves(result: BatchResult) -> list[Table | str]:
+    """Table and sentences for each segment whose families were compared."""
+    return [
+        part
+        for segment, comparison in zip(result.segments, result.curves, strict=False)
+        for part in _render_segment(segment, comparison, alone=len(result.segments) == 1)
+    ]
+
+
+def _render_segment(
+    segment: Segment, comparison: CurveComparison | None, *, alone: bool
+) -> list[Table | str]:
+    where = "" if alone else f", {segment.from_us / 1e6:.1f} .. {segment.to_us / 1e6:.1f} s"
+    if comparison is None:
+        return [f"Curve families{where}: fewer than {LEAST_SAMPLES} samples, none compared."]
+    rows = [row[:-1] for row in comparison.rows()]
+    title = f"Curve families{where}, {comparison.samples} samples"
+    parts: list[Table | str] = [table(title, COLUMNS[:-1], rows)]
+    parts += [
+        f"{scored.fit.family.name}: {_parameters(scored.fit)}" for scored in comparison.families
+    ]
+    parts.append(f"Held out: {comparison.held_out}.")
+    if len(comparison.families) > 1:
+        parts.append(_verdict(comparison))
+    parts += [_describe_polach(s.fit) for s in comparison.families if _is_physical(s.fit)]
+    return parts
+
+
+def _parameters(fit: FamilyFit) -> str:
+    return ", ".join(
+        f"{p.name} {value:.4g}{'' if p.unit == '1' else ' ' + p.unit}"
+        for p, value in zip(fit.family.parameters, fit.values, strict=True)
+    )
+
+
+def _verdict(comparison: CurveComparison) -> str:
+    mu_std, lambda_std = comparison.rail_std
+    names = comparison.plausible
+    fits = (
+        f"Only {names[0]} holds."
+        if len(names) == 1
+        else f"The data cannot tell {', '.join(names[:-1])} and {names[-1]} apart."
+    )
+    peak = (
+        f"{plus_minus(comparison.mu_max, mu_std)} at a slip of "
+        f"{plus_minus(comparison.lambda_m, lambda_std if isfinite(lambda_std) else None)}"
+    )
+    common = comparison.common
+    return (
+        f"{fits} Peak of the rail at {comparison.speed:.1f} m/s: {peak}, with errors common to all "
+        f"samples of {common.slip:g} in slip and {100 * common.adhesion:g} % in adhesion."
+    )
+
+
+def _is_physical(fit: FamilyFit) -> bool:
+    """Whether the values of a curve in Polach's form have their physical meaning."""
+    return fit.family.name == FAMILIES["polach"].name and bool(isfinite(float(fit.conditions.load)))
+
+
+def _describe_polach(fit: FamilyFit) -> str:
+    values = dict(zip((p.name for p in fit.family.parameters), fit.values, strict=True))
+    start = 50.0 * (values["kA"] + values["kS"])
+    left = values["A"] + (1.0 - values["A"]) * exp(-values["B"] * CREEP_SPEED)
+    return (
+        f"In Polach's form the curve starts at {start:.0f} % of the stiffness of a clean contact, "
+        f"and friction falls with creep speed, by {100 * (1 - left):.0f} % at "
+        f"{CREEP_SPEED:g} m/s of creep."
+    )
