@@ -40,7 +40,9 @@ def _render_segment(
     parts.append(f"Held out: {comparison.held_out}.")
     if len(comparison.families) > 1:
         parts.append(_verdict(comparison))
-    parts += [_describe_polach(s.fit) for s in comparison.families if _is_physical(s.fit)]
+    parts += [
+        _describe_polach(s.fit) for s in comparison.families if s.plausible and _is_physical(s.fit)
+    ]
     return parts
 
 
