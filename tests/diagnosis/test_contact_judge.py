@@ -34,8 +34,10 @@ def tools():
     )
 
 
-def _cause(effect, *rivals):
-    return {"effect": effect, "rivals": list(rivals), "parameters": {}, "p_value": 0.001}
+def _cause(effect, *rivals, **parameters):
+    numbers = {"c4": 0.1} if effect == "falling_friction" and not parameters else parameters
+    found = {name: {"value": value, "std": 0.01} for name, value in numbers.items()}
+    return {"effect": effect, "rivals": list(rivals), "parameters": found, "p_value": 0.001}
 
 
 def _record(kind, causes, verdict="named", channel=None, excess=0.3, **more):
@@ -45,9 +47,12 @@ def _record(kind, causes, verdict="named", channel=None, excess=0.3, **more):
         "effects": [{"effect": e, "form": "", "parameters": {}} for e in hidden],
         "channel": None,
         "excess": [excess] * len(hidden),
-        "peak": {"mu_max": 0.30, "lambda_m": 0.020, "interior": True},
+        "peak": {"mu_max": 0.30, "lambda_m": 0.020, "interior": True, "speed": 10.0},
     }
     extended = {
+        "c1": {"value": 0.34, "std": 0.01},
+        "c2": {"value": 200.0, "std": 1.0},
+        "c3": {"value": 0.0, "std": None},
         "mu_max": {"value": 0.302, "std": 0.002},
         "lambda_m": {"value": 0.0180, "std": 0.0005},
     }
@@ -112,6 +117,24 @@ def test_the_peak_after_extension_is_held_against_the_true_one(tools):
     unsure = _record("contact:extended", [])
     unsure["diagnosis"]["extended"]["mu_max"]["std"] = None
     assert tools.judge.judge_record(unsure).peak.covered == (False,)
+
+
+def test_falling_friction_moves_the_peak_to_the_speed_of_the_drive(tools):
+    # 0.34 (1 − e^(−200 λ)) e^(−c4 λ v) has its peak where 200/(e^(200 λ) − 1) = c4 v.
+    at = np.log1p(200.0 / 5.0) / 200.0
+    record = _record("contact:extended", [_cause("falling_friction", c4=0.5)])
+    found = tools.judge.judge_record(record).peak
+    assert found.lambda_m == pytest.approx(at / 0.020 - 1, abs=2e-3)
+    height = 0.34 * -np.expm1(-200 * at) * np.exp(-5.0 * at)
+    assert found.mu_max == pytest.approx(height / 0.30 - 1, abs=1e-5)
+    record = _record("contact:extended", [_cause("falling_friction", A=1.0, B=0.3)])
+    flat = tools.judge.judge_record(record).peak
+    assert flat.mu_max == pytest.approx(0.34 / 0.30 - 1, abs=1e-3)
+
+
+def test_a_sensor_that_is_said_to_cut_off_is_blamed(tools):
+    record = _record("contact:coulomb", [], "unexplained", "tractive_effort")
+    assert tools.judge.judge_record(record).blames_instrument
 
 
 def test_the_targets_of_contacts_are_printed_beside_their_figures(tools):

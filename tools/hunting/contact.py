@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 Record = dict[str, Any]
 
 SHAPES = frozenset({"curve_shape", "falling_friction"})
@@ -83,6 +85,9 @@ def _only_shapes(causes: Sequence[Record]) -> bool:
 def blames_instrument(record: Record, diagnosis: Record) -> bool:
     """Whether a sensor or the vehicle's data are blamed for what they have not done."""
     hidden = {effect["effect"] for effect in record["truth"]["effects"]}
+    # The one finding about a sensor without an effect id: that it cuts its readings off.
+    if diagnosis["verdict"] == "unexplained" and diagnosis["channel"] == "tractive_effort":
+        return True
     return any(
         cause["effect"] in INSTRUMENTS and not names_one_of(cause, hidden)
         for cause in diagnosis["causes"]
@@ -90,10 +95,17 @@ def blames_instrument(record: Record, diagnosis: Record) -> bool:
 
 
 def peak_errors(truth: Record, diagnosis: Record) -> PeakErrors | None:
-    """The peak of the extended curve beside the true one; None where one is not known."""
+    """The peak of the extended curve beside the true one; None where one is not known.
+
+    Falling friction moves the peak of the base curve; it is taken at the drive's mean speed, where
+    the truth is, with the relative standard deviations of the base curve's peak.
+    """
     true, found = truth.get("peak"), diagnosis.get("extended")
     if not true or not found:
         return None
+    falling = [c for c in diagnosis["causes"] if c["effect"] == "falling_friction"]
+    if falling:
+        found = _with_falling_friction(found, falling[0], true["speed"])
     names = ("mu_max", "lambda_m") if true["interior"] else ("mu_max",)
     errors = {name: found[name]["value"] / true[name] - 1 for name in names}
     covered = tuple(
@@ -102,3 +114,24 @@ def peak_errors(truth: Record, diagnosis: Record) -> PeakErrors | None:
         if found[name]["std"] is not None
     )
     return PeakErrors(errors["mu_max"], errors.get("lambda_m"), covered)
+
+
+def _with_falling_friction(found: Record, cause: Record, speed: float) -> Record:
+    """Peak of a base curve times falling friction at a speed, m/s."""
+    p = {name: parameter["value"] for name, parameter in cause["parameters"].items()}
+    slip = np.geomspace(1e-3, 0.5, 3000)
+    c1, c2, c3 = (found[name]["value"] for name in ("c1", "c2", "c3"))
+    curve = -c1 * np.expm1(-c2 * slip) - c3 * slip
+    if "c4" in p:
+        factor = np.exp(-p["c4"] * slip * speed)
+    else:
+        factor = (1 - p["A"]) * np.exp(-p["B"] * slip * speed) + p["A"]
+    at = int(np.argmax(curve * factor))
+    moved = {"mu_max": float((curve * factor)[at]), "lambda_m": float(slip[at])}
+
+    def scaled(name: str) -> Record:
+        base = found[name]
+        std = None if base["std"] is None else base["std"] * moved[name] / base["value"]
+        return {"value": moved[name], "std": std}
+
+    return {name: scaled(name) for name in moved}

@@ -16,6 +16,7 @@ from plan import Task
 
 from tests.worlds import Truth, make_world
 
+CURVE = ("c1", "c2", "c3", "mu_max", "lambda_m")
 NO_WORLD = "no world"
 """Status of a drive that could not be made: no fault of the diagnosis."""
 
@@ -148,7 +149,7 @@ def shorten_diagnosis(diagnosis: dict[str, Any]) -> dict[str, Any]:
             key: gain.get(key)
             for key in ("percent", "interval", "rmse_before", "rmse_after", "spans")
         },
-        "extended": extended and {name: extended[name] for name in ("mu_max", "lambda_m")},
+        "extended": extended and {name: extended[name] for name in CURVE},
     }
 
 
