@@ -16,6 +16,9 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import SLIP_MAX, Surface, adhesion, adhesion_slope
+from adhesion_can.physics.curves import Conditions as CurveConditions
+from adhesion_can.physics.curves import CurveFamily
+from adhesion_can.physics.curves.surfaces import FamilySurface
 from adhesion_can.physics.effects import (
     ActiveEffect,
     Contact,
@@ -26,8 +29,8 @@ from adhesion_can.physics.effects import (
 from adhesion_can.physics.vehicle import GRAVITY, Locomotive
 from adhesion_can.simulation.surroundings import Conditions, Surroundings
 
-AxleCurves = tuple[Array, Array, Array]
-"""c1, c2, c3 under each axle, shape (axles,) each."""
+AxleCurves = tuple[Array, ...]
+"""Values of the curve's parameters under each axle, such as c1, c2, c3, shape (axles,) each."""
 
 SLOWEST = 0.2
 """Smallest speed in the slip ratio, m/s, so that a standing train can start."""
@@ -83,6 +86,7 @@ class Plant:
         load_transfer: Whether axle loads change under effort.
         gradient: Gradient of the track, m/m, positive uphill, or the profile of the gradient.
         surroundings: Air, rail, sand and curves along the run; None: calm.
+        family: Family of the surfaces' curves; None: Burckhardt's curve.
 
     """
 
@@ -95,8 +99,10 @@ class Plant:
         load_transfer: bool = False,
         gradient: float | GradientProfile = 0.0,
         surroundings: Surroundings | None = None,
+        family: CurveFamily | None = None,
     ) -> None:
         self.vehicle = vehicle
+        self._family = family
         self._gradient = gradient
         self.time_s = 0.0
         self.speed = speed
@@ -140,7 +146,7 @@ class Plant:
 
         Args:
             effort: Effort at the rim of each axle, N, shape (axles,).
-            theta: Parameters c1, c2, c3 of the surface under each axle, shape (axles,) each.
+            theta: Values of the curve's parameters under each axle, shape (axles,) each.
             dt: Duration of the step, s.
 
         """
@@ -151,7 +157,7 @@ class Plant:
         slip = self.slip
         contact = self._contact(slip, v, dt) if self._effects else None
         if contact is None:
-            mu, slope = _curve(slip, theta), adhesion_slope(slip, *theta)
+            mu, slope = self._curve(slip, theta), self._slope(slip, theta)
         else:
             mu, slope = self._compute_adhesion(contact, theta)
         stiffness = np.maximum(slope, 0.0) * self.load * r / v
@@ -180,15 +186,15 @@ class Plant:
         """
         slip, after = contact.slip, self._lags.copy()
         change = compute_change(self._effects, contact, after)
-        mu = _curve(change.slip, theta) * change.factor
+        mu = self._curve(change.slip, theta) * change.factor
         if change.slip is slip:
             self._lags = after
-            return mu, adhesion_slope(slip, *theta) * change.factor
+            return mu, self._slope(slip, theta) * change.factor
         # Lag states that follow the slip are advanced in `step`, once the slip at its end is known.
         self._lags_follow_slip = True
         moved = replace(contact, slip=slip + SLIP_STEP)
         stepped = compute_change(self._effects, moved, self._lags.copy())
-        return mu, (_curve(stepped.slip, theta) * stepped.factor - mu) / SLIP_STEP
+        return mu, (self._curve(stepped.slip, theta) * stepped.factor - mu) / SLIP_STEP
 
     def _contact(self, slip: Array, v: float, dt: float) -> Contact:
         """State of the contacts, at the time of the step's end."""
@@ -209,10 +215,22 @@ class Plant:
             covariates={name: every(x) for name, x in known.items() if name in self._channels},
         )
 
+    def _curve(self, slip: Array, theta: AxleCurves) -> Array:
+        # Past a slip of 1 a wheel only spins faster: the straight -c3 λ would turn negative there.
+        slip = np.clip(slip, -SLIP_MAX, SLIP_MAX)
+        if self._family is None:
+            c1, c2, c3 = theta
+            return adhesion(slip, c1, c2, c3)
+        return self._family.adhesion(slip, theta, self._curve_conditions())
 
-def _curve(slip: Array, theta: AxleCurves) -> Array:
-    # Past a slip of 1 a wheel only spins faster: the straight -c3 λ would turn negative there.
-    return adhesion(np.minimum(np.maximum(slip, -SLIP_MAX), SLIP_MAX), *theta)
+    def _slope(self, slip: Array, theta: AxleCurves) -> Array:
+        if self._family is None:
+            c1, c2, c3 = theta
+            return adhesion_slope(slip, c1, c2, c3)
+        return self._family.slope(slip, theta, self._curve_conditions())
+
+    def _curve_conditions(self) -> CurveConditions:
+        return CurveConditions(max(self.speed, SLOWEST), self.load)
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,14 +244,20 @@ class TrackSection:
     """
 
     from_s: float
-    surface: Surface
+    surface: Surface | FamilySurface
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Values of the parameters of the surface's curve."""
+        surface = self.surface
+        return surface.values if isinstance(surface, FamilySurface) else surface.theta
 
 
 class Track:
     """Surfaces along the track: an axle finds the change where the leading axle found it.
 
     Args:
-        sections: Sections in the order of their times, the first from 0.
+        sections: Sections in the order of their times, the first from 0; curves of one family.
         behind: Distance of each axle behind the leading one, m, shape (axles,); zeros change the
             surface under all axles at once.
 
@@ -243,11 +267,11 @@ class Track:
         self._sections = list(sections)
         self._behind = behind
         self._entered_m = [-np.inf]
-        self._curves = np.array([s.surface.theta for s in self._sections])
+        self._curves = np.array([s.values for s in self._sections])
         self._settled: AxleCurves | None = None
 
     def under(self, time_s: float, position: float) -> AxleCurves:
-        """c1, c2, c3 under each axle, shape (axles,) each.
+        """Values of the curve's parameters under each axle, shape (axles,) each.
 
         Args:
             time_s: Simulated time, s.
@@ -261,8 +285,8 @@ class Track:
         if self._settled is None:
             where = position - self._behind
             index = np.searchsorted(self._entered_m, where, side="right") - 1
-            c1, c2, c3 = self._curves[index].T
+            values = tuple(self._curves[index].T)
             if int(index.min()) < len(self._entered_m) - 1:
-                return c1, c2, c3
-            self._settled = (c1, c2, c3)
+                return values
+            self._settled = values
         return self._settled

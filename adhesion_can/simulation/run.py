@@ -10,6 +10,10 @@ from adhesion_can.bus.codec import MessagePlan
 from adhesion_can.bus.database import CanDatabase
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.errors import InputError
+from adhesion_can.physics.burckhardt import Surface
+from adhesion_can.physics.curves import Conditions
+from adhesion_can.physics.curves.nearest import nearest_burckhardt
+from adhesion_can.physics.curves.surfaces import FamilySurface
 from adhesion_can.physics.effects import ActiveEffect, build_instruments
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.drive import Drive, DriveSettings
@@ -79,6 +83,7 @@ class Simulation:
             load_transfer=settings.load_transfer or scenario.load_transfer,
             gradient=scenario.profile,
             surroundings=scenario.surroundings,
+            family=scenario.family,
         )
         self.sections = scenario.sections(settings.duration_s)
         self._track = Track(self.sections, axles_behind(vehicle, along=settings.along_track))
@@ -150,16 +155,7 @@ class Simulation:
             "seed": settings.seed,
             "vehicle": asdict(settings.vehicle),
             "surfaces": [
-                {
-                    "from_s": section.from_s,
-                    "to_s": end,
-                    "name": section.surface.name,
-                    "c1": section.surface.c1,
-                    "c2": section.surface.c2,
-                    "c3": section.surface.c3,
-                    "mu_max": section.surface.mu_max,
-                    "lambda_m": section.surface.lambda_m,
-                }
+                {"from_s": section.from_s, "to_s": end, **self._surface_truth(section.surface)}
                 for section, end in zip(self.sections, ends, strict=True)
             ],
             "effects": [
@@ -175,6 +171,33 @@ class Simulation:
             ],
             "noise": asdict(settings.noise),
             "surroundings": asdict(settings.scenario.surroundings),
+        }
+
+    def _surface_truth(self, surface: Surface | FamilySurface) -> dict[str, Any]:
+        """Curve of a surface: for another family that at the scenario's speed and mean load.
+
+        Its c1, c2, c3 are those of the nearest Burckhardt curve with the same peak.
+        """
+        if isinstance(surface, Surface):
+            c1, c2, c3 = surface.theta
+            peak = {"mu_max": surface.mu_max, "lambda_m": surface.lambda_m}
+            return {"name": surface.name, "c1": c1, "c2": c2, "c3": c3, **peak}
+        speed = self.settings.scenario.speed
+        load = float(np.mean(self.settings.vehicle.axle_load))
+        conditions = Conditions(speed, load)
+        top = surface.family.peak(surface.values, conditions)
+        c1, c2, c3 = nearest_burckhardt(surface.family, surface.values, conditions)
+        return {
+            "name": surface.name,
+            "c1": c1,
+            "c2": c2,
+            "c3": c3,
+            "mu_max": float(top.mu_max),
+            "lambda_m": float(top.lambda_m),
+            "curve": surface.family.name,
+            "parameters": surface.parameters,
+            "at": {"speed_mps": speed, "load_N": load},
+            "source": surface.source,
         }
 
 

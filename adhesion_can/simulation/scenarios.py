@@ -1,13 +1,18 @@
 """Named runs: the surfaces, the speed, the surroundings and the pattern of the drive."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from adhesion_can.physics.burckhardt import RAIL, Surface
+from adhesion_can.physics.curves import CurveFamily
+from adhesion_can.physics.curves.surfaces import POLACH_RAIL, FamilySurface
 from adhesion_can.simulation.drive import Pattern
 from adhesion_can.simulation.plant import GradientProfile, TrackSection
 from adhesion_can.simulation.surroundings import Surroundings, TrackCurve, Wave
 
-_BY_NAME = {surface.name: surface for surface in RAIL}
+_BY_NAME: dict[str, Surface | FamilySurface] = {
+    **{surface.name: surface for surface in RAIL},
+    **{surface.name: surface for surface in POLACH_RAIL},
+}
 
 SPEED_PERIOD_S = 170.0
 """Period of the swing of the speed, s; the other periods of `sweep` share no multiple with it."""
@@ -19,7 +24,8 @@ class Scenario:
 
     Attributes:
         name: Name for `--scenario`.
-        surfaces: Names of `RAIL` surfaces, each for an even share of the duration.
+        surfaces: Names of `RAIL` surfaces or of `POLACH_RAIL` ones, each for an even share of the
+            duration.
         speed: Speed at the start, m/s; the track's profile keeps the train near it.
         pattern: Pattern of the sweeps of a drive that is left alone.
         meaning: Description in one line.
@@ -37,6 +43,12 @@ class Scenario:
     speed_swing: float = 0.0
     load_transfer: bool = False
     surroundings: Surroundings = field(default_factory=Surroundings)
+
+    @property
+    def family(self) -> CurveFamily | None:
+        """Curve family of the surfaces; None for Burckhardt's curve."""
+        first = surface_by_name(self.surfaces[0])
+        return first.family if isinstance(first, FamilySurface) else None
 
     @property
     def profile(self) -> GradientProfile:
@@ -59,10 +71,33 @@ class Scenario:
         ]
 
 
-def surface_by_name(name: str) -> Surface:
+def surface_by_name(name: str) -> Surface | FamilySurface:
     """Rail surface of that name."""
     return _BY_NAME[name]
 
+
+_SWEEP = Scenario(
+    "sweep",
+    ("dry",),
+    speed=13.5,
+    pattern=Pattern.SWEEP,
+    meaning="creep from 0 to beyond the peak in traction and braking, with coasting; "
+    "speed, curves, air and sand vary",
+    speed_swing=0.6,
+    load_transfer=True,
+    surroundings=Surroundings(
+        humidity=Wave(60.0, 20.0, 97.0),
+        rail_temperature=Wave(20.0, 9.0, 131.0),
+        sanding_period_s=47.0,
+        sanding_s=15.0,
+        curves=(
+            TrackCurve(260.0, 300.0, 220.0),
+            TrackCurve(200.0, -600.0, 160.0),
+            TrackCurve(240.0, 420.0, 280.0),
+            TrackCurve(180.0, -1200.0, 130.0),
+        ),
+    ),
+)
 
 SCENARIOS: tuple[Scenario, ...] = (
     Scenario("dry", ("dry",), meaning="dry rail, axles swept in turn"),
@@ -75,27 +110,23 @@ SCENARIOS: tuple[Scenario, ...] = (
         meaning="rain, then leaves, then a clean rail",
     ),
     Scenario(
-        "sweep",
-        ("dry",),
-        speed=13.5,
-        pattern=Pattern.SWEEP,
-        meaning="creep from 0 to beyond the peak in traction and braking, with coasting; "
-        "speed, curves, air and sand vary",
-        speed_swing=0.6,
-        load_transfer=True,
-        surroundings=Surroundings(
-            humidity=Wave(60.0, 20.0, 97.0),
-            rail_temperature=Wave(20.0, 9.0, 131.0),
-            sanding_period_s=47.0,
-            sanding_s=15.0,
-            curves=(
-                TrackCurve(260.0, 300.0, 220.0),
-                TrackCurve(200.0, -600.0, 160.0),
-                TrackCurve(240.0, 420.0, 280.0),
-                TrackCurve(180.0, -1200.0, 130.0),
-            ),
-        ),
+        "polach-dry", ("polach-dry",), meaning="dry rail in Polach's form, axles swept in turn"
     ),
+    Scenario(
+        "polach-wet", ("polach-wet",), meaning="wet rail in Polach's form, axles swept in turn"
+    ),
+    Scenario(
+        "polach-low",
+        ("polach-low",),
+        meaning="rail of low adhesion in Polach's form, axles swept in turn",
+    ),
+    replace(
+        _SWEEP,
+        name="polach-sweep",
+        surfaces=("polach-dry",),
+        meaning="as 'sweep', on dry rail in Polach's form",
+    ),
+    _SWEEP,
 )
 
 
