@@ -1,6 +1,8 @@
 """The file of an extended model, `model.toml`: written and read without losing a digit.
 
 [base]                      # c1, c2, c3; covariance
+[curve]                     # family, covariance, where the base curve is not Burckhardt's
+[curve.parameters]          # its numbers by name
 [[effect]]                  # id, form, covariance; its numbers by name below
 [effect.parameters]
 [[spline]]                  # channel, kind, knots, coefficients
@@ -16,16 +18,19 @@ from typing import Any
 from adhesion_can.config.toml_tables import load_toml, reject_unknown_keys, section, table_of, typed
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.extended.model import (
+    BaseCurve,
     ExtendedModel,
     Matrix,
     require_covariance,
     require_value,
 )
 from adhesion_can.files import whole_file
-from adhesion_can.physics.effects import ActiveEffect, Effect, known_effects
+from adhesion_can.physics.curves import FAMILIES
+from adhesion_can.physics.effects import ActiveEffect, Effect, Parameter, known_effects
 from adhesion_can.physics.effects.empirical import Empirical
 
-_KEYS = ("base", "effect", "spline", "provenance")
+_KEYS = ("base", "curve", "effect", "spline", "provenance")
+_CURVE_KEYS = ("family", "parameters", "covariance")
 _EFFECT_KEYS = ("id", "form", "parameters", "covariance")
 _MATRIX = tuple[tuple[float, ...], ...]
 
@@ -64,6 +69,7 @@ def _model(document: dict[str, Any], where: str) -> ExtendedModel:
         raise ConfigError(where, "no [base]", "write the base curve's c1, c2 and c3 below it")
     base = _stated(_Base, document.pop("base"), f"{where}: base", ("c1", "c2", "c3"))
     pairs = [_effect(t, w) for t, w in _tables(document.pop("effect", []), where, "effect")]
+    curve = _curve(document.pop("curve"), f"{where}: curve") if "curve" in document else None
     splines = [_spline(t, w) for t, w in _tables(document.pop("spline", []), where, "spline")]
     provenance = table_of(document.pop("provenance", {}), f"{where}: provenance")
     reject_unknown_keys(document, where, _KEYS)
@@ -77,6 +83,7 @@ def _model(document: dict[str, Any], where: str) -> ExtendedModel:
             effects=tuple(active for active, _ in pairs),
             covariances=tuple(covariance for _, covariance in pairs),
             splines=tuple(splines),
+            curve=curve,
             provenance=texts,
         )
     except ValueError as error:
@@ -106,11 +113,36 @@ def _effect(table: dict[str, Any], where: str) -> tuple[ActiveEffect, Matrix | N
         {k: v for k, v in table.items() if k not in _EFFECT_KEYS}, where, _EFFECT_KEYS
     )
     effect = _definition(table, where)
-    place = f"{where}.parameters"
+    values = _values(table, effect.parameters, f"{where}.parameters")
+    covariance = _covariance(table, len(values), f"{where}.covariance")
+    return ActiveEffect(effect, values), covariance
+
+
+def _curve(value: object, where: str) -> BaseCurve:
+    """Base curve of another family than Burckhardt's."""
+    table = table_of(value, where)
+    reject_unknown_keys(
+        {k: v for k, v in table.items() if k not in _CURVE_KEYS}, where, _CURVE_KEYS
+    )
+    if "family" not in table:
+        raise ConfigError(f"{where}.family", "missing", "write the name of the curve family")
+    name = typed(table["family"], str, f"{where}.family")
+    if name not in FAMILIES:
+        raise ConfigError(
+            f"{where}.family", f"no curve family {name!r}", f"known: {', '.join(FAMILIES)}"
+        )
+    values = _values(table, FAMILIES[name].parameters, f"{where}.parameters")
+    covariance = _covariance(table, len(values), f"{where}.covariance")
+    return BaseCurve(FAMILIES[name], values, covariance)
+
+
+def _values(
+    table: dict[str, Any], parameters: tuple[Parameter, ...], place: str
+) -> tuple[float, ...]:
+    """Numbers by name, each within its bounds."""
     given = table_of(table.get("parameters", {}), place)
-    names = tuple(p.name for p in effect.parameters)
     values = []
-    for parameter in effect.parameters:
+    for parameter in parameters:
         key = f"{place}.{parameter.name}"
         if parameter.name not in given:
             raise ConfigError(key, "missing", f"write {parameter.meaning}, {parameter.unit}")
@@ -120,16 +152,20 @@ def _effect(table: dict[str, Any], where: str) -> tuple[ActiveEffect, Matrix | N
         except ValueError as error:
             raise ConfigError(key, str(error), "mend the value") from error
         values.append(value)
-    reject_unknown_keys(given, place, names)
-    covariance = None
-    if "covariance" in table:
-        key = f"{where}.covariance"
-        covariance = typed(table["covariance"], _MATRIX, key)
-        try:
-            require_covariance(covariance, len(values))
-        except ValueError as error:
-            raise ConfigError(key, str(error), "write it row by row") from error
-    return ActiveEffect(effect, tuple(values)), covariance
+    reject_unknown_keys(given, place, tuple(p.name for p in parameters))
+    return tuple(values)
+
+
+def _covariance(table: dict[str, Any], size: int, key: str) -> Matrix | None:
+    """Covariance of so many numbers; None where the table has none."""
+    if "covariance" not in table:
+        return None
+    covariance: Matrix = typed(table["covariance"], _MATRIX, key)
+    try:
+        require_covariance(covariance, size)
+    except ValueError as error:
+        raise ConfigError(key, str(error), "write it row by row") from error
+    return covariance
 
 
 def _definition(table: dict[str, Any], where: str) -> Effect:
@@ -179,6 +215,7 @@ def model_text(model: ExtendedModel) -> str:
         f"{key} = {_number(v)}" for key, v in zip(("c1", "c2", "c3"), model.base, strict=True)
     ]
     lines += _matrix(model.base_covariance)
+    lines += _curve_lines(model.curve)
     for active, covariance in zip(model.effects, model.covariances, strict=True):
         effect = active.effect
         lines += ["", "[[effect]]", f"# {effect.title}", f"id = {_text(effect.id)}"]
@@ -201,6 +238,19 @@ def model_text(model: ExtendedModel) -> str:
         lines += ["", "[provenance]"]
         lines += [f"{_text(key)} = {_text(value)}" for key, value in model.provenance.items()]
     return "\n".join(lines) + "\n"
+
+
+def _curve_lines(curve: BaseCurve | None) -> list[str]:
+    """Lines of a base curve of another family; none for Burckhardt's."""
+    if curve is None:
+        return []
+    family = curve.family
+    lines = ["", "[curve]", f"# {family.title}; c1, c2, c3 above are those of the nearest curve"]
+    lines += [f"family = {_text(family.name)}", *_matrix(curve.covariance), "[curve.parameters]"]
+    return lines + [
+        f"{p.name} = {_number(value)}  # {p.unit}; {p.meaning}"
+        for p, value in zip(family.parameters, curve.values, strict=True)
+    ]
 
 
 def _number(value: float) -> str:

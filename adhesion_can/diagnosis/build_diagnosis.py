@@ -45,6 +45,11 @@ from adhesion_can.diagnosis.sentences import (
     separation_sentence,
     where_sentence,
 )
+from adhesion_can.diagnosis.shape_result import (
+    build_family_results,
+    build_shape_cause,
+    find_conditions,
+)
 from adhesion_can.physics.effects.empirical import Empirical
 
 
@@ -75,7 +80,7 @@ def build_diagnosis(
 
     """
     data = found.prepared.regression.data
-    plain = found.selection.plain.fitted.model
+    plain = found.baseline.fitted.model
     verdict = _choose_verdict(found, confirmed)
     extended = _fit_extension(found, confirmed, other_drives=other_drives)
     profile = _build_profile(found, confirmed, extended.model)
@@ -83,7 +88,12 @@ def build_diagnosis(
         _build_cause(found, candidate, extended.fitted)
         for candidate in _sort_by_gain(found, confirmed.named)
     )
-    surfaces, (drive_number, surface) = estimate_segments(data, found.change_times, extended.model)
+    surfaces, longest, (drive_number, surface) = estimate_segments(
+        data, found.change_times, extended.model, extended.fitted
+    )
+    if confirmed.shape is not None and longest is not None:
+        cause = build_shape_cause(confirmed.shape, extended.fitted, surface, longest)
+        causes = (cause, *causes)
     simulation_plots = (
         []
         if verdict is Verdict.NOTHING
@@ -105,12 +115,19 @@ def build_diagnosis(
         needed=_describe_separation(causes),
         untested=(*untested, *confirmed.rejected, *_list_imitated_effects(found)),
         surfaces=surfaces,
-        model=build_extended_model(extended.model, extended.fitted, surface, extended.spline),
+        model=build_extended_model(
+            extended.model,
+            extended.fitted,
+            surface,
+            extended.spline,
+            find_conditions(data, surface),
+        ),
         profile=profile,
         simulation_plots=tuple(simulation_plots),
         curves=build_curve_data(data, surface, extended.model),
         samples={drive.name: len(drive) for drive in drives},
         lost=_count_lost_rows(drives),
+        families=build_family_results(found, surface),
     )
 
 
@@ -135,7 +152,8 @@ def _fit_extension(
 ) -> _Extension:
     """Fit the extended model to all rows but those of other drives that were held out."""
     regression = found.prepared.regression
-    selected = found.selection.best if confirmed.named else found.selection.plain
+    named = confirmed.named or confirmed.shape is not None
+    selected = found.selection.best if named else found.selection.plain
     fitted = fit_model(regression if other_drives else regression.all_data, selected.fitted.model)
     spline = None if confirmed.channel is None else build_spline(confirmed.channel)
     model = fitted.model
@@ -145,7 +163,7 @@ def _fit_extension(
 
 
 def _choose_verdict(found: Findings, confirmed: ConfirmedFindings) -> Verdict:
-    if confirmed.named:
+    if confirmed.named or confirmed.shape is not None:
         return Verdict.NAMED
     faulty = found.oscillates or bool(found.saturated)
     return Verdict.UNEXPLAINED if confirmed.channel is not None or faulty else Verdict.NOTHING
@@ -154,9 +172,12 @@ def _choose_verdict(found: Findings, confirmed: ConfirmedFindings) -> Verdict:
 def _build_profile(found: Findings, confirmed: ConfirmedFindings, model: Model) -> Profile | None:
     """Residual over the channel that matters, before and after; None where there is none."""
     data = found.prepared.regression.data
-    before = evaluate_model(data, found.selection.plain.fitted.model.curves)
+    before = evaluate_model(data, found.baseline.fitted.model.curves)
     channel: Channel | None = None
-    if confirmed.named:
+    if confirmed.shape is not None:
+        slips = (one for one in build_channels(data, before) if one.name == "slip")
+        channel = next(slips, None)
+    elif confirmed.named:
         channels = build_channels(data, before)
         channel = find_plotted_channel(data, confirmed.named[0].effect, channels)
     elif confirmed.channel is not None:
@@ -174,7 +195,7 @@ def _compute_residual_after(found: Findings, confirmed: ConfirmedFindings, model
     channel = confirmed.channel
     if channel is not None and build_spline(channel) is None:
         # No model can have this channel: its fitted spline stands for the extension.
-        before = evaluate_model(data, found.selection.plain.fitted.model.curves)
+        before = evaluate_model(data, found.baseline.fitted.model.curves)
         return before.residual - channel.prediction_change
     return evaluate_model(data, model.curves, model.active_effects).residual
 

@@ -13,7 +13,7 @@ Each step has a file of its name. Steps 2 and 3 are in `regression`, the others 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,15 @@ from adhesion_can.diagnosis.inference.candidates import (
     find_untestable,
 )
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import confirm_on_hold_out
+from adhesion_can.diagnosis.inference.curve_shape import (
+    LARGEST_LOSS,
+    choose_family,
+    compare_families,
+    judge_shape,
+)
 from adhesion_can.diagnosis.inference.detect_effects import detect_effects
 from adhesion_can.diagnosis.inference.find_residual_channels import find_residual_channels
-from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.findings import NOISELESS, Findings
 from adhesion_can.diagnosis.inference.select_effects import select_effects
 from adhesion_can.diagnosis.inference.signal_faults import (
     find_largest_oscillation,
@@ -46,10 +52,8 @@ from adhesion_can.diagnosis.regression.prepare_regression import (
     choose_block_length,
     prepare_regression,
 )
+from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.result import Diagnosis, Untested
-
-LARGEST_LOSS = 0.02
-"""Share by which the RMSE may rise for effects to be preferred to surface changes."""
 
 ShowProgress = Callable[[str, float], None]
 """Callback with the name of the work in progress and the share that is done."""
@@ -114,9 +118,21 @@ def diagnose(
         limit = (1.0 + LARGEST_LOSS) * found.selection.best.rmse
         if other.selection.best.rmse <= limit and other.selection.best.ids:
             found = other
+    # The base curve may be of another family.
+    show("curve families", 0.75)
+    found = replace(found, families=compare_families(found))
+    shaped = analysis.run_with_shape(found)
     # Step 7
     show("gain", 0.85)
-    confirmed = confirm_on_hold_out(found, other_drives=any(held_out))
+    confirmed = confirm_on_hold_out(shaped or found, other_drives=any(held_out))
+    if shaped is not None and confirmed.shape is None:
+        rejected, confirmed = (
+            confirmed.rejected,
+            confirm_on_hold_out(found, other_drives=any(held_out)),
+        )
+        untested = [*untested, *rejected]
+    elif shaped is not None:
+        found = shaped
     diagnosis = build_diagnosis(
         used, found, confirmed, [*untested, *find_untestable(used)], other_drives=any(held_out)
     )
@@ -145,14 +161,32 @@ class _Analysis:
     settings: DiagnosisSettings
     show: ShowProgress
 
-    def run(self, change_times: list[list[float]]) -> Findings:
-        """Findings with given times of surface changes, s, for each drive."""
+    def run_with_shape(self, found: Findings) -> Findings | None:
+        """Findings with a curve of another family; None where Burckhardt's is as good."""
+        curves = choose_family(found, found.families)
+        if curves is None or found.selection.plain.rmse < NOISELESS:
+            return None
+        shaped = self.run(found.change_times, curves).without_insignificant
+        shape = judge_shape(found, shaped)
+        if shape is None:
+            return None
+        shaped = replace(shaped, families=found.families, shape=shape)
+        return shaped if shaped.explains else None
+
+    def run(self, change_times: list[list[float]], curves: SegmentCurves | None = None) -> Findings:
+        """Findings with given times of surface changes, s, for each drive.
+
+        Args:
+            change_times: Times of the surface changes in each drive, s.
+            curves: Curves to begin with; None: Burckhardt's.
+
+        """
         rng = np.random.default_rng(self.settings.seed)
         data = build_regression_data(self.drives, change_times)
         # Step 3
         self.show("regression", 0.15)
         prepared = prepare_regression(
-            data, fit_start_curves(data), self.block, self.candidates, self.block_length_s
+            data, curves or fit_start_curves(data), self.block, self.candidates, self.block_length_s
         )
         # Step 4
         self.show("effects", 0.35)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
+from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.model import (
     Evaluation,
     Model,
@@ -15,11 +16,15 @@ from adhesion_can.diagnosis.regression.model import (
     evaluate_model,
 )
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
+from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
 from adhesion_can.diagnosis.result import SegmentResult
+from adhesion_can.diagnosis.shape_result import estimate_shape, find_conditions
 from adhesion_can.estimation.batch_fit import fit as fit_curve
-from adhesion_can.estimation.extended.model import ExtendedModel, Matrix
+from adhesion_can.estimation.extended.model import BaseCurve, ExtendedModel, Matrix
+from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.channels import model_channel
+from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate
@@ -58,22 +63,23 @@ def refit_with_spline(prepared: PreparedRegression, model: Model, spline: Empiri
 
 
 def estimate_segments(
-    data: RegressionData, change_times: list[list[float]], extended: Model
-) -> tuple[tuple[SegmentResult, ...], tuple[int, int]]:
+    data: RegressionData, change_times: list[list[float]], extended: Model, fitted: FittedModel
+) -> tuple[tuple[SegmentResult, ...], SegmentResult | None, tuple[int, int]]:
     """Estimate the curves of every segment, plain and extended.
 
     Args:
         data: Rows of all drives.
         change_times: Times of the surface changes in each drive, s.
         extended: Model with effects.
+        fitted: Fit of curves and effects, with their covariance.
 
     Returns:
-        Results of the segments, and drive number and surface number of the longest one.
+        Results of the segments; result, drive number and surface number of the one with most rows.
 
     """
     evaluation = evaluate_model(data, extended.curves, extended.active_effects)
     found: list[SegmentResult] = []
-    longest, most = (0, 0), -1
+    longest, place_of_longest, most = None, (0, 0), -1
     first = number = 0
     for place, (drive, times) in enumerate(zip(data.drives, change_times, strict=True)):
         rows = slice(first, first + len(drive))
@@ -81,11 +87,25 @@ def estimate_segments(
         for _ in range(len(times) + 1):
             own = np.flatnonzero(data.surface[rows] == number) + rows.start
             if len(own) >= LEAST_ROWS:
+                result = _estimate_segment(drive, own, rows.start, evaluation)
+                if extended.curves.family is not BURCKHARDT:
+                    slip = np.abs(evaluation.slip[own])
+                    result = replace(
+                        result,
+                        extended=estimate_shape(
+                            result.extended,
+                            fitted,
+                            extended.curves,
+                            number,
+                            find_conditions(data, number),
+                            float(np.quantile(slip, 1.0 - IdentifiabilitySettings().reach)),
+                        ),
+                    )
+                found.append(result)
                 if len(own) > most:
-                    longest, most = (place, number), len(own)
-                found.append(_estimate_segment(drive, own, rows.start, evaluation))
+                    longest, place_of_longest, most = result, (place, number), len(own)
             number += 1
-    return tuple(found), longest
+    return tuple(found), longest, place_of_longest
 
 
 def _estimate_segment(
@@ -123,7 +143,11 @@ def _fit_estimate(slip: Array, adhesion: Array) -> Estimate:
 
 
 def build_extended_model(
-    extended: Model, fitted: FittedModel, surface: int, spline: Empirical | None
+    extended: Model,
+    fitted: FittedModel,
+    surface: int,
+    spline: Empirical | None,
+    conditions: Conditions,
 ) -> ExtendedModel | None:
     """Build the model as a file has it; None where the data give no curve with a peak.
 
@@ -132,24 +156,32 @@ def build_extended_model(
         fitted: Fit of curves and effects, with their covariance.
         surface: Number of the surface whose curve becomes the base curve.
         spline: Spline of an unexplained channel; None where there is none.
+        conditions: Speed and load at which the nearest Burckhardt curve is fitted.
 
     """
-    c1, log_c2, c3 = extended.curves.values[surface]
-    c2 = float(np.exp(log_c2))
+    curves, model = extended.curves, fitted.model
+    own = slice(curves.size * surface, curves.size * (surface + 1))
+    scale = np.diag(curves.scales[surface])
+    covariance = _to_matrix(scale @ fitted.covariance[own, own] @ scale)
+    curve = None
+    values = tuple(map(float, curves.parameters[surface]))
+    if curves.family is BURCKHARDT:
+        c1, c2, c3 = values
+    else:
+        curve = BaseCurve(curves.family, values, covariance)
+        c1, c2, c3 = find_nearest_burckhardt(curves.family, np.array(values), conditions)
+        covariance = None
     if not (c1 > 0 and c3 >= 0 and c1 * c2 > c3):
         return None
-    # The regression has ln c2: dc2 = c2 d(ln c2).
-    scale = np.diag([1.0, c2, 1.0])
-    own = slice(3 * surface, 3 * surface + 3)
-    model = fitted.model
     return ExtendedModel(
-        base=(float(c1), c2, float(c3)),
-        base_covariance=_to_matrix(scale @ fitted.covariance[own, own] @ scale),
+        base=(c1, c2, c3),
+        base_covariance=covariance,
         effects=tuple(
             c.active(values) for c, values in zip(model.candidates, model.values, strict=True)
         ),
         covariances=_effect_covariances(fitted),
         splines=() if spline is None else (spline,),
+        curve=curve,
     )
 
 

@@ -5,6 +5,7 @@ from math import floor, isfinite, log10
 import numpy as np
 
 from adhesion_can.physics.effects import known_effects
+from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE, CURVE_SHAPE_TITLE
 
 LEAST_P = 1e-3
 """Smallest p-value that is printed; a smaller one is printed as being below it."""
@@ -17,6 +18,8 @@ def effect_name(effect: str, form: str = "", axle: int = 0) -> str:
 
 def title(effect: str) -> str:
     """Title of an effect, a clause; the id of an effect that is not known."""
+    if effect == CURVE_SHAPE:
+        return CURVE_SHAPE_TITLE
     return next((known.title for known in known_effects() if known.id == effect), effect)
 
 

@@ -191,6 +191,48 @@ class ChannelEvidence:
 
 
 @dataclass(frozen=True, slots=True)
+class FamilyResult:
+    """Curves of one family without effects, as the data that decided have them.
+
+    Attributes:
+        family: Name of the family.
+        title: Name of the family in sentences.
+        parameters: Number of parameters of a curve.
+        held_out_score: Cross-validated RMSE of the whitened residuals, in standard deviations of
+            the noise.
+        rmse: RMSE of the adhesion.
+        mu_max: Peak adhesion of the longest segment's curve.
+        lambda_m: Slip ratio of that peak; None where the curve has none within the range.
+        chosen: Whether the extended model's base curve is of this family.
+        slip: Slip ratios at which the curve is drawn, shape (n,).
+        adhesion: Adhesion of the longest segment's curve, shape (n,).
+
+    """
+
+    family: str
+    title: str
+    parameters: int
+    held_out_score: float
+    rmse: float
+    mu_max: float
+    lambda_m: float | None
+    chosen: bool
+    slip: Array
+    adhesion: Array
+
+    def to_dict(self) -> dict[str, Any]:
+        """Fields of `diagnosis.json`."""
+        return {
+            "family": self.family,
+            "held_out_score": self.held_out_score,
+            "rmse": self.rmse,
+            "mu_max": self.mu_max,
+            "lambda_m": self.lambda_m,
+            "chosen": self.chosen,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class SegmentResult:
     """Adhesion curves of one segment, a span of a recording on one surface.
 
@@ -313,6 +355,7 @@ class Diagnosis:
         samples: Number of rows by input name.
         lost: Number of unusable rows by input name and reason.
         input_files: Input files; () where the data came from no file.
+        families: Curve families side by side, Burckhardt's first; () without a verdict.
 
     """
 
@@ -333,6 +376,7 @@ class Diagnosis:
     samples: Mapping[str, int] = field(default_factory=dict)
     lost: Mapping[str, int] = field(default_factory=dict)
     input_files: tuple[InputFile, ...] = ()
+    families: tuple[FamilyResult, ...] = ()
 
     @property
     def longest_segment(self) -> SegmentResult | None:
@@ -364,6 +408,7 @@ class Diagnosis:
                 s.span | {"base": s.base.to_dict(), "extended": s.extended.to_dict()}
                 for s in self.surfaces
             ],
+            "families": [family.to_dict() for family in self.families],
             "base": self._curves(lambda segment: segment.base),
             "extended": self._curves(lambda segment: segment.extended),
             "inputs": [

@@ -1,6 +1,7 @@
 """What was found, in plain sentences with sizes and units."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,16 +11,31 @@ from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation
 from adhesion_can.diagnosis.regression.channel_splines import Channel
 from adhesion_can.diagnosis.result import Cause, Gain, Profile
 from adhesion_can.physics.channels import channel_label
-from adhesion_can.physics.effects import Effect, effect_by_id
+from adhesion_can.physics.curves import FAMILIES
+from adhesion_can.physics.effects import Observability, effect_by_id
+from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
+from adhesion_can.physics.effects.curve_shape import OBSERVABILITY as SHAPE_OBSERVABILITY
 
 
 def separation_sentence(effect: str, rivals: Sequence[str]) -> str:
     """Manoeuvres or signals that would separate an effect from its rivals, all by their ids."""
-    ways = [_separation(effect_by_id(effect), effect_by_id(rival)) for rival in rivals]
+    ways = [_separation(_observability(effect), _observability(rival)) for rival in rivals]
     return f"to separate {effect} from {', '.join(rivals)}: " + "; ".join(dict.fromkeys(ways))
 
 
-def _separation(effect: Effect, rival: Effect) -> str:
+class _Shown(NamedTuple):
+    """Id of an effect, and how it shows."""
+
+    id: str
+    observability: Observability
+
+
+def _observability(effect: str) -> _Shown:
+    known = SHAPE_OBSERVABILITY if effect == CURVE_SHAPE else effect_by_id(effect).observability
+    return _Shown(effect, known)
+
+
+def _separation(effect: _Shown, rival: _Shown) -> str:
     """A manoeuvre that one of two effects states, or else one in general."""
     for one, other in ((effect, rival), (rival, effect)):
         for separation in one.observability.separations:
@@ -31,8 +47,20 @@ def _separation(effect: Effect, rival: Effect) -> str:
 
 def cause_sentence(cause: Cause) -> str:
     """An effect with its size."""
+    if cause.effect == CURVE_SHAPE:
+        return _shape_sentence(cause)
     sizes = ", ".join(f"{v.name} {measured(v.value, v.std, v.unit)}" for v in cause.parameters)
     return f"{cause.title[0].upper()}{cause.title[1:]} ({sizes})."
+
+
+def _shape_sentence(cause: Cause) -> str:
+    """The shape of the curve, with what it moves: the peak before and after."""
+    value = {v.name: measured(v.value, v.std, v.unit) for v in cause.parameters}
+    return (
+        f"{cause.title[0].upper()}{cause.title[1:]}: {FAMILIES[cause.form].title} fits better. "
+        f"The peak moves from {value['mu_max_before']} at slip {value['lambda_m_before']} to "
+        f"{value['mu_max_after']} at slip {value['lambda_m_after']}."
+    )
 
 
 def where_sentence(profile: Profile, gain: Gain) -> str:

@@ -48,7 +48,8 @@ def verdict_sentences(found: Diagnosis) -> list[str]:
 
 def has_extension(found: Diagnosis) -> bool:
     """Whether there is a model with effects or a spline."""
-    return found.model is not None and bool(found.model.effects or found.model.splines)
+    model = found.model
+    return model is not None and bool(model.effects or model.splines or model.curve is not None)
 
 
 def _verdict(found: Diagnosis) -> Iterator[str]:

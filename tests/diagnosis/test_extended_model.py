@@ -5,6 +5,7 @@ import pytest
 
 from adhesion_can.diagnosis.extended_model import _estimate_segment
 from adhesion_can.diagnosis.regression.model import Evaluation
+from adhesion_can.physics.curves import Conditions
 from tests.diagnosis.diagnosis_helpers import build_table_drive, burckhardt
 
 
@@ -12,7 +13,8 @@ def surface_of(factor):
     slip = 0.1 * np.sin(np.arange(2000) / 30)
     mu = burckhardt(slip) + 0.01 * np.random.default_rng(1).standard_normal(2000)
     drive = build_table_drive(slip, mu)
-    seen = Evaluation(mu, slip, np.full(2000, factor), factor * burckhardt(slip))
+    predicted = factor * burckhardt(slip)
+    seen = Evaluation(mu, slip, np.full(2000, factor), predicted, Conditions(10.0))
     return _estimate_segment(drive, np.arange(2000), 0, seen)
 
 

@@ -58,14 +58,23 @@ def _missing(effect: Effect, drives: Sequence[DriveData]) -> str:
     requires = effect.requires
     if requires.covariates and (why := _missing_signal(requires.covariates, drives)):
         return why
-    return _missing_rows(effect, drives)
+    return _missing_sequence(effect, drives) or _missing_rows(effect, drives)
+
+
+def _missing_sequence(effect: Effect, drives: Sequence[DriveData]) -> str:
+    """Why independent points cannot show an effect; '' where they can, or are a time series."""
+    if not any(drive.independent for drive in drives):
+        return ""
+    if depends_on_sequence(effect):
+        return "the rows are independent points: no row follows upon another"
+    if not acts_in_contact(effect) and _is_one_sided(drives):
+        return "all slips are of one sign: an error of the instruments is part of the curve"
+    return ""
 
 
 def _missing_rows(effect: Effect, drives: Sequence[DriveData]) -> str:
     """Why the rows of these drives cannot show an effect; '' where they can."""
     requires = effect.requires
-    if any(drive.independent for drive in drives) and depends_on_sequence(effect):
-        return "the rows are independent points: no row follows upon another"
     if requires.wheel_speed and any(drive.table for drive in drives):
         return "a table gives slip and adhesion, not the wheel speed that they were formed from"
     axles = max(len(np.unique(drive.axle)) for drive in drives)
@@ -76,6 +85,12 @@ def _missing_rows(effect: Effect, drives: Sequence[DriveData]) -> str:
     if requires.load and not all(drive.has_load for drive in drives):
         return "the loads are not measured"
     return ""
+
+
+def _is_one_sided(drives: Sequence[DriveData]) -> bool:
+    """Whether the rows are of traction alone, or of braking alone."""
+    slip = np.concatenate([drive.observe().slip for drive in drives])
+    return bool((slip >= 0.0).all() or (slip <= 0.0).all())
 
 
 def depends_on_sequence(effect: Effect) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adhesion_can.diagnosis.inference.curve_shape import ShapeFinding
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.hold_out_gain import compute_hold_out_gain
@@ -14,6 +15,7 @@ from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model
 from adhesion_can.diagnosis.result import Gain, Untested
 from adhesion_can.diagnosis.sentences import name_with_wave
+from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +27,7 @@ class ConfirmedFindings:
         channel: Channel of an unexplained residual; None where there is none.
         gain: Gain of the effects or the channel on the held-out data.
         rejected: Findings that do not hold on the held-out data, with the reason.
+        shape: Base curve of another family; None: it is Burckhardt's.
 
     """
 
@@ -32,6 +35,7 @@ class ConfirmedFindings:
     channel: ResidualChannel | None
     gain: Gain
     rejected: tuple[Untested, ...]
+    shape: ShapeFinding | None = None
 
 
 def confirm_on_hold_out(found: Findings, *, other_drives: bool) -> ConfirmedFindings:
@@ -42,12 +46,13 @@ def confirm_on_hold_out(found: Findings, *, other_drives: bool) -> ConfirmedFind
         other_drives: Whether whole recordings were held out.
 
     """
-    plain, best = found.selection.plain.fitted.model, found.selection.best.fitted.model
+    plain, best = found.baseline.fitted.model, found.selection.best.fitted.model
     rejected: list[Untested] = []
-    if found.named:
+    if found.named or found.shape is not None:
         gain = _compute_gain(found, best, None, other_drives=other_drives)
         if gain.percent > 0.0:
-            return ConfirmedFindings(found.named, None, gain, ())
+            return ConfirmedFindings(found.named, None, gain, (), found.shape)
+        rejected += [_reject(CURVE_SHAPE)] * (found.shape is not None)
         rejected += [_reject(candidate.effect.id) for candidate in found.named]
     channel = found.unexplained_channel
     if channel is not None:
@@ -74,7 +79,7 @@ def _compute_gain(
 ) -> Gain:
     return compute_hold_out_gain(
         found.prepared.regression,
-        found.selection.plain.fitted.model,
+        found.baseline.fitted.model,
         extended,
         channel,
         other_drives=other_drives,

@@ -1,13 +1,14 @@
 """Findings of steps 2 to 6, and what follows from them: named effects or an unexplained channel."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from adhesion_can.diagnosis.inference.curve_shape import FamilyFit, ShapeFinding
 from adhesion_can.diagnosis.inference.detect_effects import Detection
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
-from adhesion_can.diagnosis.inference.model_comparison import SECOND_LEAST_GAIN
+from adhesion_can.diagnosis.inference.model_comparison import SECOND_LEAST_GAIN, ScoredModel
 from adhesion_can.diagnosis.inference.select_effects import ModelSelection
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.regression.candidate import Candidate
@@ -39,6 +40,8 @@ class Findings:
         change_times: Times of the surface changes in each drive, s.
         block_length_s: Length of a block, s.
         alpha: Significance level of effects; a channel counts at half of it.
+        families: Fits of all curve families, Burckhardt's first; () where they were not compared.
+        shape: Base curve of another family; None: it is Burckhardt's.
 
     """
 
@@ -52,19 +55,41 @@ class Findings:
     change_times: list[list[float]]
     block_length_s: float
     alpha: float
+    families: tuple[FamilyFit, ...] = ()
+    shape: ShapeFinding | None = None
+
+    @property
+    def baseline(self) -> ScoredModel:
+        """Burckhardt's curves without effects: the simulation as it is."""
+        return self.selection.plain if self.shape is None else self.shape.burckhardt
 
     def p_value(self, candidate: Candidate) -> float:
         """P-value of a selected effect, all effects counted."""
         return self.selection.p_value(candidate, self.prepared.candidates)
 
+    @property
+    def without_insignificant(self) -> "Findings":
+        """The findings without effects of which one is not significant."""
+        best = self.selection.best
+        if all(self.p_value(c) <= self.alpha for c in best.candidates):
+            return self
+        selection = replace(self.selection, best=self.selection.plain, indistinguishable=())
+        return replace(self, selection=selection, channels_of_best=self.channels_of_plain)
+
     @cached_property
     def named(self) -> tuple[Candidate, ...]:
         """Effects that are significant and explain most of what can be explained."""
-        best, plain = self.selection.best, self.selection.plain
-        if self.oscillates or self.saturated or plain.rmse < NOISELESS:
-            return ()
+        best = self.selection.best
         if not best.candidates or any(self.p_value(c) > self.alpha for c in best.candidates):
             return ()
+        return best.candidates if self.explains else ()
+
+    @cached_property
+    def explains(self) -> bool:
+        """Whether the selected model explains most of what can be explained."""
+        best, plain = self.selection.best, self.baseline
+        if self.oscillates or self.saturated or plain.rmse < NOISELESS:
+            return False
         explained = 1.0 - (best.rmse / plain.rmse) ** 2
         significant = (one for one in self.channels_of_best if one.p_value <= self.alpha / 2)
         strongest = next(significant, None)
@@ -72,7 +97,7 @@ class Findings:
         if strongest is not None:
             remaining = best.rmse * (1.0 - strongest.gain)
             by_channel = (best.rmse**2 - remaining**2) / plain.rmse**2
-        return best.candidates if explained >= LEAST_EXPLAINED * (explained + by_channel) else ()
+        return explained >= LEAST_EXPLAINED * (explained + by_channel)
 
     @cached_property
     def oscillates(self) -> bool:

@@ -11,7 +11,9 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import CurveParameters
+from adhesion_can.physics.curves import CurveFamily
 from adhesion_can.physics.effects import ActiveEffect, Parameter, acts_in_contact, build_instruments
+from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE, CurveShape
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import Instruments
 from adhesion_can.result_text import html_table
@@ -22,16 +24,33 @@ _NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
+class BaseCurve:
+    """Base curve of another family than Burckhardt's.
+
+    Attributes:
+        family: Family of the curve.
+        values: Values of the family's parameters.
+        covariance: Covariance of the values, shape (k, k); None where it is not known.
+
+    """
+
+    family: CurveFamily
+    values: tuple[float, ...]
+    covariance: Matrix | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class ExtendedModel:
     """Base curve and the effects on it.
 
     Attributes:
-        base: Parameters (c1, c2, c3) of the base curve.
+        base: Parameters (c1, c2, c3) of the base curve, or of the Burckhardt curve nearest to it.
         base_covariance: Covariance of (c1, c2, c3), shape (3, 3); None where it is not known.
         effects: Effects with their values, in the order in which they act.
         covariances: Covariance of each effect's parameters, shape (k, k); None where it is not
             known; () where none is.
         splines: Empirical splines over channels, for effects without a known mechanism.
+        curve: Base curve where it is of another family than Burckhardt's; else None.
         provenance: Origin of the model as texts: version, command, inputs.
         where: Path of the model's file.
         sha256: SHA-256 of the model's file, hexadecimal.
@@ -43,6 +62,7 @@ class ExtendedModel:
     effects: tuple[ActiveEffect, ...] = ()
     covariances: tuple[Matrix | None, ...] = ()
     splines: tuple[Empirical, ...] = ()
+    curve: BaseCurve | None = None
     provenance: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
     where: str = field(default="extended model", compare=False)
     sha256: str = field(default="", compare=False)
@@ -59,6 +79,10 @@ class ExtendedModel:
         for active, covariance in zip(self.effects, self.covariances, strict=True):
             require_values(active)
             require_covariance(covariance, len(active.values))
+        for active in self.shape:
+            require_values(active)
+            if self.curve is not None:
+                require_covariance(self.curve.covariance, len(active.values))
         for one, other in pairwise(sorted(map(_identity, self.effects))):
             if one == other:
                 raise ValueError(f"{one[0]} stands twice")
@@ -69,9 +93,17 @@ class ExtendedModel:
         return build_instruments(self.effects)
 
     @property
+    def shape(self) -> tuple[ActiveEffect, ...]:
+        """The base curve of another family as a factor of Burckhardt's; () where it is his."""
+        if self.curve is None:
+            return ()
+        return (ActiveEffect(CurveShape(self.curve.family, self.base), self.curve.values),)
+
+    @property
     def actives(self) -> tuple[ActiveEffect, ...]:
-        """All effects, splines last."""
-        return (*self.effects, *(ActiveEffect(spline, ()) for spline in self.splines))
+        """All effects, then the base curve's shape, splines last."""
+        splines = (ActiveEffect(spline, ()) for spline in self.splines)
+        return (*self.effects, *self.shape, *splines)
 
     @property
     def in_contact(self) -> tuple[ActiveEffect, ...]:
@@ -107,7 +139,16 @@ class ExtendedModel:
                 for active in self.effects
             ],
             "splines": [{"channel": s.channel, "kind": s.kind} for s in self.splines],
+            **({} if self.curve is None else {"curve": self._curve_dict()}),
         }
+
+    def _curve_dict(self) -> dict[str, Any]:
+        """Base curve of another family, as JSON has it."""
+        if self.curve is None:
+            return {}
+        names = (p.name for p in self.curve.family.parameters)
+        values = dict(zip(names, self.curve.values, strict=True))
+        return {"family": self.curve.family.name, "parameters": values}
 
     def _repr_html_(self) -> str:
         rows = [("base curve", name, f"{v:.6g}") for name, v in self.to_dict()["base"].items()]
@@ -124,6 +165,8 @@ class ExtendedModel:
         for own, covariance in zip(self.effects, self.covariances, strict=True):
             if own is active and covariance is not None:
                 return np.array(covariance)
+        if active.effect.id == CURVE_SHAPE and self.curve is not None and self.curve.covariance:
+            return np.array(self.curve.covariance)
         return np.zeros((len(active.values),) * 2)
 
 

@@ -1,0 +1,215 @@
+"""Shape before cause: the family of the base curve is judged before an effect answers for it.
+
+Steps 3 to 6 run with Burckhardt's curve, and where another family may hold, with the best of the
+others too. The two explanations are compared on the same weights, filter and blocks. Burckhardt's
+stays where it is as good; of two that the blocks cannot tell apart the one with fewer errors of
+instruments and vehicle is preferred, and then the one with fewer causes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adhesion_can.diagnosis.inference.model_comparison import (
+    LEAST_GAIN,
+    LEAST_WHITENED_GAIN,
+    SECOND_LEAST_GAIN,
+    ScoredModel,
+    gain_p_value,
+    is_improvement,
+    is_worse,
+    score_model,
+)
+from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
+from adhesion_can.diagnosis.regression.model import Model
+from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
+from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.physics.curves import FAMILIES, CurveFamily
+from adhesion_can.physics.effects import acts_in_contact
+
+if TYPE_CHECKING:
+    from adhesion_can.diagnosis.inference.findings import Findings
+
+OTHERS: tuple[CurveFamily, ...] = tuple(
+    FAMILIES[name] for name in ("polach", "magic_formula", "free")
+)
+"""Families that may replace Burckhardt's. With c4 it is Burckhardt's with `falling_friction`."""
+LARGEST_LOSS = 0.02
+"""Share by which the RMSE may rise for an explanation with fewer causes to be preferred."""
+FIRST_ITERATIONS = 30
+SPEED_RANGE = 0.2
+"""Range of the speeds (5 to 95 % of the rows), as a share of their median, below which a fall with
+creep speed cannot be told from one with slip."""
+FALLING_FRICTION = "falling_friction"
+
+
+@dataclass(frozen=True, eq=False)
+class FamilyFit:
+    """Curves of one family alone, fitted to the rows that decide.
+
+    Attributes:
+        family: Family of the curves.
+        scored: Fitted curves without effects.
+        extended: Fitted curves with the effects that are named on Burckhardt's curve; `scored`
+            where there are none.
+
+    """
+
+    family: CurveFamily
+    scored: ScoredModel
+    extended: ScoredModel
+
+    @property
+    def square(self) -> float:
+        """Cross-validated whitened square, the smaller one of both fits."""
+        both = (self.scored, self.extended)
+        return min(one.fitted.cross_validated_square for one in both)
+
+    @property
+    def held_out_score(self) -> float:
+        """Cross-validated whitened RMSE of the curves alone, in standard deviations of noise."""
+        fitted = self.scored.fitted
+        return float(np.sqrt(fitted.cross_validated_square / max(fitted.grams.rows.sum(), 1.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeFinding:
+    """A base curve that is of another family than Burckhardt's.
+
+    Attributes:
+        family: Family of the base curve.
+        burckhardt: Burckhardt's curves without effects, on the same regression.
+        p_value: P-value of the gain over Burckhardt's curves with the same effects, all families
+            counted.
+        rivals: Ids of effects on Burckhardt's curve that the data cannot tell from the shape.
+
+    """
+
+    family: CurveFamily
+    burckhardt: ScoredModel
+    p_value: float
+    rivals: tuple[str, ...]
+
+
+def compare_families(found: "Findings") -> tuple[FamilyFit, ...]:
+    """Burckhardt's curves and those of the other families, on one regression; Burckhardt first.
+
+    Args:
+        found: Findings with Burckhardt's curve.
+
+    """
+    regression = found.prepared.regression
+    plain, best = found.selection.plain, found.selection.best
+    fits = [FamilyFit(plain.fitted.model.curves.family, plain, best)]
+    for family in OTHERS:
+        curves = fit_family_curves(regression.data, family)
+        alone = _fit(regression, Model(curves))
+        extended = alone
+        if best.candidates:
+            model = replace(best.fitted.model, curves=alone.fitted.model.curves)
+            extended = _fit(regression, model)
+        fits.append(FamilyFit(family, alone, extended))
+    return tuple(fits)
+
+
+def choose_family(found: "Findings", fits: Sequence[FamilyFit]) -> SegmentCurves | None:
+    """Curves of the family that may replace Burckhardt's; None where none of them may.
+
+    Args:
+        found: Findings with Burckhardt's curve.
+        fits: Fits of all families, Burckhardt's first.
+
+    """
+    plain, best = found.selection.plain, found.selection.best
+    other = min(fits[1:], key=lambda one: one.square)
+    if best.candidates:
+        possible = _is_worth(plain, other.scored)
+        possible |= is_improvement(best, other.extended, len(OTHERS))
+    else:
+        possible = is_improvement(plain, other.scored, len(OTHERS))
+    return other.scored.fitted.model.curves if possible else None
+
+
+def judge_shape(found: "Findings", shaped: "Findings") -> ShapeFinding | None:
+    """The shape as a finding where it is the better explanation; None where it is not.
+
+    Args:
+        found: Findings with Burckhardt's curve.
+        shaped: Findings with the curve of another family.
+
+    """
+    regression, best = shaped.prepared.regression, shaped.selection.best
+    plain = _fit(regression, found.selection.plain.fitted.model)
+    burckhardt = plain
+    if found.selection.best.candidates:
+        burckhardt = _fit(regression, found.selection.best.fitted.model)
+    same = plain
+    if best.candidates:
+        same = _fit(regression, replace(best.fitted.model, curves=plain.fitted.model.curves))
+    if not _is_worth(same, best) or _leaves_slip(shaped):
+        return None
+    tested = len(OTHERS)
+    if burckhardt.candidates:
+        preferred = is_improvement(same, best, tested) and is_improvement(burckhardt, best, tested)
+        preferred |= _has_fewer_causes(burckhardt, best)
+    else:
+        preferred = is_improvement(same, best, tested)
+    if not preferred:
+        return None
+    p_value = min(1.0, tested * gain_p_value(same.fitted, best.fitted))
+    family = best.fitted.model.curves.family
+    return ShapeFinding(family, plain, p_value, _find_rivals(shaped, burckhardt, best))
+
+
+def _fit(regression: WhitenedRegression, model: Model) -> ScoredModel:
+    return score_model(regression, fit_model(regression, model, FIRST_ITERATIONS))
+
+
+def _is_worth(small: ScoredModel, large: ScoredModel) -> bool:
+    """Whether a gain is large enough to matter, significant or not."""
+    square = small.fitted.cross_validated_square
+    return (
+        large.rmse < (1.0 - LEAST_GAIN) * small.rmse
+        and large.fitted.cross_validated_square < (1.0 - LEAST_WHITENED_GAIN) * square
+    )
+
+
+def _leaves_slip(shaped: "Findings") -> bool:
+    """Whether the residual still depends on the slip: then the family is not the shape."""
+    return any(
+        one.channel.name == "slip"
+        and one.p_value <= shaped.alpha / 2
+        and one.gain >= SECOND_LEAST_GAIN
+        for one in shaped.channels_of_best
+    )
+
+
+def _has_fewer_causes(burckhardt: ScoredModel, shaped: ScoredModel) -> bool:
+    """Whether a shape explains as much as effects on Burckhardt's curve, with fewer causes."""
+    if is_worse(burckhardt, shaped) or shaped.rmse > (1.0 + LARGEST_LOSS) * burckhardt.rmse:
+        return False
+    instruments = [
+        sum(not acts_in_contact(c.effect) for c in one.candidates) for one in (burckhardt, shaped)
+    ]
+    causes = [len(burckhardt.candidates), 1 + len(shaped.candidates)]
+    return (
+        instruments[1] <= instruments[0]
+        and causes[1] <= causes[0]
+        and (instruments[1] < instruments[0] or causes[1] < causes[0])
+    )
+
+
+def _find_rivals(shaped: "Findings", burckhardt: ScoredModel, best: ScoredModel) -> tuple[str, ...]:
+    """Ids of effects that could stand for the shape."""
+    rivals: set[str] = set()
+    if burckhardt.candidates and not is_worse(best, burckhardt):
+        rivals |= burckhardt.ids - best.ids
+    speed = np.concatenate(
+        [drive.observe().speed for drive in shaped.prepared.regression.data.drives]
+    )
+    low, middle, high = np.quantile(speed, [0.05, 0.5, 0.95])
+    if high - low < SPEED_RANGE * middle and FALLING_FRICTION not in best.ids:
+        rivals.add(FALLING_FRICTION)
+    return tuple(sorted(rivals))
