@@ -3,6 +3,7 @@ that `diagnose` wrote from them. A run that was stopped goes on where it was."""
 
 import argparse
 import secrets
+import signal
 import sys
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -211,7 +212,13 @@ def drive_all(results, tasks, jobs):
     aside(f"{len(left)} of {len(tasks)} drives to go, into {results.path}")
     if not left:
         return
-    with ProcessPoolExecutor(min(jobs, len(left)), mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(
+        min(jobs, len(left)),
+        mp_context=get_context("spawn"),
+        # Ctrl-C ends the workers without a word of their own.
+        initializer=signal.signal,
+        initargs=(signal.SIGINT, signal.SIG_DFL),
+    ) as pool:
         waiting = [pool.submit(run_drive, task) for task in left]
         for number, future in enumerate(as_completed(waiting), start=1):
             record = future.result()
