@@ -1,7 +1,8 @@
 """A free curve with one peak: its logarithmic slope is a piecewise polynomial of ln slip.
 
 q(u) = d ln μ/d ln λ with u = ln(λ/λ_m) is 1 at small slip (a linear start), falls through 0 at the
-peak with the slope −kappa, and is positive before it, negative beyond it. ln μ is its integral.
+peak with the slope −kappa, and is negative beyond it. ln μ is its integral. Before the peak q falls
+all the way, as it does in every contact law: r12 places its value at λ_m/12 between q3 and 1.
 Next to the peak q is quadratic, with Bernstein coefficients of one sign; further out it is linear
 between values of that sign. So the curve rises, turns once and falls whatever its values; the peak
 is two of them, and its standard deviation comes straight from the fit. Five numbers of the shape
@@ -43,10 +44,10 @@ class Free:
         Parameter("mu_max", "1", 0.4, 1e-6, 10.0, "adhesion at the peak"),
         Parameter("lambda_m", "1", 0.03, 1e-4, 1.0, "slip ratio of the peak"),
         Parameter("kappa", "1", 0.25, 0.0, 3.0, "curvature of the peak, - d2 ln mu/d ln slip^2"),
-        *(
-            Parameter(f"q{r}", "1", typical, 0.0, 1.0, f"logarithmic slope at lambda_m/{r}")
-            for r, typical in zip(_RISE, (0.9, 0.5), strict=True)
+        Parameter(
+            "r12", "1", 0.8, 0.0, 1.0, "logarithmic slope at lambda_m/12, from q3 (0) to 1 (1)"
         ),
+        Parameter("q3", "1", 0.5, 0.0, 1.0, "logarithmic slope at lambda_m/3"),
         *(
             Parameter(f"p{r}", "1", typical, 0.0, 3.0, f"logarithmic fall at {r} lambda_m")
             for r, typical in zip(_FALL, (0.15, 0.35), strict=True)
@@ -55,19 +56,21 @@ class Free:
 
     def adhesion(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Adhesion coefficient."""
-        mu_max, lambda_m, *shape = values
+        mu_max, lambda_m, *_ = values
         lam, held, line = _split(slip, conditions)
         straight, weights = _integrals(held, lambda_m)
-        log_height = straight + sum(w * x for w, x in zip(weights, shape, strict=True))
+        log_height = straight + sum(w * x for w, x in zip(weights, _shape(values), strict=True))
         return np.asarray(np.copysign(1.0, lam) * line * mu_max * np.exp(log_height))
 
     def gradient(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Partial derivatives by the values."""
-        mu_max, lambda_m, *_ = values
+        mu_max, lambda_m, _, r12, q3, *_ = values
         mu = self.adhesion(slip, values, conditions)
         _, held, _ = _split(slip, conditions)
-        _, weights = _integrals(held, lambda_m)
-        rows = (1.0 / np.asarray(mu_max), -_log_slope(held, values) / lambda_m, *weights)
+        _, (by_kappa, by_q12, by_q3, *by_fall) = _integrals(held, lambda_m)
+        by_place = -_log_slope(held, values) / lambda_m
+        by_r12, by_q3 = (1.0 - q3) * by_q12, by_q3 + (1.0 - r12) * by_q12
+        rows = (1.0 / np.asarray(mu_max), by_place, by_kappa, by_r12, by_q3, *by_fall)
         return np.stack(np.broadcast_arrays(*(mu * row for row in rows)))
 
     def slope(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
@@ -100,9 +103,16 @@ def _split(slip: ArrayLike, conditions: Conditions) -> tuple[Array, Array, Array
     return lam, held, np.abs(lam) / held
 
 
+def _shape(values: Values) -> tuple[float | Array, ...]:
+    """Curvature of the peak, then the size of q at each node of `_RISE` and `_FALL`."""
+    _, _, kappa, r12, q3, *fall = values
+    return kappa, q3 + r12 * (1.0 - q3), q3, *fall
+
+
 def _log_slope(held: Array, values: Values) -> Array:
     """Logarithmic slope q at slips of at least `_TINY`."""
-    _, lambda_m, kappa, *nodes = values
+    lambda_m = values[1]
+    kappa, *nodes = _shape(values)
     u = np.log(held / lambda_m)
     rise, fall = (1.0, *nodes[: len(_RISE)]), (*nodes[len(_RISE) :],)
     q: Array = np.asarray(0.0 * u)
