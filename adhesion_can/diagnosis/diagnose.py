@@ -29,7 +29,7 @@ from adhesion_can.diagnosis.inference.candidates import (
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import confirm_on_hold_out
 from adhesion_can.diagnosis.inference.curve_shape import (
     LARGEST_LOSS,
-    choose_family,
+    choose_families,
     compare_families,
     judge_shape,
 )
@@ -163,15 +163,17 @@ class _Analysis:
 
     def run_with_shape(self, found: Findings) -> Findings | None:
         """Findings with a curve of another family; None where Burckhardt's is as good."""
-        curves = choose_family(found, found.families)
-        if curves is None or found.selection.plain.rmse < NOISELESS:
+        if found.selection.plain.rmse < NOISELESS:
             return None
-        shaped = self.run(found.change_times, curves).without_insignificant
-        shape = judge_shape(found, shaped)
-        if shape is None:
-            return None
-        shaped = replace(shaped, families=found.families, shape=shape)
-        return shaped if shaped.explains else None
+        for curves in choose_families(found, found.families):
+            shaped = self.run(found.change_times, curves).without_insignificant
+            shape = judge_shape(found, shaped)
+            if shape is None:
+                continue
+            shaped = replace(shaped, families=found.families, shape=shape)
+            if shaped.explains:
+                return shaped
+        return None
 
     def run(self, change_times: list[list[float]], curves: SegmentCurves | None = None) -> Findings:
         """Findings with given times of surface changes, s, for each drive.

@@ -15,6 +15,7 @@ from adhesion_can.diagnosis.regression.model import (
     RegressionData,
     evaluate_model,
 )
+from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
 from adhesion_can.diagnosis.result import CurveData, Profile, SimulationPlot
 from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.effects import Effect, build_instruments
@@ -27,8 +28,8 @@ LEAST_ROWS = 10
 """Rows without which a span is not plotted."""
 LARGEST_STEP_S = 0.1
 """A longer step restarts the simulation, s."""
-POINTS = 4000
-"""Rows of a surface that are plotted."""
+POINTS, SHAPE_POINTS = 4000, 201
+"""Rows of a surface that are plotted, and points of a curve of another family."""
 
 
 def find_plotted_channel(
@@ -226,9 +227,18 @@ def build_curve_data(data: RegressionData, surface: int, extended: Model) -> Cur
     factor = np.where(np.abs(after.factor) > 1e-3, after.factor, np.nan)
     sign = np.copysign(1.0, plain.slip)
     corrected_sign = np.copysign(1.0, after.slip)
+    shape = None
+    if extended.curves.family is not BURCKHARDT:
+        slip = np.linspace(0.0, float(np.abs(after.slip[rows]).max()), SHAPE_POINTS)
+        here = after.conditions.select(rows)
+        speed, load = float(np.mean(here.speed)), float(np.mean(here.load))
+        values = extended.curves.parameters[surface]
+        curve = extended.curves.family.adhesion(slip, values, Conditions(speed, load))
+        shape = np.stack([slip, curve])
     return CurveData(
         np.abs(plain.slip)[rows],
         (plain.adhesion * sign)[rows],
         np.abs(after.slip)[rows],
         (after.adhesion / factor * corrected_sign)[rows],
+        shape,
     )

@@ -324,6 +324,8 @@ class CurveData:
         adhesion: Measured adhesion in the direction of the slip.
         corrected_slip: Magnitude of the slip ratio with the effects removed.
         corrected_adhesion: Adhesion in the direction of the slip with the effects removed.
+        shape: Slip ratios and adhesions of the extended model's base curve where it is of another
+            family than Burckhardt's, shape (2, k); None where it is his.
 
     """
 
@@ -331,6 +333,7 @@ class CurveData:
     adhesion: Array
     corrected_slip: Array
     corrected_adhesion: Array
+    shape: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from adhesion_can.diagnosis.result import (
     ChannelEvidence,
     Diagnosis,
     Evidence,
+    FamilyResult,
     Gain,
     ParameterValue,
     Verdict,
@@ -32,6 +33,7 @@ SHOWN = 5
 """Rows of evidence that a terminal shows."""
 
 EVIDENCE_COLUMNS = ("effect", "statistic", "p", "absorbed", "most alike", "cosine", "gain")
+FAMILY_COLUMNS = ("family", "parameters", "held-out score", "RMSE", "μ_max", "λ_m", "base curve")
 CHANNEL_COLUMNS = ("channel", "unit", "p", "gain")
 
 
@@ -181,6 +183,22 @@ def evidence_rows(evidence: Sequence[Evidence]) -> list[tuple[str, ...]]:
     ]
 
 
+def family_rows(families: Sequence[FamilyResult]) -> list[tuple[str, ...]]:
+    """Cells of a table with `FAMILY_COLUMNS`."""
+    return [
+        (
+            one.title,
+            str(one.parameters),
+            fixed(one.held_out_score, 3),
+            fixed(one.rmse, 5),
+            fixed(one.mu_max, 4),
+            "-" if one.lambda_m is None else fixed(one.lambda_m, 4),
+            "yes" if one.chosen else "",
+        )
+        for one in families
+    ]
+
+
 def channel_rows(channels: Sequence[ChannelEvidence]) -> list[tuple[str, ...]]:
     """Cells of a table with `CHANNEL_COLUMNS`, smallest p-value first."""
     ranked = sorted(channels, key=lambda c: (c.p_value, -c.gain_percent))
@@ -208,6 +226,8 @@ def terminal(found: Diagnosis) -> Iterator[str | Table]:
     if found.wrong:
         yield "What the simulation gets wrong:"
         yield from (f"- {sentence}" for sentence in found.wrong)
+    if found.families:
+        yield table("Curve families, each alone", FAMILY_COLUMNS, family_rows(found.families))
     if found.needed:
         yield f"Needed: {found.needed}"
     if found.evidence:

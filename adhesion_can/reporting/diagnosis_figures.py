@@ -1,13 +1,20 @@
 """Figures of a diagnosis as Plotly's JSON: before and after, each against the measurement."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.formatting import short, unit_text
-from adhesion_can.diagnosis.result import CurveData, Gain, Profile, SegmentResult, SimulationPlot
+from adhesion_can.diagnosis.result import (
+    CurveData,
+    FamilyResult,
+    Gain,
+    Profile,
+    SegmentResult,
+    SimulationPlot,
+)
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.estimate import Estimate
@@ -25,6 +32,8 @@ from adhesion_can.reporting.page import Figure
 
 BEFORE, AFTER, MEASURED = "#d55e00", "#0b5fa5", "#8a95a3"
 PLAIN, EXTENDED = "plain curve (before)", "extended (after)"
+FAMILY_COLOURS = (BEFORE, AFTER, "#009e73", "#cc79a7", "#b8860b")
+"""Colours of the families, Burckhardt's first."""
 MOST_POINTS = 3000
 """Largest number of points of a scatter plot."""
 
@@ -191,7 +200,10 @@ def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -
             "marker": {"color": MEASURED, "size": 3, "opacity": 0.4},
             "hoverinfo": "skip",
         }
-        line = _line(style, grid, adhesion(grid, *estimate.theta), legend=True)
+        x, y = grid, adhesion(grid, *estimate.theta)
+        if row and curves.shape is not None:
+            x, y = curves.shape
+        line = _line(style, x, y, legend=True)
         line["line"] = {**style["line"], "width": 2.4}
         data += [trace | place(row) for trace in (cloud, line, *_peak(estimate, style))]
     span = _y_span([mu for _, _, _, mu in clouds])
@@ -213,6 +225,36 @@ def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -
         )
     caption += "Diamonds: identifiable peaks, with standard deviations."
     return Figure(caption, data, layout, height)
+
+
+def family_figure(families: Sequence[FamilyResult], curves: CurveData) -> Figure:
+    """Curves of all families side by side, with the data as measured."""
+    every = max(-(-len(curves.slip) // MOST_POINTS), 1)
+    data: list[Trace] = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": "data",
+            "x": curves.slip[::every],
+            "y": curves.adhesion[::every],
+            "marker": {"color": MEASURED, "size": 3, "opacity": 0.4},
+            "hoverinfo": "skip",
+        }
+    ]
+    for family, colour in zip(families, FAMILY_COLOURS, strict=False):
+        style = _style(family.title, colour, 2.6 if family.chosen else 1.4)
+        if not family.chosen:
+            style["line"]["dash"] = "dash"
+        data.append(_line(style, family.slip, family.adhesion, legend=True))
+    layout = {
+        "xaxis": {"title": {"text": "slip ratio λ"}, "rangemode": "tozero"},
+        "yaxis": {"title": {"text": "adhesion coefficient μ"}, "range": _y_span([curves.adhesion])},
+    }
+    caption = (
+        "Curve families side by side, each fitted alone, at the mean speed and load of the longest "
+        "surface; the solid line is the family of the extended model's base curve."
+    )
+    return Figure(caption, data, layout, 400)
 
 
 def _peak(estimate: Estimate, style: Trace) -> list[Trace]:

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from adhesion_can.diagnosis.formatting import effect_name, measured, short, title
-from adhesion_can.diagnosis.result import Diagnosis, SegmentResult
-from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.diagnosis.result import Diagnosis, FamilyResult, SegmentResult
+from adhesion_can.estimation.extended.model import BaseCurve, ExtendedModel
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.empirical import Empirical
@@ -13,14 +13,17 @@ from adhesion_can.physics.parameter import Parameter
 from adhesion_can.reporting.diagnosis import (
     CHANNEL_COLUMNS,
     EVIDENCE_COLUMNS,
+    FAMILY_COLUMNS,
     cause_rows,
     channel_rows,
     evidence_rows,
+    family_rows,
     has_extension,
     verdict_sentences,
 )
 from adhesion_can.reporting.diagnosis_figures import (
     curve_figure,
+    family_figure,
     gain_figure,
     profile_figure,
     simulation_figure,
@@ -130,6 +133,8 @@ def _curve(found: Diagnosis) -> Parts:
     longest = found.longest_segment
     if longest is not None and found.curves is not None:
         parts.append(curve_figure(longest, found.curves, extended=has_extension(found)))
+    if found.families and found.curves is not None:
+        parts += [family_figure(found.families, found.curves), _family_table(found.families)]
     if found.surfaces:
         parts.append(_surface_table(found.surfaces, extended=has_extension(found)))
     return parts or [Text("No curve could be fitted.")]
@@ -159,6 +164,16 @@ def _surface_table(surfaces: Sequence[SegmentResult], *, extended: bool) -> Tabl
         rows,
         "± ?: not identifiable from these data.",
     )
+
+
+def _family_table(families: Sequence[FamilyResult]) -> Table:
+    note = (
+        "held-out score: RMSE of the whitened residuals, each block predicted by the others, in "
+        "standard deviations of the noise; the smallest is the best. Another family replaces "
+        "Burckhardt's only where its gain is significant and no effect explains as much."
+    )
+    caption = "Curve families without effects; peaks at the mean speed and load."
+    return Table(caption, FAMILY_COLUMNS, family_rows(families), note)
 
 
 def _evidence(found: Diagnosis) -> Parts:
@@ -215,9 +230,13 @@ def _model(found: Diagnosis) -> Parts:
 def model_parts(model: ExtendedModel) -> Parts:
     """Text and tables that describe an extended model."""
     c1, c2, c3 = model.base
-    parts: Parts = [
+    parts: Parts = []
+    if model.curve is not None:
+        parts.append(_curve_table(model.curve))
+    which = "Base curve" if model.curve is None else "Burckhardt curve nearest to the base curve"
+    parts += [
         Text(
-            f"Base curve: c1 = {c1:.4f}, c2 = {c2:.2f}, c3 = {c3:.4f}. On top of it stand the "
+            f"{which}: c1 = {c1:.4f}, c2 = {c2:.2f}, c3 = {c3:.4f}. On top of it stand the "
             "effects below, in this order: first the errors of sensors and vehicle data, then what "
             "changes the slip, then what multiplies the adhesion."
         )
@@ -236,6 +255,19 @@ def model_parts(model: ExtendedModel) -> Parts:
         parts.append(Items([f"{_name(a)}: {a.effect.title}." for a in model.effects]))
     parts += [Text(_spline(spline)) for spline in model.splines]
     return parts
+
+
+def _curve_table(curve: BaseCurve) -> Table:
+    """Base curve of another family than Burckhardt's."""
+    stds = (0.0,) * len(curve.values)
+    if curve.covariance is not None:
+        stds = tuple(row[i] ** 0.5 for i, row in enumerate(curve.covariance))
+    rows = [
+        (p.name, _cell(p, value, std), p.meaning)
+        for p, value, std in zip(curve.family.parameters, curve.values, stds, strict=True)
+    ]
+    caption = f"Base curve: {curve.family.title} ({curve.family.literature}), ± standard deviation."
+    return Table(caption, ("parameter", "value", "meaning"), rows, sentence_columns=(2,))
 
 
 def _name(active: ActiveEffect) -> str:

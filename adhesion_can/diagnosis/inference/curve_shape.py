@@ -36,6 +36,7 @@ OTHERS: tuple[CurveFamily, ...] = tuple(
     FAMILIES[name] for name in ("polach", "magic_formula", "free")
 )
 """Families that may replace Burckhardt's. With c4 it is Burckhardt's with `falling_friction`."""
+FREE = FAMILIES["free"]
 LARGEST_LOSS = 0.02
 """Share by which the RMSE may rise for an explanation with fewer causes to be preferred."""
 FIRST_ITERATIONS = 30
@@ -114,8 +115,10 @@ def compare_families(found: "Findings") -> tuple[FamilyFit, ...]:
     return tuple(fits)
 
 
-def choose_family(found: "Findings", fits: Sequence[FamilyFit]) -> SegmentCurves | None:
-    """Curves of the family that may replace Burckhardt's; None where none of them may.
+def choose_families(found: "Findings", fits: Sequence[FamilyFit]) -> list[SegmentCurves]:
+    """Curves of the families that may replace Burckhardt's, the preferred one first; often none.
+
+    A family with a formula is preferred to the free curve where its held-out RMSE is within 2 %.
 
     Args:
         found: Findings with Burckhardt's curve.
@@ -123,13 +126,18 @@ def choose_family(found: "Findings", fits: Sequence[FamilyFit]) -> SegmentCurves
 
     """
     plain, best = found.selection.plain, found.selection.best
-    other = min(fits[1:], key=lambda one: one.square)
-    if best.candidates:
-        possible = _is_worth(plain, other.scored)
-        possible |= is_improvement(best, other.extended, len(OTHERS))
-    else:
-        possible = is_improvement(plain, other.scored, len(OTHERS))
-    return other.scored.fitted.model.curves if possible else None
+    ranked = sorted(fits[1:], key=lambda one: one.square)
+    limit = (1.0 + LARGEST_LOSS) ** 2 * ranked[0].square
+    formulas = [one for one in ranked if one.square <= limit and one.family is not FREE]
+    chosen = [*formulas[:1], *(one for one in ranked[:1] if one not in formulas[:1])]
+
+    def is_possible(one: FamilyFit) -> bool:
+        if not best.candidates:
+            return is_improvement(plain, one.scored, len(OTHERS))
+        improved = is_improvement(best, one.extended, len(OTHERS))
+        return improved or _is_worth(plain, one.scored)
+
+    return [one.scored.fitted.model.curves for one in chosen if is_possible(one)]
 
 
 def judge_shape(found: "Findings", shaped: "Findings") -> ShapeFinding | None:
