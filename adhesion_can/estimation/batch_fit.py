@@ -74,6 +74,7 @@ class BatchResult:
         left_out: Number of samples outside the model's range, or not finite.
         curves: Comparison of curve families in each segment, None for one with too few samples;
             () where none was asked for.
+        whole_curves: Comparison of curve families on all samples together; None without `curves`.
 
     """
 
@@ -81,6 +82,7 @@ class BatchResult:
     segments: tuple[Segment, ...]
     left_out: int
     curves: tuple[CurveComparison | None, ...] = ()
+    whole_curves: CurveComparison | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Estimates of all samples together and of each segment, as JSON has them."""
@@ -93,7 +95,7 @@ class BatchResult:
             found = [None if c is None else c.to_dict() for c in self.curves]
             for segment, curves in zip(segments, found, strict=True):
                 segment["curves"] = curves
-            document["curves"] = found[0] if len(found) == 1 else None
+            document["curves"] = self.whole_curves and self.whole_curves.to_dict()
         return document
 
     def _repr_html_(self) -> str:
@@ -164,11 +166,15 @@ def identify(
     whole = fit(kept, settings)
     if len(segments) > 1:
         whole = replace(whole, identifiable=Identifiable(mu_max=False, lambda_m=False))
+    if not families:
+        return BatchResult(whole, segments, len(samples) - len(kept))
     curves = tuple(
         compare_families(kept.select(slice(a, b)), families, slip_max=settings.slip_max)
-        for a, b in (pairwise(bounds) if families else ())
+        for a, b in pairwise(bounds)
     )
-    return BatchResult(whole, segments, len(samples) - len(kept), curves)
+    alone = len(segments) == 1
+    together = curves[0] if alone else compare_families(kept, families, slip_max=settings.slip_max)
+    return BatchResult(whole, segments, len(samples) - len(kept), curves, together)
 
 
 def change_points(samples: Samples, settings: SegmentationSettings) -> list[int]:

@@ -18,17 +18,50 @@ CREEP_SPEED = 1.0
 
 def render_curves(result: BatchResult) -> list[Table | str]:
     """Table and sentences for each segment whose families were compared."""
-    return [
+    alone = len(result.segments) == 1
+    parts = [
         part
         for segment, comparison in zip(result.segments, result.curves, strict=False)
-        for part in _render_segment(segment, comparison, alone=len(result.segments) == 1)
+        for part in _render_comparison(comparison, "" if alone else _span(segment))
+    ]
+    if alone or not result.curves:
+        return parts
+    return [
+        *parts,
+        *_render_comparison(result.whole_curves, ", all segments together"),
+        *_judge_changes(result),
     ]
 
 
-def _render_segment(
-    segment: Segment, comparison: CurveComparison | None, *, alone: bool
-) -> list[Table | str]:
-    where = "" if alone else f", {segment.from_us / 1e6:.1f} .. {segment.to_us / 1e6:.1f} s"
+def _span(segment: Segment) -> str:
+    return f", {segment.from_us / 1e6:.1f} .. {segment.to_us / 1e6:.1f} s"
+
+
+def _judge_changes(result: BatchResult) -> list[str]:
+    """Whether one curve of another family does what Burckhardt curves of the segments do."""
+    together, plain = result.whole_curves, FAMILIES["burckhardt"].name
+    scores = [
+        (c.samples, s.score)
+        for c in result.curves
+        if c is not None
+        for s in c.families
+        if s.fit.family.name == plain
+    ]
+    if together is None or len(scores) < len(result.segments):
+        return []
+    best = together.families[0]
+    apart = sum(n * score for n, score in scores) / sum(n for n, _ in scores)
+    name = best.fit.family.name
+    if best.score < apart or name == plain:
+        return []
+    sentence = (
+        f"One {name} curve for all predicts held-out samples better ({best.score:.4f}) than a "
+        f"{plain} curve for each segment ({apart:.4f}): the surface need not have changed."
+    )
+    return [sentence]
+
+
+def _render_comparison(comparison: CurveComparison | None, where: str) -> list[Table | str]:
     if comparison is None:
         return [f"Curve families{where}: fewer than {LEAST_SAMPLES} samples, none compared."]
     rows = [row[:-1] for row in comparison.rows()]
