@@ -178,7 +178,7 @@ def report(records, seed, version):
         f"that diagnose wrote from the drive. {sum(t.verdict == 'met' for t in found)} of "
         f"{len(found)} targets met."
     )
-    return "\n\n".join((head, kinds_table(records), target_table(found)))
+    return "\n\n".join((head, kinds_table(records), target_table(found, "figure")))
 
 
 def parse_options(arguments=None):

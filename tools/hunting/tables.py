@@ -138,9 +138,9 @@ def contact_targets(rows: Sequence[JudgedRecord]) -> list[Target]:
     return result
 
 
-def target_table(found: Sequence[Target]) -> str:
-    """Targets as Markdown."""
-    head = ("target", "wanted", "figure (one-sided 95 % bounds)", "verdict")
+def target_table(found: Sequence[Target], figure: str = "figure (one-sided 95 % bounds)") -> str:
+    """Targets as Markdown; `figure` is the heading of the figures."""
+    head = ("target", "wanted", figure, "verdict")
     return markdown_table(head, [(t.what, t.wanted, t.figure, t.verdict) for t in found])
 
 
