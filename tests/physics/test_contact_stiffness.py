@@ -64,4 +64,4 @@ def test_stiffness_falls_with_the_cube_root_of_the_load():
 def test_stiffness_is_that_of_a_rigorous_solver():
     # Eurosprinter, 106.7 kN a wheel, a/b = 0.5: CONTACT's force at a slip of 1e-5 is 0.002315 of
     # the load, by elements of a finite size.
-    assert float(initial_stiffness(213_400.0, 0.625, 0.5)) == pytest.approx(231.5, rel=0.03)
+    assert float(initial_stiffness(213_400.0, 0.625, 0.5)) == pytest.approx(231.5, rel=0.015)
