@@ -262,8 +262,22 @@ def test_the_bench_plans_the_same_drives_however_many_rounds(tools):
     assert [k for k, *_ in tools.truth.build_tasks(7, 1, ["contact:extended+sanding"], 1.0)] == [
         "contact:extended+sanding"
     ]
+    assert len(tools.truth.build_tasks(7, 1, ["contact"], 1.0)) == 4 + 2
     with pytest.raises(SystemExit):
         tools.truth.parse_options(["--only", "contact:coulomb"])
+
+
+def test_a_bench_that_was_stopped_goes_on_and_tries_again_what_failed(tools, tmp_path):
+    tasks = tools.truth.build_tasks(7, 1, ["null:0", "humidity", "sanding"], 240.0)
+    results = tools.plan.Results(tmp_path / "r.jsonl", "v1")
+    record = {"seed": 7, "holdout": False}
+    results.add({**record, "kind": "humidity", "duration_s": 240.0})
+    results.add({**record, "kind": "humidity", "duration_s": 60.0})
+    results.add({**record, "kind": "sanding", "duration_s": 240.0, "error": "x"})
+    again = tools.plan.Results(tmp_path / "r.jsonl", "v1").records()
+    assert len(again) == 3
+    left = tools.truth.tasks_left(tasks, again)
+    assert [kind for kind, *_ in left] == ["null:0", "sanding"]
 
 
 # --- before the peak -----------------------------------------------------------------------------

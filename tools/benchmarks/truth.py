@@ -205,10 +205,15 @@ def parse_options(arguments=None):
     return options
 
 
+def tasks_left(tasks, records):
+    """Tasks that are not done yet; a drive that failed is tried again."""
+    done = {(r["kind"], r["seed"], r["duration_s"]) for r in records if "error" not in r}
+    return [task for task in tasks if task not in done]
+
+
 def drive_all(results, tasks, jobs):
     """Do what is not done yet; each record is written as it comes."""
-    done = {(r["kind"], r["seed"], r["duration_s"]) for r in results.records()}
-    left = [task for task in tasks if task not in done]
+    left = tasks_left(tasks, results.records())
     aside(f"{len(left)} of {len(tasks)} drives to go, into {results.path}")
     if not left:
         return

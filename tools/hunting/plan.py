@@ -110,7 +110,7 @@ class Results:
     def records(self) -> list[dict[str, Any]]:
         """Drives that were diagnosed with this code, each one once."""
         found = {
-            (line["kind"], line["seed"], line["holdout"]): line
+            (line["kind"], line["seed"], line["holdout"], line.get("duration_s")): line
             for line in self._lines
             if "kind" in line and self._ours(line)
         }
