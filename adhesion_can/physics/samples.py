@@ -33,6 +33,8 @@ class Sample:
         speed_us: Stamp of the vehicle speed that closes the bracket around the sample, µs.
         transient_var: Variance of `adhesion` where effort or wheel speed moved faster than their
             readings follow; 0 elsewhere.
+        speed_share: Place of the stamp between the two vehicle speeds around it: 0 at the earlier,
+            1 at the later one. The error of an interpolated speed runs between theirs.
         covariates: Values of other channels at the time, by name.
 
     """
@@ -50,6 +52,7 @@ class Sample:
     slip_common_var: float = 0.0
     speed_us: int = 0
     transient_var: float = 0.0
+    speed_share: float = 1.0
     covariates: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -70,6 +73,7 @@ class Samples:
     slip_common_var: Array
     speed_us: NDArray[np.int64]
     transient_var: Array
+    speed_share: Array
     covariates: Mapping[str, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -124,6 +128,7 @@ class Samples:
             slip_common_var=0 * ones,
             speed_us=stamps,
             transient_var=0 * ones,
+            speed_share=ones,
         )
 
     @classmethod
@@ -174,4 +179,5 @@ _FLOATS = (
     "adhesion_var",
     "slip_common_var",
     "transient_var",
+    "speed_share",
 )

@@ -43,6 +43,7 @@ class _Formed(NamedTuple):
     measured: Measured
     load_std: Array
     speed_us: Stamps
+    speed_share: Array
 
 
 class _Due(NamedTuple):
@@ -157,6 +158,7 @@ class ColumnFormer:
             load=measured.load,
             load_std=np.concatenate([part.load_std for part in parts])[order],
             speed_us=np.concatenate([part.speed_us for part in parts])[order],
+            speed_share=np.concatenate([part.speed_share for part in parts])[order],
             **self._equations.derive(measured)._asdict(),
             covariates=self._covariates_of(t_us, due_us[collection]),
         )
@@ -253,6 +255,7 @@ class ColumnFormer:
             ),
             load_std=load_std[k],
             speed_us=v.bracket_end_us[k],
+            speed_share=v.share[k],
         )
         wheel.t_us, wheel.value = wheel.t_us[done:].copy(), wheel.value[done:].copy()
         return formed

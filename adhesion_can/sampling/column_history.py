@@ -25,6 +25,8 @@ class Bracketed(NamedTuple):
             none has come.
         step_std: Standard deviations of the values, had the signal stepped within the bracket, SI,
             shape (n,).
+        share: Places of the stamps within their brackets, 0..1, shape (n,): 1 at the readings that
+            close them.
 
     """
 
@@ -32,6 +34,7 @@ class Bracketed(NamedTuple):
     known_us: Stamps
     bracket_end_us: Stamps
     step_std: Array
+    share: Array
 
 
 @dataclass(slots=True)
@@ -73,7 +76,7 @@ class ColumnHistory:
         if not size:
             nothing = np.full(len(t_us), np.nan)
             never = np.full(len(t_us), NEVER)
-            return Bracketed(nothing, never, never, 0 * nothing)
+            return Bracketed(nothing, never, never, 0 * nothing, nothing)
         place = np.searchsorted(self.t_us, t_us)
         closed = place < size
         after = np.minimum(place, size - 1)
@@ -94,6 +97,7 @@ class ColumnHistory:
             known_us=np.where(closed, t1 + self.lag_us, NEVER),
             bracket_end_us=np.where(closed, t1, NEVER),
             step_std=np.where(inside & np.isfinite(step), step, 0.0),
+            share=np.where(exact, 1.0, share),
         )
 
     def held_at(self, t_us: Stamps) -> Array:

@@ -35,7 +35,7 @@ class _Row(NamedTuple):
 
     `acceleration_change` is the difference of dω/dt after and before the stamp, rad/s²;
     `effort_step_std` the standard deviation of an effort that stepped somewhere between its two
-    readings, N.
+    readings, N; `speed_share` the place between the two vehicle speeds around the stamp, 0..1.
     """
 
     t_us: int
@@ -50,6 +50,7 @@ class _Row(NamedTuple):
     speed_us: int
     acceleration_change: float
     effort_step_std: float
+    speed_share: float
 
 
 class SampleFormer:
@@ -226,6 +227,7 @@ class SampleFormer:
             self._speed.bracket_end_us(t),
             later - earlier,
             self._effort[axle].step_std(t),
+            self._speed.share_at(t),
         )
 
     def _samples(self, rows: list[_Row]) -> list[Sample]:
@@ -234,7 +236,8 @@ class SampleFormer:
             return []
         columns = np.array(rows, dtype=np.float64)
         axle = columns[:, 1].astype(np.int64)
-        *_, omega, accel, span, speed, effort, load, _, _, acceleration_change, step_std = columns.T
+        _, _, omega, accel, span, speed, effort, load, *_ = columns.T
+        acceleration_change, step_std = columns.T[10:12]
         derived = self.equations.derive(
             Measured(axle, omega, accel, span, speed, effort, load, acceleration_change, step_std)
         )
@@ -254,6 +257,7 @@ class SampleFormer:
                 slip_common_var=common_var,
                 speed_us=row.speed_us,
                 transient_var=transient_var,
+                speed_share=row.speed_share,
                 covariates=self._covariates_at(row.t_us),
             )
             for row, (

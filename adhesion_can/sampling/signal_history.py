@@ -58,6 +58,14 @@ class SignalHistory:
         """Stamp of the reading that closes the bracket around a stamp that has one."""
         return self.times[bisect_left(self.times, t_us)]
 
+    def share_at(self, t_us: int) -> float:
+        """Place of a stamp within its bracket: 1 at the reading that closes it."""
+        after = bisect_left(self.times, t_us)
+        if self.times[after] == t_us:
+            return 1.0
+        before = self.times[after - 1]
+        return (t_us - before) / (self.times[after] - before)
+
     def step_std(self, t_us: int) -> float:
         """Standard deviation at a stamp that has a bracket, had the value stepped within it."""
         times, values = self.times, self.values

@@ -290,13 +290,13 @@ def test_a_slip_within_its_error_takes_the_sign_of_the_mean_adhesion():
     np.testing.assert_array_equal(build_points(braking).slip, [-0.004, 0.05])
 
 
-def test_one_vehicle_speed_is_one_group_on_each_branch():
+def test_samples_between_two_vehicle_speeds_are_one_group():
     stamps = [1, 1, 2, 2, 2]
     slips = [0.05, 0.06, 0.05, -0.05, 0.05]
     rows = [
         sample(s, s, slip_common_var=1e-6, speed_us=t) for s, t in zip(slips, stamps, strict=True)
     ]
-    np.testing.assert_array_equal(build_points(Samples.from_rows(rows)).group, [0, 0, 1, 2, 3])
+    np.testing.assert_array_equal(build_points(Samples.from_rows(rows)).group, [0, 0, 1, 1, 1])
 
 
 # ------------------------------------------------------------------------------------- glitches

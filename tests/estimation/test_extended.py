@@ -98,6 +98,7 @@ class World:
             slip_common_var=zero,
             speed_us=t_us,
             transient_var=zero,
+            speed_share=zero + 1.0,
             covariates={n: flat(c[:, None]) for n, c in covariates.items()},
         )
 

@@ -11,9 +11,14 @@ is a multiplication, and J of any θ is linear in them. Bins of λ would be eith
 
 Errors in variables (Fuller, "Measurement Error Models", 1987). Each wheel speed adds an error of
 its own to the slip (private). The vehicle speed adds one that all axles and all samples between two
-of its frames share (common). With the slope a = dμ/dλ of the current curve the adhesion then has
-the covariance σ² I + diag(a² p) + a aᵀ q within such a group, and the sums are those of generalised
-least squares, exact by the Sherman-Morrison formula. The private error would still flatten the
+of its frames share (common): between two frames it runs straight from the error of one to that of
+the other, s being the place between them. So a group has an error of its mean, of variance q, and a
+change across it, of variance 2q. With the slope a = dμ/dλ of the current curve the adhesion has the
+covariance σ² I + diag(a² p) + q a aᵀ + 2q b bᵀ with b = a (s − s̄), and the sums are those of
+generalised least squares. With s̄ weighted so that both directions are orthogonal they are exact by
+the Sherman-Morrison formula for each. A mean over a group scatters by less than q, but neighbouring
+groups share a frame; q is right for the sum over many groups, on which changes of the surface and
+standard deviations rest. The private error would still flatten the
 slope (regression dilution); it is removed by corrected scores (Nakamura, Biometrika 77, 1990):
 e^(−c2 λ − c2² p/2) has the expectation of e^(−c2 λ) at the true slip, and likewise the products.
 The common one is removed by `common_shift`, the error that fits the group best.
@@ -65,9 +70,12 @@ class Points(NamedTuple):
         private_var: Variance of λ by the wheel speed, shape (n,).
         common_var: Variance of λ by the vehicle speed, shape (n,).
         transient_var: Variance of μ beyond the noise of all samples, shape (n,).
-        group: Number of the group with a common error of the vehicle speed, from one sample to the
-            next the same or one more, shape (n,).
-        sign: 1 for samples in traction, −1 for samples in braking, shape (n,).
+        group: Number of the group between two vehicle speeds, from one sample to the next the same
+            or one more, shape (n,).
+        sign: 1 for samples in traction, −1 for samples in braking, shape (n,); an error of the
+            vehicle speed moves both against each other.
+        share: Place of each sample between the two vehicle speeds, 0..1, shape (n,); None: the
+            error of the vehicle speed is the same in all samples of a group.
 
     """
 
@@ -78,6 +86,7 @@ class Points(NamedTuple):
     transient_var: Array
     group: NDArray[np.int64]
     sign: Array
+    share: Array | None = None
 
     @property
     def exact(self) -> bool:
@@ -99,6 +108,7 @@ class Points(NamedTuple):
             self.transient_var[rows],
             self.group[rows],
             self.sign[rows],
+            None if self.share is None else self.share[rows],
         )
 
     def groups(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -152,6 +162,8 @@ def increment(
     slip_max: float,
     own_slope: Array | None = None,
     bend: Array | None = None,
+    *,
+    corrected_scores: bool = True,
 ) -> Array:
     """Vector of sums of samples, shape (LENGTH,).
 
@@ -165,9 +177,11 @@ def increment(
             `slope`.
         bend: Curvature −d²μ/dλ² of the current curve at the samples, shape (n,), for the
             correlation of slope and private error; None: it is not corrected.
+        corrected_scores: Whether the private errors are removed by corrected scores; False leaves
+            their dilution of the slope, and J a sum of squares.
 
     """
-    h, z, p, q, further, *_ = points
+    h, z, p, _, further, *_ = points
     sums = np.empty(LENGTH)
     places = np.clip(points.surely_reached * (BINS / slip_max), 0, BINS - 1).astype(np.int64)
     sums[HISTOGRAM] = np.bincount(places, minlength=BINS)
@@ -178,18 +192,17 @@ def increment(
         sums[B], sums[C] = -(h @ f1), z @ f1
         sums[D], sums[E], sums[Z], sums[DOF] = h @ h, -(h @ z), z @ z, len(h)
         return sums
-    starts, member = points.groups()
     by_own = (slope if own_slope is None else own_slope) ** 2 * p
     weight = 1.0 / (1.0 + (by_own + further) / noise_var)
-    v = slope * weight
-    in_group = _by_group(v, member, len(starts))
-    s2 = q[starts] / noise_var
-    kappa = s2 / (1.0 + s2 * (in_group @ slope))
+    shape, var = _common_errors(points, slope * slope * weight)
+    in_group = shape * (slope * weight)
+    s2 = var / noise_var
+    kappa = s2 / (1.0 + s2 * ((in_group * shape) @ slope))
     # Diagonal of the inverse covariance.
-    own = weight - kappa[member] * v * v
+    own = weight - kappa @ (in_group * in_group)
     wh, wz = weight * h, weight * z
     # e* = e^(-c2 λ) · shrink, with the samples' mean variance: one sensor, nearly one speed.
-    private = float(p.mean())
+    private = float(p.mean()) if corrected_scores else 0.0
     # Curves that bend within the error itself are corrected less: the series diverges there, and a
     # correction from few samples may exceed the sum.
     corrected = private / (1.0 + (private / TOO_WIDE) * _C2_SQUARES)
@@ -201,7 +214,7 @@ def increment(
     group_f1 = in_group.sum(axis=1, keepdims=True) - group_e
     group_h, group_z = in_group @ h, in_group @ z
     if bend is not None:
-        turning = _by_group(p * bend * weight, member, len(starts))
+        turning = shape * (p * bend * weight)
         group_f1 = group_f1 + (turning @ e) * C2_NODES
         group_h = group_h + turning.sum(axis=1)
     sums[A] = weight.sum() - 2.0 * we + wee - kappa @ (group_f1 * group_f1)
@@ -211,15 +224,33 @@ def increment(
     sums[D] = wh @ h - (kappa * group_h) @ group_h - private * own.sum()
     sums[E] = (kappa * group_z) @ group_h - wz @ h
     sums[Z] = wz @ z - (kappa * group_z) @ group_z
-    sums[DOF] = len(h) - own @ by_own / noise_var
+    sums[DOF] = len(h) - own @ by_own / noise_var if corrected_scores else len(h)
     return sums
 
 
-def _by_group(values: Array, member: NDArray[np.int64], groups: int) -> Array:
-    """One row per group: its members' values, else 0; shape (groups, n)."""
-    if groups == 1:
-        return values[None]
-    return np.where(member == np.arange(groups)[:, None], values, 0.0)
+def _common_errors(points: Points, weight: Array) -> tuple[Array, Array]:
+    """Errors of the slips by the vehicle speed, each with its variance.
+
+    Args:
+        points: Samples on one branch.
+        weight: Weight of each sample in the mean place of its group, shape (n,).
+
+    Returns:
+        Error of each slip by one unit of each of k errors, shape (k, n): those of the groups, then
+        the changes across them; and their variances, shape (k,).
+
+    """
+    starts, member = points.groups()
+    var = points.common_var[starts]
+    inside = member == np.arange(len(starts))[:, None] if len(starts) > 1 else np.ones((1, 1))
+    level = inside * points.sign
+    share = points.share
+    if share is None or not np.ptp(share) > 0.0:
+        return level, var
+    mean = inside * weight
+    total = mean.sum(axis=1, keepdims=True)
+    middle = (mean @ share)[:, None] / np.where(total > 0.0, total, 1.0)
+    return np.concatenate([level, level * (share - middle)]), np.concatenate([var, 2.0 * var])
 
 
 def slope_at(points: Points, theta: CurveParameters) -> Array:
@@ -256,9 +287,9 @@ def residual_at(points: Points, theta: CurveParameters) -> Array:
 def common_shift(points: Points, theta: CurveParameters, noise_var: float) -> Points:
     """Samples without the error of each vehicle speed, estimated from the current curve.
 
-    The group's error e minimises Σ (z − μ(λ − e))²/(σ² + a² p) + e²/q (Gauss-Newton). It only moves
-    the point of linearisation: with the slope a there and z − a e in place of z,
-    `increment` counts e as unknown all the same.
+    A group's error e minimises Σ (z − μ(λ − e))²/(σ² + a² p) + e²/q (Gauss-Newton), and so does the
+    change across the group. They only move the point of linearisation: with the slope a there and
+    z − a e in place of z, `increment` counts e as unknown all the same.
 
     Args:
         points: Samples on one branch.
@@ -269,18 +300,19 @@ def common_shift(points: Points, theta: CurveParameters, noise_var: float) -> Po
         Samples with λ − e in place of λ.
 
     """
-    h, _, p, q, further, *_ = points
-    starts, member = points.groups()
-    var = np.maximum(q[starts], 1e-30)
-    error = np.zeros(len(starts))
-    moved = points
+    h, _, p, _, further, *_ = points
     b = slope_by_adhesion(points, theta)
+    weight = 1.0 / (noise_var + b * b * p + further)
+    a = slope_at(points, theta)
+    shape, var = _common_errors(points, a * a * weight)
+    var = np.maximum(var, 1e-30)
+    error = np.zeros(len(var))
+    moved = points
     for _ in range(2):
         a = slope_at(moved, theta)
-        v = a / (noise_var + b * b * p + further)
-        drift = 1.5 * a * bend_at(points, a, theta) * p / (noise_var + b * b * p + further)
-        pull = np.add.reduceat(v * residual_at(moved, theta) - drift, starts) + error / var
-        error = error - pull / (np.add.reduceat(v * a, starts) + 1.0 / var)
+        drift = 1.5 * a * bend_at(points, a, theta) * p * weight
+        pull = shape @ (a * weight * residual_at(moved, theta) - drift) + error / var
+        error = error - pull / ((shape * shape) @ (a * a * weight) + 1.0 / var)
         error = np.clip(error, -3.0 * np.sqrt(var), 3.0 * np.sqrt(var))
-        moved = points._replace(slip=h - error[member])
+        moved = points._replace(slip=h - error @ shape)
     return moved

@@ -148,6 +148,16 @@ class FadingMemories:
             the predictive density of all of them, up to a constant.
 
         """
+        costs, density, cost = self._density(added)
+        probability = self._probability * np.maximum(density, LEAST_DENSITY)
+        self._probability = probability / probability.sum()
+        return costs, cost
+
+    def cost(self, added: Array) -> float:
+        """Predictive density of new samples as `predict` gives it, without any update."""
+        return self._density(added)[2]
+
+    def _density(self, added: Array) -> tuple[Array, Array, float]:
         costs = curve_sums.costs(added, self._at_x, self._factors).reshape(self._costs.shape)
         scale = -0.5 / self.noise_var
         least = costs.min(axis=1)
@@ -155,10 +165,7 @@ class FadingMemories:
         log_density = scale * least + np.log(np.maximum(inside, 1e-300))
         best = log_density.max()
         density = np.exp(log_density - best)
-        cost = (best + log(self._probability @ density)) / scale
-        probability = self._probability * np.maximum(density, LEAST_DENSITY)
-        self._probability = probability / probability.sum()
-        return costs, float(cost)
+        return costs, density, float((best + log(self._probability @ density)) / scale)
 
     def add(self, added: Array, costs: Array) -> None:
         """Add samples by their sums and by their costs from `predict`."""

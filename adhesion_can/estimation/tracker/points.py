@@ -1,5 +1,7 @@
 """Samples as points on one branch of the curve, and the rejection of single-axle outliers."""
 
+from math import expm1
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,26 +11,83 @@ from adhesion_can.physics.samples import Samples
 
 ADHESION_MAX = 5.0
 """Largest adhesion of a usable sample; larger ones are faults."""
+COASTING_S = 0.1
+"""Time constant of the means by which an axle is coasting, s."""
+COASTING_AGE_S = 0.5
+"""Age of these means beyond which they say nothing, s."""
+
+
+def is_valid(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
+    """Whether a sample is within the model, shape (n,).
+
+    Left out are samples that are not finite, slips beyond the model (wheel lock at −1, spin) and an
+    impossible adhesion.
+    """
+    slip_size, adhesion_size = np.abs(samples.slip), np.abs(samples.adhesion)
+    further = samples.adhesion_var + samples.transient_var + samples.load_std
+    return np.asarray(
+        (slip_size <= slip_max)
+        & (adhesion_size <= ADHESION_MAX)
+        & np.isfinite(samples.slip_total_var + further)
+    )
 
 
 def is_usable(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
-    """Whether a sample carries information on the curve, shape (n,).
-
-    Left out are samples that are not finite, slips beyond the model (wheel lock at −1, spin), an
-    impossible adhesion, and coasting: where neither slip nor adhesion exceeds its error a sample
-    only shows that the curve begins at 0, which is known.
-    """
-    slip_size, adhesion_size = np.abs(samples.slip), np.abs(samples.adhesion)
-    slip_var = samples.slip_total_var
-    further = samples.adhesion_var + samples.transient_var + samples.load_std
-    usable = (
-        (slip_size <= slip_max) & (adhesion_size <= ADHESION_MAX) & np.isfinite(slip_var + further)
+    """Whether a sample is within the model and not coasting, by itself alone; shape (n,)."""
+    carried = carries_information(
+        samples.slip, samples.adhesion, samples.slip_total_var, samples.adhesion_var
     )
-    small = slip_size * slip_size < SURE * SURE * slip_var
-    if small.any():
-        adhesion_var = samples.adhesion_var
-        usable &= ~small | (adhesion_size * adhesion_size > SURE * SURE * adhesion_var)
-    return np.asarray(usable)
+    return is_valid(samples, slip_max) & carried
+
+
+def carries_information(
+    slip: Array, adhesion: Array, slip_var: Array, adhesion_var: Array
+) -> NDArray[np.bool_]:
+    """Whether slip or adhesion exceeds its error by far, shape (n,).
+
+    Where neither does, in coasting, a sample only shows that the curve begins at 0, which is known.
+    """
+    far = SURE * SURE
+    return np.asarray((slip * slip >= far * slip_var) | (adhesion * adhesion > far * adhesion_var))
+
+
+class CoastingGate:
+    """Rejection of axles that coast.
+
+    An axle is judged by its means over the last `COASTING_S`, without the samples in question.
+    Selected by their own noise, those kept in light braking would all lie too high, and scatter
+    less than the noise (selection bias; Heckman, Econometrica 47, 1979): another curve would fit
+    them. Without recent means, samples are judged one by one.
+    """
+
+    def __init__(self) -> None:
+        self._means: dict[int, tuple[int, float, float]] = {}
+        """By axle: latest stamp, µs, and means of slip and adhesion."""
+
+    def passes(self, samples: Samples) -> NDArray[np.bool_]:
+        """Whether to use each sample, shape (n,).
+
+        Args:
+            samples: Samples of an update, at least one, finite.
+
+        """
+        slip_var, adhesion_var = samples.slip_total_var, samples.adhesion_var
+        slip, adhesion = samples.slip.copy(), samples.adhesion.copy()
+        if not (slip_var.any() or adhesion_var.any()):
+            return np.ones(len(slip), dtype=np.bool_)
+        for axle in np.unique(samples.axle).tolist():
+            own = samples.axle == axle
+            t_us = int(samples.t_us[own][-1])
+            means = float(slip[own].mean()), float(adhesion[own].mean())
+            before_us, *before = self._means.get(axle, (0, 0.0, 0.0))
+            age_s = (t_us - before_us) * 1e-6
+            if axle in self._means and 0.0 <= age_s <= COASTING_AGE_S:
+                slip[own], adhesion[own] = before
+                gain = -expm1(-age_s / COASTING_S)
+                first, second = (b + gain * (m - b) for b, m in zip(before, means, strict=True))
+                means = first, second
+            self._means[axle] = t_us, *means
+        return carries_information(slip, adhesion, slip_var, adhesion_var)
 
 
 def build_points(samples: Samples, *, errors_in_variables: bool = True) -> Points:
@@ -54,12 +113,11 @@ def build_points(samples: Samples, *, errors_in_variables: bool = True) -> Point
     unsure = slip * slip < SURE * SURE * (private + common)
     if unsure.any():
         sign[unsure] = np.copysign(1.0, adhesion.mean())
-    # A group shares the error of its vehicle speed; on the other branch that has the other sign.
     stamp = samples.speed_us
     group = np.zeros(len(sign), dtype=np.int64)
-    np.cumsum((stamp[1:] != stamp[:-1]) | (sign[1:] != sign[:-1]), out=group[1:])
-    further = samples.transient_var
-    return Points(sign * slip, sign * adhesion, private, common, further, group, sign)
+    np.cumsum(stamp[1:] != stamp[:-1], out=group[1:])
+    further, share = samples.transient_var, samples.speed_share
+    return Points(sign * slip, sign * adhesion, private, common, further, group, sign, share)
 
 
 class OutlierGate:

@@ -13,6 +13,7 @@ ln p(data | θ) = −(ν + n)/2 · ln(ν σ0² + J(θ)) + const.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,8 @@ SPREAD = 1.3
 """Factor on the standard deviations of the draws, for Student's tails and errors of J."""
 FALL_DETERMINED = 3.0
 """c3 over its standard deviation from which the data determine it better than the prior."""
+SHARES = (0.05, 0.5, 0.95)
+"""Probabilities of the quantiles of an interval."""
 
 _SURROGATE_MEAN, _SURROGATE_STD = np.array([0.35, 0.15]), np.array([0.5, 0.5])
 """Normal prior of (c1, c3) for the draws alone; it bounds them where data are uninformative."""
@@ -321,3 +324,28 @@ def _quasi_random(size: int) -> tuple[Array, Array]:
     steps = np.array([[0.7548776662466927], [0.5698402909980532]])
     first, second = (0.5 + k * steps) % 1.0
     return first, second
+
+
+def join_parts(parts: list[tuple[Curves, Array]]) -> tuple[Curves, Array]:
+    """Curves of several distributions as one, with normalised weights."""
+    weights = np.concatenate([weights for _, weights in parts])
+    return join_curves([curves for curves, _ in parts]), weights / weights.sum()
+
+
+def shares_below(curves: Curves, weights: Array) -> Array:
+    """Cumulative weight at each curve in the three orders, shape (3, n)."""
+    in_order = weights[curves.order]
+    return np.asarray(in_order.cumsum(axis=1) - 0.5 * in_order)
+
+
+def weighted_std(values: Array, weights: Array) -> float:
+    """Standard deviation of values with normalised weights."""
+    deviation = values - weights @ values
+    return sqrt(float(weights @ (deviation * deviation)))
+
+
+def widened_interval(in_order: Array, share_below: Array, extra_std: float) -> tuple[float, float]:
+    """Interval from the 5 to the 95 % quantile, widened by an independent error."""
+    low, middle, high = np.interp(SHARES, share_below, in_order)
+    more = 1.645 * extra_std
+    return float(middle - hypot(middle - low, more)), float(middle + hypot(high - middle, more))

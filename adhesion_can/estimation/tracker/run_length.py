@@ -8,11 +8,17 @@ an error that no curve explains, favours neither.
 The new curve of a hypothesis is a mixture over the nodes of c2 with c1 and c3 integrated out in
 closed form. That is a marginal likelihood. So without a change the Bayes factor exceeds 1/α with a
 probability of at most α (Ville's inequality, 1939): the rate of false alarms is set, not tuned.
+Where wheel speeds err, two sums of squares compete, and the new curve gets the larger one at each
+c2. With the measured slips as they are a curve that is too flat fits best (regression dilution),
+with corrected scores one that is too steep may have a sum of squares near zero or below. Both are
+counted from the same sum of the curve so far, which has no such advantage.
+
 Hypotheses are pruned so that their ages grow geometrically, and their number stays constant.
 """
 
 from dataclasses import dataclass
 from math import exp, inf, log, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -59,6 +65,30 @@ class RunLengthSettings:
             raise ValueError("noise_freedom must be positive, settling_samples not negative")
 
 
+class Evidence(NamedTuple):
+    """Samples of an update, and their sum of squares J with the curve so far.
+
+    Attributes:
+        sums: Sums with corrected scores, shape (LENGTH,).
+        old_cost: J of the curve so far in `sums`.
+        plain: Sums with the slips as measured, shape (LENGTH,); None: the same as `sums`.
+        plain_old_cost: J of the curve so far in `plain`.
+
+    """
+
+    sums: Array
+    old_cost: float
+    plain: Array | None = None
+    plain_old_cost: float = 0.0
+
+    @property
+    def as_measured(self) -> tuple[Array, float]:
+        """Sums and J with the slips as measured."""
+        if self.plain is None:
+            return self.sums, self.old_cost
+        return self.plain, self.plain_old_cost
+
+
 class RunLengthHypotheses:
     """Run-length hypotheses that are kept.
 
@@ -81,6 +111,8 @@ class RunLengthHypotheses:
         self._updates = 0
         self._sums: Array = np.zeros((self._settings.contenders, LENGTH))
         self._old_cost: Array = np.zeros(self._settings.contenders)
+        self._plain: Array = np.zeros((self._settings.contenders, LENGTH))
+        self._plain_old: Array = np.zeros(self._settings.contenders)
         self._since_us: list[int] = []
         self._born: list[int] = []
 
@@ -97,23 +129,26 @@ class RunLengthHypotheses:
         """Stamp of the first sample after each hypothesis' change, µs."""
         return self._since_us
 
-    def add(self, increment: Array, old_cost: float, t_us: int) -> None:
+    def add(self, update: Evidence, t_us: int) -> None:
         """Add an update to all hypotheses, and a hypothesis that begins with it.
 
         Args:
-            increment: Sums of the update's samples, shape (LENGTH,).
-            old_cost: Sum of squares J of the samples with the curve so far.
+            update: Samples of the update.
             t_us: Stamp of the update's first sample, µs.
 
         """
         slot = self._free_slot()
         self._updates += 1
         self._sums[slot], self._old_cost[slot] = 0.0, 0.0
+        self._plain[slot], self._plain_old[slot] = 0.0, 0.0
         self._since_us[slot], self._born[slot] = t_us, self._updates
-        self._sums[: self._count] += increment
-        self._old_cost[: self._count] += old_cost
+        plain, plain_old_cost = update.as_measured
+        self._sums[: self._count] += update.sums
+        self._old_cost[: self._count] += update.old_cost
+        self._plain[: self._count] += plain
+        self._plain_old[: self._count] += plain_old_cost
 
-    def close(self, accepted: int, latest_cost: float, latest_dof: float, noise_var: float) -> None:
+    def close(self, accepted: int, latest: Evidence, noise_var: float) -> None:
         """Add a last hypothesis after a detected change: it begins with the next update.
 
         The latest update may hold samples of both surfaces. For this hypothesis the update belongs
@@ -121,22 +156,28 @@ class RunLengthHypotheses:
 
         Args:
             accepted: Index of the hypothesis that was accepted; it is kept.
-            latest_cost: Sum of squares J of the latest update with the curve so far.
-            latest_dof: Degrees of freedom of the latest update.
+            latest: Samples of the latest update.
             noise_var: Variance σ² of the adhesion noise.
 
         """
         slot = self._free_slot(accepted)
         self._updates += 1
-        self._sums[slot] = 0.0
-        # J of noise alone scatters by √(2 n) σ²: twice that is no sign of another surface.
-        neither = latest_dof + LEFT_OUT + 2.0 * sqrt(2.0 * latest_dof)
-        self._old_cost[slot] = latest_cost - neither * noise_var
+        self._sums[slot], self._plain[slot] = 0.0, 0.0
+        plain, plain_old_cost = latest.as_measured
+        for sums, old_cost, to in (
+            (latest.sums, latest.old_cost, self._old_cost),
+            (plain, plain_old_cost, self._plain_old),
+        ):
+            dof = float(sums[DOF])
+            # J of noise alone scatters by √(2 n) σ²: twice that is no sign of another surface.
+            neither = dof + LEFT_OUT + 2.0 * sqrt(2.0 * dof)
+            to[slot] = old_cost - neither * noise_var
         self._since_us[slot], self._born[slot] = -1, self._updates
 
-    def extend(self, increment: Array, t_us: int) -> None:
+    def extend(self, update: Evidence, t_us: int) -> None:
         """Add an update of the new surface, after `close`, to all hypotheses."""
-        self._sums[: self._count] += increment
+        self._sums[: self._count] += update.sums
+        self._plain[: self._count] += update.as_measured[0]
         self._since_us = [t_us if since == -1 else since for since in self._since_us]
 
     def _free_slot(self, kept: int | None = None) -> int:
@@ -167,7 +208,38 @@ class RunLengthHypotheses:
                 None: it is exact.
 
         """
-        s = self.sums * (1.0 / noise_var)
+        plain = self._plain[: self._count]
+        old, plain_old = self._old_cost[: self._count], self._plain_old[: self._count]
+        dof = plain[:, DOF]
+        score = self._scores(plain, plain_old, 0.0 * old, dof, noise_var, noise_dof)
+        if not np.array_equal(plain, self.sums):
+            apart = plain_old - old
+            other = self._scores(self.sums, old, apart, dof, noise_var, noise_dof)
+            score = np.minimum(score, other)
+        top = score.max(axis=1)
+        return np.asarray(top + np.log(np.exp(score - top[:, None]).sum(axis=1)))
+
+    def _scores(
+        self,
+        sums: Array,
+        old_cost: Array,
+        apart: Array,
+        dof: Array,
+        noise_var: float,
+        noise_dof: float | None,
+    ) -> Array:
+        """Log Bayes factor of each hypothesis at each node of c2, shape (len, NODES).
+
+        Args:
+            sums: Sums of each hypothesis, shape (len, LENGTH).
+            old_cost: J of the curve so far in them, shape (len,).
+            apart: What is added to all J of a hypothesis, shape (len,).
+            dof: Degrees of freedom of J, shape (len,).
+            noise_var: Variance σ² of the adhesion noise.
+            noise_dof: Degrees of freedom of that variance; None: it is exact.
+
+        """
+        s = sums * (1.0 / noise_var)
         p1, p3 = _STD**-2.0
         # Corrected scores may give a negative sum of squares where slips do not determine c2.
         a = np.maximum(s[:, curve_sums.A], 0.0) + p1
@@ -178,17 +250,18 @@ class RunLengthHypotheses:
         det = np.maximum(a * d - b * b, 1e-12 * a * d)
         explained = (r1 * (d * r1 - (2.0 * r3) * b) + a * (r3 * r3)) / det
         prior_term = p1 * _MEAN[0] ** 2 + p3 * _MEAN[1] ** 2
-        cost = np.maximum(s[:, Z, None] + prior_term - explained, 0.0)
+        added = apart[:, None] / noise_var
+        cost = np.maximum(s[:, Z, None] + prior_term - explained + added, 0.0)
         occam = self._log_prior - 0.5 * np.log(det * (1.0 / (p1 * p3)))
-        old = self._old_cost[: self._count, None] / noise_var
-        if noise_dof is None:
-            score = occam + 0.5 * (old - cost)
-        else:
+        old = old_cost[:, None] / noise_var + added
+        gain = 0.5 * (old - cost)
+        if noise_dof is not None:
             nu = min(self._settings.noise_freedom, noise_dof)
-            freedom = nu + self.sums[:, DOF, None]
-            score = occam + 0.5 * freedom * np.log((nu + np.maximum(old, 0.0)) / (nu + cost))
-        top = score.max(axis=1)
-        return np.asarray(top + np.log(np.exp(score - top[:, None]).sum(axis=1)))
+            ratio = (nu + np.maximum(old, 0.0)) / (nu + cost)
+            # Noise may have risen. Where it seems to have fallen, in a span as short as this, the
+            # errors of the slips have not: their variances are stated, and would shrink with it.
+            gain = np.minimum(gain, 0.5 * (nu + dof[:, None]) * np.log(ratio))
+        return np.asarray(occam + gain)
 
     def probability(self, log_factors: Array) -> float:
         """Posterior probability that the surface changed before one of the last updates."""

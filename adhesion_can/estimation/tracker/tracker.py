@@ -36,18 +36,30 @@ from adhesion_can.estimation.tracker.curve_sums import (
     slope_by_adhesion,
 )
 from adhesion_can.estimation.tracker.memories import FadingMemories, MemorySettings
-from adhesion_can.estimation.tracker.points import OutlierGate, build_points, is_usable
+from adhesion_can.estimation.tracker.points import (
+    CoastingGate,
+    OutlierGate,
+    build_points,
+    is_valid,
+)
 from adhesion_can.estimation.tracker.posterior import (
     Curves,
     NoisePrior,
     draw,
     effective_size,
-    join_curves,
+    join_parts,
     log_weights,
     normalise,
+    shares_below,
+    weighted_std,
+    widened_interval,
 )
 from adhesion_can.estimation.tracker.prior import Prior, PriorSettings, shape_coordinates
-from adhesion_can.estimation.tracker.run_length import RunLengthHypotheses, RunLengthSettings
+from adhesion_can.estimation.tracker.run_length import (
+    Evidence,
+    RunLengthHypotheses,
+    RunLengthSettings,
+)
 from adhesion_can.physics.burckhardt import CurveParameters, adhesion
 from adhesion_can.physics.estimate import CHANGED, Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
@@ -60,8 +72,6 @@ MAX_NOISE_SAMPLES = 20.0
 """Largest weight of the noise estimate on a new surface, samples: noise is the sensors'."""
 FALL_SIGNIFICANCE = 4.0
 """c3 over its standard deviation from which the fall beyond the peak is significant."""
-SHARES = (0.05, 0.5, 0.95)
-"""Probabilities of the quantiles of an interval."""
 COMMON_ERROR_THRESHOLD = 0.006
 """(c2 σ)² of the slip's error by the vehicle speed, from which `common_shift` is worth it."""
 PRIVATE_ERROR_THRESHOLD = 0.001
@@ -133,6 +143,7 @@ class Tracker:
         self._hypotheses = RunLengthHypotheses(settings.run_length, prior)
         self._axles = AxleDeviations(settings.axles)
         self._gate = OutlierGate()
+        self._coasting = CoastingGate()
         self._load_var = 0.0
         self._sign = 1.0
         self._now_us: int | None = None
@@ -144,7 +155,10 @@ class Tracker:
         """Process samples, as `Estimator.update` defines it."""
         seconds = 0.0 if self._now_us is None else max(now_us - self._now_us, 0) * 1e-6
         self._now_us = now_us
-        usable = is_usable(samples, self._limits.slip_max)
+        valid = is_valid(samples, self._limits.slip_max)
+        if not valid.all():
+            samples = samples.select(valid)
+        usable = self._coasting.passes(samples)
         if not usable.all():
             samples = samples.select(usable)
         current = self._current
@@ -183,6 +197,7 @@ class Tracker:
             float(np.mean((samples.load_std / samples.load) ** 2)) if unmeasured else 0.0
         )
         self._sign = float(points.sign[-1])
+        moved = points
         added = fresh = self._compute_sums(points, slope, current)
         if current.c2**2 * points.common_var.max() > COMMON_ERROR_THRESHOLD:
             moved = common_shift(points, current.theta, noise_var)
@@ -194,7 +209,14 @@ class Tracker:
             # How far the slips reached comes from the sensors, not from the curve to be estimated.
             added[HISTOGRAM] = fresh[HISTOGRAM]
         costs, cost = self._memories.predict(added)
-        changed, restarted = self._look_for_change(fresh, cost, samples)
+        evidence = Evidence(added, cost)
+        if points.private_var.any():
+            own_slope = slope_by_adhesion(points, current.theta)
+            plain = increment(
+                moved, slope, noise_var, self._limits.slip_max, own_slope, corrected_scores=False
+            )
+            evidence = Evidence(added, cost, plain, self._memories.cost(plain))
+        changed, restarted = self._look_for_change(evidence, samples)
         if not restarted:
             self._memories.add(added, costs)
             level = points.adhesion - residual
@@ -215,11 +237,12 @@ class Tracker:
 
     # ------------------------------------------------------------------ surface changes
 
-    def _look_for_change(self, fresh: Array, cost: float, samples: Samples) -> tuple[float, bool]:
+    def _look_for_change(self, evidence: Evidence, samples: Samples) -> tuple[float, bool]:
         """Probability that the surface changed, and whether the memories were restarted.
 
         After a restart they hold these samples already.
         """
+        fresh = evidence.sums
         first_us = int(samples.t_us[0])
         if self._known_changes is not None:
             if not self._known_changes or first_us < self._known_changes[0]:
@@ -228,16 +251,16 @@ class Tracker:
             self._restart(fresh, first_us)
             return 1.0, True
         if self._settling > 0.0:
-            return 0.0, self._settle(fresh, first_us)
+            return 0.0, self._settle(evidence, first_us)
         if self._memories.dof < self._limits.samples:
             return 0.0, False
-        self._hypotheses.add(fresh, cost, first_us)
+        self._hypotheses.add(evidence, first_us)
         factors = self._hypotheses.log_factors(self._memories.noise_var, self._memories.dof)
         changed = self._hypotheses.probability(factors)
         if changed >= CHANGED:
             best = int(np.argmax(factors))
             self._restart(self._hypotheses.sums[best], self._hypotheses.since_us[best])
-            self._hypotheses.close(best, cost, float(fresh[DOF]), self._memories.noise_var)
+            self._hypotheses.close(best, evidence, self._memories.noise_var)
             self._settling = float(self._settings.run_length.settling_samples)
         return changed, changed >= CHANGED
 
@@ -251,10 +274,10 @@ class Tracker:
         self._axles.fade(0.0, share=0.1)
         self._since_us = since_us
 
-    def _settle(self, fresh: Array, first_us: int) -> bool:
+    def _settle(self, evidence: Evidence, first_us: int) -> bool:
         """Revise the time of a change by later samples; whether the memories were restarted."""
-        self._hypotheses.extend(fresh, first_us)
-        self._settling -= float(fresh[DOF])
+        self._hypotheses.extend(evidence, first_us)
+        self._settling -= float(evidence.sums[DOF])
         best = int(np.argmax(self._hypotheses.log_factors(self._memories.noise_var)))
         moved = self._hypotheses.since_us[best] != self._since_us
         if moved:
@@ -280,14 +303,14 @@ class Tracker:
         if MIN_MIXTURE_PROBABILITY < changed < CHANGED:
             parts = [(curves, (1.0 - changed) * weights) for curves, weights in parts]
             parts.append(self._after_change(changed))
-        curves, weights = parts[0] if len(parts) == 1 else _join_parts(parts)
-        shares = _shares_below(curves, weights)
+        curves, weights = parts[0] if len(parts) == 1 else join_parts(parts)
+        shares = shares_below(curves, weights)
         mu_max, lambda_m, theta = self._median_curve(curves, shares)
         mu_lag, lambda_lag = self._memories.lag()
         load_std = mu_max * sqrt(self._load_var)
         extra_std = hypot(load_std, mu_lag)
-        mu_std = hypot(_std(curves.mu_max, weights), mu_lag)
-        lambda_std = hypot(_std(curves.lambda_m, weights), lambda_lag)
+        mu_std = hypot(weighted_std(curves.mu_max, weights), mu_lag)
+        lambda_std = hypot(weighted_std(curves.lambda_m, weights), lambda_lag)
         deviation = curves.theta - weights @ curves.theta
         covariance = (deviation * weights[:, None]).T @ deviation
         identifiable = Identifiable(mu_max=False, lambda_m=False)
@@ -312,8 +335,10 @@ class Tracker:
             surface_since_us=self._since_us,
             change_probability=changed,
             per_axle=self._axles.estimate(mu_max, lambda_m, self._sign, self._memories.noise_var),
-            mu_max_interval=_interval(curves.mu_max[curves.order[0]], shares[0], extra_std),
-            lambda_m_interval=_interval(curves.lambda_m[curves.order[1]], shares[1], lambda_lag),
+            mu_max_interval=widened_interval(curves.mu_max[curves.order[0]], shares[0], extra_std),
+            lambda_m_interval=widened_interval(
+                curves.lambda_m[curves.order[1]], shares[1], lambda_lag
+            ),
         )
 
     def _median_curve(self, curves: Curves, shares: Array) -> tuple[float, float, CurveParameters]:
@@ -364,30 +389,6 @@ class Tracker:
             and reached >= settings.mu_max_reach * farthest,
             lambda_m=narrow and reached >= farthest,
         )
-
-
-def _join_parts(parts: list[tuple[Curves, Array]]) -> tuple[Curves, Array]:
-    """Curves of several distributions as one, with normalised weights."""
-    weights = np.concatenate([weights for _, weights in parts])
-    return join_curves([curves for curves, _ in parts]), weights / weights.sum()
-
-
-def _shares_below(curves: Curves, weights: Array) -> Array:
-    """Cumulative weight at each curve in the three orders, shape (3, n)."""
-    in_order = weights[curves.order]
-    return np.asarray(in_order.cumsum(axis=1) - 0.5 * in_order)
-
-
-def _std(values: Array, weights: Array) -> float:
-    deviation = values - weights @ values
-    return sqrt(float(weights @ (deviation * deviation)))
-
-
-def _interval(in_order: Array, share_below: Array, extra_std: float) -> tuple[float, float]:
-    """Interval from the 5 to the 95 % quantile, widened by an independent error."""
-    low, middle, high = np.interp(SHARES, share_below, in_order)
-    more = 1.645 * extra_std
-    return float(middle - hypot(middle - low, more)), float(middle + hypot(high - middle, more))
 
 
 def _reach(histogram: Array, share: float, slip_max: float) -> float:
