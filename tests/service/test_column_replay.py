@@ -98,7 +98,11 @@ def simulated(scenario, seconds, seed=1, effects=()):
     return [f for step in Simulation(how, CONFIG.database).run() for f in step]
 
 
-@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "scenario",
+    [s for s in SCENARIOS if s.name == "polach-sweep" or not s.name.startswith("polach-")],
+    ids=lambda s: s.name,
+)
 def test_all_scenarios_give_the_same_bytes(scenario):
     """With the tracker, as a replay runs."""
     core, sent = assert_same(simulated(scenario, 6.0), make=None, cuts=7)

@@ -71,7 +71,7 @@ def test_a_closed_loop_holds_the_setpoint_on_such_a_contact():
 
 def test_the_curve_is_identified_from_the_frames_of_such_a_run(tmp_path):
     """Burckhardt does not hold on it; the peak of Polach's form is the true one."""
-    drive = adhesion_can.simulate("polach-dry", 12.0, seed=3)
+    drive = adhesion_can.simulate("polach-dry", 8.0, seed=3)
     log = drive.write(tmp_path / "polach.log")
     names = ("burckhardt", "polach")
     results = {n: adhesion_can.identify(log, curve=n).curves[0] for n in names}
