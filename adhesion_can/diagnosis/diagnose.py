@@ -166,7 +166,7 @@ class _Analysis:
         if found.selection.plain.rmse < NOISELESS:
             return None
         for curves in choose_families(found, found.families):
-            shaped = self.run(found.change_times, curves).without_insignificant
+            shaped = self.run(found.change_times, curves).without_doubtful_effects
             shape = judge_shape(found, shaped)
             if shape is None:
                 continue

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.model_comparison import (
     LEAST_GAIN,
     LEAST_WHITENED_GAIN,
@@ -40,6 +41,8 @@ FREE = FAMILIES["free"]
 LARGEST_LOSS = 0.02
 """Share by which the RMSE may rise for an explanation with fewer causes to be preferred."""
 FIRST_ITERATIONS = 30
+MOST_LEFT = 0.25
+"""Largest share that a family leaves of what a slip spline explains on Burckhardt's curve."""
 SPEED_RANGE = 0.2
 """Range of the speeds (5 to 95 % of the rows), as a share of their median, below which a fall with
 creep speed cannot be told from one with slip."""
@@ -118,7 +121,8 @@ def compare_families(found: "Findings") -> tuple[FamilyFit, ...]:
 def choose_families(found: "Findings", fits: Sequence[FamilyFit]) -> list[SegmentCurves]:
     """Curves of the families that may replace Burckhardt's, the preferred one first; often none.
 
-    A family with a formula is preferred to the free curve where its held-out RMSE is within 2 %.
+    A family with a formula is preferred to the free curve where its held-out RMSE is within 2 %,
+    and of several such families the one that needs no effect.
 
     Args:
         found: Findings with Burckhardt's curve.
@@ -129,6 +133,7 @@ def choose_families(found: "Findings", fits: Sequence[FamilyFit]) -> list[Segmen
     ranked = sorted(fits[1:], key=lambda one: one.square)
     limit = (1.0 + LARGEST_LOSS) ** 2 * ranked[0].square
     formulas = [one for one in ranked if one.square <= limit and one.family is not FREE]
+    formulas.sort(key=lambda one: one.scored.fitted.cross_validated_square)
     chosen = [*formulas[:1], *(one for one in ranked[:1] if one not in formulas[:1])]
 
     def is_possible(one: FamilyFit) -> bool:
@@ -156,7 +161,7 @@ def judge_shape(found: "Findings", shaped: "Findings") -> ShapeFinding | None:
     same = plain
     if best.candidates:
         same = _fit(regression, replace(best.fitted.model, curves=plain.fitted.model.curves))
-    if not _is_worth(same, best) or _leaves_slip(shaped):
+    if not _is_worth(same, best) or _leaves_slip(found, shaped):
         return None
     tested = len(OTHERS)
     if burckhardt.candidates:
@@ -184,14 +189,28 @@ def _is_worth(small: ScoredModel, large: ScoredModel) -> bool:
     )
 
 
-def _leaves_slip(shaped: "Findings") -> bool:
-    """Whether the residual still depends on the slip: then the family is not the shape."""
-    return any(
-        one.channel.name == "slip"
-        and one.p_value <= shaped.alpha / 2
-        and one.gain >= SECOND_LEAST_GAIN
+def _leaves_slip(found: "Findings", shaped: "Findings") -> bool:
+    """Whether the residual still depends on the slip much: then the family is not the shape.
+
+    Errors of the slip leave such a dependence on any steep curve. It does not count where the
+    family explains more than any curve over slip could.
+    """
+    plain, best = found.selection.plain, shaped.selection.best
+    before = _explained_by_slip(found.channels_of_plain, plain.rmse)
+    if best.rmse**2 < plain.rmse**2 - before:
+        return False
+    left = [
+        one
         for one in shaped.channels_of_best
-    )
+        if one.p_value <= shaped.alpha / 2 and one.gain >= SECOND_LEAST_GAIN
+    ]
+    return _explained_by_slip(left, best.rmse) > MOST_LEFT * before
+
+
+def _explained_by_slip(channels: Sequence[ResidualChannel], rmse: float) -> float:
+    """Mean square of the adhesion that a spline in the slip takes off a residual."""
+    gain = max((one.gain for one in channels if one.channel.name == "slip"), default=0.0)
+    return rmse**2 * (1.0 - (1.0 - gain) ** 2)
 
 
 def _has_fewer_causes(burckhardt: ScoredModel, shaped: ScoredModel) -> bool:

@@ -68,10 +68,11 @@ class Findings:
         return self.selection.p_value(candidate, self.prepared.candidates)
 
     @property
-    def without_insignificant(self) -> "Findings":
-        """The findings without effects of which one is not significant."""
+    def without_doubtful_effects(self) -> "Findings":
+        """The findings without effects that are not significant, or not worth it beside a shape."""
         best = self.selection.best
-        if all(self.p_value(c) <= self.alpha for c in best.candidates):
+        worth = best.rmse < (1.0 - SECOND_LEAST_GAIN) * self.selection.plain.rmse
+        if worth and all(self.p_value(c) <= self.alpha for c in best.candidates):
             return self
         selection = replace(self.selection, best=self.selection.plain, indistinguishable=())
         return replace(self, selection=selection, channels_of_best=self.channels_of_plain)
