@@ -54,7 +54,10 @@ def run(estimator, seed, duration_s=40.0):
     return found, float(curve.max()), float(grid[curve.argmax()])
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+SEEDS = [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_the_peak_of_polachs_contact_is_found_with_its_model(seed):
     found, mu_max, lambda_m = run(ExtendedEstimator(Tracker(), MODEL, AXLES), seed)
     assert found.mu_max == pytest.approx(mu_max, rel=0.01)
