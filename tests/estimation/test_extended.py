@@ -17,8 +17,9 @@ from adhesion_can.estimation.extended.correction import (
     require_columns,
 )
 from adhesion_can.estimation.extended.estimator import ExtendedEstimator
-from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.estimation.extended.model import BaseCurve, ExtendedModel
 from adhesion_can.estimation.tracker.tracker import Tracker
+from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate, Identifiable
@@ -456,6 +457,18 @@ def test_doubt_about_an_effect_counts_where_the_condition_is_another_one():
     assert not other.identifiable.mu_max, "a peak that is doubtful by more than 3 % is not known"
     widened = hypot(0.002 * factor(20.0), 1.645 * added * other.mu_max)
     assert other.mu_max_interval[1] - other.mu_max == pytest.approx(widened, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("steeper", "known"), [(1.0, True), (1.4, True), (2.0, False), (0.5, False)]
+)
+def test_a_shape_is_not_extrapolated_to_peaks_far_from_where_it_was_learnt(steeper, known):
+    c1, c2, c3 = BASE
+    base = (c1, steeper * c2, steeper * c3)  # its λ_m is that of BASE over `steeper`
+    model = ExtendedModel(base=base, curve=BaseCurve(FAMILIES["burckhardt"], base))
+    estimate = at_speeds([8.0] * 5, model)[-1]
+    assert estimate.mu_max == pytest.approx(HEIGHT, rel=1e-6)
+    assert (estimate.identifiable.mu_max, estimate.identifiable.lambda_m) == (known, known)
 
 
 def test_no_covariance_adds_no_doubt():

@@ -21,12 +21,16 @@ from adhesion_can.estimation.extended.current_curve import (
 )
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.effects import LagStates
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 
 UPDATES = 10
 """Number of updates with samples between two computations of the peak's sensitivities."""
+FARTHEST_PLACE = 1.5
+"""Largest ratio of the base curve's λ_m to that of the model's, either way, at which the shape of a
+model with another curve family is that of the rail: elsewhere nobody has seen it."""
 STEP = 0.1
 """Step of an effect's parameter for a sensitivity, in its standard deviations."""
 
@@ -65,6 +69,7 @@ class ExtendedEstimator:
             _principal_directions(model.covariance_of(active)) for active in self._actives
         ]
         self._axles = axles
+        self._shape_place = None if model.curve is None else float(peak(*model.base).lambda_m)
         self._lags = LatestLagStates()
         self._origin_us: int | None = None
         self._conditions: LatestConditions | None = None
@@ -109,7 +114,15 @@ class ExtendedEstimator:
             sensitivities = self._sensitivities(base, conditions, lags, peaks)
             self._uncertainty.update(sensitivities, base.samples)
         mu_std, lambda_std = self._uncertainty.stds
-        return scale_estimate(base, peaks, mu_std, lambda_std, self._settings)
+        estimate = scale_estimate(base, peaks, mu_std, lambda_std, self._settings)
+        if self._is_shape_known(base.lambda_m):
+            return estimate
+        return replace(estimate, identifiable=Identifiable(mu_max=False, lambda_m=False))
+
+    def _is_shape_known(self, lambda_m: float) -> bool:
+        """Whether a base curve with this λ_m has the shape of the model's curve."""
+        place = self._shape_place
+        return place is None or place <= FARTHEST_PLACE * lambda_m <= FARTHEST_PLACE**2 * place
 
     def _sensitivities(
         self, base: Estimate, conditions: LatestConditions, lags: LagStates, at: CurvePeaks
