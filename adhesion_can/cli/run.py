@@ -68,7 +68,6 @@ def run(options: argparse.Namespace) -> int:
     narrator = _Narrator(sys.stderr)
     core = ServiceCore(config, on_setpoint=narrator.print_setpoint)
     bus = ReconnectingBus(bus_opener(options), core.ids, narrator.print)
-    narrator.print(f"listening on {bus.channel_info}; Ctrl-C ends")
     with ExitStack() as stack:
         log = stack.enter_context(whole_file(options.log, keep_part=True)) if options.log else None
         service = LiveService(
@@ -84,6 +83,8 @@ def run(options: argparse.Namespace) -> int:
 
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, stop)
+        # Said last: who waits for it may send a signal at once.
+        narrator.print(f"listening on {bus.channel_info}; Ctrl-C ends")
         until = None if options.duration is None else wall_clock() + round(options.duration * 1e6)
         service.run(until)
     if options.state and core.estimate is not None:

@@ -11,6 +11,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import load_database
 from adhesion_can.config import load_configuration
 from adhesion_can.offline.extract_samples import extract_samples
+from adhesion_can.simulation.drive import Pattern
 from adhesion_can.simulation.plant import GradientProfile, Plant
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
@@ -40,7 +41,7 @@ def test_the_default_is_calm():
         assert Surroundings().at(t, place) == DEFAULT_CONDITIONS
     for scenario in SCENARIOS:
         assert (scenario.surroundings.at(77.0, 500.0) == DEFAULT_CONDITIONS) == (
-            scenario.name != "sweep"
+            scenario.pattern is not Pattern.SWEEP
         )
 
 

@@ -29,6 +29,7 @@ from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.physics.curves import FAMILIES, CurveFamily
 from adhesion_can.physics.effects import acts_in_contact
+from adhesion_can.physics.effects.falling_friction import FALLING_FRICTION
 
 if TYPE_CHECKING:
     from adhesion_can.diagnosis.inference.findings import Findings
@@ -46,7 +47,6 @@ MOST_LEFT = 0.25
 SPEED_RANGE = 0.2
 """Range of the speeds (5 to 95 % of the rows), as a share of their median, below which a fall with
 creep speed cannot be told from one with slip."""
-FALLING_FRICTION = "falling_friction"
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,9 @@ from adhesion_can.physics.effects.base import (
 from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
-_ID, _TITLE = "falling_friction", "adhesion falls with creep speed"
+FALLING_FRICTION = "falling_friction"
+"""Id of the effect in all its forms."""
+_TITLE = "adhesion falls with creep speed"
 _REQUIRES = Requirements(speed=True)
 _OBSERVABILITY = Observability(channel="creep_speed", excitation="creep speed beyond the peak")
 
@@ -23,7 +25,7 @@ _OBSERVABILITY = Observability(channel="creep_speed", excitation="creep speed be
 class FallingFriction:
     """Factor e^(−c4 |λ V|): the rubbed film warms up and carries less."""
 
-    id: str = _ID
+    id: str = FALLING_FRICTION
     form: str = "burckhardt"
     title: str = _TITLE
     parameters: tuple[Parameter, ...] = (
@@ -42,7 +44,7 @@ class FallingFriction:
 class PolachFriction:
     """Factor (1 − A) e^(−B |v_s|) + A: it falls to a share A of its height and no further."""
 
-    id: str = _ID
+    id: str = FALLING_FRICTION
     form: str = "polach"
     title: str = _TITLE
     parameters: tuple[Parameter, ...] = (
