@@ -1,10 +1,9 @@
 """What the rows of a benchmark share: printing beside a target, and work over all cores."""
 
-import signal
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+
+from tools.processes import results_as_done
 
 
 class Report:
@@ -38,18 +37,10 @@ def over_cores(work, tasks, jobs, what):
     """Results of `work` in the order of the tasks, from processes of their own."""
     began = time.perf_counter()
     results = {}
-    with ProcessPoolExecutor(
-        min(jobs, len(tasks)),
-        mp_context=get_context("spawn"),
-        # Ctrl-C ends the workers without a word of their own.
-        initializer=signal.signal,
-        initargs=(signal.SIGINT, signal.SIG_DFL),
-    ) as pool:
-        waiting = {pool.submit(work, task): number for number, task in enumerate(tasks)}
-        step = max(len(tasks) // 10, 1)
-        for done, future in enumerate(as_completed(waiting), start=1):
-            results[waiting[future]] = future.result()
-            if done % step == 0 or done == len(tasks):
-                seconds = time.perf_counter() - began
-                aside(f"{what}: {done} of {len(tasks)} parts, {seconds:.0f} s")
+    step = max(len(tasks) // 10, 1)
+    for done, (number, result) in enumerate(results_as_done(work, tasks, jobs), start=1):
+        results[number] = result
+        if done % step == 0 or done == len(tasks):
+            seconds = time.perf_counter() - began
+            aside(f"{what}: {done} of {len(tasks)} parts, {seconds:.0f} s")
     return [results[number] for number in range(len(tasks))]

@@ -3,11 +3,8 @@ that `diagnose` wrote from them. A run that was stopped goes on where it was."""
 
 import argparse
 import secrets
-import signal
 import sys
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +28,7 @@ from plan import Results, code_version  # noqa: E402
 from tables import Target, markdown_table, target_table  # noqa: E402
 
 from tests.worlds import CONTACT_EFFECTS, KINDS, PAIRS, SINGLES  # noqa: E402
+from tools.processes import results_as_done  # noqa: E402
 
 NULLS = ("null:0", "null:surfaces")
 CONTACTS = ("contact:extended", "contact:fastsim", "contact:polach-dry", "contact:polach-wet")
@@ -217,19 +215,10 @@ def drive_all(results, tasks, jobs):
     aside(f"{len(left)} of {len(tasks)} drives to go, into {results.path}")
     if not left:
         return
-    with ProcessPoolExecutor(
-        min(jobs, len(left)),
-        mp_context=get_context("spawn"),
-        # Ctrl-C ends the workers without a word of their own.
-        initializer=signal.signal,
-        initargs=(signal.SIGINT, signal.SIG_DFL),
-    ) as pool:
-        waiting = [pool.submit(run_drive, task) for task in left]
-        for number, future in enumerate(as_completed(waiting), start=1):
-            record = future.result()
-            results.add(record)
-            said = record.get("error") or " + ".join(record["causes"]) or "nothing"
-            aside(f"{number}/{len(left)} {record['kind']}: {said} ({record['seconds']} s)")
+    for number, (_, record) in enumerate(results_as_done(run_drive, left, jobs), start=1):
+        results.add(record)
+        said = record.get("error") or " + ".join(record["causes"]) or "nothing"
+        aside(f"{number}/{len(left)} {record['kind']}: {said} ({record['seconds']} s)")
 
 
 def main(arguments=None):

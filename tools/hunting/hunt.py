@@ -2,12 +2,10 @@
 
 import argparse
 import secrets
-import signal
 import sys
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -18,6 +16,8 @@ from judge import JudgedRecord, judge_record  # noqa: E402  after the path
 from plan import Results, Task, build_tasks, check_kinds, code_version  # noqa: E402
 from tables import confusion, target_table, targets  # noqa: E402
 from work import DiagnosisOptions, work  # noqa: E402
+
+from tools.processes import results_as_done  # noqa: E402
 
 
 def parse_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
@@ -95,24 +95,17 @@ def hunt(
     if not open_tasks:
         return
     began = time.perf_counter()
-    with ProcessPoolExecutor(
-        min(jobs, len(open_tasks)),
-        mp_context=get_context("spawn"),
-        # Ctrl-C ends the workers without a word of their own.
-        initializer=signal.signal,
-        initargs=(signal.SIGINT, signal.SIG_DFL),
-    ) as pool:
-        waiting = [pool.submit(work, task, diagnosis_options) for task in open_tasks]
-        for number, future in enumerate(as_completed(waiting), start=1):
-            record = future.result()
-            results.add(record)
-            row = judge_record(record)
-            spent = time.perf_counter() - began
-            left = spent / number * (len(waiting) - number)
-            aside(
-                f"{number}/{len(waiting)} {row.kind}: {row.outcome} {' + '.join(row.answer)} "
-                f"({row.seconds:.1f} s; {left / 60:.0f} min to go)"
-            )
+    worker = partial(work, diagnosis_options=diagnosis_options)
+    done_work = results_as_done(worker, open_tasks, jobs)
+    for number, (_, record) in enumerate(done_work, start=1):
+        results.add(record)
+        row = judge_record(record)
+        spent = time.perf_counter() - began
+        left = spent / number * (len(open_tasks) - number)
+        aside(
+            f"{number}/{len(open_tasks)} {row.kind}: {row.outcome} {' + '.join(row.answer)} "
+            f"({row.seconds:.1f} s; {left / 60:.0f} min to go)"
+        )
 
 
 def report(rows: Sequence[JudgedRecord], seed: int, version: str) -> str:

@@ -73,7 +73,10 @@ def _fit_points(
 def find_nearest_burckhardt(
     family: CurveFamily, values: Array, conditions: Conditions, slip_max: float = SLIP_MAX
 ) -> CurveParameters:
-    """(c1, c2, c3) of the Burckhardt curve nearest to a curve around its peak.
+    """(c1, c2, c3) of the Burckhardt curve nearest to a curve, by least squares.
+
+    It is a denominator, so it is near over a wide range; `physics.curves.nearest_burckhardt` meets
+    the peak exactly and may reach zero within that range.
 
     Args:
         family: Family of the curve.
