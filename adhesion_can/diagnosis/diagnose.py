@@ -30,8 +30,8 @@ from adhesion_can.diagnosis.inference.confirm_on_hold_out import confirm_on_hold
 from adhesion_can.diagnosis.inference.curve_shape import (
     LARGEST_LOSS,
     choose_families,
-    compare_families,
     judge_shape,
+    score_families,
 )
 from adhesion_can.diagnosis.inference.detect_effects import detect_effects
 from adhesion_can.diagnosis.inference.find_residual_channels import find_residual_channels
@@ -120,7 +120,7 @@ def diagnose(
             found = other
     # The base curve may be of another family.
     show("curve families", 0.75)
-    found = replace(found, families=compare_families(found))
+    found = replace(found, families=score_families(found))
     shaped = analysis.run_with_shape(found)
     # Step 7
     show("gain", 0.85)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.inference.curve_shape import FamilyFit, ShapeFinding
+from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.model import RegressionData
@@ -175,7 +175,7 @@ def build_family_results(found: Findings, surface: int) -> tuple[FamilyResult, .
 
 
 def _build_family_result(
-    one: FamilyFit, surface: int, conditions: Conditions, slip: Array, *, chosen: bool
+    one: ScoredFamily, surface: int, conditions: Conditions, slip: Array, *, chosen: bool
 ) -> FamilyResult:
     curves = one.scored.fitted.model.curves
     values = curves.parameters[surface]

@@ -50,7 +50,7 @@ creep speed cannot be told from one with slip."""
 
 
 @dataclass(frozen=True, eq=False)
-class FamilyFit:
+class ScoredFamily:
     """Curves of one family alone, fitted to the rows that decide.
 
     Attributes:
@@ -97,7 +97,7 @@ class ShapeFinding:
     rivals: tuple[str, ...]
 
 
-def compare_families(found: "Findings") -> tuple[FamilyFit, ...]:
+def score_families(found: "Findings") -> tuple[ScoredFamily, ...]:
     """Burckhardt's curves and those of the other families, on one regression; Burckhardt first.
 
     Args:
@@ -106,7 +106,7 @@ def compare_families(found: "Findings") -> tuple[FamilyFit, ...]:
     """
     regression = found.prepared.regression
     plain, best = found.selection.plain, found.selection.best
-    fits = [FamilyFit(plain.fitted.model.curves.family, plain, best)]
+    fits = [ScoredFamily(plain.fitted.model.curves.family, plain, best)]
     for family in OTHERS:
         curves = fit_family_curves(regression.data, family)
         alone = _fit(regression, Model(curves))
@@ -114,11 +114,11 @@ def compare_families(found: "Findings") -> tuple[FamilyFit, ...]:
         if best.candidates:
             model = replace(best.fitted.model, curves=alone.fitted.model.curves)
             extended = _fit(regression, model)
-        fits.append(FamilyFit(family, alone, extended))
+        fits.append(ScoredFamily(family, alone, extended))
     return tuple(fits)
 
 
-def choose_families(found: "Findings", fits: Sequence[FamilyFit]) -> list[SegmentCurves]:
+def choose_families(found: "Findings", fits: Sequence[ScoredFamily]) -> list[SegmentCurves]:
     """Curves of the families that may replace Burckhardt's, the preferred one first; often none.
 
     A family with a formula is preferred to the free curve where its held-out RMSE is within 2 %,
@@ -136,7 +136,7 @@ def choose_families(found: "Findings", fits: Sequence[FamilyFit]) -> list[Segmen
     formulas.sort(key=lambda one: one.scored.fitted.cross_validated_square)
     chosen = [*formulas[:1], *(one for one in ranked[:1] if one not in formulas[:1])]
 
-    def is_possible(one: FamilyFit) -> bool:
+    def is_possible(one: ScoredFamily) -> bool:
         if not best.candidates:
             return is_improvement(plain, one.scored, len(OTHERS))
         improved = is_improvement(best, one.extended, len(OTHERS))

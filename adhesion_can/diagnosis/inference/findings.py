@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from adhesion_can.diagnosis.inference.curve_shape import FamilyFit, ShapeFinding
+from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.detect_effects import Detection
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.model_comparison import SECOND_LEAST_GAIN, ScoredModel
@@ -55,7 +55,7 @@ class Findings:
     change_times: list[list[float]]
     block_length_s: float
     alpha: float
-    families: tuple[FamilyFit, ...] = ()
+    families: tuple[ScoredFamily, ...] = ()
     shape: ShapeFinding | None = None
 
     @property
