@@ -18,6 +18,7 @@ from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.registry import (
     DEFAULT,
     EstimatorSettings,
+    MakeEstimator,
     estimator_by_name,
     known_estimators,
 )
@@ -188,6 +189,21 @@ class Configuration:
         """New sample former for columns of readings."""
         return ColumnFormer(self.make_former().equations)
 
+    def find_estimator(self, name: str | None = None) -> MakeEstimator:
+        """Factory of an estimator by name; without a name of the configured one.
+
+        Raises:
+            ConfigError: No estimator has that name.
+
+        """
+        wanted = name or self.estimator
+        try:
+            return estimator_by_name(wanted)
+        except KeyError as error:
+            where = "--estimator" if name else f"{self.where}: estimator"
+            known = ", ".join(known_estimators())
+            raise ConfigError(where, f"no estimator {wanted!r}", f"known: {known}") from error
+
     def make_estimator(self, name: str | None = None) -> Estimator:
         """New estimator by name; without a name the configured one.
 
@@ -198,14 +214,7 @@ class Configuration:
             ConfigError: No estimator has that name.
 
         """
-        wanted = name or self.estimator
-        try:
-            make = estimator_by_name(wanted)
-        except KeyError as error:
-            where = "--estimator" if name else f"{self.where}: estimator"
-            known = ", ".join(known_estimators())
-            raise ConfigError(where, f"no estimator {wanted!r}", f"known: {known}") from error
-        estimator = make(self.estimators)
+        estimator = self.find_estimator(name)(self.estimators)
         if self.model is None or not self.model.online:
             return estimator
         from adhesion_can.estimation.extended.estimator import (  # noqa: PLC0415

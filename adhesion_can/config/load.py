@@ -89,5 +89,5 @@ def _complete(configuration: Configuration) -> Configuration:
         )
         configuration = replace(configuration, choices=choices)
     _ = configuration.messages
-    configuration.make_estimator()
+    configuration.find_estimator()
     return configuration

@@ -7,14 +7,12 @@ sums over narrow bins of slip scores every possible change point in one matrix p
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.curve_comparison import compare_families
-from adhesion_can.estimation.curve_result import CurveComparison
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess
 from adhesion_can.estimation.likelihood import sum_of_squares
 from adhesion_can.estimation.variable_projection import (
@@ -22,10 +20,13 @@ from adhesion_can.estimation.variable_projection import (
     fit_least_squares,
     solve_two_by_two,
 )
-from adhesion_can.physics.curves import CurveFamily
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 from adhesion_can.result_text import html_table, plus_minus
+
+if TYPE_CHECKING:
+    from adhesion_can.estimation.curve_result import CurveComparison
+    from adhesion_can.physics.curves import CurveFamily
 
 BINS = 96
 
@@ -81,8 +82,8 @@ class BatchResult:
     whole: Estimate
     segments: tuple[Segment, ...]
     left_out: int
-    curves: tuple[CurveComparison | None, ...] = ()
-    whole_curves: CurveComparison | None = None
+    curves: "tuple[CurveComparison | None, ...]" = ()
+    whole_curves: "CurveComparison | None" = None
 
     def to_dict(self) -> dict[str, Any]:
         """Estimates of all samples together and of each segment, as JSON has them."""
@@ -132,7 +133,7 @@ def identify(
     settings: IdentifiabilitySettings | None = None,
     segmentation: SegmentationSettings | None = None,
     labels: NDArray[np.int64] | None = None,
-    families: Sequence[CurveFamily] = (),
+    families: "Sequence[CurveFamily]" = (),
 ) -> BatchResult | None:
     """Batch fit of a recording: one curve for all of it, and one for each segment.
 
@@ -168,6 +169,9 @@ def identify(
         whole = replace(whole, identifiable=Identifiable(mu_max=False, lambda_m=False))
     if not families:
         return BatchResult(whole, segments, len(samples) - len(kept))
+    # Imported here: most fits compare nothing, and a short check would wait for it.
+    from adhesion_can.estimation.curve_comparison import compare_families  # noqa: PLC0415
+
     curves = tuple(
         compare_families(kept.select(slice(a, b)), families, slip_max=settings.slip_max)
         for a, b in pairwise(bounds)

@@ -7,14 +7,18 @@ name is the estimator's, its object makes a fresh estimator from `EstimatorSetti
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from typing import TYPE_CHECKING
 
 from adhesion_can.estimation.baselines import BASELINES
 from adhesion_can.estimation.baselines.paper import ChangeSettings, PaperEstimator
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
-from adhesion_can.estimation.tracker.tracker import Tracker, TrackerSettings
+from adhesion_can.estimation.tracker.settings import TrackerSettings
 from adhesion_can.plugins import load_plugins
+
+if TYPE_CHECKING:
+    from adhesion_can.estimation.tracker.tracker import Tracker
 
 DEFAULT = "tracker"
 GROUP = "adhesion_can.estimators"
@@ -42,7 +46,24 @@ class EstimatorSettings:
     change: ChangeSettings = field(default_factory=ChangeSettings)
 
 
-def oracle(settings: EstimatorSettings, changes_us: Iterable[int]) -> Tracker:
+def make_tracker(
+    settings: EstimatorSettings, known_changes_us: Iterable[int] | None = None
+) -> "Tracker":
+    """Fresh tracker.
+
+    Args:
+        settings: Settings of the estimators.
+        known_changes_us: Stamps from which on the surface is another one, µs; None: it detects
+            them.
+
+    """
+    # Imported here, since a configuration needs the settings alone.
+    from adhesion_can.estimation.tracker.tracker import Tracker  # noqa: PLC0415
+
+    return Tracker(settings.tracker, settings.identifiability, known_changes_us=known_changes_us)
+
+
+def oracle(settings: EstimatorSettings, changes_us: Iterable[int]) -> "Tracker":
     """Tracker that knows when the surface changes; the difference shows what detection costs.
 
     Args:
@@ -50,7 +71,7 @@ def oracle(settings: EstimatorSettings, changes_us: Iterable[int]) -> Tracker:
         changes_us: Stamps from which on the surface is another one, µs.
 
     """
-    return Tracker(settings.tracker, settings.identifiability, known_changes_us=changes_us)
+    return make_tracker(settings, changes_us)
 
 
 MakeEstimator = Callable[[EstimatorSettings], Estimator]
@@ -62,7 +83,7 @@ def _baseline(name: str) -> MakeEstimator:
 
 
 ESTIMATORS: Mapping[str, MakeEstimator] = {
-    DEFAULT: lambda s: Tracker(s.tracker, s.identifiability),
+    DEFAULT: make_tracker,
     "paper": lambda s: PaperEstimator(s.evolution, s.identifiability, s.change),
     **{name: _baseline(name) for name in BASELINES},
 }

@@ -8,8 +8,7 @@ from adhesion_can.config import load_configuration
 from adhesion_can.config.load import settings_sections
 from adhesion_can.config.vehicle_section import GEOMETRY, PER_AXLE, WHOLE_VEHICLE
 from adhesion_can.errors import ConfigError
-from adhesion_can.estimation.tracker.memories import MemorySettings
-from adhesion_can.estimation.tracker.tracker import TrackerSettings
+from adhesion_can.estimation.tracker.settings import MemorySettings, TrackerSettings
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 
 

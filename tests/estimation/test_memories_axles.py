@@ -7,12 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations, AxleSettings
+from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
 from adhesion_can.estimation.tracker.curve_sums import Points, increment
-from adhesion_can.estimation.tracker.memories import FadingMemories, MemorySettings
+from adhesion_can.estimation.tracker.memories import FadingMemories
 from adhesion_can.estimation.tracker.posterior import NoisePrior
-from adhesion_can.estimation.tracker.prior import Prior, PriorSettings
-from adhesion_can.estimation.tracker.tracker import Tracker, TrackerSettings
+from adhesion_can.estimation.tracker.prior import Prior
+from adhesion_can.estimation.tracker.settings import (
+    AxleSettings,
+    MemorySettings,
+    PriorSettings,
+    TrackerSettings,
+)
+from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.burckhardt import RAIL, adhesion, adhesion_slope, peak
 from adhesion_can.physics.samples import Samples
 

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from adhesion_can.estimation.tracker.curve_sums import (
-    C2_RANGE,
     DOF,
     LENGTH,
     Points,
@@ -30,11 +29,10 @@ from adhesion_can.estimation.tracker.posterior import (
 from adhesion_can.estimation.tracker.prior import (
     FREEDOM,
     Prior,
-    PriorSettings,
     from_shape_coordinates,
     shape_coordinates,
 )
-from adhesion_can.estimation.tracker.tracker import TrackerSettings
+from adhesion_can.estimation.tracker.settings import C2_RANGE, PriorSettings, TrackerSettings
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, peak
 
 DRY, WET, GREASY = (surface.theta for surface in RAIL)

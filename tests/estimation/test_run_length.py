@@ -8,12 +8,9 @@ from scipy import stats
 
 from adhesion_can.estimation.tracker import run_length as changes
 from adhesion_can.estimation.tracker.curve_sums import C2_NODES, LENGTH, X_NODES, Points, increment
-from adhesion_can.estimation.tracker.prior import Prior, PriorSettings
-from adhesion_can.estimation.tracker.run_length import (
-    Evidence,
-    RunLengthHypotheses,
-    RunLengthSettings,
-)
+from adhesion_can.estimation.tracker.prior import Prior
+from adhesion_can.estimation.tracker.run_length import Evidence, RunLengthHypotheses
+from adhesion_can.estimation.tracker.settings import PriorSettings, RunLengthSettings
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.burckhardt import RAIL, adhesion, peak
 from adhesion_can.physics.samples import Samples

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.estimation.tracker.curve_sums import BINS
-from adhesion_can.estimation.tracker.memories import MemorySettings
 from adhesion_can.estimation.tracker.points import is_usable
-from adhesion_can.estimation.tracker.prior import Prior, PriorSettings
-from adhesion_can.estimation.tracker.tracker import Tracker, TrackerSettings
+from adhesion_can.estimation.tracker.prior import Prior
+from adhesion_can.estimation.tracker.settings import MemorySettings, PriorSettings, TrackerSettings
+from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, adhesion, peak
 from adhesion_can.physics.samples import Samples
 

@@ -9,8 +9,8 @@ from _data import DECLARED, SLIP_MAX, feed, points
 from _report import over_cores
 
 from adhesion_can.estimation.registry import ESTIMATORS, oracle
-from adhesion_can.estimation.tracker.memories import MemorySettings
-from adhesion_can.estimation.tracker.tracker import Tracker, TrackerSettings
+from adhesion_can.estimation.tracker.settings import MemorySettings, TrackerSettings
+from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.experiments.figures_of_merit import collect_runs, compute_figures, rms
 from adhesion_can.experiments.runs import (
     EXPERIMENTS,

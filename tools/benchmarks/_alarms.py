@@ -9,7 +9,7 @@ import numpy as np
 from _data import DECLARED, POOLED, SLIP_MAX, drive, feed, points
 from _report import aside, over_cores
 
-from adhesion_can.estimation.tracker.run_length import RunLengthSettings
+from adhesion_can.estimation.tracker.settings import RunLengthSettings
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.experiments.runs import RATE_HZ, SURFACES
 from adhesion_can.physics.burckhardt import RAIL, adhesion

@@ -8,8 +8,9 @@ import numpy as np
 from _data import POOLED, SLIP_MAX, feed, points
 from _report import over_cores
 
-from adhesion_can.estimation.tracker.prior import Prior, PriorSettings
-from adhesion_can.estimation.tracker.tracker import Tracker, TrackerSettings
+from adhesion_can.estimation.tracker.prior import Prior
+from adhesion_can.estimation.tracker.settings import PriorSettings, TrackerSettings
+from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.experiments.runs import SLIP_MAX as RANGE
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, adhesion, peak
 from adhesion_can.physics.samples import Samples

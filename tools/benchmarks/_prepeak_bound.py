@@ -12,8 +12,8 @@ with I the information of the samples at φ, J that of the component and g the s
 
 import numpy as np
 
-from adhesion_can.estimation.tracker.curve_sums import C2_RANGE
-from adhesion_can.estimation.tracker.prior import C1_MAX, FREEDOM, from_shape_coordinates
+from adhesion_can.estimation.tracker.prior import FREEDOM, from_shape_coordinates
+from adhesion_can.estimation.tracker.settings import C1_MAX, C2_RANGE
 from adhesion_can.physics.burckhardt import adhesion, peak
 
 POINTS = 200

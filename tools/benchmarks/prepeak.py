@@ -25,7 +25,7 @@ from _report import Report, over_cores  # noqa: E402
 from _rows import positive  # noqa: E402
 
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings  # noqa: E402
-from adhesion_can.estimation.tracker.prior import PriorSettings  # noqa: E402
+from adhesion_can.estimation.tracker.settings import PriorSettings  # noqa: E402
 from adhesion_can.estimation.tracker.tracker import Tracker  # noqa: E402
 
 USED = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95)

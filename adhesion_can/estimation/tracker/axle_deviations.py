@@ -7,35 +7,12 @@ priors that shrink an axle with little data to the common curve (ridge regressio
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AxleSettings:
-    """Prior of the deviations of single axles, and their forgetting.
-
-    Attributes:
-        level_std: Standard deviation of an axle's adhesion level, relative to the common curve, 1.
-            Larger: axles may differ more, and little data moves them farther.
-        slip_std: Standard deviation of an axle's slip error, as a slip ratio, 1. Larger: likewise
-            for the slip at the peak.
-        memory_s: Time constant of the exponential forgetting, s. Larger: less noise, and slower
-            changes of an axle.
-
-    """
-
-    level_std: float = 0.05
-    slip_std: float = 0.004
-    memory_s: float = 60.0
-
-    def __post_init__(self) -> None:
-        if not min(self.level_std, self.slip_std, self.memory_s) > 0:
-            raise ValueError("level_std, slip_std and memory_s must be positive")
+from adhesion_can.estimation.tracker.settings import AxleSettings
 
 
 class AxleDeviations:

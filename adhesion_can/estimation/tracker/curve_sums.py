@@ -30,9 +30,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.tracker.settings import C2_RANGE
 from adhesion_can.physics.burckhardt import CurveParameters
 
-C2_RANGE = (2.0, 500.0)
 NODES = 40
 X_RANGE = (float(np.log(C2_RANGE[0])), float(np.log(C2_RANGE[1])))
 

@@ -6,7 +6,6 @@ its predictive density, with slow switching between them (dynamic model averagin
 and Ettler, Technometrics 52, 2010).
 """
 
-from dataclasses import dataclass
 from math import exp, expm1, log
 
 import numpy as np
@@ -22,6 +21,7 @@ from adhesion_can.estimation.tracker.posterior import (
     normalise,
 )
 from adhesion_can.estimation.tracker.prior import Prior
+from adhesion_can.estimation.tracker.settings import MemorySettings
 
 LEAST_DENSITY = exp(-3.0)
 """Least factor on a memory's probability by one update, so that no single one decides."""
@@ -35,32 +35,6 @@ LEAST_NEW_SHARE = 0.03
 """Least share of samples that are new since the last draw, for another draw."""
 LEAST_KEPT_SHARE = 0.7
 """Share of the samples at the last draw below which the curves are drawn anew, wider."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MemorySettings:
-    """Exponential forgetting on a surface that changes slowly.
-
-    Attributes:
-        times_s: Time constants of the forgetting, s, longest first: the first is for a constant
-            surface, the others follow a drift. Longer: less noise, slower.
-        drift: Prior probability of a drifting surface, at least 0 and below 1. Larger: drifts are
-            followed earlier, with more noise on a constant surface.
-        switch_s: Mean time after which a drifting memory returns to the prior probabilities, s.
-
-    """
-
-    times_s: tuple[float, ...] = (3600.0, 15.0, 3.0)
-    drift: float = 0.01
-    switch_s: float = 10.0
-
-    def __post_init__(self) -> None:
-        if not self.times_s or min(self.times_s) <= 0 or self.switch_s <= 0:
-            raise ValueError("times_s must name at least one time, all times be positive")
-        if list(self.times_s) != sorted(self.times_s, reverse=True):
-            raise ValueError("times_s must fall: longest first")
-        if not 0 <= self.drift < 1:
-            raise ValueError("drift must be at least 0 and below 1")
 
 
 class FadingMemories:

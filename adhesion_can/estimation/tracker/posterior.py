@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker import curve_sums
 from adhesion_can.estimation.tracker.curve_sums import DOF, X_RANGE, coefficients, interpolation
-from adhesion_can.estimation.tracker.prior import C1_MAX, Prior, shape_coordinates
+from adhesion_can.estimation.tracker.prior import Prior, shape_coordinates
+from adhesion_can.estimation.tracker.settings import C1_MAX
 from adhesion_can.physics.burckhardt import peak
 
 GRID = 48

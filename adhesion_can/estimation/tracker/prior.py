@@ -6,17 +6,13 @@ one around each surface of the library. The heavy tails let data always outweigh
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from math import gamma, log, pi
 
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker.curve_sums import C2_RANGE
-from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Surface
+from adhesion_can.estimation.tracker.settings import C1_MAX, C2_RANGE, PriorSettings
 
-C1_MAX = 2.0
-"""Largest level c1 of a curve, beyond any adhesion of a wheel."""
 FREEDOM = 4.0
 """Degrees of freedom of the t distributions."""
 _NORM = gamma((FREEDOM + 3) / 2) / (gamma(FREEDOM / 2) * (FREEDOM * pi) ** 1.5)
@@ -34,44 +30,6 @@ def from_shape_coordinates(phi: Array) -> Array:
     """Inverse of `shape_coordinates`, shape (n, 3)."""
     c1, c2, s = np.exp(phi).T
     return np.column_stack([c1, c2, c1 * c2 * np.exp(-s)])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PriorSettings:
-    """Prior of a new surface, in (ln c1, ln c2, ln s) with the shape s = ln(c1 c2/c3).
-
-    Attributes:
-        wide_weight: Probability that the surface is like none of the library, above 0. Larger: less
-            use of known surfaces, slower convergence on them.
-        wide_theta: Centre (c1, c2, s) of the wide component, 1.
-        wide_std: Scales of the wide component in (ln c1, ln c2, ln s), 1. Larger: less informative.
-        narrow_std: Scales of the component around each known surface in (ln c1, ln c2, ln s), 1.
-        library: Whether the published surfaces and our rail surfaces are known surfaces.
-        learned: Largest number of identified surfaces that are kept as known surfaces.
-
-    """
-
-    wide_weight: float = 0.5
-    wide_theta: tuple[float, float, float] = (0.35, 45.0, 4.1)
-    wide_std: tuple[float, float, float] = (0.6, 0.7, 0.25)
-    narrow_std: tuple[float, float, float] = (0.15, 0.25, 0.08)
-    library: bool = True
-    learned: int = 6
-
-    def __post_init__(self) -> None:
-        if not 0 < self.wide_weight <= 1:
-            raise ValueError("wide_weight must be in 0..1 and not 0: no library holds every rail")
-        if not min(*self.wide_theta, *self.wide_std, *self.narrow_std) > 0:
-            raise ValueError("centres and spreads must be positive")
-        low, high = C2_RANGE
-        if not (self.wide_theta[0] < C1_MAX and low <= self.wide_theta[1] <= high):
-            raise ValueError(f"wide_theta must have c1 below {C1_MAX:g}, c2 in {low:g}..{high:g}")
-        if self.learned < 0:
-            raise ValueError("learned must not be negative")
-
-    def surfaces(self) -> tuple[Surface, ...]:
-        """Surfaces of the library: our own rail surfaces and the published ones with a peak."""
-        return tuple(s for s in (*RAIL, *PUBLISHED) if s.c3 > 0) if self.library else ()
 
 
 class Prior:

@@ -16,7 +16,6 @@ counted from the same sum of the curve so far, which has no such advantage.
 Hypotheses are pruned so that their ages grow geometrically, and their number stays constant.
 """
 
-from dataclasses import dataclass
 from math import exp, inf, log, sqrt
 from typing import NamedTuple
 
@@ -26,6 +25,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker import curve_sums
 from adhesion_can.estimation.tracker.curve_sums import DOF, LENGTH, X_NODES, Z
 from adhesion_can.estimation.tracker.prior import Prior
+from adhesion_can.estimation.tracker.settings import RunLengthSettings
 
 _MEAN, _STD = np.array([0.3, 0.15]), np.array([0.4, 0.4])
 """Prior mean and standard deviation of (c1, c3) of a new surface."""
@@ -33,36 +33,6 @@ LEFT_OUT = 16.0
 """Cost of leaving an update out, in units of σ², beyond the expectation by noise."""
 WIDEST = 1.5
 """Largest (elder − younger)/middle of three neighbouring ages; 1.5 is a factor of 2 each."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunLengthSettings:
-    """Run-length detection of surface changes.
-
-    Attributes:
-        false_alarm: Prior probability of a change per update, above 0; it bounds the rate of false
-            alarms. Larger: changes are detected earlier, with more false alarms.
-        contenders: Number of run lengths that are kept. Larger: finer dating of changes, more CPU.
-        dense: Number of the latest run lengths that are all kept, below `contenders`.
-        noise_freedom: Largest weight of the noise estimate in a comparison, samples. Larger: the
-            noise is trusted more, so that its increase may look like a change.
-        settling_samples: Number of samples after a change within which its time may be revised.
-
-    """
-
-    false_alarm: float = 1e-9
-    contenders: int = 9
-    dense: int = 3
-    noise_freedom: float = 100.0
-    settling_samples: int = 240
-
-    def __post_init__(self) -> None:
-        if not 0 < self.false_alarm < 1:
-            raise ValueError("false_alarm must be a probability above 0")
-        if not 1 <= self.dense < self.contenders:
-            raise ValueError("dense must be at least 1 and below contenders")
-        if self.noise_freedom <= 0 or self.settling_samples < 0:
-            raise ValueError("noise_freedom must be positive, settling_samples not negative")
 
 
 class Evidence(NamedTuple):

@@ -14,14 +14,13 @@ The estimate is the median over all curves, with standard deviations and 90 % in
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from math import exp, hypot, inf, sqrt
 
 import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
-from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations, AxleSettings
+from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
 from adhesion_can.estimation.tracker.curve_sums import (
     BINS,
     DOF,
@@ -35,7 +34,7 @@ from adhesion_can.estimation.tracker.curve_sums import (
     slope_at,
     slope_by_adhesion,
 )
-from adhesion_can.estimation.tracker.memories import FadingMemories, MemorySettings
+from adhesion_can.estimation.tracker.memories import FadingMemories
 from adhesion_can.estimation.tracker.points import (
     CoastingGate,
     OutlierGate,
@@ -54,12 +53,12 @@ from adhesion_can.estimation.tracker.posterior import (
     weighted_std,
     widened_interval,
 )
-from adhesion_can.estimation.tracker.prior import Prior, PriorSettings, shape_coordinates
+from adhesion_can.estimation.tracker.prior import Prior, shape_coordinates
 from adhesion_can.estimation.tracker.run_length import (
     Evidence,
     RunLengthHypotheses,
-    RunLengthSettings,
 )
+from adhesion_can.estimation.tracker.settings import TrackerSettings
 from adhesion_can.physics.burckhardt import CurveParameters, adhesion
 from adhesion_can.physics.estimate import CHANGED, Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
@@ -76,42 +75,6 @@ COMMON_ERROR_THRESHOLD = 0.006
 """(c2 σ)² of the slip's error by the vehicle speed, from which `common_shift` is worth it."""
 PRIVATE_ERROR_THRESHOLD = 0.001
 """(c2 σ)² of the slip's error by the wheel speed, from which weights need another slope."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrackerSettings:
-    """Settings of the tracker, with those of its parts.
-
-    Attributes:
-        curves: Number of weighted curves that represent the posterior of each fading memory; even,
-            at least 64. More curves: smoother intervals, proportionally more CPU.
-        noise_std: Standard deviation of the adhesion noise before the first samples, where these
-            carry no variance of their own, 1. It is then estimated; a larger value only makes the
-            first updates less certain.
-        errors_in_variables: Whether the variances of the slips are used (generalised least squares
-            with corrected scores); False takes the slips as exact, which biases the peak where
-            their errors are large.
-        run_length: Settings of the detection of surface changes, section `[run_length]`.
-        memory: Settings of the fading memories, section `[memory]`.
-        prior: Settings of the prior of a new surface, section `[prior]`.
-        axles: Settings of the deviations of single axles, section `[axles]`.
-        known_surfaces: (c1, c2, c3) of surfaces that an earlier run identified; they enter the
-            prior from the start. Not a key of the configuration file.
-
-    """
-
-    curves: int = 384
-    noise_std: float = 0.003
-    errors_in_variables: bool = True
-    run_length: RunLengthSettings = field(default_factory=RunLengthSettings)
-    memory: MemorySettings = field(default_factory=MemorySettings)
-    prior: PriorSettings = field(default_factory=PriorSettings)
-    axles: AxleSettings = field(default_factory=AxleSettings)
-    known_surfaces: tuple[CurveParameters, ...] = field(default=(), metadata={"toml": False})
-
-    def __post_init__(self) -> None:
-        if self.curves < 64 or self.curves % 2 or not self.noise_std > 0:
-            raise ValueError("curves must be even and at least 64, noise_std positive")
 
 
 class Tracker:

@@ -1,0 +1,163 @@
+"""Settings of the tracker and of its parts, apart from them: a configuration needs these alone."""
+
+from dataclasses import dataclass, field
+
+from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, CurveParameters, Surface
+
+C1_MAX = 2.0
+"""Largest level c1 of a curve, beyond any adhesion of a wheel."""
+C2_RANGE = (2.0, 500.0)
+"""Range of the steepness c2 of a curve."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunLengthSettings:
+    """Run-length detection of surface changes.
+
+    Attributes:
+        false_alarm: Prior probability of a change per update, above 0; it bounds the rate of false
+            alarms. Larger: changes are detected earlier, with more false alarms.
+        contenders: Number of run lengths that are kept. Larger: finer dating of changes, more CPU.
+        dense: Number of the latest run lengths that are all kept, below `contenders`.
+        noise_freedom: Largest weight of the noise estimate in a comparison, samples. Larger: the
+            noise is trusted more, so that its increase may look like a change.
+        settling_samples: Number of samples after a change within which its time may be revised.
+
+    """
+
+    false_alarm: float = 1e-9
+    contenders: int = 9
+    dense: int = 3
+    noise_freedom: float = 100.0
+    settling_samples: int = 240
+
+    def __post_init__(self) -> None:
+        if not 0 < self.false_alarm < 1:
+            raise ValueError("false_alarm must be a probability above 0")
+        if not 1 <= self.dense < self.contenders:
+            raise ValueError("dense must be at least 1 and below contenders")
+        if self.noise_freedom <= 0 or self.settling_samples < 0:
+            raise ValueError("noise_freedom must be positive, settling_samples not negative")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MemorySettings:
+    """Exponential forgetting on a surface that changes slowly.
+
+    Attributes:
+        times_s: Time constants of the forgetting, s, longest first: the first is for a constant
+            surface, the others follow a drift. Longer: less noise, slower.
+        drift: Prior probability of a drifting surface, at least 0 and below 1. Larger: drifts are
+            followed earlier, with more noise on a constant surface.
+        switch_s: Mean time after which a drifting memory returns to the prior probabilities, s.
+
+    """
+
+    times_s: tuple[float, ...] = (3600.0, 15.0, 3.0)
+    drift: float = 0.01
+    switch_s: float = 10.0
+
+    def __post_init__(self) -> None:
+        if not self.times_s or min(self.times_s) <= 0 or self.switch_s <= 0:
+            raise ValueError("times_s must name at least one time, all times be positive")
+        if list(self.times_s) != sorted(self.times_s, reverse=True):
+            raise ValueError("times_s must fall: longest first")
+        if not 0 <= self.drift < 1:
+            raise ValueError("drift must be at least 0 and below 1")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PriorSettings:
+    """Prior of a new surface, in (ln c1, ln c2, ln s) with the shape s = ln(c1 c2/c3).
+
+    Attributes:
+        wide_weight: Probability that the surface is like none of the library, above 0. Larger: less
+            use of known surfaces, slower convergence on them.
+        wide_theta: Centre (c1, c2, s) of the wide component, 1.
+        wide_std: Scales of the wide component in (ln c1, ln c2, ln s), 1. Larger: less informative.
+        narrow_std: Scales of the component around each known surface in (ln c1, ln c2, ln s), 1.
+        library: Whether the published surfaces and our rail surfaces are known surfaces.
+        learned: Largest number of identified surfaces that are kept as known surfaces.
+
+    """
+
+    wide_weight: float = 0.5
+    wide_theta: tuple[float, float, float] = (0.35, 45.0, 4.1)
+    wide_std: tuple[float, float, float] = (0.6, 0.7, 0.25)
+    narrow_std: tuple[float, float, float] = (0.15, 0.25, 0.08)
+    library: bool = True
+    learned: int = 6
+
+    def __post_init__(self) -> None:
+        if not 0 < self.wide_weight <= 1:
+            raise ValueError("wide_weight must be in 0..1 and not 0: no library holds every rail")
+        if not min(*self.wide_theta, *self.wide_std, *self.narrow_std) > 0:
+            raise ValueError("centres and spreads must be positive")
+        low, high = C2_RANGE
+        if not (self.wide_theta[0] < C1_MAX and low <= self.wide_theta[1] <= high):
+            raise ValueError(f"wide_theta must have c1 below {C1_MAX:g}, c2 in {low:g}..{high:g}")
+        if self.learned < 0:
+            raise ValueError("learned must not be negative")
+
+    def surfaces(self) -> tuple[Surface, ...]:
+        """Surfaces of the library: our own rail surfaces and the published ones with a peak."""
+        return tuple(s for s in (*RAIL, *PUBLISHED) if s.c3 > 0) if self.library else ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxleSettings:
+    """Prior of the deviations of single axles, and their forgetting.
+
+    Attributes:
+        level_std: Standard deviation of an axle's adhesion level, relative to the common curve, 1.
+            Larger: axles may differ more, and little data moves them farther.
+        slip_std: Standard deviation of an axle's slip error, as a slip ratio, 1. Larger: likewise
+            for the slip at the peak.
+        memory_s: Time constant of the exponential forgetting, s. Larger: less noise, and slower
+            changes of an axle.
+
+    """
+
+    level_std: float = 0.05
+    slip_std: float = 0.004
+    memory_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not min(self.level_std, self.slip_std, self.memory_s) > 0:
+            raise ValueError("level_std, slip_std and memory_s must be positive")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackerSettings:
+    """Settings of the tracker, with those of its parts.
+
+    Attributes:
+        curves: Number of weighted curves that represent the posterior of each fading memory; even,
+            at least 64. More curves: smoother intervals, proportionally more CPU.
+        noise_std: Standard deviation of the adhesion noise before the first samples, where these
+            carry no variance of their own, 1. It is then estimated; a larger value only makes the
+            first updates less certain.
+        errors_in_variables: Whether the variances of the slips are used (generalised least squares
+            with corrected scores); False takes the slips as exact, which biases the peak where
+            their errors are large.
+        run_length: Settings of the detection of surface changes, section `[run_length]`.
+        memory: Settings of the fading memories, section `[memory]`.
+        prior: Settings of the prior of a new surface, section `[prior]`.
+        axles: Settings of the deviations of single axles, section `[axles]`.
+        known_surfaces: (c1, c2, c3) of surfaces that an earlier run identified; they enter the
+            prior from the start. Not a key of the configuration file.
+
+    """
+
+    curves: int = 384
+    noise_std: float = 0.003
+    errors_in_variables: bool = True
+    run_length: RunLengthSettings = field(default_factory=RunLengthSettings)
+    memory: MemorySettings = field(default_factory=MemorySettings)
+    prior: PriorSettings = field(default_factory=PriorSettings)
+    axles: AxleSettings = field(default_factory=AxleSettings)
+    known_surfaces: tuple[CurveParameters, ...] = field(default=(), metadata={"toml": False})
+
+    def __post_init__(self) -> None:
+        if self.curves < 64 or self.curves % 2 or not self.noise_std > 0:
+            raise ValueError("curves must be even and at least 64, noise_std positive")
