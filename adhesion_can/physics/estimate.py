@@ -7,6 +7,7 @@ from typing import Any
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import CurveParameters
+from adhesion_can.physics.doubt import Doubt
 from adhesion_can.result_text import html_table, plus_minus
 
 
@@ -54,6 +55,8 @@ class Estimate:
         per_axle: (μ_max, λ_m) by axle number, where an estimator follows single axles.
         mu_max_interval: 90 % interval of μ_max; unbounded where an estimator gives none.
         lambda_m_interval: 90 % interval of λ_m; unbounded where an estimator gives none.
+        doubt: Condition that the residual depends on, where the model cannot explain it;
+            NOT_AVAILABLE where an estimator does not look for any.
 
     """
 
@@ -73,6 +76,7 @@ class Estimate:
     per_axle: Mapping[int, tuple[float, float]] = field(default_factory=dict)
     mu_max_interval: tuple[float, float] = (-inf, inf)
     lambda_m_interval: tuple[float, float] = (-inf, inf)
+    doubt: Doubt = Doubt.NOT_AVAILABLE
 
     @property
     def theta(self) -> CurveParameters:
