@@ -11,10 +11,16 @@ from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import BoundMessage
 from adhesion_can.errors import ConfigError, DatabaseError
+from adhesion_can.physics.doubt import Doubt
 from adhesion_can.service.outputs import Outputs, Setpoint
 
 SETPOINT = "AdhesionSetpoint"
 """Name of the message that carries status and setpoint of all axles together."""
+QUALITY = "AdhesionQuality"
+"""Name of the message that says how far the setpoints can be believed."""
+DOUBT = "Doubt"
+"""Name of the signal of `AdhesionQuality` that a user's database may lack: those written before
+the signal came still serve."""
 AXLE_FRAMES = 6
 """Number of frames of `AxleSetpoint` in a cycle, whatever the number of axles."""
 
@@ -55,7 +61,12 @@ def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
     """Raise a DatabaseError where the user's output messages lack a signal or a cycle of ours."""
     for name in OUTPUT_MESSAGES:
         message = database.message(name)
-        missing = {s.name for s in own.message(name).signals} - {s.name for s in message.signals}
+        present = {s.name for s in message.signals}
+        missing = {s.name for s in own.message(name).signals} - present
+        if name == QUALITY:
+            missing.discard(DOUBT)
+            if DOUBT in present:
+                _require_doubt_fits(database, message)
         if missing:
             raise DatabaseError(
                 f"{database.path.name}: {name}",
@@ -65,6 +76,21 @@ def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
         if not message.cycle_time:
             raise DatabaseError(
                 f"{database.path.name}: {name}", "its cycle is unknown", "state GenMsgCycleTime"
+            )
+
+
+def _require_doubt_fits(database: CanDatabase, message: Message) -> None:
+    """Raise a DatabaseError where a signal of the user would carry another doubt than the one sent.
+
+    Values beyond its range saturate: 'not available' would be the doubt with the highest number.
+    """
+    plan = MessagePlan(message).signals[DOUBT]
+    for doubt in Doubt:
+        if plan.value(plan.raw(plan.encode(float(doubt)))) != doubt:
+            raise DatabaseError(
+                f"{database.path.name}: {message.name}",
+                f"its signal {DOUBT} cannot carry {doubt.value}",
+                f"give it 4 bits without a sign, factor 1 and offset 0, or leave {DOUBT} out",
             )
 
 
@@ -101,7 +127,7 @@ class OutputMessages:
         self._composers: dict[str, Callable[[int, Outputs, Health], list[Frame]]] = {
             SETPOINT: self._setpoint,
             "AdhesionModel": self._model,
-            "AdhesionQuality": self._quality,
+            QUALITY: self._quality,
             "AxleSetpoint": self._axles,
             "ServiceStatus": self._health,
         }
@@ -146,12 +172,15 @@ class OutputMessages:
         return [self._encoders["AdhesionModel"].frame(t_us, values)]
 
     def _quality(self, t_us: int, outputs: Outputs, _: Health) -> list[Frame]:
-        values = {
+        values: dict[str, float | None] = {
             "MuMaxStd": outputs.mu_max_std,
             "LambdaMStd": outputs.lambda_m_std,
             "SurfaceAge": outputs.surface_age_s,
         }
-        return [self._encoders["AdhesionQuality"].frame(t_us, values)]
+        encoder = self._encoders[QUALITY]
+        if DOUBT in encoder.plan.signals:
+            values[DOUBT] = float(outputs.doubt)
+        return [encoder.frame(t_us, values)]
 
     def _axles(self, t_us: int, outputs: Outputs, _: Health) -> list[Frame]:
         encoder = self._encoders["AxleSetpoint"]

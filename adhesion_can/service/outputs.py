@@ -7,6 +7,7 @@ from math import inf
 
 from adhesion_can.config import Configuration
 from adhesion_can.physics.burckhardt import slip_at_share
+from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.readings import Role
 from adhesion_can.service.states import VALUES, Status, Values
@@ -40,6 +41,7 @@ class Outputs:
         mu_max_std: Standard deviation of μ_max; inf where μ_max is not identifiable.
         lambda_m_std: Standard deviation of λ_m; inf where λ_m is not identifiable.
         surface_age_s: Time since the last change of the surface, s.
+        doubt: Condition that the residual depends on, where the curve cannot explain it.
 
     """
 
@@ -50,6 +52,7 @@ class Outputs:
     mu_max_std: float | None = None
     lambda_m_std: float | None = None
     surface_age_s: float | None = None
+    doubt: Doubt = Doubt.NOT_AVAILABLE
 
 
 @lru_cache(maxsize=8)
@@ -92,6 +95,7 @@ def build_outputs(
         mu_max_std=estimate.mu_max_std,
         lambda_m_std=estimate.lambda_m_std,
         surface_age_s=max(t_us - estimate.surface_since_us, 0) / 1e6,
+        doubt=estimate.doubt,
     )
 
 

@@ -13,6 +13,7 @@ from adhesion_can.bus.database import (
     load_database,
     packaged_path,
 )
+from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from tests.bus.bus_helpers import DBC, sealed
 
 STATUS = {
@@ -31,6 +32,18 @@ SOURCE = {
     4: "derived from driven axles",
 }
 DIRECTION = {0: "unknown", 1: "forward", 2: "reverse", 3: "not available"}
+DOUBT = {
+    0: "none",
+    1: "shape of the curve",
+    2: "speed",
+    3: "axle load",
+    4: "direction of effort",
+    5: "axle",
+    6: "time",
+    7: "rate of slip",
+    8: "surroundings",
+    15: "not available",
+}
 RAIN = {0: "none", 1: "light", 2: "heavy", 3: "not available"}
 
 # name: (start, length, signed, factor, offset, unit, lowest, highest, start value)
@@ -98,6 +111,7 @@ CONTRACT = {
         "C3": u16(48, 1e-4, "-", 6.5534),
     },
     (0x203, "AdhesionQuality", 100, "ADHESION"): {
+        "Doubt": (12, 4, False, 1, 0, "-", 0, 15, 15),
         "MuMaxStd": u16(16, 1e-5, "-", 0.65534),
         "LambdaMStd": u16(32, 1e-5, "-", 0.65534),
         "SurfaceAge": u16(48, 0.1, "s", 6553.4),
@@ -124,6 +138,7 @@ ENUMS = {
     "SandingActive": {0: "off", 1: "on"},
     "Status": STATUS,
     "State": STATUS,
+    "Doubt": DOUBT,
 }
 ROWS = [(*head, signals) for head, signals in CONTRACT.items()]
 IDS = [row[1] for row in ROWS]
@@ -251,6 +266,13 @@ def test_a_written_frame_reads_back_in_cantools(strict_database):
     assert values["WheelSpeed_Ax2"] == pytest.approx(1.0)
     assert values["WheelSpeed_Ax3"] == pytest.approx(131.07), "the trap that the contract names"
     assert values["Alive"] == 7
+
+
+def test_the_names_of_a_doubt_are_those_of_the_package(strict_database):
+    message = strict_database.get_message_by_name("AdhesionQuality")
+    numbers = set(message.get_signal_by_name("Doubt").choices)
+    assert numbers == set(Doubt)
+    assert numbers - {Doubt.NONE, Doubt.NOT_AVAILABLE} == set(DESCRIPTIONS)
 
 
 def test_packaged_database_is_this_one_and_complete():

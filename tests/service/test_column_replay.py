@@ -12,6 +12,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
@@ -46,7 +47,7 @@ class SummingEstimator:
             c1=0.4, c2=60.0, c3=0.3, covariance=np.eye(3), mu_max=mu_max, mu_max_std=0.001,
             lambda_m=0.05 + self.total % 0.01, lambda_m_std=0.002, noise_std=0.01, samples=500,
             identifiable=Identifiable(mu_max=True, lambda_m=True), surface_since_us=0,
-            change_probability=float(self.updates % 50 == 0),
+            change_probability=float(self.updates % 50 == 0), doubt=Doubt(self.updates % 9),
         )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from adhesion_can.bus.frame import Frame
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
+from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.states import Status
@@ -66,6 +67,10 @@ def last(frames, number, axle=None):
     if axle is not None:
         chosen = [d for d in chosen if d["Axle"] == axle]
     return chosen[-1]
+
+
+def doubt(frames):
+    return str(last(frames, 0x203)["Doubt"])
 
 
 def status(frames):
@@ -385,6 +390,56 @@ def test_a_speed_from_driven_axles_is_at_most_low_excitation():
     assert last(sent, 0x203)["LambdaMStd"] == pytest.approx(0.65534)
 
 
+@pytest.mark.parametrize("known", list(Doubt))
+def test_each_doubt_goes_out_with_its_number_and_leaves_the_other_signals_alone(known):
+    core, _ = core_with(replace(KNOWN, doubt=known))
+    sent = [f for f in run(core, Bench().drive(0, 200_000)) if f.arbitration_id == 0x203]
+    assert sent[-1].data[1] >> 4 == known
+    assert core.outputs.doubt is known
+    plain, _ = core_with(replace(KNOWN, doubt=Doubt.NONE))
+    other = [f for f in run(plain, Bench().drive(0, 200_000)) if f.arbitration_id == 0x203]
+    assert sent[-1].data[2:] == other[-1].data[2:]
+    assert seal_ok(sent[-1])
+
+
+def test_without_an_estimate_or_with_one_that_looks_for_none_doubt_is_not_available():
+    core, estimator = core_with(None)
+    bench = Bench()
+    sent = run(core, bench.drive(0, 200_000))
+    assert (status(sent), doubt(sent)) == ("INIT", "not available")
+    estimator.answer = KNOWN
+    sent = run(core, bench.drive(200_000, 400_000))
+    assert (status(sent), doubt(sent)) == ("TRACKING", "not available")
+    estimator.answer = replace(KNOWN, doubt=Doubt.NONE)
+    assert doubt(run(core, bench.drive(400_000, 600_000))) == "none"
+
+
+def test_a_fault_takes_the_doubt_away():
+    core, estimator = core_with(replace(KNOWN, doubt=Doubt.SPEED))
+    bench = Bench()
+    assert doubt(run(core, bench.drive(0, 200_000))) == "speed"
+    estimator.answer = ValueError("singular")
+    sent = run(core, bench.drive(200_000, 400_000))
+    assert (status(sent), doubt(sent)) == ("FAULT", "not available")
+
+
+def test_a_stale_service_holds_the_doubt_as_long_as_the_values():
+    core, _ = core_with(replace(KNOWN, doubt=Doubt.AXLE_LOAD))
+    run(core, Bench().drive(0, 500_000))
+    sent = core.advance(2_500_000)
+    doubts = {f.t_us: str(decoded(f)["Doubt"]) for f in sent if f.arbitration_id == 0x203}
+    stds = {f.t_us: str(decoded(f)["MuMaxStd"]) for f in sent if f.arbitration_id == 0x203}
+    assert set(doubts.values()) == {"axle load", "not available"}
+    for t_us, shown in doubts.items():
+        assert (shown == "not available") is (stds[t_us] == "not available"), t_us
+
+
+def test_a_speed_from_driven_axles_leaves_the_doubt_as_the_estimate_has_it():
+    core, _ = core_with(replace(KNOWN, doubt=Doubt.DIRECTION))
+    sent = run(core, Bench().drive(0, 500_000, source=4))
+    assert (status(sent), doubt(sent)) == ("LOW_EXCITATION", "direction of effort")
+
+
 def test_an_estimate_from_driven_axles_is_not_taken_over_by_radar():
     core = ServiceCore(CONFIG)
     bench = Bench()
@@ -620,11 +675,57 @@ def test_outputs_take_ids_and_cycles_of_the_users_database(tmp_path):
     [
         ('BA_ "GenMsgCycleTime" BO_ 513 20;', "", "AdhesionSetpoint: its cycle is unknown"),
         (" LambdaM ", " LambdaOpt ", "AdhesionSetpoint: no signal LambdaM"),
+        (" MuMaxStd ", " MuStd ", "AdhesionQuality: no signal MuMaxStd"),
     ],
 )
 def test_output_messages_that_lack_something_are_refused(tmp_path, old, new, words):
     with pytest.raises(InputError, match=words):
         ServiceCore(with_dbc(tmp_path, (old, new)), FixedEstimator)
+
+
+DOUBT_LINE = ' SG_ Doubt : 12|4@1+ (1,0) [0|15] "-" DRIVE,LOCO\n'
+WITHOUT_DOUBT = (
+    (DOUBT_LINE, ""),
+    *((line + "\n", "") for line in DBC.read_text().splitlines() if " 515 Doubt " in line),
+)
+
+
+def test_a_database_from_before_the_doubt_keeps_working_with_its_bits_zero(tmp_path):
+    config = with_dbc(tmp_path, *WITHOUT_DOUBT)
+    doubtful = replace(KNOWN, doubt=Doubt.SPEED)
+    old, new = ServiceCore(config, lambda: FixedEstimator(doubtful)), core_with(doubtful)[0]
+    frames = list(Bench().drive(0, 500_001))
+    by_old, by_new = run(old, frames), run(new, frames)
+    assert len(by_old) == len(by_new)
+    for one, other in zip(by_old, by_new, strict=True):
+        if one.arbitration_id == 0x203:
+            assert seal_ok(one)
+            assert (one.data[1] >> 4, one.data[2:]) == (0, other.data[2:])
+        else:
+            assert one == other
+    assert doubt(by_new) == "speed"
+
+
+@pytest.mark.parametrize(
+    ("layout", "works"),
+    [
+        ("12|4@1+ (1,0)", True),
+        ("15|4@0+ (1,0)", True),  # the same bits in Motorola's order
+        ("12|3@1+ (1,0)", False),
+        ("12|4@1- (1,0)", False),
+        ("12|4@1+ (1,1)", False),
+        ("12|4@1+ (2,0)", False),
+    ],
+)
+def test_a_doubt_of_the_users_own_must_carry_every_number(tmp_path, layout, works):
+    config = with_dbc(tmp_path, (DOUBT_LINE, DOUBT_LINE.replace("12|4@1+ (1,0)", layout)))
+    make = lambda: FixedEstimator(replace(KNOWN, doubt=Doubt.SURROUNDINGS))  # noqa: E731
+    if works:
+        sent = run(ServiceCore(config, make), Bench().drive(0, 200_000))
+        assert doubt(sent) == "surroundings"
+    else:
+        with pytest.raises(InputError, match="AdhesionQuality: its signal Doubt cannot carry"):
+            ServiceCore(config, make)
 
 
 def test_a_database_without_outputs_gets_ours_unless_an_input_has_their_id(tmp_path):
