@@ -18,6 +18,11 @@ class Doubt(IntEnum):
     SURROUNDINGS = 8
     NOT_AVAILABLE = 15
 
+    @property
+    def json_name(self) -> str | None:
+        """Name as JSON has it; None where not available."""
+        return None if self is Doubt.NOT_AVAILABLE else self.name.lower()
+
 
 DESCRIPTIONS: Mapping[Doubt, str] = {
     Doubt.SHAPE: "the curve has another shape",

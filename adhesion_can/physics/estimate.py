@@ -86,10 +86,12 @@ class Estimate:
     def to_dict(self) -> dict[str, Any]:
         """Values and standard deviations as JSON has them.
 
-        The standard deviation of what is not identifiable is None.
+        The standard deviation of what is not identifiable is None. `doubt` is there only where
+        the estimator looks for any.
         """
         known = self.identifiable
         variances = self.covariance.diagonal()
+        doubt = self.doubt.json_name
 
         def number(value: float, std: float, identifiable: bool) -> dict[str, float | None]:
             return {"value": value, "std": std if identifiable and std < inf else None}
@@ -105,6 +107,7 @@ class Estimate:
             "noise_std": self.noise_std,
             "samples": self.samples,
             "identifiable": {"mu_max": known.mu_max, "lambda_m": known.lambda_m},
+            **({} if doubt is None else {"doubt": doubt}),
         }
 
     def _repr_html_(self) -> str:
