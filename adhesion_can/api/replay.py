@@ -1,6 +1,7 @@
 """The service over recordings, its setpoints as a table."""
 
 from collections.abc import Iterable
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -22,14 +23,15 @@ class SetpointTable(dict[str, NDArray[Any]]):
     """Columns of setpoints by name, a row for each `AdhesionSetpoint` message.
 
     `time_s` (s, on the clock of the recording), `status` (text), `mu_max`, `mu_max_std`,
-    `lambda_m`, `lambda_m_std`, `c1`, `c2`, `c3`, `surface_age_s` (s), `mu_max_ax1` and so on; NaN
-    where not available. It is a dict, so `pandas.DataFrame(table)` takes it as it is.
+    `lambda_m`, `lambda_m_std`, `c1`, `c2`, `c3`, `surface_age_s` (s), `mu_max_ax1` and so on, and
+    `doubt` (text, a name of `AdhesionQuality.Doubt`); where not available numbers are NaN and texts
+    empty. It is a dict, so `pandas.DataFrame(table)` takes it as it is.
     """
 
     def to_dict(self) -> dict[str, list[Any]]:
         """Lists in place of arrays, as JSON has them; None where not available."""
         return {
-            name: [None if value != value else value for value in column.tolist()]  # noqa: PLR0124
+            name: [None if _is_missing(value) else value for value in column.tolist()]
             for name, column in self.items()
         }
 
@@ -38,6 +40,11 @@ class SetpointTable(dict[str, NDArray[Any]]):
         rows = zip(names.tolist(), counts.tolist(), strict=True)
         title = f"{len(self['time_s'])} setpoints in {len(self)} columns, by status"
         return html_table(title, ("status", "setpoints"), rows)
+
+
+def _is_missing(value: float | str) -> bool:
+    """Whether a cell stands for 'not available'."""
+    return value == "" or (isinstance(value, float) and isnan(value))
 
 
 def replay(
@@ -78,12 +85,14 @@ def replay(
     summary = replay_blocks(blocks, core, lambda _: None, from_s=from_s, to_s=to_s)
     require_accepted_frame(core.receiver, summary.frames, name_of(opened))
     values = np.array(rows, dtype=np.float64).reshape(-1, len(FIELDS)).T
-    status, *numbers = values
+    status, *numbers, doubt = values
     names = np.array([status.name for status in Status])
+    doubts = [FIELDS[-1].names.get(number, "") for number in doubt.tolist()]
     return SetpointTable(
         {
             "time_s": np.array(times, dtype=np.float64) / 1e6,
             "status": names[status.astype(np.int64)],
-            **{field.name: column for field, column in zip(FIELDS[1:], numbers, strict=True)},
+            **{field.name: column for field, column in zip(FIELDS[1:-1], numbers, strict=True)},
+            "doubt": np.array(doubts, dtype=np.str_),
         }
     )

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from adhesion_can.physics.doubt import Doubt
 from adhesion_can.reporting.export import Column, Field, TableWriter, open_table
 from adhesion_can.service.output_messages import AXLE_FRAMES
 from adhesion_can.service.outputs import Outputs, Setpoint
@@ -39,6 +40,14 @@ FIELDS = (
     _number("surface_age_s", "since the rail last changed", "s"),
     *(_number(f"mu_max_ax{axle}", f"mu_max of axle {axle}") for axle in _AXLES),
     *(_number(f"lambda_m_ax{axle}", f"lambda_m of axle {axle}") for axle in _AXLES),
+    Field(
+        "doubt",
+        np.dtype(np.uint8),
+        comment="what the residual depends on, where the curve cannot explain it",
+        names={float(doubt): doubt.name for doubt in Doubt},
+        text=True,
+        optional=True,
+    ),
 )
 """Columns beside `time_s`."""
 
@@ -60,8 +69,13 @@ class _RowBuffer:
     def flush(self) -> None:
         if not self._t_us:
             return
-        status, *numbers = np.array(self._values).T
-        columns = [Column(status.astype(np.uint8)), *(Column(n, np.isnan(n)) for n in numbers)]
+        status, *numbers, doubt = np.array(self._values).T
+        columns = [
+            Column(status.astype(np.uint8)),
+            *(Column(n, np.isnan(n)) for n in numbers),
+            # A reader that knows of no missing texts finds NOT_AVAILABLE.
+            Column(np.nan_to_num(doubt, nan=Doubt.NOT_AVAILABLE).astype(np.uint8), np.isnan(doubt)),
+        ]
         self._writer.write(np.array(self._t_us, dtype=np.int64) * 1000, columns)
         self._t_us, self._values = [], []
 
@@ -81,7 +95,9 @@ def setpoint_row(outputs: Outputs) -> list[float]:
         *(point.lambda_m for point in axles),
     )
     known = (nan if number is None or not isfinite(number) else number for number in numbers)
-    return [float(outputs.status), *known]
+    doubt = outputs.doubt
+    shown = nan if doubt is Doubt.NOT_AVAILABLE else float(doubt)
+    return [float(outputs.status), *known, shown]
 
 
 @contextmanager

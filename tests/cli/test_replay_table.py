@@ -41,7 +41,8 @@ def test_the_csv_is_that_of_the_contract(rows):
         "time_s", "status", "mu_max", "mu_max_std", "lambda_m", "lambda_m_std", "c1", "c2", "c3",
         "surface_age_s",
     ]  # fmt: skip
-    assert list(rows[0])[10:] == [f"{n}_ax{i}" for n in ("mu_max", "lambda_m") for i in range(1, 7)]
+    per_axle = [f"{n}_ax{i}" for n in ("mu_max", "lambda_m") for i in range(1, 7)]
+    assert list(rows[0])[10:] == [*per_axle, "doubt"]
     assert len(rows) == 250
     assert rows[0]["time_s"] == "1000000.000000"
     assert {row["status"] for row in rows} >= {"INIT", "STALE_INPUT"}
@@ -52,8 +53,9 @@ def test_the_csv_is_that_of_the_contract(rows):
 def test_parquet_has_the_same_rows_with_units(rows, tables):
     table = parquet.read_table(tables["parquet"])
     assert table.column("status").to_pylist() == [row["status"] for row in rows]
+    assert table.column("doubt").to_pylist() == [row["doubt"] or None for row in rows]
     for name in table.column_names:
-        if name in ("status", "time_ns"):
+        if name in ("status", "doubt", "time_ns"):
             continue
         values = [float("nan") if v is None else v for v in table.column(name).to_pylist()]
         np.testing.assert_allclose(values, [number(row[name]) for row in rows], rtol=1e-8)
@@ -67,6 +69,8 @@ def test_mf4_has_the_same_rows_with_units(rows, tables):
     with MDF(tables["mf4"]) as mdf:
         status = [word.decode() for word in mdf.get("status").samples]
         assert status == [row["status"] for row in rows]
+        doubt = [word.decode() for word in mdf.get("doubt").samples]
+        assert doubt == [row["doubt"] for row in rows if row["doubt"]]
         signal = mdf.get("mu_max")  # without the samples that are marked as invalid
         expected = np.array([number(row["mu_max"]) for row in rows])
         stamps = np.array([float(row["time_s"]) for row in rows])

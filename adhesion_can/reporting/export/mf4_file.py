@@ -143,8 +143,8 @@ def _stored(field: Field, column: Column) -> tuple[NDArray[Any], NDArray[np.bool
         raw = np.rint((values - field.raw.offset) / field.raw.scale)
         return raw.astype(field.raw.dtype), missing
     values = values.astype(field.dtype, copy=False)
-    if missing is not None and missing.any():
-        # For readers that do not know of invalidation bits.
+    if missing is not None and missing.any() and not field.text:
+        # For readers that do not know of invalidation bits. A text names its missing rows itself.
         values = np.where(missing, values.dtype.type(_placeholder(values.dtype)), values)
     return values, missing
 

@@ -1,0 +1,80 @@
+"""Rows of setpoints with a doubt, in every format of `replay --table`."""
+
+import csv
+
+import numpy as np
+import pytest
+from asammdf import MDF
+from pyarrow import parquet
+
+from adhesion_can.physics.doubt import Doubt
+from adhesion_can.reporting.setpoints import FIELDS, setpoint_row, setpoint_table
+from adhesion_can.service.outputs import Outputs, Setpoint
+from adhesion_can.service.states import Status
+
+DOUBTS = [*Doubt, Doubt.NONE, Doubt.NOT_AVAILABLE]
+NAMES = [None if doubt is Doubt.NOT_AVAILABLE else doubt.name for doubt in DOUBTS]
+
+
+def outputs(doubt):
+    return Outputs(
+        Status.TRACKING,
+        Setpoint(0.3, 0.05, 0.4),
+        {1: Setpoint(0.31, 0.06, 0.4)},
+        (0.4, 60.0, 0.3),
+        0.01,
+        0.002,
+        12.5,
+        doubt,
+    )
+
+
+def write(path, doubts):
+    with setpoint_table(path, {}) as add:
+        for place, doubt in enumerate(doubts):
+            add(10**12 + 20_000 * place, outputs(doubt))
+    return path
+
+
+def test_the_doubt_is_the_last_column_and_moves_no_other():
+    assert [field.name for field in FIELDS].index("doubt") == len(FIELDS) - 1
+    rows = [setpoint_row(outputs(doubt)) for doubt in DOUBTS]
+    for row, doubt in zip(rows, DOUBTS, strict=True):
+        assert len(row) == len(FIELDS)
+        np.testing.assert_array_equal(row[:-1], rows[0][:-1])
+        assert row[-1] == doubt or (np.isnan(row[-1]) and doubt is Doubt.NOT_AVAILABLE)
+
+
+def test_csv_names_each_doubt_and_leaves_empty_what_is_not_available(tmp_path):
+    with write(tmp_path / "t.csv", DOUBTS).open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["doubt"] for row in rows] == [name or "" for name in NAMES]
+    assert {row["mu_max_ax1"] for row in rows} == {"0.31"}
+
+
+def test_parquet_names_each_doubt_and_has_null_where_not_available(tmp_path):
+    table = parquet.read_table(write(tmp_path / "t.parquet", DOUBTS))
+    assert table.column_names[-1] == "doubt"
+    assert table.column("doubt").to_pylist() == NAMES
+
+
+def test_mf4_names_each_doubt_and_marks_what_is_not_available_as_invalid(tmp_path):
+    with MDF(write(tmp_path / "t.mf4", DOUBTS)) as mdf:
+        shown = [word.decode() for word in mdf.get("doubt").samples]
+        every = mdf.get("doubt", ignore_invalidation_bits=True).samples
+    assert shown == [name for name in NAMES if name]
+    # A reader that knows no invalidation bits must not find 'NONE' there.
+    assert [word.decode() for word in every] == [doubt.name for doubt in DOUBTS]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "mf4"])
+def test_a_table_without_any_doubt_is_written_all_the_same(tmp_path, suffix):
+    path = write(tmp_path / f"t.{suffix}", [Doubt.NOT_AVAILABLE] * 3)
+    if suffix == "mf4":
+        with MDF(path) as mdf:
+            assert len(mdf.get("doubt").samples) == 0
+            assert len(mdf.get("mu_max").samples) == 3
+    elif suffix == "parquet":
+        assert parquet.read_table(path).column("doubt").to_pylist() == [None] * 3
+    else:
+        assert [line[-1] for line in path.read_text().splitlines()[1:]] == [","] * 3
