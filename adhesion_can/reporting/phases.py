@@ -6,6 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
+from adhesion_can.physics.doubt import DESCRIPTIONS
 from adhesion_can.reporting.text import table
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.outputs import Outputs
@@ -69,6 +70,7 @@ class Phase:
             "mu_max_error": self.error,
             "found_after_s": self.found_s,
             "adhesion_used": self.adhesion_used,
+            "doubt": self.last and self.last.doubt.json_name,
         }
 
 
@@ -100,10 +102,10 @@ def _found(outputs: Outputs, mu_max: float) -> bool:
 
 
 def phase_table(found: Sequence[Phase]) -> Table:
-    """Table of truth and estimate, a row a surface."""
+    """Table of truth and estimate, a row a surface; with a column of doubts where there are any."""
     columns = (
         "surface", "from s", "mu_max", "estimated", "error", "lambda_m", "estimated",
-        "found", "used",
+        "found", "used", "doubt",
     )  # fmt: skip
     rows = []
     for phase in found:
@@ -120,6 +122,10 @@ def phase_table(found: Sequence[Phase]) -> Table:
                 plus_minus(point.lambda_m, out.lambda_m_std),
                 "not found" if phase.found_s is None else f"{phase.found_s:.2f} s",
                 "-" if phase.adhesion_used is None else f"{100 * phase.adhesion_used:.0f} %",
+                out.doubt.name.lower().replace("_", " ") if out.doubt in DESCRIPTIONS else "-",
             )
         )
-    return table("Truth and estimate at the end of each surface", columns, rows)
+    doubtful = any(phase.last and phase.last.doubt in DESCRIPTIONS for phase in found)
+    width = len(columns) if doubtful else len(columns) - 1
+    title = "Truth and estimate at the end of each surface"
+    return table(title, columns[:width], [row[:width] for row in rows])
