@@ -29,6 +29,7 @@ from adhesion_can.estimation.registry import known_estimators
 from adhesion_can.files import whole_file
 from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
+from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence, open_recordings
@@ -81,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
     make = partial(config.make_estimator, options.estimator)
     make()  # an unknown name is an error before the work, not after it
     recordings = open_recordings(options.log)
-    statuses: Counter[str] = Counter()
+    setpoints = _SetpointCounts()
     origin = provenance(config, options.log)
     with ExitStack() as stack:
         write_row = _row_writer(stack, options.table, texts(origin))
@@ -89,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
         channel = _Channel()
 
         def on_setpoint(t_us: int, outputs: Outputs) -> None:
-            statuses[outputs.status.name] += 1
+            setpoints.add(outputs)
             write_row(t_us, outputs)
 
         def send(frame: Frame) -> None:
@@ -111,11 +112,11 @@ def run(options: argparse.Namespace) -> int:
         require_accepted_frame(core.receiver, summary.frames, ", ".join(map(str, options.log)))
     problems = describe_problems(recordings)
     misfit = collector.compute()
-    document = _document(summary, core, statuses, problems)
+    document = _document(summary, core, setpoints, problems)
     document["fit"] = None if misfit is None else misfit.as_json()
     write_json(options.json, {**document, **origin})
     if talk(options):
-        _print(summary, core, statuses, problems)
+        _print(summary, core, setpoints, problems)
         _print_fit(misfit, config)
     return 0
 
@@ -149,6 +150,34 @@ def _row_writer(
     return stack.enter_context(setpoint_table(path, origin))
 
 
+class _SetpointCounts:
+    """Numbers of setpoints by status and by doubt."""
+
+    def __init__(self) -> None:
+        self.by_status: Counter[Status] = Counter()
+        self.by_doubt: Counter[Doubt] = Counter()
+
+    def add(self, outputs: Outputs) -> None:
+        self.by_status[outputs.status] += 1
+        self.by_doubt[outputs.doubt] += 1
+
+    def share(self, count: int) -> str:
+        """Share of a number of setpoints in all of them, as text."""
+        return f"{100 * count / (self.by_status.total() or 1):.1f} %"
+
+    def describe_doubts(self) -> list[str]:
+        """Line with the share of the time with doubt and what it was about; none without doubt."""
+        found = [(doubt, n) for doubt, n in self.by_doubt.most_common() if doubt in DESCRIPTIONS]
+        if not found:
+            return []
+        whole = self.share(sum(n for _, n in found))
+        shares = [f" ({self.share(n)})" if len(found) > 1 else "" for _, n in found]
+        reasons = [
+            DESCRIPTIONS[doubt] + share for (doubt, _), share in zip(found, shares, strict=True)
+        ]
+        return [f"doubt {whole} of the time: {', '.join(reasons)}: run `diagnose`"]
+
+
 class _Channel:
     """Name of the recording's bus, taken from its first frame, for the frames that are sent."""
 
@@ -169,7 +198,7 @@ class _Channel:
 
 
 def _document(
-    summary: ReplaySummary, core: ServiceCore, statuses: Counter[str], problems: list[str]
+    summary: ReplaySummary, core: ServiceCore, setpoints: _SetpointCounts, problems: list[str]
 ) -> dict[str, Any]:
     receiver = core.receiver
     return {
@@ -189,13 +218,16 @@ def _document(
         "samples_left_out": core.left_out_samples,
         "restarts": core.counts.restarts,
         "faults": core.faults,
-        "setpoints_by_status": statuses,
+        "setpoints_by_status": {s.name: n for s, n in setpoints.by_status.items()},
+        "setpoints_by_doubt": {
+            doubt.json_name: n for doubt, n in setpoints.by_doubt.items() if doubt.json_name
+        },
         "last": None if core.estimate is None else core.estimate.to_dict(),
     }
 
 
 def _print(
-    summary: ReplaySummary, core: ServiceCore, statuses: Counter[str], problems: list[str]
+    summary: ReplaySummary, core: ServiceCore, setpoints: _SetpointCounts, problems: list[str]
 ) -> None:
     out = console()
     receiver = core.receiver
@@ -205,12 +237,8 @@ def _print(
         f"{receiver.lost} lost, {core.counts.foreign} of other ids, {summary.own_skipped} our own "
         f"(skipped); {core.counts.samples} samples; {summary.sent} frames sent"
     )
-    total = sum(statuses.values()) or 1
-    rows = [
-        (status.name, str(statuses[status.name]), f"{100 * statuses[status.name] / total:.1f} %")
-        for status in Status
-        if status.name in statuses
-    ]
+    counts = setpoints.by_status
+    rows = [(s.name, str(counts[s]), setpoints.share(counts[s])) for s in Status if s in counts]
     out.print(table("Setpoints by status", ("status", "setpoints", "share"), rows))
     if core.estimate is not None:
         e = core.estimate
@@ -219,7 +247,8 @@ def _print(
             f"lambda_m {plus_minus(e.lambda_m, e.lambda_m_std)}, "
             f"c1 {e.c1:.4f}, c2 {e.c2:.2f}, c3 {e.c3:.4f}"
         )
-    for line in (*problems, *core.faults, *left_out_lines(core.left_out_samples)):
+    notes = (*setpoints.describe_doubts(), *problems, *core.faults)
+    for line in (*notes, *left_out_lines(core.left_out_samples)):
         out.print(line, markup=False)
 
 

@@ -27,6 +27,7 @@ from adhesion_can.cli.common import (
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
+from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
@@ -105,6 +106,7 @@ def run(options: argparse.Namespace) -> int:
         "samples_left_out": core.left_out_samples,
         "loop_time_p99_us": core.loop_time_p99_us,
         "faults": core.faults,
+        "last": None if core.estimate is None else core.estimate.to_dict(),
     }
     write_json(options.json, {**document, **provenance(config)})
     if talk(options):
@@ -149,17 +151,31 @@ def _resumed(config: Configuration, path: Path) -> Configuration:
 
 
 class _Narrator:
-    """Prints what happens for the operator: each change of status, and once a second."""
+    """Prints what happens for the operator: each change of status or doubt, and once a second."""
 
     def __init__(self, file: Any) -> None:
         self._file = file
         self._status: str | None = None
         self._printed_us = 0
+        self._doubt = Doubt.NONE
 
     def print(self, line: str) -> None:
         print(line, file=self._file, flush=True)
 
     def print_setpoint(self, t_us: int, outputs: Outputs) -> None:
+        self._print_status(t_us, outputs)
+        self._print_doubt(t_us, outputs.doubt)
+
+    def _print_doubt(self, t_us: int, doubt: Doubt) -> None:
+        # 'Not available' in between neither confirms the last doubt nor takes it away.
+        if doubt in (self._doubt, Doubt.NOT_AVAILABLE):
+            return
+        self._doubt = doubt
+        what = DESCRIPTIONS.get(doubt)
+        line = "no doubt any more" if what is None else f"doubt: {what}: run `diagnose`"
+        self.print(f"{t_us / 1e6:.2f} {line}")
+
+    def _print_status(self, t_us: int, outputs: Outputs) -> None:
         changed = outputs.status.name != self._status
         # A log file wants changes alone; a person at a terminal wants to see that it lives.
         if not changed and (not self._file.isatty() or t_us - self._printed_us < QUIET_US):
