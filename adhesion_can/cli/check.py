@@ -13,6 +13,7 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.cli.reading import reading
 from adhesion_can.offline.check import CheckResult, check, mean_cycle_ms
+from adhesion_can.offline.compare_noise import ComparedNoise
 from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
@@ -87,11 +88,32 @@ def _print(result: CheckResult) -> None:
         if seen.readings
     ]
     out.print(table("Signals (SI units)", ("role", "readings", "lowest", "highest"), ranges))
+    if result.noise:
+        noise = [_noise_row(compared) for compared in result.noise]
+        head = ("sensor", "estimated", "configured", "errors last", "unit")
+        out.print(table("Noise, standard deviation", head, noise))
     for head, lines in (
         ("WRONG", result.failures),
+        ("WARNING", result.warnings),
         ("NOT KNOWABLE", result.limits),
         ("FOUND", result.findings),
     ):
         for line in lines:
             out.print(f"{head}: {line}")
     out.print("verdict: not usable as it is" if result.failures else "verdict: usable")
+
+
+def _noise_row(compared: ComparedNoise) -> tuple[str, ...]:
+    """Estimated and configured noise of a sensor, as text."""
+    found, lasts = compared.estimate, "not known"
+    if found.std is None:
+        estimated = f"not known: {found.reason}"
+    elif found.reason:
+        estimated = f"below {found.std_error:.3g}"
+    else:
+        estimated = f"{found.std:.3g}"
+    if found.std is not None and found.lasts_s is not None:
+        lasts = (
+            f"{found.lasts_s:.2g} s" if found.lasts_s else f"not seen up to {found.seen_s:.2g} s"
+        )
+    return compared.name, estimated, f"{compared.configured:.3g}", lasts, compared.unit

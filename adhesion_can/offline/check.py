@@ -12,7 +12,9 @@ from adhesion_can.bus.message_record import MessageRecord
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import identify
+from adhesion_can.offline.compare_noise import NOISY_ROLES, ComparedNoise, compare_noise
 from adhesion_can.offline.extract_samples import SampleExtractor
+from adhesion_can.offline.load_traces import LoadedTraces
 from adhesion_can.physics.readings import Role, role_name
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.column_former import Readings
@@ -63,6 +65,8 @@ class CheckResult:
         failures: Faults of the recording, a sentence each.
         limits: Quantities that cannot be estimated from it, with the reason, a sentence each.
         findings: Quantities that can be estimated from it, a sentence each.
+        warnings: Settings that the recording contradicts, a sentence each.
+        noise: Noise of the sensors as their readings show it, beside the configured one.
 
     """
 
@@ -77,6 +81,8 @@ class CheckResult:
     failures: list[str] = field(default_factory=list)
     limits: list[str] = field(default_factory=list)
     findings: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    noise: tuple[ComparedNoise, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
@@ -85,6 +91,8 @@ class CheckResult:
             "failures": self.failures,
             "limits": self.limits,
             "findings": self.findings,
+            "warnings": self.warnings,
+            "noise": {one.key: one.to_dict() for one in self.noise},
             "frames": self.frames,
             "frames_unknown": self.unknown,
             "frames_backwards": self.clamped,
@@ -137,12 +145,14 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
 
     """
     signals = {choice.name: SignalRange() for choice in configuration.choices}
+    traces = LoadedTraces()
 
-    def add_ranges(readings: Readings) -> None:
+    def add_readings(readings: Readings) -> None:
+        traces.add({key: columns for key, columns in readings.items() if key[0] in NOISY_ROLES})
         for (role, axle), (_, values) in readings.items():
             signals[role_name(role, axle)].add(values)
 
-    extractor = SampleExtractor(configuration, add_ranges)
+    extractor = SampleExtractor(configuration, add_readings)
     samples = extractor.run(blocks)
     counts = extractor.counts
     result = CheckResult(
@@ -154,10 +164,12 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
         (extractor.last_us - (extractor.first_us or 0)) / 1e6,
         samples,
         extractor.dropped,
+        noise=compare_noise(traces, configuration),
     )
     _check_messages(result)
     _check_signals(result)
     _check_excitation(result, configuration)
+    result.warnings.extend(one.warning for one in result.noise if one.warning)
     return result
 
 
