@@ -169,18 +169,23 @@ class RunLengthHypotheses:
         closest = min(crowded, key=crowded.__getitem__, default=0)
         return eldest_first[closest if crowded.get(closest, inf) < WIDEST else 0]
 
-    def log_factors(self, noise_var: float, noise_dof: float | None = None) -> Array:
+    def log_factors(
+        self, noise_var: float, noise_dof: float | None = None, inflation: float = 1.0
+    ) -> Array:
         """Log Bayes factor of each hypothesis against no change, shape (len,).
 
         Args:
             noise_var: Variance σ² of the adhesion noise.
             noise_dof: Degrees of freedom of that variance, of which at most `noise_freedom` count;
                 None: it is exact.
+            inflation: Variance of a mean error over that of independent ones. All sums are divided
+                by it, as if as many samples fewer had been seen (tempered likelihood).
 
         """
         plain = self._plain[: self._count]
         old, plain_old = self._old_cost[: self._count], self._plain_old[: self._count]
-        dof = plain[:, DOF]
+        dof = plain[:, DOF] / inflation
+        noise_var = noise_var * inflation
         score = self._scores(plain, plain_old, 0.0 * old, dof, noise_var, noise_dof)
         if not np.array_equal(plain, self.sums):
             apart = plain_old - old

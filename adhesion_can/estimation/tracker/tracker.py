@@ -113,6 +113,9 @@ class Tracker:
         self._since_us = 0
         self._settling = 0.0
         self._current: Estimate | None = None
+        self.variance_inflation = 1.0
+        """Variance of a mean residual over that by independent errors; at least 1. The evidence for
+        a change of the surface is divided by it: errors that last look like changes."""
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
         """Process samples, as `Estimator.update` defines it."""
@@ -218,7 +221,7 @@ class Tracker:
         if self._memories.dof < self._limits.samples:
             return 0.0, False
         self._hypotheses.add(evidence, first_us)
-        factors = self._hypotheses.log_factors(self._memories.noise_var, self._memories.dof)
+        factors = self._log_factors(self._memories.dof)
         changed = self._hypotheses.probability(factors)
         if changed >= CHANGED:
             best = int(np.argmax(factors))
@@ -226,6 +229,10 @@ class Tracker:
             self._hypotheses.close(best, evidence, self._memories.noise_var)
             self._settling = float(self._settings.run_length.settling_samples)
         return changed, changed >= CHANGED
+
+    def _log_factors(self, noise_dof: float | None) -> Array:
+        noise_var, inflation = self._memories.noise_var, self.variance_inflation
+        return self._hypotheses.log_factors(noise_var, noise_dof, inflation)
 
     def _restart(self, sums: Array, since_us: int) -> None:
         current = self._current
@@ -241,7 +248,7 @@ class Tracker:
         """Revise the time of a change by later samples; whether the memories were restarted."""
         self._hypotheses.extend(evidence, first_us)
         self._settling -= float(evidence.sums[DOF])
-        best = int(np.argmax(self._hypotheses.log_factors(self._memories.noise_var)))
+        best = int(np.argmax(self._log_factors(None)))
         moved = self._hypotheses.since_us[best] != self._since_us
         if moved:
             self._memories.restart(self._hypotheses.sums[best], self._memories.noise)

@@ -1,0 +1,195 @@
+"""Blocks of a drive: Gram matrices of some seconds each, and what is carried over a surface change.
+
+Errors of neighbouring samples are not independent, those of blocks nearly are: standard errors come
+from the scatter between blocks (batch means; Glynn & Whitt, Operations Research Letters 10, 1991).
+Where there are many blocks, neighbours are merged, so that they are longer than what lasts.
+
+When a surface ends, its curve is projected out of its blocks (Frisch, Waugh & Lovell). What is left
+tells of the directions alone, which the next surface shares.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from adhesion_can.arrays import Array
+from adhesion_can.estimation.doubt.pooled_curve import BUMPS, PooledCurve, fit_curve, linearise
+from adhesion_can.estimation.doubt.rows import Rows
+from adhesion_can.estimation.doubt.slip_basis import SIZE
+from adhesion_can.physics.burckhardt import CurveParameters
+
+FIRST_S = 0.5
+"""Duration of the first blocks, s."""
+LONGEST_S = 8.0
+"""Longest duration of a block, s."""
+MOST = 64
+"""Number of blocks from which neighbours are merged."""
+TANGENTS = 3
+"""Number of the curve's tangents, which come first in reduced blocks; then the bumps."""
+CURVE = TANGENTS + len(BUMPS)
+"""Number of coefficients of the curve in reduced blocks; then the directions."""
+CANDIDATES = 4
+"""Largest number of changes that wait to be confirmed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Sums over some seconds of a drive.
+
+    Attributes:
+        gram: Weighted Gram matrix of the columns, less the share of the slips' errors, (k, k).
+        score: Weighted sums of columns times response, shape (k,).
+        level_noise: Expected square of the score along the level of the curve, by noise alone.
+        curve_square: Weighted sum of squares of the curve.
+
+    """
+
+    gram: Array
+    score: Array
+    level_noise: float
+    curve_square: float
+
+    @classmethod
+    def from_rows(cls, rows: Rows) -> "Block":
+        """Sums of rows, with corrected scores for the errors of the slips."""
+        weighted = rows.columns * rows.weight[:, None]
+        diluted = rows.slopes * (rows.weight * rows.slip_var)[:, None]
+        gram = weighted.T @ rows.columns - diluted.T @ rows.slopes
+        return cls(gram, weighted.T @ rows.response, rows.level_noise, rows.curve_square)
+
+    def joined(self, other: "Block") -> "Block":
+        """Both blocks as one."""
+        return Block(
+            self.gram + other.gram,
+            self.score + other.score,
+            self.level_noise + other.level_noise,
+            self.curve_square + other.curve_square,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ReducedBlocks:
+    """Blocks in coefficients of a curve's change (tangents, bumps) and of the directions.
+
+    Attributes:
+        grams: Gram matrix of each block, shape (b, k, k).
+        scores: Score of each block at the curve itself, shape (b, k).
+        current: Number of the first blocks that belong to the current surface.
+        level_noise: Expected square of each current block's score along the level of the curve, by
+            noise alone, shape (current,).
+        curve_square: Weighted sum of squares of the curve, over all blocks.
+
+    """
+
+    grams: Array
+    scores: Array
+    current: int
+    level_noise: Array
+    curve_square: float
+
+
+class BlockSeries:
+    """Blocks of the current surface, and reduced ones of those before.
+
+    Args:
+        directions: Number of directions.
+        per_surface: Indices of directions that begin anew with each surface.
+
+    """
+
+    def __init__(self, directions: int, per_surface: Sequence[int] = ()) -> None:
+        self._directions = directions
+        self._per_surface = np.array([CURVE - TANGENTS + k for k in per_surface], dtype=np.int64)
+        self.blocks: list[Block] = []
+        """Blocks of the current surface."""
+        self._earlier: list[Block] = []
+        self.candidates: list[int] = []
+        """Index of the first block after each change that waits to be confirmed."""
+        self.block_s = FIRST_S
+        """Duration of the next block, s."""
+
+    def __len__(self) -> int:
+        return len(self.blocks) + len(self._earlier)
+
+    def append(self, block: Block) -> None:
+        """Add the latest block."""
+        self.blocks.append(block)
+        if len(self) < MOST:
+            return
+        if self.block_s >= LONGEST_S:
+            del (self._earlier or self.blocks)[0]
+            self.candidates = [k - (not self._earlier) for k in self.candidates]
+            return
+        # What comes after a possible change must not be merged with what came before.
+        kept = self.candidates[0] if self.candidates else len(self.blocks)
+        before = _merge_neighbours(self.blocks[:kept])
+        self.candidates = [k - (kept - len(before)) for k in self.candidates]
+        self.blocks = [*before, *self.blocks[kept:]]
+        self._earlier = _merge_neighbours(self._earlier)
+        self.block_s *= 2.0
+
+    def add_candidate(self) -> None:
+        """Note that the surface may have changed before the next block."""
+        place = len(self.blocks)
+        if place and place not in self.candidates:
+            self.candidates = [*self.candidates, place][-CANDIDATES:]
+
+    def reduced(self, curve: PooledCurve) -> ReducedBlocks:
+        """Blocks linearised at a curve."""
+        linear = linearise(curve)
+        size = CURVE + self._directions
+        change = np.zeros((SIZE + self._directions, size))
+        change[:SIZE, :CURVE] = linear.changes
+        change[SIZE:, CURVE:] = np.eye(self._directions)
+        grams, scores = np.zeros((len(self), size, size)), np.zeros((len(self), size))
+        for k, block in enumerate(self.blocks):
+            grams[k] = change.T @ block.gram @ change
+            scores[k] = (block.score - block.gram[:, :SIZE] @ linear.curve) @ change
+        for k, block in enumerate(self._earlier, start=len(self.blocks)):
+            grams[k, TANGENTS:, TANGENTS:] = block.gram
+            scores[k, TANGENTS:] = block.score
+        noise = np.array([block.level_noise for block in self.blocks])
+        square = sum(block.curve_square for block in (*self.blocks, *self._earlier))
+        return ReducedBlocks(grams, scores, len(self.blocks), noise, square)
+
+    def end_surface(self, place: int, curve: PooledCurve) -> None:
+        """End the surface before a block: its curve is projected out of its blocks.
+
+        Args:
+            place: Index of the first block of the new surface.
+            curve: Curve of the surface that ends.
+
+        """
+        after = self.blocks[place:]
+        self.blocks = self.blocks[:place]
+        reduced = self.reduced(curve)
+        grams, scores = reduced.grams[:place], reduced.scores[:place]
+        own, rest = slice(0, TANGENTS), slice(TANGENTS, None)
+        gram, score = grams.sum(axis=0), scores.sum(axis=0)
+        inverse = np.linalg.pinv(gram[own, own], hermitian=True)
+        onto, change = inverse @ gram[own, rest], inverse @ score[own]
+        for gram, score, block in zip(grams, scores, self.blocks, strict=True):
+            crossed = gram[rest, own] @ onto
+            left = gram[rest, rest] - crossed - crossed.T + onto.T @ gram[own, own] @ onto
+            at_fit = score - gram[:, own] @ change
+            score_left = at_fit[rest] - onto.T @ at_fit[own]
+            left[self._per_surface], left[:, self._per_surface] = 0.0, 0.0
+            score_left[self._per_surface] = 0.0
+            self._earlier.append(replace(block, gram=left, score=score_left))
+        self.blocks = after
+        self.candidates = [k - place for k in self.candidates if k > place]
+
+
+def _merge_neighbours(blocks: Sequence[Block]) -> list[Block]:
+    """Blocks two by two, the odd one at the end as it is."""
+    pairs = zip(blocks[0::2], blocks[1::2], strict=False)
+    merged = [one.joined(other) for one, other in pairs]
+    return merged + list(blocks[len(merged) * 2 :])
+
+
+def fit_blocks(blocks: Sequence[Block], start: CurveParameters) -> PooledCurve:
+    """Curve that fits the blocks of a surface best, from the parameters (c1, c2, c3) of another."""
+    gram = np.sum([block.gram[:SIZE, :SIZE] for block in blocks], axis=0)
+    score = np.sum([block.score[:SIZE] for block in blocks], axis=0)
+    return fit_curve(gram, score, start)

@@ -1,0 +1,107 @@
+"""Estimator that doubts itself: a tracker, and the comparison of its model with the drive."""
+
+from dataclasses import replace
+from math import hypot, sqrt
+
+from adhesion_can.estimation.doubt.monitor import DoubtMonitor, further_std
+from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUncertainty
+from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.estimation.tracker.tracker import Tracker
+from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.samples import Samples
+
+LASTING = 4.0
+"""Inflation of the variance from which errors last beyond chance."""
+
+
+class DoubtingTracker:
+    """Tracker whose standard deviations contain what its model may be wrong by.
+
+    The comparison works on blocks of the drive. Between them the latest assessment holds. The
+    tracker learns from it how long errors last, so that they do not look like changes of the
+    surface.
+
+    Args:
+        tracker: New tracker.
+        axles: Number of axles of the vehicle.
+        settings: Settings of the doubt.
+        instruments: Errors of the instruments before the data show them.
+        limits: Limits from which the peak counts as identifiable; None: the defaults.
+
+    """
+
+    def __init__(
+        self,
+        tracker: Tracker,
+        axles: int,
+        settings: DoubtSettings | None = None,
+        instruments: InstrumentUncertainty | None = None,
+        limits: IdentifiabilitySettings | None = None,
+    ) -> None:
+        self._tracker = tracker
+        self._limits = limits or IdentifiabilitySettings()
+        self._monitor = DoubtMonitor(
+            axles,
+            settings or DoubtSettings(),
+            instruments or InstrumentUncertainty(),
+            self._limits.slip_max,
+        )
+        self._inner: Estimate | None = None
+        self._current: Estimate | None = None
+
+    def update(self, samples: Samples, now_us: int) -> Estimate | None:
+        """Process samples, as `Estimator.update` defines it."""
+        inner = self._tracker.update(samples, now_us)
+        if inner is None:
+            return None
+        fresh = len(samples) > 0 and self._monitor.add(samples, inner)
+        if fresh:
+            inflation = self._monitor.assessment.lasting.inflation
+            self._tracker.variance_inflation = inflation if inflation > LASTING else 1.0
+        if fresh or inner is not self._inner:
+            self._inner, self._current = inner, self._widened(inner)
+        return self._current
+
+    def _widened(self, estimate: Estimate) -> Estimate:
+        """Estimate with the standard deviations that the latest assessment leaves it."""
+        assessment, limits = self._monitor.assessment, self._limits
+        mu_share, lambda_share = further_std(assessment, estimate)
+        # What the full model explains, its distance from the estimate stands for.
+        remaining = assessment.remaining
+        inflation = remaining.inflation if remaining.inflation > LASTING else 1.0
+        if inflation > 1.0:
+            mu_share = hypot(mu_share, remaining.level_std)
+        scale = sqrt(inflation)
+        mu_std = hypot(scale * estimate.mu_max_std, mu_share * estimate.mu_max)
+        lambda_std = hypot(scale * estimate.lambda_m_std, lambda_share * estimate.lambda_m)
+        known = estimate.identifiable
+        return replace(
+            estimate,
+            covariance=inflation * estimate.covariance,
+            mu_max_std=mu_std,
+            lambda_m_std=lambda_std,
+            identifiable=Identifiable(
+                mu_max=known.mu_max and mu_std <= limits.mu_max_std * estimate.mu_max,
+                lambda_m=known.lambda_m and lambda_std <= limits.lambda_m_std * estimate.lambda_m,
+            ),
+            mu_max_interval=_widened_interval(
+                estimate.mu_max_interval, estimate.mu_max, scale, mu_share * estimate.mu_max
+            ),
+            lambda_m_interval=_widened_interval(
+                estimate.lambda_m_interval,
+                estimate.lambda_m,
+                scale,
+                lambda_share * estimate.lambda_m,
+            ),
+            doubt=Doubt.NONE if assessment.plain is None else assessment.doubt,
+        )
+
+
+def _widened_interval(
+    interval: tuple[float, float], middle: float, scale: float, further_std: float
+) -> tuple[float, float]:
+    """90 % interval scaled about the estimate, and widened by an independent error."""
+    more = 1.645 * further_std
+    below, above = scale * (middle - interval[0]), scale * (interval[1] - middle)
+    return middle - hypot(below, more), middle + hypot(above, more)

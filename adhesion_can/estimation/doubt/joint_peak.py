@@ -1,0 +1,177 @@
+"""Peak of the curve when chosen directions are estimated with it."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from adhesion_can.arrays import Array
+from adhesion_can.estimation.doubt.blocks import CURVE, ReducedBlocks
+from adhesion_can.estimation.doubt.directions import CREEP_SPEED, Direction
+from adhesion_can.estimation.doubt.pooled_curve import PooledCurve, linearise, on_grid
+from adhesion_can.estimation.doubt.slip_basis import GRID
+
+BUMP_PRIOR = 0.3
+"""Plausible size of a bump, as a share of the largest adhesion."""
+WEAK = 0.1
+"""Weight of the directions' priors."""
+FLAT = 1e-3
+"""Least curvature −d²μ/dx² of a peak, as a share of the largest adhesion; x is the grid's index
+over its number of steps. A flatter one may lie anywhere that was reached."""
+_SPACING = 6
+"""Steps of the grid over which the curvature is taken."""
+
+
+class JointPeak(NamedTuple):
+    """Peak of a curve under the present conditions.
+
+    Attributes:
+        mu_max: Largest adhesion.
+        lambda_m: Slip ratio of the largest adhesion.
+        mu_max_std: Standard deviation of `mu_max`.
+        lambda_m_std: Standard deviation of `lambda_m`.
+
+    """
+
+    mu_max: float
+    lambda_m: float
+    mu_max_std: float
+    lambda_m_std: float
+
+
+class JointFit(NamedTuple):
+    """Coefficients that are estimated together.
+
+    Attributes:
+        chosen: Indices of the coefficients.
+        change: Estimated coefficients, shape (k,).
+        covariance: Covariance of the coefficients, shape (k, k).
+
+    """
+
+    chosen: list[int]
+    change: Array
+    covariance: Array
+
+    def spread(self, size: int) -> Array:
+        """All coefficients, 0 where they are not estimated; shape (size,)."""
+        whole = np.zeros(size)
+        whole[self.chosen] = self.change
+        return whole
+
+
+def fit_jointly(
+    blocks: ReducedBlocks,
+    coefficients: Sequence[int],
+    directions: Sequence[Direction],
+    *,
+    inflation: float,
+    prior_std: Mapping[int, float],
+) -> JointFit:
+    """Estimate coefficients together.
+
+    Args:
+        blocks: Blocks at the curve.
+        coefficients: Indices of the coefficients to estimate.
+        directions: Directions of the coefficients after those of the curve.
+        inflation: Factor of the covariance by errors that last.
+        prior_std: Prior standard deviation by coefficient, in place of a weak one.
+
+    """
+    gram, score = blocks.grams.sum(axis=0), blocks.scores.sum(axis=0)
+    chosen = [k for k in coefficients if gram[k, k] > 0.0]
+    precision = [_prior_precision(k, directions, prior_std) * inflation for k in chosen]
+    inner = gram[np.ix_(chosen, chosen)] + np.diag(precision)
+    scale = np.sqrt(np.maximum(inner.diagonal(), 1e-300))
+    normalised = inner / scale / scale[:, None] + 1e-9 * np.eye(len(chosen))
+    covariance = np.linalg.inv(normalised) / scale / scale[:, None]
+    return JointFit(chosen, covariance @ score[chosen], inflation * covariance)
+
+
+def compute_joint_peak(
+    fit: JointFit,
+    curve: PooledCurve,
+    directions: Sequence[Direction],
+    present: Mapping[str, float],
+    reached: float,
+) -> JointPeak:
+    """Peak with the estimated coefficients under the present conditions.
+
+    Args:
+        fit: Estimated coefficients.
+        curve: Pooled curve.
+        directions: Directions of the coefficients after those of the curve.
+        present: Value that multiplies the curve under the present conditions, by direction.
+        reached: Slip ratio up to which the curve is known.
+
+    """
+    chosen, change, covariance = fit
+    columns = _columns_on_grid(chosen, curve, directions, present)
+    values = np.where(reached >= GRID, curve.on_grid() + columns @ change, -np.inf)
+    top = int(np.argmax(values))
+    mu_var = float(columns[top] @ covariance @ columns[top])
+    place, place_std = _place(values, columns, covariance, top, reached)
+    return JointPeak(float(values[top]), place, float(np.sqrt(max(mu_var, 0.0))), place_std)
+
+
+def _place(
+    values: Array, columns: Array, covariance: Array, top: int, reached: float
+) -> tuple[float, float]:
+    """Slip ratio of the peak and its standard deviation.
+
+    Args:
+        values: Curve on the slip grid, -inf beyond what was reached, shape (POINTS,).
+        columns: Change of the curve by each coefficient, shape (POINTS, k).
+        covariance: Covariance of the coefficients, shape (k, k).
+        top: Index of the largest value.
+        reached: Slip ratio up to which the curve is known.
+
+    """
+    step = min(_SPACING, top)
+    if not step or top + step >= len(GRID) or not np.isfinite(values[top + step]):
+        return float(GRID[top]), reached
+    low, high = top - step, top + step
+    bend = (2.0 * values[top] - values[low] - values[high]) / step**2
+    bend = max(float(bend), FLAT / len(GRID) * float(values[top]))
+    nearby = float(values[high] - values[low]) / (2 * step) / bend
+    spacing = float(np.gradient(GRID)[top])
+    # dx = −μ'/μ'' by the change of the slope at the peak (implicit function theorem).
+    slope = (columns[high] - columns[low]) / (2 * step)
+    std = np.sqrt(max(float(slope @ covariance @ slope), 0.0)) / bend
+    place = float(GRID[top]) + min(max(nearby, -1.0), 1.0) * spacing
+    return place, min(float(std) * spacing, reached)
+
+
+def _prior_precision(
+    k: int, directions: Sequence[Direction], prior_std: Mapping[int, float]
+) -> float:
+    """Prior precision of a coefficient."""
+    if k in prior_std:
+        return 1.0 / prior_std[k] ** 2
+    if k >= CURVE:
+        return float(WEAK * directions[k - CURVE].prior_std ** -2.0)
+    # The tangents are free; the bumps are in units of the largest adhesion.
+    return 0.0 if k < 3 else WEAK * BUMP_PRIOR**-2.0
+
+
+def _columns_on_grid(
+    chosen: Sequence[int],
+    curve: PooledCurve,
+    directions: Sequence[Direction],
+    present: Mapping[str, float],
+) -> Array:
+    """Change of the curve on the slip grid by each coefficient, shape (POINTS, k).
+
+    Errors of the instruments do not change the curve.
+    """
+    shapes = on_grid(linearise(curve).changes)
+    level = curve.on_grid()
+    columns = []
+    for k in chosen:
+        if k < CURVE:
+            columns.append(shapes[:, k])
+            continue
+        name = directions[k - CURVE].name
+        factor = present.get(name, 0.0) * (GRID if name == CREEP_SPEED else np.ones(len(GRID)))
+        columns.append(factor * level)
+    return np.stack(columns, axis=1)

@@ -1,0 +1,70 @@
+"""How much more errors that last scatter the means of a residual than independent ones would."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from adhesion_can.arrays import Array
+from adhesion_can.estimation.doubt.blocks import ReducedBlocks
+
+FEWEST = 6
+"""Number of blocks below which their scatter says nothing."""
+FITTED = 1.5
+"""Coefficients that the blocks' scores lose to the fit."""
+
+
+class LastingErrors(NamedTuple):
+    """Errors of the residual that last.
+
+    Attributes:
+        inflation: Variance of a mean residual over that by independent errors; at least 1.
+        level_std: Standard deviation of the level about the curve from block to block, as a share
+            of the level, beyond independent errors.
+
+    """
+
+    inflation: float
+    level_std: float
+
+
+NONE = LastingErrors(1.0, 0.0)
+"""Independent errors."""
+
+
+def estimate_lasting_errors(
+    blocks: ReducedBlocks, known: int, change: Array | None = None
+) -> LastingErrors | None:
+    """Lasting errors along the level of the curve, from the scatter of blocks of several lengths.
+
+    By batch means, of the length that scatters most.
+
+    Args:
+        blocks: Blocks at the pooled curve.
+        known: Number of the first blocks that are used.
+        change: Coefficients that are estimated besides the pooled curve, shape (k,); None: zeros.
+
+    Returns:
+        Lasting errors; None where there are too few blocks.
+
+    """
+    if known < FEWEST:
+        return None
+    score = blocks.scores[:known, 0]
+    if change is not None:
+        score = score - blocks.grams[:known, 0] @ change
+    information = blocks.grams[:known, 0, 0]
+    noise = blocks.level_noise[:known]
+    total = float(information.sum())
+    if not total > 0.0:
+        return None
+    fluctuation = float(score @ (score / np.maximum(information, 1e-3 * total / known)))
+    expected = float(noise @ (1.0 / np.maximum(information, 1e-3 * total / known)))
+    level_std = np.sqrt(max(fluctuation - expected, 0.0) / total)
+    inflation = 1.0
+    while len(score) >= FEWEST:
+        few = len(score) / (len(score) - FITTED)
+        inflation = max(inflation, float(score @ score) / max(float(noise.sum()), 1e-300) * few)
+        pairs = len(score) // 2 * 2
+        score = score[0:pairs:2] + score[1:pairs:2]
+        noise = noise[0:pairs:2] + noise[1:pairs:2]
+    return LastingErrors(inflation, float(level_std))

@@ -1,0 +1,262 @@
+"""The running comparison of a drive with the model: doubt, and what the peak may be off by.
+
+Block by block of the drive:
+
+    samples -> RowBuilder -> Block -> BlockSeries -> pooled curve -> score tests -> joint peak
+"""
+
+from dataclasses import dataclass
+from math import ceil, inf, sqrt
+
+import numpy as np
+
+from adhesion_can.estimation.doubt.blocks import (
+    CURVE,
+    TANGENTS,
+    Block,
+    BlockSeries,
+    ReducedBlocks,
+    fit_blocks,
+)
+from adhesion_can.estimation.doubt.directions import (
+    BIAS_UNIT,
+    EFFORT_BIAS,
+    SPEED_SCALE,
+    TIME,
+    build_directions,
+)
+from adhesion_can.estimation.doubt.joint_peak import (
+    JointFit,
+    JointPeak,
+    compute_joint_peak,
+    fit_jointly,
+)
+from adhesion_can.estimation.doubt.lasting_errors import (
+    FEWEST,
+    NONE,
+    LastingErrors,
+    estimate_lasting_errors,
+)
+from adhesion_can.estimation.doubt.pooled_curve import PooledCurve
+from adhesion_can.estimation.doubt.rows import RowBuilder
+from adhesion_can.estimation.doubt.score_tests import FEWEST_BLOCKS, Selection, select_directions
+from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUncertainty
+from adhesion_can.estimation.doubt.surface_changes import find_confirmed_change
+from adhesion_can.estimation.tracker.points import is_valid
+from adhesion_can.physics.burckhardt import CurveParameters
+from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.samples import Samples
+
+FEWEST_SAMPLES = 20
+"""Number of samples below which a block is left out."""
+REACH = 0.9
+"""Quantile of the slips of a block that counts as reached."""
+UNSEEN_S = 3.0
+"""Age of blocks that may hold a change of the surface that is not detected yet, s."""
+MIXED = 2
+"""Number of blocks before a possible change that may hold samples of both surfaces."""
+KEPT_REACH = 0.995
+"""Share of the reached slip that is kept from block to block."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assessment:
+    """What is known of the model's error after a block.
+
+    Attributes:
+        doubt: Condition that the residual depends on.
+        names: Names of the directions that decided.
+        lasting: Errors that last about the pooled curve.
+        remaining: Errors that last about the full model.
+        plain: Peak of the pooled curve.
+        full: Peak with the selected directions and the instruments' errors.
+
+    """
+
+    doubt: Doubt
+    names: tuple[str, ...]
+    lasting: LastingErrors
+    remaining: LastingErrors
+    plain: JointPeak | None = None
+    full: JointPeak | None = None
+
+
+UNKNOWN = Assessment(Doubt.NONE, (), NONE, NONE)
+"""Assessment before there are enough blocks."""
+
+
+class DoubtMonitor:
+    """Compares the samples of a drive with the model, by blocks.
+
+    Args:
+        axles: Number of axles of the vehicle.
+        settings: Significance of the tests.
+        instruments: Errors of the instruments before the data show them.
+        slip_max: Largest slip ratio of a usable sample.
+
+    """
+
+    def __init__(
+        self,
+        axles: int,
+        settings: DoubtSettings,
+        instruments: InstrumentUncertainty,
+        slip_max: float,
+    ) -> None:
+        self._settings, self._slip_max = settings, slip_max
+        self._directions = build_directions(axles)
+        names = [direction.name for direction in self._directions]
+        stds = {
+            SPEED_SCALE: instruments.speed_error_std,
+            EFFORT_BIAS: instruments.effort_bias_std / BIAS_UNIT,
+        }
+        # What may be wrong before the data show it, by coefficient.
+        self._prior_std = {
+            CURVE + names.index(name): std for name, std in stds.items() if std > 0.0
+        }
+        if settings.shape_std > 0.0:
+            self._prior_std |= dict.fromkeys(range(TANGENTS, CURVE), settings.shape_std)
+        self._rows = RowBuilder(self._directions, axles)
+        self._series = BlockSeries(len(names), [names.index(TIME)])
+        self._theta: CurveParameters | None = None
+        self._waiting: list[Samples] = []
+        self._since_us: int | None = None
+        self._reached = 0.0
+        self.assessment = UNKNOWN
+        """Latest assessment."""
+
+    def add(self, samples: Samples, estimate: Estimate) -> bool:
+        """Add samples; whether there is a new assessment.
+
+        Args:
+            samples: Samples of an update, at least one.
+            estimate: Estimate after them.
+
+        """
+        if self._since_us != estimate.surface_since_us:
+            if self._since_us is not None:
+                self._end_block(estimate)
+                self._series.add_candidate()
+            self._since_us = estimate.surface_since_us
+        self._waiting.append(samples)
+        begun_us, now_us = int(self._waiting[0].t_us[0]), int(samples.t_us[-1])
+        if now_us - begun_us < self._series.block_s * 1e6:
+            return False
+        present = self._end_block(estimate)
+        if present is None or self._theta is None:
+            return False
+        self._theta = self._confirm_changes(self._theta)
+        self._assess(present, PooledCurve(self._theta))
+        return True
+
+    def _end_block(self, estimate: Estimate) -> dict[str, float] | None:
+        """Make a block of the waiting samples; present conditions, None where there is none."""
+        if not self._waiting:
+            return None
+        samples = Samples.concatenate(self._waiting)
+        self._waiting = []
+        samples = samples.select(is_valid(samples, self._slip_max))
+        if len(samples) < FEWEST_SAMPLES:
+            return None
+        if self._theta is None:
+            c1, c2, c3 = estimate.theta
+            if estimate.mu_max_std == inf or not 0.0 < c3 < c1 * c2:
+                return None
+            self._theta = estimate.theta
+        rows = self._rows.build(samples, self._theta, estimate.noise_std)
+        self._series.append(Block.from_rows(rows))
+        self._theta = fit_blocks(self._series.blocks, self._theta).theta
+        reached = float(np.quantile(np.abs(samples.slip), REACH))
+        self._reached = max(reached, KEPT_REACH * self._reached)
+        return dict(rows.present)
+
+    def _confirm_changes(self, theta: CurveParameters) -> CurveParameters:
+        """End the surface before a confirmed change; parameters of the current surface's curve."""
+        series = self._series
+        place = find_confirmed_change(series, PooledCurve(theta), self._directions)
+        if place is None:
+            return theta
+        series.end_surface(place, fit_blocks(series.blocks[:place], theta))
+        self._rows.begin_surface()
+        return fit_blocks(series.blocks, theta).theta
+
+    def _assess(self, present: dict[str, float], curve: PooledCurve) -> None:
+        """Test the directions, and compute what they make of the peak."""
+        series = self._series
+        if len(series) < FEWEST_BLOCKS:
+            return
+        reduced = series.reduced(curve)
+        lasting = self._lasting_errors(reduced, curve)
+        selection = select_directions(reduced, self._directions, self._settings)
+        plain = fit_jointly(
+            reduced,
+            range(TANGENTS),
+            self._directions,
+            inflation=lasting.inflation,
+            prior_std={},
+        )
+        full = self._fit_all(reduced, selection, lasting.inflation)
+        # What the directions explain no longer lasts.
+        spread = full.spread(reduced.scores.shape[1])
+        left = estimate_lasting_errors(reduced, reduced.current, spread) or lasting
+        full = self._fit_all(reduced, selection, left.inflation)
+        reached = max(self._reached, curve.lambda_m)
+        self.assessment = Assessment(
+            selection.doubt,
+            selection.names,
+            lasting,
+            left,
+            compute_joint_peak(plain, curve, self._directions, present, reached),
+            compute_joint_peak(full, curve, self._directions, present, reached),
+        )
+
+    def _lasting_errors(self, reduced: ReducedBlocks, curve: PooledCurve) -> LastingErrors:
+        """Lasting errors about the curve, of the time before a change that may be one."""
+        series, before = self._series, self.assessment.lasting
+        if not series.candidates:
+            known = reduced.current - ceil(UNSEEN_S / series.block_s)
+            return estimate_lasting_errors(reduced, known) or before
+        known = series.candidates[0] - MIXED
+        if known < FEWEST:
+            return before
+        reduced = series.reduced(fit_blocks(series.blocks[:known], curve.theta))
+        return estimate_lasting_errors(reduced, known) or before
+
+    def _fit_all(self, reduced: ReducedBlocks, selection: Selection, inflation: float) -> JointFit:
+        """Fit of the selected coefficients, and of what may be wrong before the data show it."""
+        chosen = selection.coefficients
+        further = {k: std for k, std in self._prior_std.items() if k not in chosen}
+        return fit_jointly(
+            reduced,
+            (*chosen, *further),
+            self._directions,
+            inflation=inflation,
+            prior_std=further,
+        )
+
+
+def further_std(assessment: Assessment, estimate: Estimate) -> tuple[float, float]:
+    """Standard deviations of μ_max and λ_m by what the model leaves out, as shares of them.
+
+    With a doubt they contain the distance to the peak of the full model. Without one they contain
+    what the instruments may be wrong by, beyond what the plain curve knows.
+    """
+    plain, full = assessment.plain, assessment.full
+    if plain is None or full is None:
+        return 0.0, 0.0
+    if assessment.doubt is not Doubt.NONE:
+        return (
+            sqrt((full.mu_max - estimate.mu_max) ** 2 + full.mu_max_std**2) / estimate.mu_max,
+            sqrt((full.lambda_m - estimate.lambda_m) ** 2 + full.lambda_m_std**2)
+            / estimate.lambda_m,
+        )
+    return (
+        _added(plain.mu_max, full.mu_max, plain.mu_max_std, full.mu_max_std),
+        _added(plain.lambda_m, full.lambda_m, plain.lambda_m_std, full.lambda_m_std),
+    )
+
+
+def _added(plain: float, full: float, plain_std: float, full_std: float) -> float:
+    """Distance of two estimates, and what the second is less certain, as a share of the first."""
+    return sqrt((full - plain) ** 2 + max(full_std**2 - plain_std**2, 0.0)) / plain

@@ -1,0 +1,59 @@
+"""Settings of the doubt, and what the instruments may be wrong by before anything is known."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoubtSettings:
+    """Tests of the residual against conditions that the model leaves out.
+
+    Attributes:
+        enabled: Whether the residual is tested; False: the doubt is 'not available', and standard
+            deviations hold for a model without an error.
+        false_alarm: Probability at which a direction of the residual is significant, in one test
+            of it, above 0. Larger: doubts come earlier, and more often without a reason.
+        least_size: Least size of a significant direction, as a share of the adhesion (root mean
+            square over the drive). Larger: smaller errors of the model are left without a doubt.
+        shape_std: Plausible deviation of a rail's curve from Burckhardt's form, as a share of the
+            largest adhesion. It is part of the standard deviations until the data exclude it.
+
+    """
+
+    enabled: bool = True
+    false_alarm: float = 1e-6
+    least_size: float = 0.003
+    shape_std: float = 0.03
+
+    def __post_init__(self) -> None:
+        if not 0 < self.false_alarm < 1:
+            raise ValueError("false_alarm must be a probability above 0")
+        if not min(self.least_size, self.shape_std) >= 0:
+            raise ValueError("least_size and shape_std must not be negative")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InstrumentUncertainty:
+    """Errors of the instruments that all axles share, before the data show them.
+
+    They cannot be seen while the train only pulls: they are part of the standard deviations until
+    coasting and braking have been driven. A calibrated vehicle states smaller ones; 0: none.
+
+    Attributes:
+        speed_error_std: Relative standard deviation of the vehicle speed's scale, 1. A radar over
+            ground has 0.2 to 0.5 % (mounting angle), a worn reference wheel as much.
+        effort_bias_std: Standard deviation of the efforts' common bias, N. The torque that an
+            inverter computes from flux and current is off by some per cent of its largest one at
+            low torque.
+
+    """
+
+    speed_error_std: float = 0.003
+    effort_bias_std: float = 2500.0
+
+    def __post_init__(self) -> None:
+        if not min(self.speed_error_std, self.effort_bias_std) >= 0:
+            raise ValueError("standard deviations must not be negative")
+
+
+EXACT = InstrumentUncertainty(speed_error_std=0.0, effort_bias_std=0.0)
+"""Instruments without common errors, or with errors that a model already corrects."""
