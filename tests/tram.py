@@ -28,6 +28,7 @@ class Tram:
     surfaces: tuple = (DRY,)
     top: float = 0.2
     period_s: float = 9.0
+    speed: float = 9.0
 
     def readings(self, seed):
         """Stamps, µs, and values by role and axle, as a receiver gives them."""
@@ -36,7 +37,7 @@ class Tram:
         t_us = np.arange(n) * self.cycle_ms * 1000
 
         def speed(t):
-            return 9.0 + 2.0 * np.sin(2 * np.pi * t / 37.0)
+            return self.speed * (1.0 + 0.2 * np.sin(2 * np.pi * t / 37.0))
 
         late = {Role.WHEEL_SPEED: 0, Role.VEHICLE_SPEED: 250, Role.TRACTIVE_EFFORT: 500}
         stamps = {role: t_us + shift for role, shift in late.items()}

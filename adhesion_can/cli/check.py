@@ -90,8 +90,8 @@ def _print(result: CheckResult) -> None:
     out.print(table("Signals (SI units)", ("role", "readings", "lowest", "highest"), ranges))
     if result.noise:
         noise = [_noise_row(compared) for compared in result.noise]
-        head = ("sensor", "estimated", "configured", "errors last", "unit")
-        out.print(table("Noise, standard deviation", head, noise))
+        heads = ("sensor", "estimated", "configured", "errors last", "unit")
+        out.print(table("Noise, standard deviation", heads, noise))
     for head, lines in (
         ("WRONG", result.failures),
         ("WARNING", result.warnings),

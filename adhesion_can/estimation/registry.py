@@ -14,6 +14,7 @@ from adhesion_can.estimation.baselines.paper import ChangeSettings, PaperEstimat
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.estimation.noise.settings import NoiseSettings
 from adhesion_can.estimation.tracker.settings import TrackerSettings
 from adhesion_can.plugins import load_plugins
 
@@ -32,6 +33,8 @@ class EstimatorSettings:
     Attributes:
         identifiability: Limits from which the peak counts as identifiable, section
             `[identifiability]`; used by every estimator.
+        noise: Settings of the noise of the samples in front of the default estimator, section
+            `[noise]`.
         tracker: Settings of the default estimator and of its parts, sections `[tracker]`,
             `[run_length]`, `[memory]`, `[prior]` and `[axles]`.
         evolution: Settings of the differential evolution, section `[evolution]`; its block length
@@ -41,6 +44,7 @@ class EstimatorSettings:
     """
 
     identifiability: IdentifiabilitySettings = field(default_factory=IdentifiabilitySettings)
+    noise: NoiseSettings = field(default_factory=NoiseSettings)
     tracker: TrackerSettings = field(default_factory=TrackerSettings)
     evolution: EvolutionSettings = field(default_factory=EvolutionSettings)
     change: ChangeSettings = field(default_factory=ChangeSettings)
@@ -63,6 +67,19 @@ def make_tracker(
     return Tracker(settings.tracker, settings.identifiability, known_changes_us=known_changes_us)
 
 
+def make_default(settings: EstimatorSettings) -> Estimator:
+    """Fresh tracker, with the noise of its samples estimated in front of it."""
+    tracker = make_tracker(settings)
+    if not settings.noise.estimated:
+        return tracker
+    # Imported here, as the tracker is.
+    from adhesion_can.estimation.noise.scaled_estimator import (  # noqa: PLC0415
+        NoiseScaledEstimator,
+    )
+
+    return NoiseScaledEstimator(tracker, settings.noise)
+
+
 def oracle(settings: EstimatorSettings, changes_us: Iterable[int]) -> "Tracker":
     """Tracker that knows when the surface changes; the difference shows what detection costs.
 
@@ -83,7 +100,7 @@ def _baseline(name: str) -> MakeEstimator:
 
 
 ESTIMATORS: Mapping[str, MakeEstimator] = {
-    DEFAULT: make_tracker,
+    DEFAULT: make_default,
     "paper": lambda s: PaperEstimator(s.evolution, s.identifiability, s.change),
     **{name: _baseline(name) for name in BASELINES},
 }

@@ -70,13 +70,14 @@ def differences(t_s: Array, value: Array, order: int, stride: int, cycle_s: floa
     return np.where(whole, total / np.sqrt(square), np.nan)
 
 
-def freedom_share(order: int, stride: int = 1) -> float:
+def freedom_share(order: int) -> float:
     """Degrees of freedom of a mean square of differences of white noise, per difference.
 
-    1/Σ ρ² with the autocorrelations ρ(k) = C(2m, m + k)/C(2m, m) of the differences.
+    1/Σ ρ² with the autocorrelations ρ(k) = C(2m, m + k)/C(2m, m) of differences that are k strides
+    apart; others are independent.
     """
     rho = [comb(2 * order, order + k) / comb(2 * order, order) for k in range(order + 1)]
-    return 1.0 / (stride * (2.0 * sum(r * r for r in rho) - 1.0))
+    return 1.0 / (2.0 * sum(r * r for r in rho) - 1.0)
 
 
 def block_means(squares: Array, size: int) -> Array:

@@ -141,7 +141,7 @@ def pool(parts: Sequence[NoiseEstimate]) -> NoiseEstimate:
     return NoiseEstimate(
         std,
         sqrt(sum(part.std_error**2 for part in known)) / len(known),
-        float(np.median(lasting)) if len(lasting) > len(known) / 2 else None,
+        sorted(lasting)[(len(lasting) - 1) // 2] if len(lasting) > len(known) / 2 else None,
         min(part.seen_s for part in known),
         next((part.reason for part in known if part.reason), ""),
     )
@@ -168,7 +168,7 @@ def estimate_signal(trace: Trace, step: float = 0.0) -> NoiseEstimate:
         return NoiseEstimate(reason=reason or "the signal moves too fast for its cycle")
     strides, by_stride = _lags(t_s, value, cycle_s)
     level, lasts_s, seen_s = _duration(strides, by_stride, cycle_s)
-    total = var * max(level / by_stride[0], 1.0)
+    total = var * max(level / float(by_stride[0]), 1.0)
     if total <= LEAST_STEP_SHARE * rounding:
         bound = sqrt(max(total - rounding, 0.0))
         reason = "the step of the signal hides it"
@@ -219,7 +219,7 @@ def _variance(
     size = min(size * stride, d.shape[-1])
     if size < BLOCK // 2:
         return low_quantile(np.empty(0), 1.0)
-    return low_quantile(block_means(d * d, size), max(size * freedom_share(order, stride), 1.0))
+    return low_quantile(block_means(d * d, size), max(size * freedom_share(order), 1.0))
 
 
 def _settled_order(found: Mapping[int, BlockVariance]) -> int | None:

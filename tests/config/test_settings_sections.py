@@ -24,6 +24,7 @@ def test_the_sections_are_those_of_the_files_that_users_have():
         "sampling",
         "sensors",
         "identifiability",
+        "noise",
         "tracker",
         "run_length",
         "memory",

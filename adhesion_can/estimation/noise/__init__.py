@@ -1,0 +1,1 @@
+"""Noise of the samples, estimated from the samples themselves."""
