@@ -133,7 +133,8 @@ def _resumed(config: Configuration, path: Path) -> Configuration:
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
         c1, c2, c3 = (float(kept[name]["value"]) for name in ("c1", "c2", "c3"))
-        known = all(kept["identifiable"].values())
+        # A curve in doubt is none of a surface that may come again.
+        known = all(kept["identifiable"].values()) and kept.get("doubt", "none") == "none"
         settings = config.estimators
         search = settings.evolution
         theta0 = tuple(np.clip((c1, c2, c3), search.lower, search.upper).tolist())

@@ -1,6 +1,6 @@
 """Everything that a user can set, as one frozen value."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import hypot, sqrt
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from adhesion_can.bus.roles import (
     resolutions_by_role,
 )
 from adhesion_can.errors import ConfigError
+from adhesion_can.estimation.doubt.settings import EXACT
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.registry import (
     DEFAULT,
@@ -21,6 +22,7 @@ from adhesion_can.estimation.registry import (
     MakeEstimator,
     estimator_by_name,
     known_estimators,
+    make_default,
 )
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.instruments import PERFECT
@@ -214,7 +216,13 @@ class Configuration:
             ConfigError: No estimator has that name.
 
         """
-        estimator = self.find_estimator(name)(self.estimators)
+        make, settings = self.find_estimator(name), self.estimators
+        if self.model is not None:
+            # The model corrects what the instruments are wrong by.
+            settings = replace(settings, instruments=EXACT)
+        estimator = (
+            make_default(settings, self.vehicle.axles) if make is make_default else make(settings)
+        )
         if self.model is None or not self.model.online:
             return estimator
         from adhesion_can.estimation.extended.estimator import (  # noqa: PLC0415

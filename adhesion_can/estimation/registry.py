@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from adhesion_can.estimation.baselines import BASELINES
 from adhesion_can.estimation.baselines.paper import ChangeSettings, PaperEstimator
 from adhesion_can.estimation.differential_evolution import EvolutionSettings
+from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUncertainty
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.noise.settings import NoiseSettings
@@ -35,6 +36,9 @@ class EstimatorSettings:
             `[identifiability]`; used by every estimator.
         noise: Settings of the noise of the samples in front of the default estimator, section
             `[noise]`.
+        doubt: Settings of the tests of the default estimator's residual, section `[doubt]`.
+        instruments: Errors of the instruments before the data show them, section `[instruments]`;
+            used by the default estimator.
         tracker: Settings of the default estimator and of its parts, sections `[tracker]`,
             `[run_length]`, `[memory]`, `[prior]` and `[axles]`.
         evolution: Settings of the differential evolution, section `[evolution]`; its block length
@@ -45,6 +49,8 @@ class EstimatorSettings:
 
     identifiability: IdentifiabilitySettings = field(default_factory=IdentifiabilitySettings)
     noise: NoiseSettings = field(default_factory=NoiseSettings)
+    doubt: DoubtSettings = field(default_factory=DoubtSettings)
+    instruments: InstrumentUncertainty = field(default_factory=InstrumentUncertainty)
     tracker: TrackerSettings = field(default_factory=TrackerSettings)
     evolution: EvolutionSettings = field(default_factory=EvolutionSettings)
     change: ChangeSettings = field(default_factory=ChangeSettings)
@@ -67,17 +73,30 @@ def make_tracker(
     return Tracker(settings.tracker, settings.identifiability, known_changes_us=known_changes_us)
 
 
-def make_default(settings: EstimatorSettings) -> Estimator:
-    """Fresh tracker, with the noise of its samples estimated in front of it."""
-    tracker = make_tracker(settings)
+def make_default(settings: EstimatorSettings, axles: int | None = None) -> Estimator:
+    """Fresh tracker, with the noise of its samples estimated in front of it.
+
+    Args:
+        settings: Settings of the estimators.
+        axles: Number of axles of the vehicle that the samples come from, whose residual is then
+            tested for what the model leaves out; None: points of a curve, and no doubt.
+
+    """
+    estimator: Estimator
+    tracker = estimator = make_tracker(settings)
+    # The parts are imported here, as the tracker is.
+    if axles is not None and settings.doubt.enabled:
+        from adhesion_can.estimation.doubt.estimator import DoubtingTracker  # noqa: PLC0415
+
+        doubt, instruments, limits = settings.doubt, settings.instruments, settings.identifiability
+        estimator = DoubtingTracker(tracker, axles, doubt, instruments, limits)
     if not settings.noise.estimated:
-        return tracker
-    # Imported here, as the tracker is.
+        return estimator
     from adhesion_can.estimation.noise.scaled_estimator import (  # noqa: PLC0415
         NoiseScaledEstimator,
     )
 
-    return NoiseScaledEstimator(tracker, settings.noise)
+    return NoiseScaledEstimator(estimator, settings.noise)
 
 
 def oracle(settings: EstimatorSettings, changes_us: Iterable[int]) -> "Tracker":

@@ -25,6 +25,8 @@ def test_the_sections_are_those_of_the_files_that_users_have():
         "sensors",
         "identifiability",
         "noise",
+        "doubt",
+        "instruments",
         "tracker",
         "run_length",
         "memory",

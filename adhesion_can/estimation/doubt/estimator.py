@@ -71,7 +71,7 @@ class DoubtingTracker:
         remaining = assessment.remaining
         inflation = remaining.inflation if remaining.inflation > LASTING else 1.0
         if inflation > 1.0:
-            mu_share = hypot(mu_share, remaining.level_std)
+            mu_share = hypot(mu_share, remaining.level_std / estimate.mu_max)
         scale = sqrt(inflation)
         mu_std = hypot(scale * estimate.mu_max_std, mu_share * estimate.mu_max)
         lambda_std = hypot(scale * estimate.lambda_m_std, lambda_share * estimate.lambda_m)

@@ -18,8 +18,8 @@ class LastingErrors(NamedTuple):
 
     Attributes:
         inflation: Variance of a mean residual over that by independent errors; at least 1.
-        level_std: Standard deviation of the level about the curve from block to block, as a share
-            of the level, beyond independent errors.
+        level_std: Standard deviation of the curve's level c1 from block to block, beyond
+            independent errors.
 
     """
 

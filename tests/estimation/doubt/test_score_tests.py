@@ -1,0 +1,79 @@
+"""Score tests: how often they are wrong, and what they find."""
+
+import numpy as np
+import pytest
+
+from adhesion_can.estimation.doubt.blocks import CURVE, TANGENTS, BlockSeries, fit_blocks
+from adhesion_can.estimation.doubt.score_tests import compute_score_tests, select_directions
+from adhesion_can.estimation.doubt.settings import DoubtSettings
+from adhesion_can.physics.doubt import Doubt
+from tests.estimation.doubt.doubt_helpers import (
+    DIRECTIONS,
+    NAMES,
+    THETA,
+    make_blocks,
+    make_samples,
+)
+
+BASE = tuple(range(TANGENTS))
+
+
+def reduced(seconds: float, block_s: float, **hidden: float):
+    seed = hidden.pop("seed")
+    samples = make_samples(np.random.default_rng(int(seed)), seconds, **hidden)
+    series = BlockSeries(len(DIRECTIONS))
+    series.blocks = make_blocks(samples, block_s)
+    return series.reduced(fit_blocks(series.blocks, THETA))
+
+
+@pytest.mark.parametrize("lasting_s", [0.0, 0.3])
+def test_p_values_of_nothing_are_at_most_as_small_as_they_say(lasting_s: float) -> None:
+    """60 drives of 60 s, 23 coefficients: at most 1 % of the p-values below 0.01, counted with
+    twice the binomial's standard deviation of independent tests."""
+    drives = 60
+    small = tested = 0
+    for seed in range(drives):
+        blocks = reduced(60.0, 1.0, seed=seed, lasting_s=lasting_s)
+        p = compute_score_tests(blocks, BASE).p_value
+        p = p[p < 1.0]
+        small, tested = small + int((p < 0.01).sum()), tested + len(p)
+    assert tested > 20 * drives
+    assert small / tested < 0.01 + 2 * np.sqrt(0.01 / tested) * 2
+
+
+@pytest.mark.parametrize(
+    ("hidden", "name", "doubt"),
+    [
+        ({"load_exponent": 0.4}, "axle_load", Doubt.AXLE_LOAD),
+        ({"speed_scale": 0.003}, "speed_scale", Doubt.DIRECTION),
+        ({"effort_bias": 3000.0}, "effort_bias", Doubt.DIRECTION),
+    ],
+)
+def test_what_is_hidden_is_found_within_a_minute(
+    hidden: dict[str, float], name: str, doubt: Doubt
+) -> None:
+    """In all of 8 drives of a minute, as the first of the selected ones."""
+    for seed in range(8):
+        blocks = reduced(60.0, 0.5, seed=seed, **hidden)
+        found = select_directions(blocks, DIRECTIONS, DoubtSettings())
+        assert (found.names[0], found.doubt) == (name, doubt)
+        size = compute_score_tests(blocks, BASE).size[CURVE + NAMES.index(name)]
+        true = {"axle_load": -0.4, "speed_scale": 0.003, "effort_bias": 3.0}[name]
+        assert size == pytest.approx(true, rel=0.25)
+
+
+def test_nothing_is_selected_where_nothing_is_hidden() -> None:
+    for seed in range(20):
+        blocks = reduced(60.0, 0.5, seed=seed)
+        assert select_directions(blocks, DIRECTIONS, DoubtSettings()).doubt is Doubt.NONE
+
+
+def test_what_is_smaller_than_the_least_size_is_left() -> None:
+    blocks = reduced(60.0, 0.5, seed=1, load_exponent=0.4)
+    coarse = DoubtSettings(least_size=0.5)
+    assert select_directions(blocks, DIRECTIONS, coarse).doubt is Doubt.NONE
+
+
+def test_few_blocks_say_nothing() -> None:
+    blocks = reduced(6.0, 1.0, seed=1, load_exponent=2.0)
+    assert select_directions(blocks, DIRECTIONS, DoubtSettings()).doubt is Doubt.NONE
