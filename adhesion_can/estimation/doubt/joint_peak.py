@@ -127,8 +127,8 @@ def _place(
         reached: Slip ratio up to which the curve is known.
 
     """
-    step = min(_SPACING, top)
-    if not step or top + step >= len(GRID) or not np.isfinite(values[top + step]):
+    step = min(_SPACING, top, int(np.isfinite(values).sum()) - 1 - top)
+    if step < 1:
         return float(GRID[top]), reached
     low, high = top - step, top + step
     bend = (2.0 * values[top] - values[low] - values[high]) / step**2

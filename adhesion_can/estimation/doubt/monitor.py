@@ -50,7 +50,7 @@ from adhesion_can.physics.samples import Samples
 
 FEWEST_SAMPLES = 20
 """Number of samples below which a block is left out."""
-REACH = 0.9
+REACH = 0.97
 """Quantile of the slips of a block that counts as reached."""
 UNSEEN_S = 3.0
 """Age of blocks that may hold a change of the surface that is not detected yet, s."""

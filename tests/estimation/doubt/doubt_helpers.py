@@ -83,7 +83,7 @@ def make_samples(
 def in_seconds(samples: Samples, seconds: float) -> list[Samples]:
     """Samples cut into parts of so many seconds."""
     part = ((samples.t_us - samples.t_us[0]) // round(seconds * 1e6)).astype(np.int64)
-    return [samples.select(part == k) for k in range(int(part.max()) + 1)]
+    return [samples.select(part == k) for k in np.unique(part)]
 
 
 def make_blocks(
