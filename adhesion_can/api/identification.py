@@ -92,8 +92,8 @@ def identify(
         else:
             recordings = as_recordings(slip)  # type: ignore[arg-type]  # `_paths` has checked it
             samples = load_recording_samples(recordings, config).samples
-    settings = config.estimators.identifiability
-    result = _identify(samples, settings, labels=labels, families=families)
+    settings, noise = config.estimators.identifiability, config.estimators.noise
+    result = _identify(samples, settings, labels=labels, families=families, noise=noise)
     if result is None:
         raise InputError(
             where,

@@ -59,9 +59,11 @@ def run(options: argparse.Namespace) -> int:
     require_outputs(options, {"--json": options.json}, [*options.inputs, config.database.path])
     loaded = _load(options.inputs, config)
     problems, left_out = loaded.problems, loaded.left_out
-    settings = config.estimators.identifiability
+    settings, noise = config.estimators.identifiability, config.estimators.noise
     families = families_by_option(options.curve)
-    result = identify(loaded.samples, settings, labels=loaded.labels, families=families)
+    result = identify(
+        loaded.samples, settings, labels=loaded.labels, families=families, noise=noise
+    )
     if result is None:
         raise InputError(
             ", ".join(map(str, options.inputs)),

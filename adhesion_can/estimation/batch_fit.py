@@ -1,7 +1,9 @@
 """Batch fit of a recording, and the changes of the surface within it.
 
-The curve is fitted by variable projection: the profile likelihood of c2. The same projection on
-sums over narrow bins of slip scores every possible change point in one matrix product.
+The curve is fitted by variable projection: the profile likelihood of c2. Where samples state errors
+of their slips, these are scaled to what the samples show and removed by corrected scores
+(`errors_in_variables`). The same projection on sums over narrow bins of slip scores every possible
+change point in one matrix product.
 """
 
 from collections.abc import Sequence
@@ -13,8 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess
+from adhesion_can.estimation.errors_in_variables import fit_with_errors
+from adhesion_can.estimation.identifiability import (
+    IdentifiabilitySettings,
+    assess,
+    build_estimate,
+    require_fall,
+)
 from adhesion_can.estimation.likelihood import sum_of_squares
+from adhesion_can.estimation.noise.noise_factors import batch_factors
+from adhesion_can.estimation.noise.settings import NoiseSettings
 from adhesion_can.estimation.variable_projection import (
     STEEPNESS,
     fit_least_squares,
@@ -29,6 +39,9 @@ if TYPE_CHECKING:
     from adhesion_can.physics.curves import CurveFamily
 
 BINS = 96
+"""Number of bins of slip for the score of a change."""
+SHORT = 10
+"""Duration of a segment, in margins beside a change, up to which all of it is used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +128,7 @@ class BatchResult:
 
 
 def fit(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Estimate:
-    """Maximum likelihood of one curve for all samples (eq. 13).
+    """Maximum likelihood of one curve for all samples (eq. 13), their slips taken as exact.
 
     Args:
         samples: Samples, at least one, finite, |λ| within the range of `settings`.
@@ -128,12 +141,32 @@ def fit(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Es
     return assess(theta, sum_of_squares(theta, h, z), samples, settings)
 
 
+def fit_surface(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Estimate:
+    """Curve of one surface, without the errors of the slips that the samples state.
+
+    Samples that state none are fitted as by `fit`. λ_m is identifiable only where the fall beyond
+    the peak is significant.
+
+    Args:
+        samples: Samples, at least one, finite, |λ| within the range of `settings`.
+        settings: Limits from which the peak counts as identifiable.
+
+    """
+    settings = settings or IdentifiabilitySettings()
+    if samples.slip_total_var.any():
+        found = fit_with_errors(samples, settings.slip_max)
+        if found is not None:
+            return require_fall(build_estimate(*found, samples, settings))
+    return require_fall(fit(samples, settings))
+
+
 def identify(
     samples: Samples,
     settings: IdentifiabilitySettings | None = None,
     segmentation: SegmentationSettings | None = None,
     labels: NDArray[np.int64] | None = None,
     families: "Sequence[CurveFamily]" = (),
+    noise: NoiseSettings | None = None,
 ) -> BatchResult | None:
     """Batch fit of a recording: one curve for all of it, and one for each segment.
 
@@ -144,6 +177,7 @@ def identify(
         labels: Number of each sample's segment where it is known, shape (n,); None: changes are
             detected from the samples.
         families: Curve families to compare in each segment.
+        noise: Settings of the noise of the samples; None: the defaults.
 
     Returns:
         Result of the fit; None where no sample is usable.
@@ -155,18 +189,31 @@ def identify(
     kept = samples.select(usable)
     if not len(kept):
         return None
+    noise, segmentation = noise or NoiseSettings(), segmentation or SegmentationSettings()
+    margin_us = 0
+    if noise.estimated and kept.slip_total_var.any():
+        kept = batch_factors(kept, noise).scale(kept)
     if labels is None:
-        edges = change_points(kept, segmentation or SegmentationSettings())
+        edges = change_points(kept, segmentation)
+        # A change is known to a chunk: what is beside it may be of the other surface. Points
+        # without errors are few, and all of them count.
+        margin_us = round(segmentation.chunk_s * 1e6) if kept.slip_total_var.any() else 0
     else:
         edges = [int(i) for i in np.flatnonzero(np.diff(labels[usable])) + 1]
     bounds = [0, *edges, len(kept)]
     segments = tuple(
-        Segment(int(kept.t_us[a]), int(kept.t_us[b - 1]), fit(kept.select(slice(a, b)), settings))
+        Segment(
+            int(kept.t_us[a]),
+            int(kept.t_us[b - 1]),
+            fit_surface(kept.select(_inner(kept.t_us, a, b, margin_us)), settings),
+        )
         for a, b in pairwise(bounds)
     )
-    whole = fit(kept, settings)
+    whole = segments[0].estimate
     if len(segments) > 1:
-        whole = replace(whole, identifiable=Identifiable(mu_max=False, lambda_m=False))
+        whole = replace(
+            fit_surface(kept, settings), identifiable=Identifiable(mu_max=False, lambda_m=False)
+        )
     if not families:
         return BatchResult(whole, segments, len(samples) - len(kept))
     # Imported here: most fits compare nothing, and a short check would wait for it.
@@ -179,6 +226,16 @@ def identify(
     alone = len(segments) == 1
     together = curves[0] if alone else compare_families(kept, families, slip_max=settings.slip_max)
     return BatchResult(whole, segments, len(samples) - len(kept), curves, together)
+
+
+def _inner(t_us: NDArray[np.int64], first: int, last: int, margin_us: int) -> slice:
+    """Rows of a segment without those beside its neighbours; all of a segment that is short."""
+    begin, end = int(t_us[first]), int(t_us[last - 1])
+    if not margin_us or end - begin < SHORT * margin_us:
+        return slice(first, last)
+    a = first if first == 0 else int(np.searchsorted(t_us, begin + margin_us))
+    b = last if last == len(t_us) else int(np.searchsorted(t_us, end - margin_us))
+    return slice(a, b)
 
 
 def change_points(samples: Samples, settings: SegmentationSettings) -> list[int]:

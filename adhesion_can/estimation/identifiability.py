@@ -1,16 +1,19 @@
 """Estimate from a fit: standard errors, and whether the peak is identifiable."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot, isfinite
 
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.likelihood import UNDETERMINED, standard_errors
+from adhesion_can.estimation.likelihood import UNDETERMINED, StandardErrors, standard_errors
 from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.former import common_load_std
+
+FALL_SIGNIFICANCE = 4.0
+"""c3 over its standard deviation from which the fall beyond the peak is significant."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,13 +63,35 @@ def assess(
     h, _ = samples.folded()
     noise = float(np.sqrt(max(cost, 0.0) / max(len(h) - 3, 1)))
     errors = standard_errors(theta, h, noise, settings.slip_max)
-    if len(h) < settings.samples:
+    return build_estimate(theta, noise, errors, h, samples, settings)
+
+
+def build_estimate(
+    theta: Array,
+    noise_std: float,
+    errors: StandardErrors,
+    reached: Array,
+    samples: Samples,
+    settings: IdentifiabilitySettings,
+) -> Estimate:
+    """Estimate from a fit and its standard errors.
+
+    Args:
+        theta: Fitted curve parameters (c1, c2, c3).
+        noise_std: Standard deviation of the adhesion about the curve.
+        errors: Standard errors of the fit.
+        reached: Slips that the samples reached, ≥ 0, shape (n,).
+        samples: Samples of the fit, at least one.
+        settings: Limits from which the peak counts as identifiable.
+
+    """
+    if len(samples) < settings.samples:
         errors = UNDETERMINED
     c1, c2, c3 = map(float, theta)
     top = peak(c1, c2, c3, settings.slip_max)
     mu_max, lambda_m = float(top.mu_max), float(top.lambda_m)
     mu_std = hypot(errors.mu_max, mu_max * common_load_std(samples.load, samples.load_std))
-    reached = float(np.quantile(h, 1.0 - settings.reach))
+    farthest = float(np.quantile(reached, 1.0 - settings.reach))
     return Estimate(
         c1=c1,
         c2=c2,
@@ -76,13 +101,22 @@ def assess(
         mu_max_std=mu_std,
         lambda_m=lambda_m,
         lambda_m_std=errors.lambda_m,
-        noise_std=noise,
-        samples=len(h),
+        noise_std=noise_std,
+        samples=len(samples),
         identifiable=assess_peak(
-            (mu_max, errors.mu_max), (lambda_m, errors.lambda_m), reached, settings
+            (mu_max, errors.mu_max), (lambda_m, errors.lambda_m), farthest, settings
         ),
         surface_since_us=int(samples.t_us[0]),
     )
+
+
+def require_fall(estimate: Estimate) -> Estimate:
+    """Estimate whose λ_m is identifiable only where the fall beyond the peak is significant."""
+    fall_std = float(estimate.covariance[2, 2]) ** 0.5
+    known = estimate.identifiable
+    if not known.lambda_m or estimate.c3 > FALL_SIGNIFICANCE * fall_std:
+        return estimate
+    return replace(estimate, identifiable=Identifiable(mu_max=known.mu_max, lambda_m=False))
 
 
 def assess_peak(

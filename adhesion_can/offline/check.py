@@ -237,7 +237,8 @@ def _check_excitation(result: CheckResult, configuration: Configuration) -> None
         reasons = ", ".join(f"{why} ({n})" for why, n in result.dropped.items()) or "no data"
         result.failures.append(f"not one sample could be formed: {reasons}")
         return
-    fitted = identify(result.samples, configuration.estimators.identifiability)
+    estimators = configuration.estimators
+    fitted = identify(result.samples, estimators.identifiability, noise=estimators.noise)
     if fitted is None:
         result.failures.append("every sample lies outside the slips that the curve is valid for")
         return

@@ -8,6 +8,7 @@ are blocks, that of the configuration (0) weighs `prior_s`.
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import pairwise
 from math import exp, isfinite, log
 from typing import NamedTuple
 
@@ -24,6 +25,8 @@ BLOCK_FRAMES = 32
 """Least number of vehicle speeds in a block, up to `LONGEST_US`."""
 LONGEST_US = 2_000_000
 """Duration from which a block is complete with fewer, µs."""
+MOST_BLOCKS = 600
+"""Number of blocks of a recording from which only a part of them is used."""
 LONGEST_PAUSE_US = 200_000
 """Pause between samples that ends a block, µs."""
 
@@ -133,10 +136,13 @@ def batch_factors(samples: Samples, settings: NoiseSettings) -> NoiseFactors:
         settings: Weight of the configuration, and limits of the factors.
 
     """
-    running = RunningNoise(replace(settings, memory_s=max(settings.memory_s, 1e5)))
-    # Chunks as updates give them.
-    chunk = (samples.t_us - samples.t_us[0]) // 100_000
-    edges = np.flatnonzero(np.diff(chunk)) + 1
-    for rows in np.split(np.arange(len(samples)), edges):
-        running.add(samples.select(rows))
-    return running.factors
+    frame_us = np.diff(np.unique(samples.speed_us))
+    frames_us = BLOCK_FRAMES * float(np.median(frame_us)) if len(frame_us) else 0.0
+    block_us = min(max(frames_us, BLOCK_US), LONGEST_US)
+    number = (samples.t_us - int(samples.t_us[0])) // round(block_us)
+    edges = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), len(samples)]
+    bounds = list(pairwise(edges))
+    spread = bounds[:: -(-len(bounds) // MOST_BLOCKS)]
+    return combine_blocks(
+        (measure_noise(samples.select(slice(a, b))) for a, b in spread if b > a), settings
+    )
