@@ -222,9 +222,12 @@ def _correction(
     )
     factor = {c.axle: c.factor for c in config.choices if c.role is Role.WHEEL_SPEED}
     offset = result.offset if options.speed is None else None
+    errors = [a.estimate.std / a.configured for a in estimated.values() if a.estimate]
     return Correction(
         radius_ratio={i: a.ratio for i, a in estimated.items()},
         offset=offset.value if offset else None,
+        # Against another speed than the bus has, the slips' scale is not calibrated.
+        speed_error_std=max(errors) if errors and options.speed is None else None,
         radii_remark=f"standard errors in m: {radii}; {origin}",
         factor_remark={
             i: f"factor ± {factor[i] * a.estimate.std / a.configured:.2g}; {origin}"
@@ -232,4 +235,5 @@ def _correction(
             if a.estimate
         },
         offset_remark=f"offset ± {offset.std:.2g} m/s; {origin}" if offset else "",
+        speed_error_remark=f"standard error of the radii; {origin}",
     )

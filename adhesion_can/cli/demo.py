@@ -13,6 +13,7 @@ import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import InputError
+from adhesion_can.estimation.doubt.settings import EXACT
 from adhesion_can.files import whole_file
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.recording import from_message, to_message
@@ -85,6 +87,8 @@ def run(options: argparse.Namespace) -> int:
     own = {f"--out {name}": options.out / name for name in ("demo.log", "truth.json", "demo.json")}
     require_outputs(options, {**own, "--json": options.json})
     config = load_configuration()
+    # The simulated locomotive's instruments have no error, as those of a calibrated vehicle.
+    config = replace(config, estimators=replace(config.estimators, instruments=EXACT))
     settings = RunSettings(scenario_by_name(SCENARIO), options.duration, obey=True)
     bench = _Bench(config, settings, options.out / "demo.log")
     bench.run(_view(options, bench))

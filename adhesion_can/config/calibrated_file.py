@@ -25,17 +25,22 @@ class Correction:
     Attributes:
         radius_ratio: New over configured radius by axle, of the estimated radii.
         offset: Zero error of the vehicle speed as configured so far, m/s; None: not identifiable.
+        speed_error_std: Standard error of the wheels' radii against the vehicle speed, 1, which is
+            what the scale of the slip may still be wrong by; None: it is not known.
         radii_remark: Remark behind `wheel_radius_m`.
         factor_remark: Remark behind the role of a wheel speed given at the rim, by axle.
         offset_remark: Remark behind the role of the vehicle speed.
+        speed_error_remark: Remark behind `speed_error_std`.
 
     """
 
     radius_ratio: Mapping[int, float]
     offset: float | None
+    speed_error_std: float | None
     radii_remark: str
     factor_remark: Mapping[int, str]
     offset_remark: str
+    speed_error_remark: str = ""
 
 
 def rim_axles(configuration: Configuration) -> set[int]:
@@ -71,6 +76,10 @@ def with_correction(
     radii = [axle for axle in correction.radius_ratio if axle not in at_rim]
     if radii:
         _set_radii(document, configuration, correction, radii)
+    if correction.speed_error_std is not None:
+        instruments = document.setdefault("instruments", tomlkit.table())
+        _put(instruments, "speed_error_std", float(f"{correction.speed_error_std:.2g}"))
+        _remark(instruments, "speed_error_std", correction.speed_error_remark)
     scaled = [axle for axle in correction.radius_ratio if axle in at_rim]
     if not scaled and correction.offset is None:
         return tomlkit.dumps(document)

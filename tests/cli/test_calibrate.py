@@ -18,6 +18,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.config.calibrated_file import Correction, with_correction
+from adhesion_can.estimation.doubt.settings import InstrumentUncertainty
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.recordings.candump import format_frame
@@ -154,14 +155,17 @@ def test_comments_and_all_else_of_the_users_file_stay(worn, tmp_path):
     assert "worn.log (sha256 " in text
     assert load_configuration(out).vehicle.wheel_radius == pytest.approx(WORN, rel=1e-3)
     assert load_configuration(out).vehicle.train_mass == 1e6
-    # Once more, onto itself: one remark, the newer one.
+    # What the slips' scale may still be wrong by is that of the radii, far below the default.
+    instruments = load_configuration(out).estimators.instruments
+    assert 0.0 < instruments.speed_error_std < 0.2 * InstrumentUncertainty().speed_error_std
+    # Once more, onto itself: one remark for each key, the newer one.
     calibrated(tmp_path, worn, "--config", out, "--out", out)
-    assert out.read_text().count("calibrated:") == 1
+    assert out.read_text().count("calibrated:") == 2
     assert "] # m; calibrated: " in out.read_text()
 
 
 def test_where_speeds_vary_the_offset_is_told_and_each_key_has_one_remark(tmp_path):
-    """However often: one behind the radii, one behind the vehicle speed."""
+    """However often: one behind the radii, their error, and the vehicle speed."""
     log, out = recorded(tmp_path / "swing.log", SWEEP), tmp_path / "out.toml"
     result = calibrated(tmp_path, log, "--out", out)
     assert abs(result["offset_mps"]["value"]) < 6 * result["offset_mps"]["std"] < 0.04
@@ -169,8 +173,9 @@ def test_where_speeds_vary_the_offset_is_told_and_each_key_has_one_remark(tmp_pa
     for _ in range(2):
         calibrated(tmp_path, log, "--config", out, "--out", out)
     remarked = [line for line in out.read_text().splitlines() if "calibrated:" in line]
-    assert [line.count("calibrated:") for line in remarked] == [1, 1]
-    assert [line.split()[0] for line in remarked] == ["wheel_radius_m", "vehicle_speed"]
+    assert [line.count("calibrated:") for line in remarked] == [1, 1, 1]
+    keys = ["wheel_radius_m", "speed_error_std", "vehicle_speed"]
+    assert [line.split()[0] for line in remarked] == keys
     assert len(out.read_text()) < len(first) + 20, "digits may differ, nothing may grow"
 
 
@@ -340,6 +345,7 @@ def test_any_way_to_write_the_file_takes_the_correction_twice(tmp_path, text):
     correction = Correction(
         radius_ratio={1: 0.98},
         offset=0.05,
+        speed_error_std=0.0004,
         radii_remark="radii",
         factor_remark={1: "factor"},
         offset_remark="offset",
@@ -348,6 +354,7 @@ def test_any_way_to_write_the_file_takes_the_correction_twice(tmp_path, text):
         now = load_configuration(path)
         path.write_bytes(with_correction(now, path, path, correction).encode())
     last = load_configuration(path)
+    assert last.estimators.instruments.speed_error_std == 0.0004
     radius = first.vehicle.wheel_radius
     assert last.vehicle.wheel_radius == pytest.approx((0.98**2 * radius[0], *radius[1:]))
     assert last.vehicle.train_mass == first.vehicle.train_mass

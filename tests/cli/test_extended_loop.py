@@ -132,8 +132,10 @@ def test_the_model_of_a_diagnosis_brings_mu_max_to_the_truth(biased):
     (all_plain, tracking_plain), (all_model, tracking_model) = (
         errors(biased, said) for said in (biased.plain, biased.model)
     )
-    assert tracking_plain > 0.015, figures(biased)
-    assert tracking_model < 0.05 * tracking_plain, figures(biased)
+    assert all_plain > 0.01, figures(biased)
+    # Without the model the service doubts, and claims a peak only where it is nearly right.
+    assert tracking_plain < 0.5 * all_plain, figures(biased)
+    assert tracking_model < 0.02 * all_plain, figures(biased)
     assert all_model < 0.1 * all_plain, figures(biased)
 
 

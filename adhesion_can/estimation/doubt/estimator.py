@@ -94,7 +94,7 @@ class DoubtingTracker:
                 scale,
                 lambda_share * estimate.lambda_m,
             ),
-            doubt=Doubt.NONE if assessment.plain is None else assessment.doubt,
+            doubt=Doubt.NOT_AVAILABLE if assessment.plain is None else assessment.doubt,
         )
 
 

@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.doubt.blocks import CURVE, ReducedBlocks
+from adhesion_can.estimation.doubt.blocks import CURVE, TANGENTS, ReducedBlocks
 from adhesion_can.estimation.doubt.directions import CREEP_SPEED, Direction
 from adhesion_can.estimation.doubt.pooled_curve import PooledCurve, linearise, on_grid
 from adhesion_can.estimation.doubt.slip_basis import GRID
 
-BUMP_PRIOR = 0.3
-"""Plausible size of a bump, as a share of the largest adhesion."""
+BUMP_PRIOR = 0.1
+"""Plausible size of a bump of a curve whose shape is in doubt, as a share of the largest adhesion.
+Where no data are, a larger one would make peaks of nothing."""
 WEAK = 0.1
 """Weight of the directions' priors."""
 FLAT = 1e-3
@@ -151,7 +152,7 @@ def _prior_precision(
     if k >= CURVE:
         return float(WEAK * directions[k - CURVE].prior_std ** -2.0)
     # The tangents are free; the bumps are in units of the largest adhesion.
-    return 0.0 if k < 3 else WEAK * BUMP_PRIOR**-2.0
+    return 0.0 if k < TANGENTS else BUMP_PRIOR**-2.0
 
 
 def _columns_on_grid(

@@ -11,7 +11,6 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.doubt.blocks import CURVE, TANGENTS, BlockSeries, ReducedBlocks
 from adhesion_can.estimation.doubt.directions import TIME, Direction
-from adhesion_can.estimation.doubt.joint_peak import BUMP_PRIOR
 from adhesion_can.estimation.doubt.pooled_curve import PooledCurve, linearise
 from adhesion_can.estimation.doubt.slip_basis import SIZE
 
@@ -19,6 +18,8 @@ LEAST_CHANGE = 0.12
 """Least change of the adhesion, root mean square over the samples, as a share of the adhesion."""
 LEAST_CHI_SQUARE = 60.0
 """Least square of the change in its standard errors (three degrees of freedom)."""
+BUMP_STD = 0.3
+"""Size that a bump of a free shape may have, as a share of the largest adhesion."""
 INFLATION = 50.0
 """Factor of the variance by errors that last, before anything is known of them."""
 FEWEST_AFTER = 2
@@ -93,4 +94,4 @@ def _precision(k: int, directions: Sequence[Direction]) -> float:
     """Prior precision of a coefficient that is no tangent; 0 for a tangent."""
     if k >= CURVE:
         return 1.0 / directions[k - CURVE].prior_std ** 2
-    return 0.0 if k < TANGENTS else BUMP_PRIOR**-2.0
+    return 0.0 if k < TANGENTS else BUMP_STD**-2.0
