@@ -52,10 +52,10 @@ class Tram:
             phase = axle / AXLES
 
             def slip(t, phase=phase):
-                # Traction and braking in turn, each from 0 to the top and back.
-                turn = t / self.period_s + phase
-                size = 0.5 * self.top * (1 - np.cos(2 * np.pi * turn))
-                return np.where(np.floor(turn) % 2, -1.0, 1.0) * size
+                # All axles pull, then all brake; within that each is swept to the top and back.
+                pull = np.sin(np.pi * t / (3 * self.period_s))
+                sweep = 0.5 * (1 - np.cos(2 * np.pi * (t / self.period_s + phase)))
+                return self.top * np.clip(3 * pull, -1, 1) * sweep
 
             def omega(t, slip=slip):
                 return (1 + slip(t)) * speed(t) / RADIUS
