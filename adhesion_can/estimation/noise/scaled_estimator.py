@@ -1,5 +1,7 @@
 """Estimator whose samples carry the noise that they show, in place of the configured one."""
 
+from dataclasses import replace
+
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.noise.noise_factors import RunningNoise
 from adhesion_can.estimation.noise.settings import NoiseSettings
@@ -18,7 +20,9 @@ class NoiseScaledEstimator:
 
     def __init__(self, inner: Estimator, settings: NoiseSettings) -> None:
         self._inner = inner
-        self._noise = RunningNoise(settings)
+        # A smaller noise than configured raises the evidence for a change of the surface, and the
+        # service's rate of false alarms holds for the errors that the configuration allows.
+        self._noise = RunningNoise(replace(settings, smallest=1.0))
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
         """Process samples, as `Estimator.update` defines it."""
