@@ -99,7 +99,7 @@ def _print(result: CheckResult) -> None:
         ("FOUND", result.findings),
     ):
         for line in lines:
-            out.print(f"{head}: {line}")
+            out.print(f"{head}: {line}", markup=False)
     out.print("verdict: not usable as it is" if result.failures else "verdict: usable")
 
 
