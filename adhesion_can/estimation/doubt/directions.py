@@ -8,19 +8,21 @@ each direction.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.readings import Role
 
-SPEED_SCALE, EFFORT_BIAS = "speed_scale", "effort_bias"
-SPEED_DELAY, EFFORT_DELAY = "speed_delay", "effort_delay"
-INERTIA, RELAXATION = "wheelset_inertia", "creep_relaxation"
-LOAD, SPEED, CREEP_SPEED, TRACTION = "axle_load", "speed", "creep_speed", "direction"
+SPEED_SCALE, EFFORT_BIAS = "scale of speed", "bias of effort"
+SPEED_DELAY, EFFORT_DELAY = "delay of speed", "delay of effort"
+INERTIA, RELAXATION = "inertia of wheelset", "relaxation of creep"
+LOAD, SPEED, CREEP_SPEED, TRACTION = "load", "speed", "creep speed", "direction of effort"
 TIME = "time"
-RADIUS, LEVEL = "wheel_radius", "axle"
+RADIUS, LEVEL = "radius of axle", "level of axle"
 BIAS_UNIT = 1e3
 """Unit of the effort's bias, N."""
 INERTIA_UNIT = 1e4
 """Unit of the inertia over the radius, kg·m."""
-WORK_S: Mapping[str, float] = {"work_short": 1.5, "work_long": 8.0}
+WORK_S: Mapping[str, float] = {"slip work, 1.5 s": 1.5, "slip work, 8 s": 8.0}
 """Time constant by which the slip work of an axle is forgotten, s, by direction."""
 SPEED_UNIT = 10.0
 """Unit of the vehicle speed, m/s."""
@@ -64,11 +66,11 @@ class CovariateScale:
     absolute: bool = False
 
 
-COVARIATES: Mapping[str, CovariateScale] = {
-    "sanding": CovariateScale(0.0, 1.0),
-    "humidity": CovariateScale(60.0, 30.0),
-    "rail_temperature": CovariateScale(20.0, 10.0),
-    "curvature": CovariateScale(0.0, 1e-3, absolute=True),
+SURROUNDINGS: Mapping[str, CovariateScale] = {
+    COVARIATES[Role.SANDING]: CovariateScale(0.0, 1.0),
+    COVARIATES[Role.HUMIDITY]: CovariateScale(60.0, 30.0),
+    COVARIATES[Role.RAIL_TEMPERATURE]: CovariateScale(20.0, 10.0),
+    COVARIATES[Role.CURVATURE]: CovariateScale(0.0, 1e-3, absolute=True),
 }
 """Covariates of the samples that are directions of their own, by name."""
 
@@ -92,9 +94,9 @@ def build_directions(axles: int) -> tuple[Direction, ...]:
         single(TRACTION, Doubt.DIRECTION, 0.3),
         single(TIME, Doubt.TIME, 0.3),
         *(single(name, Doubt.TIME, 0.5) for name in WORK_S),
-        *(single(name, Doubt.SURROUNDINGS, 0.3) for name in COVARIATES),
+        *(single(name, Doubt.SURROUNDINGS, 0.3) for name in SURROUNDINGS),
         *(
-            Direction(f"{name}_{axle}", Doubt.AXLE, prior_std, name)
+            Direction(f"{name} {axle}", Doubt.AXLE, prior_std, name)
             for name, prior_std in ((RADIUS, 0.02), (LEVEL, 0.3))
             for axle in range(1, axles + 1)
         ),

@@ -9,7 +9,6 @@ from adhesion_can.arrays import Array
 from adhesion_can.estimation.doubt import slip_basis
 from adhesion_can.estimation.doubt.directions import (
     BIAS_UNIT,
-    COVARIATES,
     CREEP_SPEED,
     EFFORT_BIAS,
     EFFORT_DELAY,
@@ -24,6 +23,7 @@ from adhesion_can.estimation.doubt.directions import (
     SPEED_DELAY,
     SPEED_SCALE,
     SPEED_UNIT,
+    SURROUNDINGS,
     TIME,
     TIME_UNIT,
     TRACTION,
@@ -147,7 +147,7 @@ class RowBuilder:
             TIME: (time_s - self._since_s) / TIME_UNIT,
             **self._slip_work(samples, time_s, curve),
         }
-        for name, scale in COVARIATES.items():
+        for name, scale in SURROUNDINGS.items():
             if name in samples.covariates:
                 value = (samples.covariates[name] - scale.shift) / scale.unit
                 factors[name] = np.nan_to_num(np.abs(value) if scale.absolute else value)
@@ -169,8 +169,8 @@ class RowBuilder:
         for axle in range(1, self._axles + 1):
             # Against the mean of all axles.
             own = (samples.axle == axle) - 1.0 / self._axles
-            errors[f"{RADIUS}_{axle}"] = _times(own, scaled)
-            factors[f"{LEVEL}_{axle}"] = own
+            errors[f"{RADIUS} {axle}"] = _times(own, scaled)
+            factors[f"{LEVEL} {axle}"] = own
         return factors, errors, present
 
     def _slip_work(self, samples: Samples, time_s: Array, curve: "_Curve") -> dict[str, Array]:

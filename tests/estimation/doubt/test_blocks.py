@@ -10,7 +10,7 @@ from adhesion_can.estimation.doubt.blocks import (
     BlockSeries,
     fit_blocks,
 )
-from adhesion_can.estimation.doubt.directions import TIME
+from adhesion_can.estimation.doubt.directions import LOAD, TIME
 from adhesion_can.estimation.doubt.pooled_curve import PooledCurve
 from tests.estimation.doubt.doubt_helpers import (
     DIRECTIONS,
@@ -60,7 +60,7 @@ def test_directions_from_two_surfaces_are_those_of_one_regression() -> None:
     series = series_of([*first, *second])
     series.end_surface(len(first), PooledCurve(THETA))
     reduced = series.reduced(PooledCurve(OTHER))
-    known = [*range(TANGENTS), CURVE + NAMES.index("axle_load")]
+    known = [*range(TANGENTS), CURVE + NAMES.index(LOAD)]
     gram, score = reduced.grams.sum(axis=0), reduced.scores.sum(axis=0)
     size = np.linalg.solve(gram[np.ix_(known, known)], score[known])[-1]
 

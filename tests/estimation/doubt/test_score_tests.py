@@ -1,11 +1,15 @@
 """Score tests: how often they are wrong, and what they find."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from adhesion_can.estimation.doubt.blocks import CURVE, TANGENTS, BlockSeries, fit_blocks
+from adhesion_can.estimation.doubt.directions import EFFORT_BIAS, LOAD, SPEED_SCALE, SURROUNDINGS
 from adhesion_can.estimation.doubt.score_tests import compute_score_tests, select_directions
 from adhesion_can.estimation.doubt.settings import DoubtSettings
+from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.doubt import Doubt
 from tests.estimation.doubt.doubt_helpers import (
     DIRECTIONS,
@@ -44,9 +48,9 @@ def test_p_values_of_nothing_are_at_most_as_small_as_they_say(lasting_s: float) 
 @pytest.mark.parametrize(
     ("hidden", "name", "doubt"),
     [
-        ({"load_exponent": 0.4}, "axle_load", Doubt.AXLE_LOAD),
-        ({"speed_scale": 0.003}, "speed_scale", Doubt.DIRECTION),
-        ({"effort_bias": 3000.0}, "effort_bias", Doubt.DIRECTION),
+        ({"load_exponent": 0.4}, LOAD, Doubt.AXLE_LOAD),
+        ({"speed_scale": 0.003}, SPEED_SCALE, Doubt.DIRECTION),
+        ({"effort_bias": 3000.0}, EFFORT_BIAS, Doubt.DIRECTION),
     ],
 )
 def test_what_is_hidden_is_found_within_a_minute(
@@ -58,7 +62,7 @@ def test_what_is_hidden_is_found_within_a_minute(
         found = select_directions(blocks, DIRECTIONS, DoubtSettings())
         assert (found.names[0], found.doubt) == (name, doubt)
         size = compute_score_tests(blocks, BASE).size[CURVE + NAMES.index(name)]
-        true = {"axle_load": -0.4, "speed_scale": 0.003, "effort_bias": 3.0}[name]
+        true = {LOAD: -0.4, SPEED_SCALE: 0.003, EFFORT_BIAS: 3.0}[name]
         assert size == pytest.approx(true, rel=0.25)
 
 
@@ -77,3 +81,24 @@ def test_what_is_smaller_than_the_least_size_is_left() -> None:
 def test_few_blocks_say_nothing() -> None:
     blocks = reduced(6.0, 1.0, seed=1, load_exponent=2.0)
     assert select_directions(blocks, DIRECTIONS, DoubtSettings()).doubt is Doubt.NONE
+
+
+@pytest.mark.parametrize("name", SURROUNDINGS)
+def test_surroundings_are_found_by_the_names_of_the_covariates(name: str) -> None:
+    samples = make_samples(np.random.default_rng(7), 60.0)
+    scale = SURROUNDINGS[name]
+    value = np.round(np.sin(samples.t_us * 1e-6 / 3.1) > 0.3)
+    samples = replace(
+        samples,
+        adhesion=samples.adhesion * (1.0 + 0.2 * value),
+        covariates={name: scale.shift + scale.unit * value},
+    )
+    series = BlockSeries(len(DIRECTIONS))
+    series.blocks = make_blocks(samples, 0.5)
+    blocks = series.reduced(fit_blocks(series.blocks, THETA))
+    found = select_directions(blocks, DIRECTIONS, DoubtSettings())
+    assert (found.names[0], found.doubt) == (name, Doubt.SURROUNDINGS)
+
+
+def test_they_are_those_that_samples_carry() -> None:
+    assert set(SURROUNDINGS) <= set(COVARIATES.values())
