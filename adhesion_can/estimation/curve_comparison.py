@@ -1,7 +1,7 @@
 """Comparison of curve families by held-out score, and the peak pooled over those that hold.
 
 The score of a family is the mean log density of samples that had no part in its fit. Families whose
-difference to the best is within its chance error cannot be told apart by the data. The peak is the
+difference to the best is within its chance error cannot be separated by the data. The peak is the
 mixture of theirs, with weights by pseudo-Bayesian model averaging with the Bayesian bootstrap
 (Yao, Vehtari, Simpson & Gelman, "Using stacking to average Bayesian predictive distributions",
 Bayesian Analysis 13 (2018) 917), so its standard deviation holds their spread.
@@ -36,7 +36,7 @@ LEAST_SAMPLES = 30
 TICK_US = 10
 """Mean distance of stamps, µs, below which points have no time: they are independent."""
 CHANCE = 2.0
-"""Standard errors of a difference of scores within which two families are not told apart."""
+"""Standard errors of a difference of scores within which two families are not separated."""
 SMALL = 4.0
 """Difference of the log density of all data below which its standard error cannot be trusted
 (Sivula, Magnusson & Vehtari, arXiv 2008.10296)."""

@@ -33,7 +33,7 @@ class ScoredFit:
         score: Mean log density of a held-out sample.
         behind: Difference of the best family's score to this one's, per sample; 0 for the best.
         behind_std: Standard error of that difference.
-        plausible: Whether the data cannot tell the family from the best one.
+        plausible: Whether the data cannot separate the family from the best one.
         weight: Weight of its peak in the pooled one; 0 where not plausible.
 
     """
@@ -94,7 +94,7 @@ class CurveComparison:
 
     @property
     def plausible(self) -> tuple[str, ...]:
-        """Names of the families that the data cannot tell apart, the best first."""
+        """Names of the families that the data cannot separate, the best first."""
         return tuple(s.fit.family.name for s in self.families if s.plausible)
 
     def to_dict(self) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 Steps 3 to 6 run with Burckhardt's curve, and where another family may hold, with the best of the
 others too. The two explanations are compared on the same weights, filter and blocks. Burckhardt's
-stays where it is as good; of two that the blocks cannot tell apart the one with fewer errors of
+stays where it is as good; of two that the blocks cannot separate the one with fewer errors of
 instruments and vehicle is preferred, and then the one with fewer causes.
 """
 
@@ -46,7 +46,7 @@ MOST_LEFT = 0.25
 """Largest share that a family leaves of what a slip spline explains on Burckhardt's curve."""
 SPEED_RANGE = 0.2
 """Range of the speeds (5 to 95 % of the rows), as a share of their median, below which a fall with
-creep speed cannot be told from one with slip."""
+creep speed cannot be separated from one with slip."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class ShapeFinding:
         burckhardt: Burckhardt's curves without effects, on the same regression.
         p_value: P-value of the gain over Burckhardt's curves with the same effects, all families
             counted.
-        rivals: Ids of effects on Burckhardt's curve that the data cannot tell from the shape.
+        rivals: Ids of effects on Burckhardt's curve that the data cannot separate from the shape.
 
     """
 

@@ -5,7 +5,7 @@ from the scatter between blocks (batch means; Glynn & Whitt, Operations Research
 Where there are many blocks, neighbours are merged, so that they are longer than what lasts.
 
 When a surface ends, its curve is projected out of its blocks (Frisch, Waugh & Lovell). What is left
-tells of the directions alone, which the next surface shares.
+concerns the directions alone, which the next surface shares.
 """
 
 from collections.abc import Sequence

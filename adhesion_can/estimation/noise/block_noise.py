@@ -2,7 +2,7 @@
 
 The rim's speed r ω = (1 + λ) v of an axle has the error of its wheel speed alone; the vehicle speed
 is a straight line between two of its frames, and one sample of each such group has a known share
-of their two errors. So the private and the common error of the slip are told apart.
+of their two errors. So the private and the common error of the slip are separated.
 """
 
 from math import comb
