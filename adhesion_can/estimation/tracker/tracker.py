@@ -305,9 +305,11 @@ class Tracker:
             surface_since_us=self._since_us,
             change_probability=changed,
             per_axle=self._axles.estimate(mu_max, lambda_m, self._sign, self._memories.noise_var),
-            mu_max_interval=widened_interval(curves.mu_max[curves.order[0]], shares[0], extra_std),
-            lambda_m_interval=widened_interval(
-                curves.lambda_m[curves.order[1]], shares[1], lambda_lag
+            mu_max_interval=_with_estimate(
+                widened_interval(curves.mu_max[curves.order[0]], shares[0], extra_std), mu_max
+            ),
+            lambda_m_interval=_with_estimate(
+                widened_interval(curves.lambda_m[curves.order[1]], shares[1], lambda_lag), lambda_m
             ),
         )
 
@@ -359,6 +361,14 @@ class Tracker:
             and reached >= settings.mu_max_reach * farthest,
             lambda_m=narrow and reached >= farthest,
         )
+
+
+def _with_estimate(interval: tuple[float, float], value: float) -> tuple[float, float]:
+    """Interval that holds the estimate, which may lie beside it where hardly anything is known.
+
+    The estimate is a curve with the medians of μ_m, λ_m and shape, each of them by itself.
+    """
+    return min(interval[0], value), max(interval[1], value)
 
 
 def _reach(histogram: Array, share: float, slip_max: float) -> float:
