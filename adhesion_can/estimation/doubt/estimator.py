@@ -11,9 +11,6 @@ from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 
-LASTING = 4.0
-"""Inflation of the variance from which errors last beyond chance."""
-
 
 class DoubtingTracker:
     """Tracker whose standard deviations contain what its model may be wrong by.
@@ -57,8 +54,7 @@ class DoubtingTracker:
             return None
         fresh = len(samples) > 0 and self._monitor.add(samples, inner)
         if fresh:
-            inflation = self._monitor.assessment.lasting.inflation
-            self._tracker.variance_inflation = inflation if inflation > LASTING else 1.0
+            self._tracker.variance_inflation = self._monitor.assessment.lasting.beyond_chance
         if fresh or inner is not self._inner:
             self._inner, self._current = inner, self._widened(inner)
         return self._current
@@ -69,7 +65,7 @@ class DoubtingTracker:
         mu_share, lambda_share = further_std(assessment, estimate)
         # What the full model explains, its distance from the estimate stands for.
         remaining = assessment.remaining
-        inflation = remaining.inflation if remaining.inflation > LASTING else 1.0
+        inflation = remaining.beyond_chance
         if inflation > 1.0:
             mu_share = hypot(mu_share, remaining.level_std / estimate.mu_max)
         scale = sqrt(inflation)

@@ -9,6 +9,8 @@ from adhesion_can.estimation.doubt.blocks import ReducedBlocks
 
 FEWEST = 6
 """Number of blocks below which their scatter says nothing."""
+LASTING = 4.0
+"""Inflation of the variance from which errors last beyond chance."""
 FITTED = 1.5
 """Coefficients that the blocks' scores lose to the fit."""
 
@@ -25,6 +27,11 @@ class LastingErrors(NamedTuple):
 
     inflation: float
     level_std: float
+
+    @property
+    def beyond_chance(self) -> float:
+        """Inflation where it is beyond chance, else 1."""
+        return self.inflation if self.inflation > LASTING else 1.0
 
 
 NONE = LastingErrors(1.0, 0.0)

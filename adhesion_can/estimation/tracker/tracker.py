@@ -19,7 +19,10 @@ from math import exp, hypot, inf, sqrt
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.estimation.identifiability import (
+    FALL_SIGNIFICANCE,
+    IdentifiabilitySettings,
+)
 from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
 from adhesion_can.estimation.tracker.curve_sums import (
     BINS,
@@ -69,8 +72,6 @@ MIN_EFFECTIVE_CURVES = 16.0
 """Least effective number of curves that describe a distribution."""
 MAX_NOISE_SAMPLES = 20.0
 """Largest weight of the noise estimate on a new surface, samples: noise is the sensors'."""
-FALL_SIGNIFICANCE = 4.0
-"""c3 over its standard deviation from which the fall beyond the peak is significant."""
 COMMON_ERROR_THRESHOLD = 0.006
 """(c2 σ)² of the slip's error by the vehicle speed, from which `common_shift` is worth it."""
 PRIVATE_ERROR_THRESHOLD = 0.001
