@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import can
-import can.cli
 
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import BusError, InputError
@@ -51,6 +50,8 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 def add_bus(parser: argparse.ArgumentParser) -> None:
     """python-can's own bus options."""
+    import can.cli  # noqa: PLC0415  few commands open a bus
+
     can.cli.add_bus_arguments(parser, group_title="bus (python-can)")
 
 
@@ -73,8 +74,10 @@ def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
     """
 
     def open_bus() -> can.BusABC:
+        from can.cli import create_bus_from_namespace  # noqa: PLC0415  few commands open a bus
+
         try:
-            return can.cli.create_bus_from_namespace(options)
+            return create_bus_from_namespace(options)
         except argparse.ArgumentError as error:
             cause = error.__cause__ or error
             reason = " ".join(str(cause).split())[:200] or type(cause).__name__

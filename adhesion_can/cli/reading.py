@@ -22,6 +22,10 @@ def reading(what: str, recordings: Sequence[Recording]) -> Iterator[Watched]:
         recordings: Recordings whose blocks are passed through.
 
     """
+    err = console(sys.stderr)
+    if not err.is_terminal:
+        yield iter
+        return
     from rich.progress import (  # noqa: PLC0415  a fifth of the start of a short command
         BarColumn,
         Progress,
@@ -30,7 +34,6 @@ def reading(what: str, recordings: Sequence[Recording]) -> Iterator[Watched]:
         TimeRemainingColumn,
     )
 
-    err = console(sys.stderr)
     begin, frames = monotonic(), 0
     total = max(sum(recording.size for recording in recordings), 1)
     bar = Progress(
@@ -41,7 +44,6 @@ def reading(what: str, recordings: Sequence[Recording]) -> Iterator[Watched]:
         TimeRemainingColumn(),
         console=err,
         transient=True,
-        disable=not err.is_terminal,
     )
     task = bar.add_task(what, total=1.0, speed="")
 

@@ -10,8 +10,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from adhesion_can.estimation.baselines import BASELINES
-from adhesion_can.estimation.baselines.paper import ChangeSettings, PaperEstimator
-from adhesion_can.estimation.differential_evolution import EvolutionSettings
+from adhesion_can.estimation.baselines.settings import ChangeSettings, EvolutionSettings
 from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUncertainty
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
@@ -114,13 +113,19 @@ MakeEstimator = Callable[[EstimatorSettings], Estimator]
 """Factory of a fresh estimator."""
 
 
+def _make_paper(settings: EstimatorSettings) -> Estimator:
+    from adhesion_can.estimation.baselines.paper import PaperEstimator  # noqa: PLC0415
+
+    return PaperEstimator(settings.evolution, settings.identifiability, settings.change)
+
+
 def _baseline(name: str) -> MakeEstimator:
     return lambda settings: BASELINES[name](settings.evolution, settings.identifiability)
 
 
 ESTIMATORS: Mapping[str, MakeEstimator] = {
     DEFAULT: make_default,
-    "paper": lambda s: PaperEstimator(s.evolution, s.identifiability, s.change),
+    "paper": _make_paper,
     **{name: _baseline(name) for name in BASELINES},
 }
 """The built-in estimators."""

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.differential_evolution import (
-    EvolutionSettings,
     identify_blocks,
     identify_sequence,
 )

@@ -23,7 +23,6 @@ from adhesion_can.recordings.candump import (
 from adhesion_can.recordings.candump_columns.parse import read_chunks
 from adhesion_can.recordings.candump_columns.text_source import Packing, TextSource
 from adhesion_can.recordings.formats import CANDUMP, HEAD, detect_format
-from adhesion_can.recordings.mf4 import NotInColumnsError, mf4_blocks, open_mf4
 from adhesion_can.recordings.reader_losses import collect_python_can_warnings, find_lost_lines
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
@@ -131,6 +130,13 @@ class Recording:
                 yield block
 
     def _mf4_blocks(self) -> Iterator[Block]:
+        # Imported here: most recordings are of other formats.
+        from adhesion_can.recordings.mf4 import (  # noqa: PLC0415
+            NotInColumnsError,
+            mf4_blocks,
+            open_mf4,
+        )
+
         given = 0
         channels: tuple[str, ...] = ()
         try:

@@ -11,7 +11,6 @@ from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.candump import ReadReport
 from adhesion_can.recordings.recording import Recording
-from adhesion_can.recordings.sample_table import is_table
 
 STRAY_US = 60_000_000
 """A stamp this far ahead, taken back by the next one, is a broken stamp and not a hole in time."""
@@ -156,6 +155,9 @@ def open_recordings(paths: Sequence[Path]) -> list[Recording]:
         RecordingError: A file is missing, of no known format, or a table of samples.
 
     """
+    # Imported here: most commands read recordings alone, and start the faster.
+    from adhesion_can.recordings.sample_table import is_table  # noqa: PLC0415
+
     for path in paths:
         if path.exists() and is_table(path):
             raise RecordingError(

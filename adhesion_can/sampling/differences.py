@@ -8,7 +8,6 @@ wheel, is in few blocks of time: the variance is a low quantile of those of the 
 """
 
 from math import comb
-from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,8 @@ from adhesion_can.arrays import Array
 
 QUANTILE = 0.3
 """Share of the blocks that lie below the variance, corrected for the scatter of the blocks."""
-_NORMAL_QUANTILE = NormalDist().inv_cdf(QUANTILE)
+_NORMAL_QUANTILE = -0.5244005127080409
+"""Quantile of the standard normal distribution at `QUANTILE`."""
 REGULAR = 1.5
 """Span of a difference over that of regular readings from which a reading is missing in it."""
 

@@ -19,8 +19,8 @@ from adhesion_can.estimation.baselines.recursive_least_squares import (
     RlsSettings,
     bounded_minimum,
 )
+from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.batch_fit import fit
-from adhesion_can.estimation.differential_evolution import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess
 from adhesion_can.estimation.likelihood import standard_errors, sum_of_squares
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Surface, peak

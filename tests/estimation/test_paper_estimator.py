@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.estimation.baselines.paper import PaperEstimator
-from adhesion_can.estimation.differential_evolution import EvolutionSettings
+from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess
 from adhesion_can.physics.burckhardt import RAIL, peak
 from adhesion_can.physics.samples import Samples

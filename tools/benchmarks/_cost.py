@@ -10,7 +10,8 @@ import numpy as np
 from _data import DECLARED, POOLED, drive, points
 
 from adhesion_can.estimation.baselines.paper import PaperEstimator
-from adhesion_can.estimation.differential_evolution import EvolutionSettings, search
+from adhesion_can.estimation.baselines.settings import EvolutionSettings
+from adhesion_can.estimation.differential_evolution import search
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.experiments.runs import SURFACES
 from adhesion_can.physics.burckhardt import RAIL

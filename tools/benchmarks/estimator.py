@@ -6,7 +6,8 @@ from statistics import median
 import numpy as np
 from scipy.optimize import differential_evolution, least_squares
 
-from adhesion_can.estimation.differential_evolution import EvolutionSettings, search
+from adhesion_can.estimation.baselines.settings import EvolutionSettings
+from adhesion_can.estimation.differential_evolution import search
 from adhesion_can.estimation.likelihood import innovation, sum_of_squares
 from adhesion_can.physics.burckhardt import adhesion
 

@@ -7,7 +7,7 @@ the paper's experiments and on `burckhardt.RAIL`, with switches between surfaces
 from collections.abc import Callable, Mapping
 from importlib import import_module
 
-from adhesion_can.estimation.differential_evolution import EvolutionSettings
+from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 

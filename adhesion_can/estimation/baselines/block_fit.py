@@ -12,9 +12,9 @@ import numpy as np
 import scipy
 
 from adhesion_can.estimation.baselines.forgetting import select_usable
+from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.batch_fit import fit
 from adhesion_can.estimation.differential_evolution import (
-    EvolutionSettings,
     Objective,
     first_theta,
     search,

@@ -14,7 +14,7 @@ import scipy
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.baselines.block_fit import fit_from
 from adhesion_can.estimation.baselines.forgetting import UNKNOWN, select_usable
-from adhesion_can.estimation.differential_evolution import EvolutionSettings
+from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.likelihood import innovation
 from adhesion_can.physics.burckhardt import adhesion_slope

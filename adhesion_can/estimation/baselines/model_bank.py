@@ -21,7 +21,7 @@ from adhesion_can.estimation.baselines.forgetting import (
     decay_weights,
     select_usable,
 )
-from adhesion_can.estimation.differential_evolution import EvolutionSettings
+from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.likelihood import innovation
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, Surface, peak

@@ -11,15 +11,15 @@ full the old values are still given, as not identifiable and with infinite stand
 """
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import hypot, inf
 
 import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.baselines.forgetting import UNKNOWN, select_usable
+from adhesion_can.estimation.baselines.settings import ChangeSettings, EvolutionSettings
 from adhesion_can.estimation.differential_evolution import (
-    EvolutionSettings,
     Search,
     first_theta,
     search,
@@ -34,32 +34,6 @@ MOST_SEARCHES = 6
 """Largest number of searches of one block."""
 SETTLED = 1e-3
 """Relative decrease of J below which a repeated search counts as converged."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChangeSettings:
-    """Change detection of the paper's estimator: an innovation test on the latest samples.
-
-    Attributes:
-        window: Number of latest samples that are tested. Larger: smaller changes are detected,
-            later.
-        ratio: Root mean square of the innovations, over the one that noise explains, from which a
-            change is declared. Larger: fewer false alarms, and small changes are missed.
-        floor: Least standard deviation of the adhesion noise in the test, 1. Larger: less
-            sensitive on very quiet data.
-        structure: F statistic of the innovations' means over neighbouring slips that a change
-            needs, so that a mere increase of the noise is no change. Larger: fewer false alarms.
-
-    """
-
-    window: int = 120
-    ratio: float = 2.0
-    floor: float = 0.003
-    structure: float = 25.0
-
-    def __post_init__(self) -> None:
-        if not (self.window >= 1 and self.ratio > 0 and self.floor > 0):
-            raise ValueError("window, ratio and floor must be positive")
 
 
 class PaperEstimator:

@@ -21,7 +21,7 @@ from adhesion_can.estimation.baselines.forgetting import (
     peak_errors,
     select_usable,
 )
-from adhesion_can.estimation.differential_evolution import EvolutionSettings
+from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.estimate import Estimate
