@@ -14,6 +14,7 @@ Each step has a file of its name. Steps 2 and 3 are in `regression`, the others 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +35,12 @@ from adhesion_can.diagnosis.inference.curve_shape import (
     score_families,
 )
 from adhesion_can.diagnosis.inference.detect_effects import detect_effects
-from adhesion_can.diagnosis.inference.find_residual_channels import find_residual_channels
+from adhesion_can.diagnosis.inference.find_residual_channels import (
+    ResidualChannel,
+    find_residual_channels,
+)
 from adhesion_can.diagnosis.inference.findings import NOISELESS, Findings
-from adhesion_can.diagnosis.inference.select_effects import select_effects
+from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS, select_effects
 from adhesion_can.diagnosis.inference.signal_faults import (
     find_largest_oscillation,
     find_saturated_sensors,
@@ -53,6 +57,7 @@ from adhesion_can.diagnosis.regression.prepare_regression import (
     prepare_regression,
 )
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
+from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.diagnosis.result import Diagnosis, Untested
 
 ShowProgress = Callable[[str, float], None]
@@ -165,8 +170,8 @@ class _Analysis:
         """Findings with a curve of another family; None where Burckhardt's is as good."""
         if found.selection.plain.rmse < NOISELESS:
             return None
-        for curves in choose_families(found, found.families):
-            shaped = self.run(found.change_times, curves).without_doubtful_effects
+        for curves, most in choose_families(found, found.families):
+            shaped = self.run(found.change_times, curves, most).without_doubtful_effects
             shape = judge_shape(found, shaped)
             if shape is None:
                 continue
@@ -175,12 +180,18 @@ class _Analysis:
                 return shaped
         return None
 
-    def run(self, change_times: list[list[float]], curves: SegmentCurves | None = None) -> Findings:
+    def run(
+        self,
+        change_times: list[list[float]],
+        curves: SegmentCurves | None = None,
+        most_effects: int = MOST_EFFECTS,
+    ) -> Findings:
         """Findings with given times of surface changes, s, for each drive.
 
         Args:
             change_times: Times of the surface changes in each drive, s.
             curves: Curves to begin with; None: Burckhardt's.
+            most_effects: Largest number of effects that are selected.
 
         """
         rng = np.random.default_rng(self.settings.seed)
@@ -194,20 +205,21 @@ class _Analysis:
         self.show("effects", 0.35)
         detection = detect_effects(prepared, rng)
         # Step 5
-        selection = select_effects(prepared, detection.test)
-        # Step 6
-        self.show("channels", 0.7)
-        alpha, plain, best = self.settings.alpha, selection.plain, selection.best
-        plain_channels = find_residual_channels(prepared.regression, plain.fitted, alpha, rng)
-        best_channels = plain_channels
-        if best.ids:
-            best_channels = find_residual_channels(prepared.regression, best.fitted, alpha, rng)
+        selection = select_effects(prepared, detection.test, most_effects)
+        alpha, seed = self.settings.alpha, self.settings.seed
+
+        # Step 6, for the models whose residual is asked for
+        @cache
+        def search_channels(fitted: FittedModel) -> tuple[ResidualChannel, ...]:
+            self.show("channels", 0.7)
+            rng = np.random.default_rng(seed)
+            return tuple(find_residual_channels(prepared.regression, fitted, alpha, rng))
+
         return Findings(
             prepared=prepared,
             detection=detection,
             selection=selection,
-            channels_of_plain=tuple(plain_channels),
-            channels_of_best=tuple(best_channels),
+            search_channels=search_channels,
             oscillation=find_largest_oscillation(self.drives),
             saturated=tuple(find_saturated_sensors(self.drives)),
             change_times=change_times,

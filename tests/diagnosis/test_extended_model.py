@@ -14,7 +14,7 @@ def surface_of(factor):
     mu = burckhardt(slip) + 0.01 * np.random.default_rng(1).standard_normal(2000)
     drive = build_table_drive(slip, mu)
     predicted = factor * burckhardt(slip)
-    seen = Evaluation(mu, slip, np.full(2000, factor), predicted, Conditions(10.0))
+    seen = Evaluation(mu, slip, np.full(2000, factor), predicted / factor, Conditions(10.0))
     return _estimate_segment(drive, np.arange(2000), 0, seen)
 
 

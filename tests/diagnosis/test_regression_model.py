@@ -229,6 +229,27 @@ def test_a_fit_of_white_noise_is_scipys():
     assert found.grams.total[-1, -1] == pytest.approx(np.sum(by_scipy.fun**2), rel=1e-3)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_parameter_at_its_bound_does_not_stop_the_others(seed):
+    """Rising data press the fall c3 against 0; SciPy's bounded fit finds the rest."""
+    from scipy.optimize import least_squares
+
+    slip, mu, t = table(np.random.default_rng(seed))
+    mu = mu + 0.9 * slip
+    start = Model(SegmentCurves(np.array([[0.2, 3.0, 0.3]])))
+    found = fit_model(build_plain_regression(build_table_drive(slip, mu, t)), start)
+    lower, upper = start.bounds
+
+    def residual(x):
+        return mu - burckhardt(slip, x[0], np.exp(x[1]), x[2])
+
+    by_scipy = least_squares(residual, [0.3, 3.0, 0.1], bounds=(lower, upper))
+    assert found.model.curves.values[0] == pytest.approx(by_scipy.x, rel=2e-3, abs=1e-6)
+    assert found.free.tolist() == [True, True, False]
+    rest = found.grams.total[:-1, -1][:2] / np.sqrt(found.grams.total.diagonal()[:2])
+    assert np.abs(rest).max() < 1e-2 * np.sqrt(found.grams.square)
+
+
 def test_squares_of_a_block_are_those_by_the_parameters_of_the_others():
     """First order against refits with the block left out."""
     slip, mu, t = table(np.random.default_rng(3), n=1200)

@@ -5,6 +5,7 @@ it would change its noise with the delay that is estimated; so the smooth kinema
 interpolated to its stamps. Rows of one axle are contiguous, in the order of their stamps.
 """
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -24,6 +25,10 @@ from adhesion_can.physics.kinematics import adhesion_coefficient, creep_speed
 
 DELAY_MAX = {"speed": 1.0, "effort": 0.5}
 """Largest delay of a sensor that is tested, s; rows need kinematics that far around them."""
+
+
+KEPT = 4
+"""Number of observations that are kept."""
 
 
 class ContactObservation(NamedTuple):
@@ -90,6 +95,9 @@ class DriveData:
     has_speed: bool = True
     has_load: bool = True
     independent: bool = False
+    _observed: "deque[tuple[Instruments, ContactObservation]]" = field(
+        default_factory=lambda: deque(maxlen=KEPT), init=False, repr=False
+    )
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -100,7 +108,18 @@ class DriveData:
         return self.t_s if self.clock_s is None else self.clock_s
 
     def observe(self, instruments: Instruments = PERFECT) -> ContactObservation:
-        """Slip ratio and adhesion of every row by eq. 1-3, for instruments with given errors."""
+        """Slip ratio and adhesion of every row by eq. 1-3, for instruments with given errors.
+
+        The latest few are kept: a search tries many effects on the same instruments.
+        """
+        for known, observation in self._observed:
+            if known == instruments:
+                return observation
+        observation = self._observe(instruments)
+        self._observed.append((instruments, observation))
+        return observation
+
+    def _observe(self, instruments: Instruments) -> ContactObservation:
         k = self.kinematics(instruments.speed_delay, instruments.effort_delay)
         factor = instruments.radius_factor(len(self.radius))
         radius = (self.radius * factor)[self.axle - 1]

@@ -8,7 +8,7 @@ instruments and vehicle is preferred, and then the one with fewer causes.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from adhesion_can.diagnosis.inference.model_comparison import (
     is_worse,
     score_model,
 )
+from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS
 from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
 from adhesion_can.diagnosis.regression.model import Model
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
@@ -41,6 +42,9 @@ OTHERS: tuple[CurveFamily, ...] = tuple(
 FREE = FAMILIES["free"]
 LARGEST_LOSS = 0.02
 """Share by which the RMSE may rise for an explanation with fewer causes to be preferred."""
+NEARLY_AS_GOOD = 0.1
+"""Share by which the RMSE of a family alone may exceed that of named effects on Burckhardt's curve,
+on the weights of the latter, for the family to be tried in their place."""
 FIRST_ITERATIONS = 30
 MOST_LEFT = 0.25
 """Largest share that a family leaves of what a slip spline explains on Burckhardt's curve."""
@@ -76,6 +80,19 @@ class ScoredFamily:
         """Cross-validated whitened RMSE of the curves alone, in standard deviations of noise."""
         fitted = self.scored.fitted
         return float(np.sqrt(fitted.cross_validated_square / max(fitted.grams.rows.sum(), 1.0)))
+
+
+class FamilyChoice(NamedTuple):
+    """Family that may replace Burckhardt's, and how far the search with it has to go.
+
+    Attributes:
+        curves: Curves of the family to begin with.
+        most_effects: Largest number of effects with which it can be preferred.
+
+    """
+
+    curves: SegmentCurves
+    most_effects: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,11 +135,12 @@ def score_families(found: "Findings") -> tuple[ScoredFamily, ...]:
     return tuple(fits)
 
 
-def choose_families(found: "Findings", fits: Sequence[ScoredFamily]) -> list[SegmentCurves]:
-    """Curves of the families that may replace Burckhardt's, the preferred one first; often none.
+def choose_families(found: "Findings", fits: Sequence[ScoredFamily]) -> list[FamilyChoice]:
+    """Families that may replace Burckhardt's, the preferred one first; often none.
 
     A family with a formula is preferred to the free curve where its held-out RMSE is within 2 %,
-    and of several such families the one that needs no effect.
+    and of several such families the one that needs no effect. A family that is no better with the
+    effects that are named on Burckhardt's curve can replace some of them at most.
 
     Args:
         found: Findings with Burckhardt's curve.
@@ -136,13 +154,18 @@ def choose_families(found: "Findings", fits: Sequence[ScoredFamily]) -> list[Seg
     formulas.sort(key=lambda one: one.scored.fitted.cross_validated_square)
     chosen = [*formulas[:1], *(one for one in ranked[:1] if one not in formulas[:1])]
 
-    def is_possible(one: ScoredFamily) -> bool:
+    def most_effects(one: ScoredFamily) -> int | None:
+        """Largest number of effects beside the family; None where it cannot be preferred."""
         if not best.candidates:
-            return is_improvement(plain, one.scored, len(OTHERS))
-        improved = is_improvement(best, one.extended, len(OTHERS))
-        return improved or _is_worth(plain, one.scored)
+            return MOST_EFFECTS if is_improvement(plain, one.scored, len(OTHERS)) else None
+        if is_improvement(best, one.extended, len(OTHERS)):
+            return MOST_EFFECTS
+        fewer = len(best.candidates) - 1
+        replaces = fewer > 0 or one.scored.rmse <= (1.0 + NEARLY_AS_GOOD) * best.rmse
+        return fewer if replaces and _is_worth(plain, one.scored) else None
 
-    return [one.scored.fitted.model.curves for one in chosen if is_possible(one)]
+    choices = ((one.scored.fitted.model.curves, most_effects(one)) for one in chosen)
+    return [FamilyChoice(curves, most) for curves, most in choices if most is not None]
 
 
 def judge_shape(found: "Findings", shaped: "Findings") -> ShapeFinding | None:

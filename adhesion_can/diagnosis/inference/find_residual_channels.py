@@ -78,7 +78,7 @@ def find_residual_channels(
 
     """
     data, model = regression.data, fitted.model
-    corrected = evaluate_model(data, model.curves, model.active_effects, regression.slip_correction)
+    corrected = regression.evaluate_corrected(model)
     channels = build_channels(data, corrected)
     bases = [channel.build_basis(corrected) for channel in channels]
     jacobian = compute_curve_jacobian(data, model.curves, corrected)

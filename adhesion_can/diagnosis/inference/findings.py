@@ -1,5 +1,6 @@
 """Findings of steps 2 to 6, and what follows from them: named effects or an unexplained channel."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,6 +17,7 @@ from adhesion_can.diagnosis.regression.channel_splines import build_channels
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import compute_curve_jacobian, evaluate_model
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
+from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 
 NOISELESS = 1e-6
 """RMSE of the adhesion below which there is nothing to explain, since no sensor is that good."""
@@ -33,8 +35,8 @@ class Findings:
         prepared: Whitened regression with the plain fit and the candidates.
         detection: Sign-flip test of every candidate against the plain model.
         selection: Selected model and its competitors.
-        channels_of_plain: Channels against the plain model's residual, largest gain first.
-        channels_of_best: Channels against the selected model's residual, largest gain first.
+        search_channels: Function that gives the channels against a model's residual, largest gain
+            first, and searches once a model.
         oscillation: Largest drive-train oscillation; None: there is none.
         saturated: Effort sensors whose readings are cut off at a limit.
         change_times: Times of the surface changes in each drive, s.
@@ -48,8 +50,7 @@ class Findings:
     prepared: PreparedRegression
     detection: Detection
     selection: ModelSelection
-    channels_of_plain: tuple[ResidualChannel, ...]
-    channels_of_best: tuple[ResidualChannel, ...]
+    search_channels: Callable[[FittedModel], tuple[ResidualChannel, ...]]
     oscillation: DriveTrainOscillation | None
     saturated: tuple[SaturatedSensor, ...]
     change_times: list[list[float]]
@@ -63,6 +64,16 @@ class Findings:
         """Burckhardt's curves without effects: the simulation as it is."""
         return self.selection.plain if self.shape is None else self.shape.burckhardt
 
+    @property
+    def channels_of_plain(self) -> tuple[ResidualChannel, ...]:
+        """Channels against the plain model's residual, largest gain first."""
+        return self.search_channels(self.selection.plain.fitted)
+
+    @property
+    def channels_of_best(self) -> tuple[ResidualChannel, ...]:
+        """Channels against the selected model's residual, largest gain first."""
+        return self.search_channels(self.selection.best.fitted)
+
     def p_value(self, candidate: Candidate) -> float:
         """P-value of a selected effect, all effects counted."""
         return self.selection.p_value(candidate, self.prepared.candidates)
@@ -75,7 +86,7 @@ class Findings:
         if worth and all(self.p_value(c) <= self.alpha for c in best.candidates):
             return self
         selection = replace(self.selection, best=self.selection.plain, indistinguishable=())
-        return replace(self, selection=selection, channels_of_best=self.channels_of_plain)
+        return replace(self, selection=selection)
 
     @cached_property
     def named(self) -> tuple[Candidate, ...]:
@@ -123,7 +134,7 @@ class Findings:
         regression, best = self.prepared.regression, self.selection.best.fitted.model
         data, used = regression.data, regression.used
         effects = best.active_effects
-        corrected = evaluate_model(data, best.curves, effects, regression.slip_correction)
+        corrected = regression.evaluate_corrected(best)
         columns = [channel.build_basis(corrected) for channel in build_channels(data, corrected)]
         columns += [one.basis for one in self.channels_of_best if one.channel.period]
         jacobian = compute_curve_jacobian(data, best.curves, corrected)

@@ -9,6 +9,7 @@ and Nason (Econometrica 79 (2011)), in its simplest form: each one is compared w
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -33,8 +34,12 @@ from adhesion_can.diagnosis.regression.whitened_regression import (
     fit_model,
 )
 
+MOST_EFFECTS = 2
+"""Largest number of effects that are selected."""
 FITTED_SINGLES, PAIRED_SINGLES, PARTNERS = 6, 4, 4
 """Effects fitted in full; those of them that get partners; partners of each that are fitted."""
+FAR_BEHIND = 2.0
+"""Sum of squares over the least one so far, beyond which a fit is given up early."""
 MOST_CHORDS = 10.0
 """Largest first step of a size, in chords."""
 
@@ -121,23 +126,29 @@ class _Start(NamedTuple):
     chord: float
 
 
-def select_effects(prepared: PreparedRegression, test: SignFlipTest) -> ModelSelection:
+def select_effects(
+    prepared: PreparedRegression, test: SignFlipTest, most: int = MOST_EFFECTS
+) -> ModelSelection:
     """Select the effects that are at work among the candidates, two at most.
 
     Args:
         prepared: Whitened regression with the plain fit and the candidates.
         test: Sign-flip test of every candidate against the plain model.
+        most: Largest number of effects that are selected.
 
     """
     regression, candidates = prepared.regression, prepared.candidates
     plain = score_model(regression, prepared.plain)
-    if not candidates:
+    if not candidates or most < 1:
         return ModelSelection(plain, plain, (), (), test)
     singles = _fit_singles(regression, prepared.plain, candidates)
     if not singles or not is_improvement(plain, singles[0], len(candidates)):
         return ModelSelection(plain, plain, (), tuple(singles), test)
     best, pool = singles[0], singles
-    pairs = _fit_pairs(regression, plain.fitted.cross_validated_square, singles, candidates)
+    pairs: list[ScoredModel] = []
+    if most > 1:
+        square = plain.fitted.cross_validated_square
+        pairs = _fit_pairs(regression, square, singles, candidates)
     if pairs and is_improvement(best, pairs[0], len(candidates)):
         best, pool = pairs[0], pairs
         singles += _fit_members(regression, prepared.plain, best, singles)
@@ -164,7 +175,8 @@ def propose_effects(
         for values in candidate.start_values
         for chord in candidate.chord_sizes
     ]
-    signatures = [regression.compute_signature(model, *start) for start in starts]
+    known = regression.evaluate_corrected(model)
+    signatures = [regression.compute_signature(model, *start, known) for start in starts]
     columns = regression.build_columns(model)
     white = regression.whiten(np.column_stack(signatures))
     grams = regression.compute_grams(np.column_stack([columns[:, :-1], white, columns[:, -1]]))
@@ -215,10 +227,7 @@ def _fit_singles(
 ) -> list[ScoredModel]:
     """Models with one effect, best first: the most promising effects, fitted in full."""
     proposals = propose_effects(regression, plain.model, candidates)[:FITTED_SINGLES]
-    return sorted(
-        (_fit_proposal(regression, proposal) for proposal in proposals if proposal.gain > 0.0),
-        key=lambda one: one.fitted.cross_validated_square,
-    )
+    return _race(regression, [proposal for proposal in proposals if proposal.gain > 0.0])
 
 
 def _fit_pairs(
@@ -241,14 +250,18 @@ def _fit_pairs(
     chosen: dict[frozenset[str], EffectProposal] = {}
     for _, proposal in ranked:
         chosen.setdefault(frozenset(c.name for c in proposal.model.candidates), proposal)
-    fits = (
-        _fit_proposal(regression, proposal) for proposal in list(chosen.values())[: 2 * PARTNERS]
-    )
-    return sorted(fits, key=lambda pair: pair.fitted.cross_validated_square)
+    return _race(regression, list(chosen.values())[: 2 * PARTNERS])
 
 
-def _fit_proposal(regression: WhitenedRegression, proposal: EffectProposal) -> ScoredModel:
-    return score_model(regression, fit_model(regression, proposal.model), proposal.p_value)
+def _race(regression: WhitenedRegression, proposals: Sequence[EffectProposal]) -> list[ScoredModel]:
+    """Proposals fitted in full, best first; one that falls far behind is given up early."""
+    fits: list[ScoredModel] = []
+    best = inf
+    for proposal in proposals:
+        fitted = fit_model(regression, proposal.model, hopeless=FAR_BEHIND * best)
+        best = min(best, fitted.grams.square)
+        fits.append(score_model(regression, fitted, proposal.p_value))
+    return sorted(fits, key=lambda one: one.fitted.cross_validated_square)
 
 
 def _fit_members(

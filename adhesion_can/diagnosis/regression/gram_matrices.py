@@ -69,6 +69,11 @@ class BlockGramMatrices:
         """Gram matrix of all blocks together, shape (p, p)."""
         return np.asarray(self.matrices.sum(axis=0))
 
+    @property
+    def square(self) -> float:
+        """Sum of squares of the last column."""
+        return float(self.matrices[:, -1, -1].sum())
+
     def project_out(self, nuisance: Sequence[int], columns: Sequence[int]) -> Array:
         """Project nuisance columns out of other columns (Frisch and Waugh 1933; Lovell 1963).
 

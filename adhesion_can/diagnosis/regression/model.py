@@ -65,7 +65,7 @@ class Evaluation:
         adhesion: Adhesion as observed with the model's instruments.
         slip: Slip ratio at which the curve is evaluated.
         factor: Factor of the curve's adhesion.
-        predicted: Adhesion that the model predicts.
+        curve: Adhesion of the curve.
         conditions: Speed and load at the contact.
 
     """
@@ -73,8 +73,13 @@ class Evaluation:
     adhesion: Array
     slip: Array
     factor: Array
-    predicted: Array
+    curve: Array
     conditions: Conditions
+
+    @property
+    def predicted(self) -> Array:
+        """Adhesion that the model predicts, shape (n,)."""
+        return self.factor * self.curve
 
     @property
     def residual(self) -> Array:
@@ -87,6 +92,7 @@ def evaluate_model(
     curves: SegmentCurves,
     active_effects: Sequence[ActiveEffect] = (),
     slip_correction: Array | None = None,
+    known: Evaluation | None = None,
 ) -> Evaluation:
     """Observed and predicted adhesion in every row.
 
@@ -95,6 +101,8 @@ def evaluate_model(
         curves: Curve parameters of all surfaces.
         active_effects: Effects with their parameter values.
         slip_correction: Correction added to every measured slip ratio, shape (n,); None: none.
+        known: Evaluation with the same curves, whose curve is used again where slip, speed and load
+            are the same: most effects change the factor alone.
 
     """
     ends = np.cumsum([len(drive) for drive in data.drives])[:-1]
@@ -109,8 +117,21 @@ def evaluate_model(
         np.concatenate(column) for column in zip(*parts, strict=True)
     )
     conditions = Conditions(speed, load)
-    curve = curves.adhesion(slip, data.surface, conditions)
-    return Evaluation(adhesion, slip, factor, factor * curve, conditions)
+    if known is not None and _is_same_contact(known, slip, conditions):
+        curve = known.curve
+    else:
+        curve = curves.adhesion(slip, data.surface, conditions)
+    return Evaluation(adhesion, slip, factor, curve, conditions)
+
+
+def _is_same_contact(known: Evaluation, slip: Array, conditions: Conditions) -> bool:
+    """Whether a curve has been evaluated at the same slips, speeds and loads."""
+    before = known.conditions
+    return (
+        np.array_equal(slip, known.slip)
+        and np.array_equal(conditions.speed, before.speed)
+        and np.array_equal(conditions.load, before.load, equal_nan=True)
+    )
 
 
 def _apply_effects(
@@ -196,6 +217,18 @@ class Model:
         """All free parameters: θ surface by surface, then φ effect by effect; shape (p,)."""
         return np.concatenate([self.curves.values.ravel(), *map(np.array, self.values)])
 
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the free parameters, in the order of the vector; (p,) each."""
+        effects = [p for candidate in self.candidates for p in candidate.free_parameters]
+        sides = zip(self.curves.bounds, ("lower", "upper"), strict=True)
+        surfaces = len(self.curves.values)
+        lower, upper = (
+            np.concatenate([np.tile(end, surfaces), [getattr(p, side) for p in effects]])
+            for end, side in sides
+        )
+        return lower, upper
+
     def with_parameters(self, vector: Array) -> "Model":
         """The model with other free parameters, clipped to their ranges; `vector` shape (p,)."""
         size = self.curves.values.size
@@ -235,6 +268,7 @@ def compute_effect_jacobian(
     candidate: Candidate,
     values: tuple[float, ...],
     slip_correction: Array | None = None,
+    known: Evaluation | None = None,
 ) -> Array:
     """Derivatives of the prediction by an effect's parameters, by central differences.
 
@@ -245,6 +279,7 @@ def compute_effect_jacobian(
         values: Values of the candidate's free parameters; a step that leaves the range is
             one-sided.
         slip_correction: Correction added to every measured slip ratio, shape (n,).
+        known: Evaluation with the same curves and slip correction.
 
     Returns:
         Jacobian, adhesion per unit of the parameter; shape (n, size).
@@ -254,7 +289,9 @@ def compute_effect_jacobian(
     for place, parameter in enumerate(candidate.free_parameters):
         step = DERIVATIVE_STEP * abs(parameter.typical)
         columns.append(
-            _difference_quotient(data, model, candidate, values, place, step, slip_correction)
+            _difference_quotient(
+                data, model, candidate, values, place, step, slip_correction, known
+            )
         )
     return np.stack(columns, axis=1)
 
@@ -266,6 +303,7 @@ def compute_signature(
     start: tuple[float, ...],
     slip_correction: Array | None = None,
     chord: float = CHORD_STEP,
+    known: Evaluation | None = None,
 ) -> Array:
     """Signature of an absent effect: change of the prediction per unit of its size.
 
@@ -278,13 +316,14 @@ def compute_signature(
         start: Values of the candidate's free parameters, with size 0.
         slip_correction: Correction added to every measured slip ratio, shape (n,).
         chord: Size of the effect at the chord's end, relative to the typical one.
+        known: Evaluation with the same curves and slip correction.
 
     Returns:
         Signature, adhesion per unit of size; shape (n,).
 
     """
     step = chord * abs(candidate.free_parameters[0].typical)
-    return _difference_quotient(data, model, candidate, start, 0, step, slip_correction)
+    return _difference_quotient(data, model, candidate, start, 0, step, slip_correction, known)
 
 
 def _difference_quotient(
@@ -295,6 +334,7 @@ def _difference_quotient(
     place: int,
     step: float,
     slip_correction: Array | None,
+    known: Evaluation | None,
 ) -> Array:
     """Change of −e per unit of one parameter, from a step to either side of it, shape (n,)."""
     parameter = candidate.free_parameters[place]
@@ -304,6 +344,7 @@ def _difference_quotient(
         value = float(np.clip(values[place] + side * step, lower, parameter.upper))
         moved = (*values[:place], value, *values[place + 1 :])
         effects = model.with_effect(candidate, moved).active_effects
-        ends.append((value, evaluate_model(data, model.curves, effects, slip_correction).residual))
+        known = evaluate_model(data, model.curves, effects, slip_correction, known)
+        ends.append((value, known.residual))
     (high, above), (low, below) = ends
     return np.asarray((below - above) / (high - low))

@@ -115,7 +115,10 @@ def prepare_regression(
     regression = replace(regression, slip_correction=correction)
     regression = regression.refit_whitening(_saturated_residual(regression, model, candidates))
     plain = fit_model(regression, model)
-    signatures = tuple(regression.compute_signature(plain.model, c) for c in candidates)
+    known = regression.evaluate_corrected(plain.model)
+    signatures = tuple(
+        regression.compute_signature(plain.model, c, known=known) for c in candidates
+    )
     return PreparedRegression(regression, plain, candidates, signatures)
 
 
@@ -193,9 +196,9 @@ def _saturated_residual(
 ) -> Array:
     """Residual of the saturated, linearised model (all effects, all splines), adhesion; (n,)."""
     data = regression.data
-    corrected = evaluate_model(data, model.curves, (), regression.slip_correction)
+    corrected = regression.evaluate_corrected(model)
     columns = [compute_curve_jacobian(data, model.curves, corrected)]
-    columns += [regression.compute_signature(model, candidate) for candidate in candidates]
+    columns += [regression.compute_signature(model, c, known=corrected) for c in candidates]
     columns += [channel.build_basis(corrected) for channel in build_channels(data, corrected)]
     design = np.column_stack(columns)
     residual = evaluate_model(data, model.curves).residual

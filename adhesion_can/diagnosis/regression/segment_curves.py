@@ -55,13 +55,18 @@ class SegmentCurves:
         """Derivative of each parameter by its coordinate, shape (surfaces, k)."""
         return np.where(_logarithmic(self.family), self.parameters, 1.0)
 
-    def with_values(self, values: Array) -> "SegmentCurves":
-        """Curves with other coordinates, clipped to the family's bounds; shape (surfaces, k)."""
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the coordinates of a curve, shape (k,) each."""
         logs = _logarithmic(self.family)
         lower, upper = (
             np.where(logs, np.log(np.where(logs, end, 1.0)), end) for end in bounds(self.family)
         )
-        return replace(self, values=np.clip(values, lower, upper))
+        return lower, upper
+
+    def with_values(self, values: Array) -> "SegmentCurves":
+        """Curves with other coordinates, clipped to the family's bounds; shape (surfaces, k)."""
+        return replace(self, values=np.clip(values, *self.bounds))
 
     def select(self, surface: int) -> "SegmentCurves":
         """The curve of one surface alone."""

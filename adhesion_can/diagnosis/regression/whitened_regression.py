@@ -3,12 +3,14 @@
 Rows are divided by their standard deviation and pass the whitening filter; their Gram matrices are
 summed over blocks. The slip carries an error too, so the Jacobian is taken at the estimated true
 slip (errors in variables; Fuller, Measurement Error Models, 1987). Parameters are fitted by damped
-Gauss-Newton steps (Levenberg 1944; Marquardt 1963). Their covariance is a cluster-robust sandwich
-with the blocks as clusters (Liang and Zeger, Biometrika 73 (1986)).
+Gauss-Newton steps (Levenberg 1944; Marquardt 1963), projected onto their bounds (Bertsekas, SIAM
+Journal on Control and Optimization 20 (1982)). Their covariance is a cluster-robust sandwich with
+the blocks as clusters (Liang and Zeger, Biometrika 73 (1986)).
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 
 import numpy as np
 import scipy
@@ -22,6 +24,7 @@ from adhesion_can.diagnosis.regression.gram_matrices import (
 )
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
+    Evaluation,
     Model,
     RegressionData,
     compute_curve_jacobian,
@@ -38,6 +41,11 @@ CONVERGED = 1e-5
 """A step that lowers the explained square by a smaller share of the sum of squares is the last."""
 FIRST_DAMPING, LARGEST_DAMPING = 1e-4, 1e2
 """Damping of the first step, and damping beyond which no further step is tried."""
+RACE_STEPS = 3
+"""Steps after which a fit that is far behind is given up."""
+SHORT_STEP, LEAST_PROGRESS = 1e-2, 0.02
+"""Damping from which steps are short, and share of the explained square that one must then remove:
+along a flat valley hundreds would follow, and change nothing that the data show."""
 RIDGE = 1e-10
 """Added to the diagonal of a correlation matrix, so that it can be inverted."""
 WEIGHT_GROUPS, WEIGHT_ROWS = 20, 200
@@ -106,6 +114,11 @@ class WhitenedRegression:
         """Gram matrices of whitened columns; `columns` shape (n, p)."""
         return BlockGramMatrices.from_columns(columns, self.block, self.whitened_speed_errors)
 
+    def evaluate_corrected(self, model: Model) -> Evaluation:
+        """A model evaluated at the estimated true slips."""
+        effects = model.active_effects
+        return evaluate_model(self.data, model.curves, effects, self.slip_correction)
+
     def build_columns(self, model: Model) -> Array:
         """Whitened Jacobian of a model's prediction, and its residual last; shape (n, p + 1).
 
@@ -113,10 +126,12 @@ class WhitenedRegression:
         error of the slip is not in both, and does not flatten the curve.
         """
         effects = model.active_effects
-        corrected = evaluate_model(self.data, model.curves, effects, self.slip_correction)
+        corrected = self.evaluate_corrected(model)
         parts = [compute_curve_jacobian(self.data, model.curves, corrected)]
         parts += [
-            compute_effect_jacobian(self.data, *remove_effect(model, place), self.slip_correction)
+            compute_effect_jacobian(
+                self.data, *remove_effect(model, place), self.slip_correction, corrected
+            )
             for place in range(len(model.candidates))
         ]
         residual = evaluate_model(self.data, model.curves, effects).residual
@@ -128,6 +143,7 @@ class WhitenedRegression:
         candidate: Candidate,
         start: tuple[float, ...] | None = None,
         chord: float = CHORD_STEP,
+        known: Evaluation | None = None,
     ) -> Array:
         """Signature of an effect that a model does not have, as a column.
 
@@ -136,13 +152,16 @@ class WhitenedRegression:
             candidate: Effect whose signature is computed.
             start: Values of the candidate's free parameters, with size 0; None: its null values.
             chord: Size of the effect at the chord's end, relative to the typical one.
+            known: Evaluation of the model, as `evaluate_corrected` gives it.
 
         Returns:
             Signature, adhesion per unit of size; shape (n, 1).
 
         """
         given = candidate.null_values if start is None else start
-        column = compute_signature(self.data, model, candidate, given, self.slip_correction, chord)
+        column = compute_signature(
+            self.data, model, candidate, given, self.slip_correction, chord, known
+        )
         return column[:, None]
 
     def refit_whitening(self, residual: Array) -> "WhitenedRegression":
@@ -188,12 +207,15 @@ class FittedModel:
         model: Model with the fitted parameters.
         grams: Gram matrices of the model's whitened Jacobian and residual, the residual last.
         covariance: Covariance of the free parameters, shape (p, p).
+        free: Whether a parameter is free to move: not at a bound that the data press it against;
+            shape (p,).
 
     """
 
     model: Model
     grams: BlockGramMatrices
     covariance: Array
+    free: NDArray[np.bool_]
 
     @property
     def cross_validated_square(self) -> float:
@@ -207,8 +229,9 @@ class FittedModel:
         Leaving a block out changes the parameters by (G − G_b)⁻¹ X_bᵀ e_b, to first order (case
         deletion of blocks; Cook and Weisberg, Residuals and Influence in Regression, 1982).
         """
-        matrices = self.grams.matrices
-        total = self.grams.total[:-1, :-1]
+        moving = np.append(self.free, True)
+        matrices = self.grams.matrices[:, moving][:, :, moving]
+        total = matrices.sum(axis=0)[:-1, :-1]
         out = np.empty(len(matrices))
         for b, gram in enumerate(matrices):
             own, score = gram[:-1, :-1], gram[:-1, -1]
@@ -218,46 +241,72 @@ class FittedModel:
 
 
 def fit_model(
-    regression: WhitenedRegression, model: Model, iterations: int = ITERATIONS
+    regression: WhitenedRegression,
+    model: Model,
+    iterations: int = ITERATIONS,
+    hopeless: float = inf,
 ) -> FittedModel:
     """Fit the free parameters: afterwards no column of the Jacobian explains any of the residual.
 
     A damped Gauss-Newton step is taken where it lowers the square that the Jacobian explains. The
     sum of squares itself is no guide: with errors in the slips its minimum is a flattened curve.
+    A parameter at a bound that the data press it against stays there and explains nothing; a step
+    that brings one there must not raise the sum of squares, for at a corner nothing is explained.
 
     Args:
         regression: Data, weights and filter.
         model: Model with start values.
         iterations: Largest number of steps.
+        hopeless: Whitened sum of squares beyond which the fit is given up after `RACE_STEPS` steps.
 
     """
     grams = regression.compute_grams(regression.build_columns(model))
-    explained = _explained_square(grams)
+    free = _free_parameters(model, grams)
+    explained = _explained_square(grams, free)
     damping = FIRST_DAMPING
-    for _ in range(iterations):
+    for number in range(iterations):
+        if number == RACE_STEPS and grams.square > hopeless:
+            break
         gram = grams.total
+        refused = False
         while True:
-            step = _gauss_newton_step(gram[:-1, :-1], gram[:-1, -1], damping)
+            step = np.zeros(len(free))
+            right = gram[:-1, -1][free]
+            step[free] = _gauss_newton_step(gram[:-1, :-1][np.ix_(free, free)], right, damping)
             tried = model.with_parameters(model.parameter_vector + step)
             tried_grams = regression.compute_grams(regression.build_columns(tried))
-            remaining = _explained_square(tried_grams)
-            if remaining < explained or damping > LARGEST_DAMPING:
+            tried_free = _free_parameters(tried, tried_grams)
+            remaining = _explained_square(tried_grams, tried_free)
+            cornered = (free & ~tried_free).any() and tried_grams.square > grams.square
+            lower = remaining < explained and not cornered
+            if lower or damping > LARGEST_DAMPING:
                 break
-            damping = max(10.0 * damping, 1e-2)
-        if remaining >= explained:
+            damping, refused = max(10.0 * damping, 1e-2), True
+        if not lower:
             break
-        model, grams = tried, tried_grams
-        converged = explained - remaining < CONVERGED * float(grams.total[-1, -1])
-        explained, damping = remaining, damping / 10.0
+        progress = explained - remaining
+        converged = progress < CONVERGED * tried_grams.square
+        converged |= damping >= SHORT_STEP and progress < LEAST_PROGRESS * explained
+        model, grams, free, explained = tried, tried_grams, tried_free, remaining
         if converged:
             break
-    return FittedModel(model, grams, _sandwich_covariance(grams))
+        if not refused:
+            damping /= 10.0
+    return FittedModel(model, grams, _sandwich_covariance(grams), free)
 
 
-def _explained_square(grams: BlockGramMatrices) -> float:
-    """Whitened sum of squares that the Jacobian could still explain."""
-    gram = grams.total
-    return float(gram[:-1, -1] @ solve_normal_equations(gram[:-1, :-1], gram[:-1, -1]))
+def _free_parameters(model: Model, grams: BlockGramMatrices) -> NDArray[np.bool_]:
+    """Parameters that are not at a bound beyond which the fit would be better, shape (p,)."""
+    vector, uphill = model.parameter_vector, grams.total[:-1, -1]
+    lower, upper = model.bounds
+    pressed = ((vector <= lower) & (uphill < 0.0)) | ((vector >= upper) & (uphill > 0.0))
+    return np.asarray(~pressed)
+
+
+def _explained_square(grams: BlockGramMatrices, free: NDArray[np.bool_]) -> float:
+    """Whitened sum of squares that the Jacobian by the free parameters could still explain."""
+    gram, right = grams.total[:-1, :-1][np.ix_(free, free)], grams.total[:-1, -1][free]
+    return float(right @ solve_normal_equations(gram, right)) if free.any() else 0.0
 
 
 def _gauss_newton_step(gram: Array, right: Array, damping: float) -> Array:
