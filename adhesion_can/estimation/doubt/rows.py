@@ -214,16 +214,16 @@ def _times(factor: Array, column: tuple[Array, Array]) -> tuple[Array, Array]:
 
 def _rates(samples: Samples, time_s: Array) -> _Rates:
     """Central differences of each axle's smoothed values; 0 for axles with few samples."""
-    signals = samples.slip, samples.speed, (1.0 + samples.slip) * samples.speed
-    rates = [np.zeros(len(time_s)) for _ in signals]
-    kernel = np.full(SMOOTH, 1.0 / SMOOTH)
+    signals = np.stack([samples.slip, samples.speed, (1.0 + samples.slip) * samples.speed])
+    rates = np.zeros_like(signals)
+    half = SMOOTH // 2
     for axle in np.unique(samples.axle).tolist():
         rows = np.flatnonzero(samples.axle == axle)
         if len(rows) <= SMOOTH or not (np.diff(time_s[rows]) > 0.0).all():
             continue
-        for signal, rate in zip(signals, rates, strict=True):
-            padded = np.pad(signal[rows], SMOOTH // 2, mode="edge")
-            rate[rows] = np.gradient(np.convolve(padded, kernel, "valid"), time_s[rows])
+        padded = np.pad(signals[:, rows], ((0, 0), (half, half)), mode="edge")
+        smooth = np.lib.stride_tricks.sliding_window_view(padded, SMOOTH, axis=1).mean(axis=2)
+        rates[:, rows] = np.gradient(smooth, time_s[rows], axis=1)
     return _Rates(*rates)
 
 

@@ -86,7 +86,7 @@ def test_errors_that_last_are_no_changes_of_the_surface() -> None:
     """An autoregression of 1 s: the tracker alone declares changes, doubting itself hardly any."""
     alone = together = 0
     for seed in range(3):
-        samples = make_samples(np.random.default_rng(seed), 60.0, lasting_s=1.0)
+        samples = make_samples(np.random.default_rng(seed), 40.0, lasting_s=1.0)
         plain, own = run(Tracker(), samples), run(doubting(), samples)
         alone += sum(e.change_probability >= 0.5 for e in plain[100:])
         together += sum(e.change_probability >= 0.5 for e in own[100:])
