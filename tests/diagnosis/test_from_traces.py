@@ -179,6 +179,25 @@ def test_the_efforts_take_the_fast_part_of_the_speed_off():
     assert with_it.std == pytest.approx(error, rel=0.4)
 
 
+@pytest.mark.parametrize("lag_s", [-0.2, 0.083, 0.5, 1.0])
+def test_a_late_speed_is_smoothed_as_well_as_one_in_time(lag_s):
+    """The impulse follows the lag: its fast part must not be left for the smoothing to take off."""
+    t = np.arange(12_000) * 0.01
+    rng = np.random.default_rng(4)
+    force = 300e3 * (np.sin(2 * np.pi * t / 5.3) + np.sin(2 * np.pi * t / 3.1))
+    moved = np.concatenate([[0], np.cumsum(0.005 * (force[1:] + force[:-1]))]) / 400e3
+    noise = 0.01 * rng.standard_normal(6000)
+    efforts = [SmoothedSignal(t, force, 0 * t, 0.0, np.empty((0, 2)))]
+
+    def error(lag):
+        true = (10 + np.sin(2 * np.pi * t / 90) + np.interp(t - lag, t, moved))[::2]
+        speed = trace_of(true + noise)
+        part = predict_speed_from_efforts(speed, 0, efforts)
+        return np.std((smooth_signal(speed, 0, SPEED_WINDOWS_S, part).value - true)[200:-200])
+
+    assert error(lag_s) < 1.1 * error(0.0)
+
+
 def test_efforts_that_pull_backwards_explain_nothing():
     t = np.arange(3000) * 0.02
     force = 1e5 * np.sin(t)

@@ -24,6 +24,9 @@ HIGH_PASS_WINDOW_S = 0.4
 """Width of the window of the high-pass filter, s."""
 GAP_CYCLES = 3.0
 """Time between two readings, in cycles of the signal, from which it is a gap."""
+LAG_STEPS_S, LAG_REACH = (0.1, 0.02, 0.005), 10
+"""Steps of the search for the lag of the vehicle speed behind the efforts, coarse to fine, s, and
+steps to either side."""
 LEAST_READINGS = 8
 """A signal with fewer readings is not used."""
 LEAST_POINTS = 5
@@ -59,6 +62,14 @@ class _Smoothing(NamedTuple):
     rate: Array
     std: float
     window_s: float
+
+
+class _LaggedImpulse(NamedTuple):
+    """Square of the speed's differences that an impulse explains, its lag, s, and its speed."""
+
+    explained: float
+    lag: float
+    speed: Array
 
 
 def smooth_signal(
@@ -154,7 +165,8 @@ def predict_speed_from_efforts(
     """Predict the change of the vehicle speed: impulse of the efforts over the train's mass.
 
     A train is heavy: its speed is this prediction and a slower part, which alone needs smoothing.
-    The mass is estimated by least squares on differences over a second.
+    Mass and lag are estimated by least squares on differences over a second: were a late speed not
+    met by a late impulse, the difference would be fast, and smoothing would take a part of it off.
 
     Args:
         trace: Vehicle speed, m/s.
@@ -169,16 +181,31 @@ def predict_speed_from_efforts(
     t, v = (trace.t_us[good] - origin_us) / 1e6, trace.value[good]
     if len(t) < LEAST_READINGS or not efforts:
         return None
+    step = max(round(1.0 / float(np.median(np.diff(t)))), 1)
+    if len(t) <= 2 * step:
+        return None
     total = np.sum([np.interp(t, effort.t_s, effort.value) for effort in efforts], axis=0)
     impulse = np.concatenate([[0.0], np.cumsum(np.diff(t) * (total[1:] + total[:-1]) / 2)])
-    lag = max(round(1.0 / float(np.median(np.diff(t)))), 1)
-    if len(t) <= 2 * lag:
-        return None
-    # Second differences remove the slow part, a constant pull, from both.
-    dv, di = (x[2 * lag :] - 2 * x[lag:-lag] + x[: -2 * lag] for x in (v, impulse))
-    square = float(di @ di)
-    per_mass = max(float(di @ dv) / square, 0.0) if square > 0.0 else 0.0
-    return per_mass * impulse
+    dv = _second_difference(v, step)
+
+    def fit(lag: float) -> _LaggedImpulse:
+        """Least-squares fit of the impulse that comes so much earlier than the speed, s."""
+        late = np.interp(t - lag, t, impulse)
+        di = _second_difference(late, step)
+        square = float(di @ di)
+        per_mass = max(float(di @ dv) / square, 0.0) if square > 0.0 else 0.0
+        return _LaggedImpulse(per_mass**2 * square, lag, per_mass * late)
+
+    best = fit(0.0)
+    for reach in LAG_STEPS_S:
+        around = [fit(best.lag + k * reach) for k in range(-LAG_REACH, LAG_REACH + 1)]
+        best = max([best, *around], key=lambda one: one.explained)
+    return best.speed
+
+
+def _second_difference(x: Array, step: int) -> Array:
+    """Second differences, which remove the slow part, a constant pull."""
+    return np.asarray(x[2 * step :] - 2 * x[step:-step] + x[: -2 * step])
 
 
 def is_covered(signal: SmoothedSignal, from_s: Array, to_s: Array) -> NDArray[np.bool_]:
