@@ -75,10 +75,17 @@ class CoastingGate:
         slip, adhesion = samples.slip.copy(), samples.adhesion.copy()
         if not (slip_var.any() or adhesion_var.any()):
             return np.ones(len(slip), dtype=np.bool_)
-        for axle in np.unique(samples.axle).tolist():
-            own = samples.axle == axle
-            t_us = int(samples.t_us[own][-1])
-            means = float(slip[own].mean()), float(adhesion[own].mean())
+        rows: dict[int, list[int]] = {}
+        for row, axle in enumerate(samples.axle.tolist()):
+            rows.setdefault(axle, []).append(row)
+        # An axle has a row or two: numbers are many times as fast as arrays of them.
+        stamps, slips, adhesions = samples.t_us.tolist(), slip.tolist(), adhesion.tolist()
+        for axle, own in rows.items():
+            t_us = stamps[own[-1]]
+            means = (
+                sum(slips[row] for row in own) / len(own),
+                sum(adhesions[row] for row in own) / len(own),
+            )
             before_us, *before = self._means.get(axle, (0, 0.0, 0.0))
             age_s = (t_us - before_us) * 1e-6
             if axle in self._means and 0.0 <= age_s <= COASTING_AGE_S:
