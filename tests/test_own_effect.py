@@ -59,7 +59,7 @@ def test_an_installed_effect_is_simulated_diagnosed_and_replayed(installed, tmp_
     assert "grease of the wheel flanges" in report.lower()
 
     assert f'id = "{ID}"' in (tmp_path / "model.toml").read_text()
-    replay = ("replay", "drive.log", "--to", 20, "--json", "replay.json", "--frames")
+    replay = ("replay", "drive.log", "--to", 8, "--json", "replay.json", "--frames")
     run(*replay, "extended.log", "--model", "model.toml")
     assert json.loads((tmp_path / "replay.json").read_text())["model"]["path"] == "model.toml"
     run(*replay, "plain.log")
