@@ -8,6 +8,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.extended_model import (
+    SegmentFits,
     build_extended_model,
     build_spline,
     estimate_segments,
@@ -16,6 +17,7 @@ from adhesion_can.diagnosis.extended_model import (
 from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import ConfirmedFindings
 from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.peak_spread import fit_other_forms
 from adhesion_can.diagnosis.plot_data import (
     build_curve_data,
     build_profile,
@@ -89,7 +91,7 @@ def build_diagnosis(
         for candidate in _sort_by_gain(found, confirmed.named)
     )
     surfaces, longest, (drive_number, surface) = estimate_segments(
-        data, found.change_times, extended.model, extended.fitted
+        data, found.change_times, extended.model, extended.segment_fits
     )
     if confirmed.shape is not None and longest is not None:
         cause = build_shape_cause(confirmed.shape, extended.fitted, surface, longest)
@@ -139,12 +141,14 @@ class _Extension:
         fitted: Fit of curves and named effects.
         spline: Spline of an unexplained channel; None: no such channel, or no model can have it.
         model: Model with effects and spline.
+        segment_fits: Fits from which the curves of the segments are taken.
 
     """
 
     fitted: FittedModel
     spline: Empirical | None
     model: Model
+    segment_fits: SegmentFits
 
 
 def _fit_extension(
@@ -154,12 +158,16 @@ def _fit_extension(
     regression = found.prepared.regression
     named = confirmed.named or confirmed.shape is not None
     selected = found.selection.best if named else found.selection.plain
-    fitted = fit_model(regression if other_drives else regression.all_data, selected.fitted.model)
+    regression = regression if other_drives else regression.all_data
+    fitted = plain = fit_model(regression, selected.fitted.model)
+    if selected is not found.baseline:
+        plain = fit_model(regression, found.baseline.fitted.model)
     spline = None if confirmed.channel is None else build_spline(confirmed.channel)
     model = fitted.model
     if spline is not None:
         model = refit_with_spline(found.prepared, model, spline)
-    return _Extension(fitted, spline, model)
+    fits = SegmentFits(plain, fitted, fit_other_forms(regression, fitted))
+    return _Extension(fitted, spline, model, fits)
 
 
 def _choose_verdict(found: Findings, confirmed: ConfirmedFindings) -> Verdict:

@@ -29,7 +29,6 @@ from adhesion_can.diagnosis.inference.candidates import (
 )
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import confirm_on_hold_out
 from adhesion_can.diagnosis.inference.curve_shape import (
-    LARGEST_LOSS,
     choose_families,
     judge_shape,
     score_families,
@@ -40,6 +39,7 @@ from adhesion_can.diagnosis.inference.find_residual_channels import (
     find_residual_channels,
 )
 from adhesion_can.diagnosis.inference.findings import NOISELESS, Findings
+from adhesion_can.diagnosis.inference.judge_surface_changes import explains_without_changes
 from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS, select_effects
 from adhesion_can.diagnosis.inference.signal_faults import (
     find_largest_oscillation,
@@ -116,17 +116,13 @@ def diagnose(
     change_times = [find_surface_changes(drive, candidates) for drive in thin]
     # Steps 3 to 6
     analysis = _Analysis(thin, candidates, block, block_length_s, settings, show)
-    found = analysis.run(change_times)
+    found, shaped = analysis.explain(change_times)
     if any(change_times):
-        # The other explanation of the same data: the surface never changed, effects did it all.
-        other = analysis.run([[] for _ in thin])
-        limit = (1.0 + LARGEST_LOSS) * found.selection.best.rmse
-        if other.selection.best.rmse <= limit and other.selection.best.ids:
-            found = other
-    # The base curve may be of another family.
-    show("curve families", 0.75)
-    found = replace(found, families=score_families(found))
-    shaped = analysis.run_with_shape(found)
+        # The other explanation of the same data: the surface never changed, effects or the shape of
+        # the curve did it all.
+        other, other_shaped = analysis.explain([[] for _ in thin])
+        if explains_without_changes(shaped or found, other_shaped or other):
+            found, shaped = other, other_shaped
     # Step 7
     show("gain", 0.85)
     confirmed = confirm_on_hold_out(shaped or found, other_drives=any(held_out))
@@ -166,7 +162,19 @@ class _Analysis:
     settings: DiagnosisSettings
     show: ShowProgress
 
-    def run_with_shape(self, found: Findings) -> Findings | None:
+    def explain(self, change_times: list[list[float]]) -> tuple[Findings, Findings | None]:
+        """Findings with Burckhardt's curve, and with one of another family where it is better.
+
+        Args:
+            change_times: Times of the surface changes in each drive, s.
+
+        """
+        found = self.run(change_times)
+        self.show("curve families", 0.75)
+        found = replace(found, families=score_families(found))
+        return found, self._run_with_shape(found)
+
+    def _run_with_shape(self, found: Findings) -> Findings | None:
         """Findings with a curve of another family; None where Burckhardt's is as good."""
         if found.selection.plain.rmse < NOISELESS:
             return None

@@ -1,6 +1,6 @@
 """Extended model as a file can hold it, and the curves of every segment with and without it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
+from adhesion_can.diagnosis.peak_spread import compare_peaks
 from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.model import (
     Evaluation,
@@ -19,7 +20,7 @@ from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegress
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
 from adhesion_can.diagnosis.result import SegmentResult
-from adhesion_can.diagnosis.shape_result import estimate_shape, find_conditions
+from adhesion_can.diagnosis.shape_result import estimate_fitted_curve, find_conditions
 from adhesion_can.estimation.batch_fit import fit as fit_curve
 from adhesion_can.estimation.extended.model import BaseCurve, ExtendedModel, Matrix
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
@@ -62,8 +63,24 @@ def refit_with_spline(prepared: PreparedRegression, model: Model, spline: Empiri
     return fit_model(prepared.regression.all_data, curves).model
 
 
+@dataclass(frozen=True, eq=False)
+class SegmentFits:
+    """Fits from which the curves of the segments are taken.
+
+    Attributes:
+        plain: Fit of Burckhardt's curves without effects.
+        extended: Fit of curves and named effects.
+        other_forms: Models with curves of other forms, by which the peak may differ.
+
+    """
+
+    plain: FittedModel
+    extended: FittedModel
+    other_forms: tuple[Model, ...] = ()
+
+
 def estimate_segments(
-    data: RegressionData, change_times: list[list[float]], extended: Model, fitted: FittedModel
+    data: RegressionData, change_times: list[list[float]], extended: Model, fits: SegmentFits
 ) -> tuple[tuple[SegmentResult, ...], SegmentResult | None, tuple[int, int]]:
     """Estimate the curves of every segment, plain and extended.
 
@@ -71,7 +88,7 @@ def estimate_segments(
         data: Rows of all drives.
         change_times: Times of the surface changes in each drive, s.
         extended: Model with effects.
-        fitted: Fit of curves and effects, with their covariance.
+        fits: Fits of the curves, with their covariances.
 
     Returns:
         Results of the segments; result, drive number and surface number of the one with most rows.
@@ -88,19 +105,7 @@ def estimate_segments(
             own = np.flatnonzero(data.surface[rows] == number) + rows.start
             if len(own) >= LEAST_ROWS:
                 result = _estimate_segment(drive, own, rows.start, evaluation)
-                if extended.curves.family is not BURCKHARDT:
-                    slip = np.abs(evaluation.slip[own])
-                    result = replace(
-                        result,
-                        extended=estimate_shape(
-                            result.extended,
-                            fitted,
-                            extended.curves,
-                            number,
-                            find_conditions(data, number),
-                            float(np.quantile(slip, 1.0 - IdentifiabilitySettings().reach)),
-                        ),
-                    )
+                result = _take_fitted_curves(result, data, number, extended, fits, evaluation)
                 found.append(result)
                 if len(own) > most:
                     longest, place_of_longest, most = result, (place, number), len(own)
@@ -108,10 +113,34 @@ def estimate_segments(
     return tuple(found), longest, place_of_longest
 
 
+def _take_fitted_curves(
+    result: SegmentResult,
+    data: RegressionData,
+    surface: int,
+    extended: Model,
+    fits: SegmentFits,
+    evaluation: Evaluation,
+) -> SegmentResult:
+    """Result of a segment with the curves of the regression, which knows errors of the slips."""
+    own = data.surface == surface
+    share = 1.0 - IdentifiabilitySettings().reach
+    reached = float(np.quantile(np.abs(evaluation.slip[own]), share))
+    conditions = find_conditions(data, surface)
+    spread = compare_peaks(fits.extended.model, fits.other_forms, surface, conditions)
+    plain = fits.plain.model.curves
+    return replace(
+        result,
+        base=estimate_fitted_curve(result.base, fits.plain, plain, surface, conditions, reached),
+        extended=estimate_fitted_curve(
+            result.extended, fits.extended, extended.curves, surface, conditions, reached, spread
+        ),
+    )
+
+
 def _estimate_segment(
     drive: DriveData, rows: NDArray[np.int64], start: int, evaluation: Evaluation
 ) -> SegmentResult:
-    """Estimate the curves of one segment.
+    """Estimate the curves of one segment, its rows taken as independent.
 
     Args:
         drive: Drive data of the recording.

@@ -8,12 +8,17 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.peak_spread import NO_SPREAD, PeakSpread
 from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.model import RegressionData
-from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
+from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT, SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.diagnosis.result import Cause, FamilyResult, ParameterValue, SegmentResult
-from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess_peak
+from adhesion_can.estimation.identifiability import (
+    IdentifiabilitySettings,
+    assess_peak,
+    require_fall,
+)
 from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE, CURVE_SHAPE_TITLE
 from adhesion_can.physics.estimate import Estimate
@@ -38,31 +43,41 @@ def find_conditions(data: RegressionData, surface: int) -> Conditions:
     return Conditions(speed, load if known else np.nan)
 
 
-def estimate_shape(
+def estimate_fitted_curve(
     estimate: Estimate,
     fitted: FittedModel,
     curves: SegmentCurves,
     surface: int,
     conditions: Conditions,
     reached: float,
+    spread: PeakSpread = NO_SPREAD,
 ) -> Estimate:
-    """Estimate of a curve of another family: its peak, and the Burckhardt curve nearest to it.
+    """Estimate of a curve of the regression: its peak, and the Burckhardt curve nearest to it.
+
+    Standard deviations come from the scatter of the blocks.
 
     Args:
-        estimate: Estimate of Burckhardt's curve from the same rows.
+        estimate: Estimate of Burckhardt's curve from the same rows, which are taken as independent;
+            the result for a surface that had no part in the fit.
         fitted: Fit of the curves, with their covariance.
         curves: Curves of all surfaces.
         surface: Number of the surface.
         conditions: Speed and load at which the peak is computed.
         reached: Slip ratio that the share `reach` of the settings of the rows exceeds.
+        spread: Differences of the peak to that of a more flexible form.
 
     """
     own = curves.select(surface)
     size = curves.size
     place = slice(size * surface, size * (surface + 1))
+    is_burckhardt = curves.family is BURCKHARDT
+    if is_burckhardt and not (fitted.grams.total.diagonal()[place] > 0.0).all():
+        return estimate
     covariance = fitted.covariance[place, place]
 
     def nearest(one: SegmentCurves) -> Array:
+        if is_burckhardt:
+            return np.array(one.parameters[0])
         return np.array(find_nearest_burckhardt(one.family, one.parameters[0], conditions))
 
     def peak(one: SegmentCurves) -> Array:
@@ -72,9 +87,11 @@ def estimate_shape(
     mu_max, lambda_m = peak(own).tolist()
     peak_covariance = _propagate(own, covariance, peak)
     mu_std, lambda_std = np.sqrt(np.maximum(peak_covariance.diagonal(), 0.0)).tolist()
+    mu_std = float(np.hypot(mu_std, spread.mu_max * mu_max))
+    lambda_std = float(np.hypot(lambda_std, spread.lambda_m * lambda_m))
     c1, c2, c3 = nearest(own).tolist()
     settings = IdentifiabilitySettings()
-    return replace(
+    found = replace(
         estimate,
         c1=c1,
         c2=c2,
@@ -86,6 +103,7 @@ def estimate_shape(
         lambda_m_std=lambda_std,
         identifiable=assess_peak((mu_max, mu_std), (lambda_m, lambda_std), reached, settings),
     )
+    return require_fall(found) if is_burckhardt else found
 
 
 def _propagate(

@@ -2,8 +2,9 @@
 
 Candidate times come from the segmentation of `identify`. Backward elimination keeps a change only
 where nothing else explains it: without it the sum of squares must be larger even when every effect
-of the library is fitted too, linearised. A surface change is sudden and large; what an effect does
-over a drive looks like many small ones.
+of the library is fitted too, linearised, and splines in slip and creep speed, which stand for a
+curve of another family. A surface change is sudden and large; what an effect does over a drive
+looks like many small ones.
 """
 
 from dataclasses import replace
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
@@ -154,7 +156,7 @@ def _fit_curve(data: RegressionData, number: int) -> Array:
 
 
 class _ChangeTrial:
-    """Sums of squares with a curve for each segment and every effect, linearised.
+    """Sums of squares with a curve for each segment, every effect and any shape, linearised.
 
     Args:
         drive: Drive data, thinned.
@@ -170,7 +172,7 @@ class _ChangeTrial:
         self._curves: dict[tuple[float, float], Array] = {}
         data, model = self._start(times)
         signatures = [compute_signature(data, model, c, c.null_values)[:, None] for c in candidates]
-        self._signatures = np.column_stack([np.empty((len(data), 0)), *signatures])
+        self._signatures = np.column_stack([*signatures, *_shape_splines(data, model)])
 
     def mean_square(self, times: list[float]) -> float:
         """Mean square of the residual with changes at given times, s."""
@@ -199,3 +201,19 @@ class _ChangeTrial:
             if ends not in self._curves:
                 self._curves[ends] = _fit_curve(data, number)
         return data, Model(SegmentCurves(np.array([self._curves[ends] for ends in bounds])))
+
+
+def _shape_splines(data: RegressionData, model: Model) -> list[Array]:
+    """Changes of the prediction by splines in slip and creep speed, shape (n, columns) each.
+
+    The best Burckhardt curve of a contact of another family depends on the slips and speeds that
+    were driven, and so on the time: to a segmentation that is a surface that changes.
+    """
+    evaluation = evaluate_model(data, model.curves)
+    size = np.abs(evaluation.slip)
+    creep_speed = size * np.asarray(evaluation.conditions.speed)
+    channels = [
+        Channel(name, ChannelKind.FACTOR, values)
+        for name, values in (("slip", size), ("creep_speed", creep_speed))
+    ]
+    return [one.build_basis(evaluation) for one in channels if not one.constant]
