@@ -16,17 +16,23 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.errors import ConfigError, InputError
+from adhesion_can.estimation.extended.current_curve import (
+    LatestConditions,
+    SteadyLagStates,
+    usual_factor,
+)
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.estimation.extended.slip_lags import SlipLags
 from adhesion_can.physics.channels import CHANNEL_BY_NAME
-from adhesion_can.physics.effects import ActiveEffect, Contact, LagStates, compute_change
+from adhesion_can.physics.effects import ActiveEffect, Change, Contact, LagStates, compute_change
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.equations import TRAVEL_DIRECTION
 
 USABLE = 0.2
-"""Least factor of a usable sample: divided by a smaller one, it would be mostly noise."""
-
+"""Least factor of a usable sample, as a share of the usual one: divided by a smaller one, it would
+be mostly noise."""
 # ----------------------------------------------------------- requirements of a model on the data
 
 
@@ -135,12 +141,15 @@ class CorrectedSamples(NamedTuple):
         samples: Samples of the base curve.
         kept: Whether each original sample is kept, shape (n,).
         left_out: Number of samples that are left out, by reason.
+        contact: Contacts of all samples to which the effects apply, also of those that they leave
+            too little of; None: no such sample.
 
     """
 
     samples: Samples
     kept: NDArray[np.bool_]
     left_out: Counter[str]
+    contact: Contact | None = None
 
 
 def correct_samples(samples: Samples, model: ExtendedModel, axles: int) -> CorrectedSamples:
@@ -155,7 +164,28 @@ def correct_samples(samples: Samples, model: ExtendedModel, axles: int) -> Corre
     actives = model.in_contact
     if not actives or not len(samples):
         return CorrectedSamples(samples, np.ones(len(samples), dtype=np.bool_), Counter())
-    return remove_effects(samples, actives, int(samples.t_us[0]), axles, LagStates())
+    origin_us = int(samples.t_us[0])
+    usual = find_usual_factor(samples, actives, origin_us, axles)
+    return remove_effects(samples, actives, origin_us, axles, SlipLags(), usual or 1.0)
+
+
+def find_usual_factor(
+    samples: Samples, actives: tuple[ActiveEffect, ...], origin_us: int, axles: int
+) -> float | None:
+    """Usual factor of the effects in the conditions of samples; None where none has all channels.
+
+    Args:
+        samples: Samples in the order of their stamps, at least one.
+        actives: Effects in the contact with their values.
+        origin_us: Stamp of the begin of the drive, µs.
+        axles: Number of axles of the vehicle.
+
+    """
+    known = _has_channels(samples, actives, Counter())
+    if not known.any():
+        return None
+    contact = build_contact(samples.select(known), origin_us, axles)
+    return usual_factor(actives, LatestConditions.update(contact, None))
 
 
 def remove_effects(
@@ -164,6 +194,7 @@ def remove_effects(
     origin_us: int,
     axles: int,
     lags: LagStates,
+    usual: float = 1.0,
 ) -> CorrectedSamples:
     """Samples without effects in the contact, for a whole drive or a step of it.
 
@@ -176,7 +207,9 @@ def remove_effects(
         actives: Effects in the contact with their values.
         origin_us: Stamp of the begin of the drive, µs.
         axles: Number of axles of the vehicle.
-        lags: Lag states of the effects, continued from step to step.
+        lags: Lag states of the effects, continued from step to step. Variances follow those lags of
+            the slip that `SlipLags` knows.
+        usual: Usual factor of the effects.
 
     """
     left_out: Counter[str] = Counter()
@@ -185,9 +218,13 @@ def remove_effects(
         samples = samples.select(kept)
     if not len(samples):
         return CorrectedSamples(samples, kept, left_out)
-    change = compute_change(actives, build_contact(samples, origin_us, axles), lags)
+    contact = build_contact(samples, origin_us, axles)
+    if isinstance(lags, SlipLags):
+        lags.watch(contact.slip)
+    change = compute_change(actives, contact, lags)
+    samples = _with_slip_errors(samples, actives, contact, lags, change)
     factor = np.broadcast_to(change.factor, change.slip.shape)
-    good = np.isfinite(change.slip) & (factor >= USABLE)
+    good = np.isfinite(change.slip) & (factor >= USABLE * usual)
     if not good.all():
         left_out[f"the effects leave less than {USABLE:g} of the adhesion"] += int((~good).sum())
         samples = samples.select(good)
@@ -202,7 +239,54 @@ def remove_effects(
         transient_var=samples.transient_var * square
         + samples.adhesion_var * np.maximum(square - 1.0, 0.0),
     )
-    return CorrectedSamples(corrected, kept, left_out)
+    return CorrectedSamples(corrected, kept, left_out, contact)
+
+
+def _with_slip_errors(
+    samples: Samples,
+    actives: tuple[ActiveEffect, ...],
+    contact: Contact,
+    lags: LagStates,
+    change: Change,
+) -> Samples:
+    """Samples with the errors that their slips have behind the effects.
+
+    An error of the slip moves the factor too, where the factor depends on the slip: a sample of
+    little slip in a curve has an adhesion that is shared by a slip of which little is known.
+
+    Args:
+        samples: Samples as measured, in the order of the contacts.
+        actives: Effects in the contact with their values.
+        contact: Contacts of the samples.
+        lags: Lag states after the change.
+        change: Change of the contacts by the effects.
+
+    """
+    if isinstance(lags, SlipLags):
+        samples = lags.smooth_errors(samples, contact.time_s)
+    std = np.sqrt(samples.slip_total_var)
+    if not std.any():
+        return samples
+
+    def moved(by: Array) -> Contact:
+        speed = contact.creep_speed + by * contact.speed
+        return replace(contact, slip=contact.slip + by, creep_speed=speed)
+
+    further = moved(std)
+    above = compute_change(actives, further, SteadyLagStates({}))
+    if above.slip is further.slip and np.array_equal(above.factor, change.factor):
+        return samples
+    below = compute_change(actives, moved(-std), SteadyLagStates({}))
+    # Central differences over two standard deviations; a lag has followed both sides.
+    by_factor = (above.factor - below.factor) / (above.factor + below.factor) * samples.adhesion
+    by_slip = np.divide(above.slip - below.slip, 2.0 * std, out=np.ones_like(std), where=std > 0.0)
+    square = by_slip * by_slip
+    return replace(
+        samples,
+        slip_var=samples.slip_var * square,
+        slip_common_var=samples.slip_common_var * square,
+        transient_var=samples.transient_var + by_factor * by_factor,
+    )
 
 
 def _has_channels(

@@ -8,8 +8,18 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.extended.slip_lags import SlipLags
 from adhesion_can.physics.burckhardt import adhesion
-from adhesion_can.physics.effects import ActiveEffect, Contact, LagStates, compute_change
+from adhesion_can.physics.effects import (
+    ActiveEffect,
+    Change,
+    Contact,
+    LagStates,
+    Observability,
+    Parameter,
+    Requirements,
+    compute_change,
+)
 from adhesion_can.physics.estimate import Estimate
 
 POINTS = 96
@@ -17,11 +27,15 @@ POINTS = 96
 _SHARES = np.linspace(0.0, 1.0, POINTS)
 LOWEST = 0.05
 """Slip at which the grid begins, as a share of the base curve's λ_m."""
+UNUSUAL = 2.0
+"""Ratio of the usual factor to 1, either way, from which it counts."""
+_SIZES = np.geomspace(1e-3, 0.5, 24)
+"""Sizes of the slip ratio among which the usual factor is the largest."""
 LEAST_PULL = 0.01
 """Mean adhesion from which its sign says traction or braking; below it the last sign holds."""
 
 
-class LatestLagStates(LagStates):
+class LatestLagStates(SlipLags):
     """Lag states that also keep the latest value of each, by lag and axle."""
 
     def __init__(self) -> None:
@@ -75,6 +89,24 @@ class SteadyLagStates(LagStates):
         numbers, index = np.unique(axle, return_inverse=True)
         states = np.array([self._latest.get((name, int(number)), start) for number in numbers])
         return np.asarray(states[index])
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Constant factor of the adhesion, for a base curve at another level than the model's."""
+
+    factor: float
+    id: str = "scale"
+    form: str = ""
+    title: str = "the base curve is given at another level"
+    parameters: tuple[Parameter, ...] = ()
+    literature: str = ""
+    requires: Requirements = Requirements()
+    observability: Observability = Observability()
+
+    def change(self, contact: Contact, _values: tuple[float, ...], _lags: LagStates) -> Change:
+        """Change of the contacts."""
+        return Change(contact.slip, self.factor)
 
 
 class CurvePeaks(NamedTuple):
@@ -143,6 +175,44 @@ class LatestConditions:
             copysign(1.0, pull) if abs(pull) > LEAST_PULL else sign,
         )
 
+    def at_slips(self, sizes: Array) -> Contact:
+        """Contacts of every axle at every size of the slip, the axles one after another."""
+
+        def wide(column: Array) -> Array:
+            return np.repeat(column, len(sizes))
+
+        now = self.contact
+        slip, speed = np.tile(self.sign * sizes, len(now.axle)), wide(now.speed)
+        return Contact(
+            slip=slip,
+            creep_speed=slip * speed,
+            speed=speed,
+            load=wide(now.load),
+            time_s=wide(now.time_s),
+            axle=wide(now.axle),
+            place=wide(now.place),
+            adhesion=wide(now.adhesion),
+            covariates={name: wide(column) for name, column in now.covariates.items()},
+        )
+
+
+def usual_factor(actives: Sequence[ActiveEffect], conditions: LatestConditions) -> float:
+    """Largest factor of effects over the slip, mean of all axles; 1 where it is near 1.
+
+    An effect of the load is 1 at its reference, far from the loads that the wheels may carry. What
+    it takes from all samples alike says nothing of how much noise is in them.
+
+    Args:
+        actives: Effects in the contact.
+        conditions: Conditions in which the factor is the usual one.
+
+    """
+    contact = conditions.at_slips(_SIZES)
+    change = compute_change(actives, contact, SteadyLagStates({}))
+    factor = np.broadcast_to(change.factor, contact.slip.shape).reshape(-1, len(_SIZES))
+    usual = float(factor.mean(axis=0).max())
+    return usual if np.isfinite(usual) and not 1.0 / UNUSUAL < usual < UNUSUAL else 1.0
+
 
 def compute_peaks(
     estimate: Estimate,
@@ -164,28 +234,9 @@ def compute_peaks(
     middle = min(max(estimate.lambda_m, 1e-4), slip_max)
     lowest = LOWEST * middle
     grid = lowest * (slip_max / lowest) ** _SHARES
-    contact, axles = conditions.contact, len(conditions.contact.axle)
-
-    def wide(column: Array) -> Array:
-        return np.repeat(column, POINTS)
-
-    slip = np.tile(conditions.sign * grid, axles)
-    speed = wide(contact.speed)
-    change = compute_change(
-        actives,
-        Contact(
-            slip=slip,
-            creep_speed=slip * speed,
-            speed=speed,
-            load=wide(contact.load),
-            time_s=wide(contact.time_s),
-            axle=wide(contact.axle),
-            place=wide(contact.place),
-            adhesion=wide(contact.adhesion),
-            covariates={name: wide(column) for name, column in contact.covariates.items()},
-        ),
-        lags,
-    )
+    contact = conditions.at_slips(grid)
+    slip, axles = contact.slip, len(conditions.contact.axle)
+    change = compute_change(actives, contact, lags)
     factor = np.broadcast_to(change.factor, slip.shape).reshape(axles, POINTS)
     if change.slip is slip and not np.ptp(factor, axis=1).any():
         # The factor does not depend on slip: the peak keeps its slip, and no grid is needed.
@@ -199,7 +250,8 @@ def compute_peaks(
         mu_max, lambda_m = tops[0][:-1], tops[1][:-1]
         pooled = float(tops[0][-1]), float(tops[1][-1])
     pairs = zip(mu_max.tolist(), lambda_m.tolist(), strict=True)
-    return CurvePeaks(*pooled, dict(zip(contact.axle.astype(int).tolist(), pairs, strict=True)))
+    numbers = conditions.contact.axle.astype(int).tolist()
+    return CurvePeaks(*pooled, dict(zip(numbers, pairs, strict=True)))
 
 
 def _find_maxima(grid: Array, curves: Array) -> tuple[Array, Array]:

@@ -9,20 +9,21 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.extended.correction import (
-    build_contact,
+    find_usual_factor,
     remove_effects,
 )
 from adhesion_can.estimation.extended.current_curve import (
     CurvePeaks,
     LatestConditions,
     LatestLagStates,
+    Scale,
     SteadyLagStates,
     compute_peaks,
 )
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.burckhardt import peak
-from adhesion_can.physics.effects import LagStates
+from adhesion_can.physics.effects import ActiveEffect, LagStates
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 
@@ -41,7 +42,8 @@ class ExtendedEstimator:
     This curve is factor · curve(slip') with the speed, loads, covariates and states of the latest
     samples. The estimate has its peak, and as (c1, c2, c3) the Burckhardt curve with this peak and
     the base curve's shape. Effects of time alone (slow drift, a spline over time) count as 1: the
-    estimator follows such changes itself.
+    estimator follows such changes itself. Where the usual factor of the effects is far from 1, the
+    base curve is that of the usual factor: a level beyond any rail's is none for an estimator.
 
     The uncertainty of the effects' parameters adds to that of the peak as far as the latest
     conditions differ from those in which the base curve was estimated. In the same conditions the
@@ -70,6 +72,7 @@ class ExtendedEstimator:
         ]
         self._axles = axles
         self._shape_place = None if model.curve is None else float(peak(*model.base).lambda_m)
+        self._scaled = False
         self._lags = LatestLagStates()
         self._origin_us: int | None = None
         self._conditions: LatestConditions | None = None
@@ -85,7 +88,7 @@ class ExtendedEstimator:
         base = self._inner.update(corrected, now_us)
         if base is None or self._conditions is None:
             return None
-        if base is not self._base or len(corrected):
+        if base is not self._base or len(samples):
             self._base, self._current = (
                 base,
                 self._with_effects(base, self._conditions, len(corrected)),
@@ -97,13 +100,16 @@ class ExtendedEstimator:
         if self._origin_us is None:
             self._origin_us = int(samples.t_us[0])
         origin, axles = self._origin_us, self._axles
+        if not self._scaled:
+            usual = find_usual_factor(samples, self._actives, origin, axles)
+            self._scaled = usual is not None
+            if usual not in (None, 1.0):
+                self._actives = (*self._actives, ActiveEffect(Scale(1.0 / usual), ()))
         result = remove_effects(samples, self._actives, origin, axles, self._lags)
         self.left_out += result.left_out
-        if len(result.samples):
-            seen = samples if result.kept.all() else samples.select(result.kept)
-            self._conditions = LatestConditions.update(
-                build_contact(seen, origin, axles), self._conditions
-            )
+        # Also from samples of which the effects leave too little: coasting in a curve.
+        if result.contact is not None:
+            self._conditions = LatestConditions.update(result.contact, self._conditions)
         return result.samples
 
     def _with_effects(self, base: Estimate, conditions: LatestConditions, fresh: int) -> Estimate:
