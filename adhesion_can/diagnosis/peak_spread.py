@@ -56,7 +56,7 @@ def fit_other_forms(regression: WhitenedRegression, fitted: FittedModel) -> tupl
     """Models with curves of other forms and a model's other effects, where they are about as good.
 
     Burckhardt's curve without falling friction has passed the comparison of the families, and is
-    taken at its word.
+    taken at its word; not by a table of independent points, which may be too few to compare by.
 
     Args:
         regression: Regression on which the model was fitted.
@@ -65,7 +65,8 @@ def fit_other_forms(regression: WhitenedRegression, fitted: FittedModel) -> tupl
     """
     model = fitted.model
     falls = any(c.effect.id == FALLING_FRICTION for c in model.candidates)
-    if model.curves.family is BURCKHARDT and not falls:
+    points = any(drive.independent for drive in regression.data.drives)
+    if model.curves.family is BURCKHARDT and not (falls or points):
         return ()
     limit = (1.0 + NEARLY_AS_GOOD) ** 2 * fitted.grams.square
     found = []

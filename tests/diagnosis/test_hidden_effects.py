@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.diagnosis_helpers import diagnosed, two_of_three
-from tests.worlds import NULLS, OUTSIDE, SINGLES, make_world
+from tests.worlds import CONTACTS, NULLS, OUTSIDE, SINGLES, make_world
 
 SEEDS = (20261, 20262, 20263)
 EFFORT_NOISE = 0.009
@@ -57,6 +57,15 @@ def test_one_effect_is_named(seed, kind, tmp_path):
     # The floor has the noise of all sensors in it; smoothed speeds are better than that, but the
     # effort's own 1 % of the load no model can take away on data that it has not seen.
     assert EFFORT_NOISE < gain["rmse_after"] <= 1.1 * truth.floor_on(gain["spans"])
+
+
+@pytest.mark.parametrize("kind", slow_but(("contact:coulomb",), CONTACTS))
+@two_of_three(SEEDS)
+def test_another_contact_is_named_and_nothing_beside_it(seed, kind, tmp_path):
+    """Where a curve is steep, whatever averages the noise of the slip gains: it is no lag."""
+    _, answer = answered(kind, tmp_path, seed)
+    assert answer.named_or_rivals & {"curve_shape", "falling_friction"}, answer.out
+    assert answer.named <= {"curve_shape", "falling_friction"}, answer.out
 
 
 @pytest.mark.parametrize("kind", slow_but(PAIRS[:1], PAIRS))

@@ -81,8 +81,11 @@ class Findings:
     @property
     def without_doubtful_effects(self) -> "Findings":
         """The findings without effects that are not significant, or not worth it beside a shape."""
-        best = self.selection.best
-        worth = best.rmse < (1.0 - SECOND_LEAST_GAIN) * self.selection.plain.rmse
+        best, plain = self.selection.best, self.selection.plain
+        worth = best.rmse < (1.0 - SECOND_LEAST_GAIN) * plain.rmse
+        # Where the curve is steep, the RMSE is that of the slip's noise: whoever averages it gains.
+        square = plain.fitted.cross_validated_square
+        worth &= best.fitted.cross_validated_square < (1.0 - SECOND_LEAST_GAIN) * square
         if worth and all(self.p_value(c) <= self.alpha for c in best.candidates):
             return self
         selection = replace(self.selection, best=self.selection.plain, indistinguishable=())
