@@ -24,8 +24,9 @@ class SetpointTable(dict[str, NDArray[Any]]):
 
     `time_s` (s, on the clock of the recording), `status` (text), `mu_max`, `mu_max_std`,
     `lambda_m`, `lambda_m_std`, `c1`, `c2`, `c3`, `surface_age_s` (s), `mu_max_ax1` and so on, and
-    `doubt` (text, a name of `AdhesionQuality.Doubt`); where not available numbers are NaN and texts
-    empty. It is a dict, so `pandas.DataFrame(table)` takes it as it is.
+    as texts `doubt` (a name of `AdhesionQuality.Doubt`) and `family` (the most probable family of
+    curves); where not available numbers are NaN and texts empty. It is a dict,
+    so `pandas.DataFrame(table)` takes it as it is.
     """
 
     def to_dict(self) -> dict[str, list[Any]]:
@@ -85,14 +86,17 @@ def replay(
     summary = replay_blocks(blocks, core, lambda _: None, from_s=from_s, to_s=to_s)
     require_accepted_frame(core.receiver, summary.frames, name_of(opened))
     values = np.array(rows, dtype=np.float64).reshape(-1, len(FIELDS)).T
-    status, *numbers, doubt = values
+    status, *numbers, doubt, family = values
     names = np.array([status.name for status in Status])
-    doubts = [FIELDS[-1].names.get(number, "") for number in doubt.tolist()]
+    texts = {
+        field.name: np.array([field.names.get(number, "") for number in column.tolist()], np.str_)
+        for field, column in zip(FIELDS[-2:], (doubt, family), strict=True)
+    }
     return SetpointTable(
         {
             "time_s": np.array(times, dtype=np.float64) / 1e6,
             "status": names[status.astype(np.int64)],
-            **{field.name: column for field, column in zip(FIELDS[1:-1], numbers, strict=True)},
-            "doubt": np.array(doubts, dtype=np.str_),
+            **{field.name: column for field, column in zip(FIELDS[1:-2], numbers, strict=True)},
+            **texts,
         }
     )

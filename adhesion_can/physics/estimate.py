@@ -57,6 +57,8 @@ class Estimate:
         lambda_m_interval: 90 % interval of λ_m; unbounded where an estimator gives none.
         doubt: Condition that the residual depends on, where the model cannot explain it;
             NOT_AVAILABLE where an estimator does not look for any.
+        family: Name of the curve family that is the most probable one; c1, c2 and c3 are those of
+            the nearest Burckhardt curve. None where an estimator has Burckhardt's alone.
 
     """
 
@@ -77,6 +79,7 @@ class Estimate:
     mu_max_interval: tuple[float, float] = (-inf, inf)
     lambda_m_interval: tuple[float, float] = (-inf, inf)
     doubt: Doubt = Doubt.NOT_AVAILABLE
+    family: str | None = None
 
     @property
     def theta(self) -> CurveParameters:
@@ -86,8 +89,8 @@ class Estimate:
     def to_dict(self) -> dict[str, Any]:
         """Values and standard deviations as JSON has them.
 
-        The standard deviation of what is not identifiable is None. `doubt` is there only where
-        the estimator looks for any.
+        The standard deviation of what is not identifiable is None. `doubt` and `family` are
+        there only where the estimator looks for any.
         """
         known = self.identifiable
         variances = self.covariance.diagonal()
@@ -108,6 +111,7 @@ class Estimate:
             "samples": self.samples,
             "identifiable": {"mu_max": known.mu_max, "lambda_m": known.lambda_m},
             **({} if doubt is None else {"doubt": doubt}),
+            **({} if self.family is None else {"family": self.family}),
         }
 
     def _repr_html_(self) -> str:

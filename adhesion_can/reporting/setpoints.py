@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from adhesion_can.arrays import Array
+from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.reporting.export import Column, Field, TableWriter, open_table
 from adhesion_can.service.output_messages import AXLE_FRAMES
@@ -22,6 +24,9 @@ def _number(name: str, comment: str, unit: str = "") -> Field:
 
 
 _AXLES = range(1, AXLE_FRAMES + 1)
+NO_FAMILY = 255
+"""Number that stands for no family of curves."""
+_FAMILY_NUMBERS = {name: number for number, name in enumerate(FAMILIES)}
 FIELDS = (
     Field(
         "status",
@@ -48,6 +53,17 @@ FIELDS = (
         text=True,
         optional=True,
     ),
+    Field(
+        "family",
+        np.dtype(np.uint8),
+        comment="most probable family of curves, where they are compared",
+        names={
+            **{float(number): name for name, number in _FAMILY_NUMBERS.items()},
+            float(NO_FAMILY): Doubt.NOT_AVAILABLE.name,
+        },
+        text=True,
+        optional=True,
+    ),
 )
 """Columns beside `time_s`."""
 
@@ -69,12 +85,13 @@ class _RowBuffer:
     def flush(self) -> None:
         if not self._t_us:
             return
-        status, *numbers, doubt = np.array(self._values).T
+        status, *numbers, doubt, family = np.array(self._values).T
         columns = [
             Column(status.astype(np.uint8)),
             *(Column(n, np.isnan(n)) for n in numbers),
             # A reader that knows of no missing texts finds NOT_AVAILABLE.
-            Column(np.nan_to_num(doubt, nan=Doubt.NOT_AVAILABLE).astype(np.uint8), np.isnan(doubt)),
+            _names_column(doubt, Doubt.NOT_AVAILABLE),
+            _names_column(family, NO_FAMILY),
         ]
         self._writer.write(np.array(self._t_us, dtype=np.int64) * 1000, columns)
         self._t_us, self._values = [], []
@@ -97,7 +114,13 @@ def setpoint_row(outputs: Outputs) -> list[float]:
     known = (nan if number is None or not isfinite(number) else number for number in numbers)
     doubt = outputs.doubt
     shown = nan if doubt is Doubt.NOT_AVAILABLE else float(doubt)
-    return [float(outputs.status), *known, shown]
+    family = nan if outputs.family is None else float(_FAMILY_NUMBERS[outputs.family])
+    return [float(outputs.status), *known, shown, family]
+
+
+def _names_column(numbers: Array, missing: int) -> Column:
+    """Column of numbers that stand for names, NaN where not available."""
+    return Column(np.nan_to_num(numbers, nan=missing).astype(np.uint8), np.isnan(numbers))
 
 
 @contextmanager

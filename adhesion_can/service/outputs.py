@@ -42,6 +42,7 @@ class Outputs:
         lambda_m_std: Standard deviation of λ_m; inf where λ_m is not identifiable.
         surface_age_s: Time since the last change of the surface, s.
         doubt: Condition that the residual depends on, where the curve cannot explain it.
+        family: Name of the most probable curve family; None where none are compared.
 
     """
 
@@ -53,6 +54,7 @@ class Outputs:
     lambda_m_std: float | None = None
     surface_age_s: float | None = None
     doubt: Doubt = Doubt.NOT_AVAILABLE
+    family: str | None = None
 
 
 @lru_cache(maxsize=8)
@@ -96,6 +98,7 @@ def build_outputs(
         lambda_m_std=estimate.lambda_m_std,
         surface_age_s=max(t_us - estimate.surface_since_us, 0) / 1e6,
         doubt=estimate.doubt,
+        family=estimate.family,
     )
 
 

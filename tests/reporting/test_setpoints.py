@@ -26,6 +26,7 @@ def outputs(doubt):
         0.002,
         12.5,
         doubt,
+        None if doubt is Doubt.NOT_AVAILABLE else "polach",
     )
 
 
@@ -36,25 +37,29 @@ def write(path, doubts):
     return path
 
 
-def test_the_doubt_is_the_last_column_and_moves_no_other():
-    assert [field.name for field in FIELDS].index("doubt") == len(FIELDS) - 1
+def test_doubt_and_family_are_the_last_columns_and_move_no_other():
+    assert [field.name for field in FIELDS][-2:] == ["doubt", "family"]
     rows = [setpoint_row(outputs(doubt)) for doubt in DOUBTS]
     for row, doubt in zip(rows, DOUBTS, strict=True):
         assert len(row) == len(FIELDS)
-        np.testing.assert_array_equal(row[:-1], rows[0][:-1])
-        assert row[-1] == doubt or (np.isnan(row[-1]) and doubt is Doubt.NOT_AVAILABLE)
+        np.testing.assert_array_equal(row[:-2], rows[0][:-2])
+        missing = doubt is Doubt.NOT_AVAILABLE
+        assert row[-2] == doubt or (np.isnan(row[-2]) and missing)
+        assert np.isnan(row[-1]) == missing
 
 
 def test_csv_names_each_doubt_and_leaves_empty_what_is_not_available(tmp_path):
     with write(tmp_path / "t.csv", DOUBTS).open() as file:
         rows = list(csv.DictReader(file))
     assert [row["doubt"] for row in rows] == [name or "" for name in NAMES]
+    assert [row["family"] for row in rows] == ["polach" if name else "" for name in NAMES]
     assert {row["mu_max_ax1"] for row in rows} == {"0.31"}
 
 
 def test_parquet_names_each_doubt_and_has_null_where_not_available(tmp_path):
     table = parquet.read_table(write(tmp_path / "t.parquet", DOUBTS))
-    assert table.column_names[-1] == "doubt"
+    assert table.column_names[-2:] == ["doubt", "family"]
+    assert table.column("family").to_pylist() == ["polach" if name else None for name in NAMES]
     assert table.column("doubt").to_pylist() == NAMES
 
 

@@ -17,6 +17,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.estimation.doubt.pooled_curve import BUMPS, PooledCurve, fit_curve, linearise
 from adhesion_can.estimation.doubt.rows import Rows
 from adhesion_can.estimation.doubt.slip_basis import SIZE
+from adhesion_can.estimation.families.binned_samples import EMPTY, BinnedSamples, join_binned
 from adhesion_can.physics.burckhardt import CurveParameters
 
 FIRST_S = 0.5
@@ -42,6 +43,7 @@ class Block:
         score: Weighted sums of columns times response, shape (k,).
         level_noise: Expected square of the score along the level of the curve, by noise alone.
         curve_square: Weighted sum of squares of the curve.
+        binned: Samples in bins of slip and speed, for curves of any family.
 
     """
 
@@ -49,14 +51,16 @@ class Block:
     score: Array
     level_noise: float
     curve_square: float
+    binned: BinnedSamples = EMPTY
 
     @classmethod
-    def from_rows(cls, rows: Rows) -> "Block":
+    def from_rows(cls, rows: Rows, binned: BinnedSamples = EMPTY) -> "Block":
         """Sums of rows, with corrected scores for the errors of the slips."""
         weighted = rows.columns * rows.weight[:, None]
         diluted = rows.slopes * (rows.weight * rows.slip_var)[:, None]
         gram = weighted.T @ rows.columns - diluted.T @ rows.slopes
-        return cls(gram, weighted.T @ rows.response, rows.level_noise, rows.curve_square)
+        score = weighted.T @ rows.response
+        return cls(gram, score, rows.level_noise, rows.curve_square, binned)
 
     def joined(self, other: "Block") -> "Block":
         """Both blocks as one."""
@@ -65,6 +69,7 @@ class Block:
             self.score + other.score,
             self.level_noise + other.level_noise,
             self.curve_square + other.curve_square,
+            join_binned((self.binned, other.binned)),
         )
 
 
@@ -176,7 +181,7 @@ class BlockSeries:
             score_left = at_fit[rest] - onto.T @ at_fit[own]
             left[self._per_surface], left[:, self._per_surface] = 0.0, 0.0
             score_left[self._per_surface] = 0.0
-            self._earlier.append(replace(block, gram=left, score=score_left))
+            self._earlier.append(replace(block, gram=left, score=score_left, binned=EMPTY))
         self.blocks = after
         self.candidates = [k - place for k in self.candidates if k > place]
 

@@ -3,13 +3,25 @@
 from dataclasses import replace
 from math import hypot, sqrt
 
+import numpy as np
+
 from adhesion_can.estimation.doubt.monitor import DoubtMonitor, further_std
 from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUncertainty
+from adhesion_can.estimation.families.comparison import FamilyComparison, PooledPeak
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.tracker.tracker import Tracker
+from adhesion_can.physics.burckhardt import CurveParameters
+from adhesion_can.physics.burckhardt import peak as burckhardt_peak
+from adhesion_can.physics.curves import Conditions
+from adhesion_can.physics.curves.burckhardt import curve_with_peak
+from adhesion_can.physics.curves.nearest import nearest_burckhardt
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
+
+BURCKHARDT = "burckhardt"
+SPEED_STEP = 0.5
+"""Change of the speed from which the peak is computed anew, m/s."""
 
 
 class DoubtingTracker:
@@ -44,6 +56,10 @@ class DoubtingTracker:
             instruments or InstrumentUncertainty(),
             self._limits.slip_max,
         )
+        self._conditions = Conditions(10.0)
+        self._peak: (
+            tuple[tuple[FamilyComparison, int], tuple[PooledPeak, CurveParameters]] | None
+        ) = None
         self._inner: Estimate | None = None
         self._current: Estimate | None = None
 
@@ -56,8 +72,63 @@ class DoubtingTracker:
         if fresh:
             self._tracker.variance_inflation = self._monitor.assessment.lasting.beyond_chance
         if fresh or inner is not self._inner:
-            self._inner, self._current = inner, self._widened(inner)
+            self._inner, self._current = inner, self._judged(inner, samples)
         return self._current
+
+    def _judged(self, estimate: Estimate, samples: Samples) -> Estimate:
+        """Estimate with what may be wrong with it; pooled where families know it better."""
+        widened = self._widened(estimate)
+        comparison = self._monitor.assessment.families
+        if comparison is None or not self._monitor.surface_holds:
+            return widened
+        if len(samples):
+            self._conditions = Conditions(float(samples.speed.mean()), float(samples.load.mean()))
+        pooled, theta = self._pooled(comparison)
+        limits = self._limits
+        # The level that comes next scatters about the mean one.
+        mu_std = hypot(pooled.mu_max_std, self._monitor.level_std * pooled.mu_max)
+        known = (
+            mu_std <= limits.mu_max_std * pooled.mu_max
+            and pooled.lambda_m_std <= limits.lambda_m_std * pooled.lambda_m
+            and pooled.lambda_m + pooled.lambda_m_std <= self._monitor.reached
+        )
+        if not known:
+            return widened
+        # The curve's numbers are as uncertain as its peak.
+        level, place = mu_std / pooled.mu_max, pooled.lambda_m_std / pooled.lambda_m
+        stds = np.array(theta) * (level, place, hypot(level, place))
+        by_mu, by_lambda = pooled.mu_max / estimate.mu_max, pooled.lambda_m / estimate.lambda_m
+        return replace(
+            widened,
+            c1=theta[0],
+            c2=theta[1],
+            c3=theta[2],
+            covariance=np.diag(stds * stds),
+            mu_max=pooled.mu_max,
+            mu_max_std=mu_std,
+            lambda_m=pooled.lambda_m,
+            lambda_m_std=pooled.lambda_m_std,
+            identifiable=Identifiable(mu_max=True, lambda_m=True),
+            mu_max_interval=_interval(pooled.mu_max, mu_std),
+            lambda_m_interval=_interval(pooled.lambda_m, pooled.lambda_m_std),
+            per_axle={
+                axle: (mu_max * by_mu, lambda_m * by_lambda)
+                for axle, (mu_max, lambda_m) in estimate.per_axle.items()
+            },
+            family=comparison.leader.family.name,
+        )
+
+    def _pooled(self, comparison: FamilyComparison) -> tuple[PooledPeak, CurveParameters]:
+        """Pooled peak and the Burckhardt curve that has it; anew for another block or speed."""
+        key = comparison, round(float(self._conditions.speed) / SPEED_STEP)
+        if self._peak is None or self._peak[0] != key:
+            end, leader = self._limits.slip_max, comparison.leader
+            peak = comparison.peak(self._conditions, end)
+            nearest = nearest_burckhardt(leader.family, leader.values, self._conditions, end)
+            top = burckhardt_peak(*nearest)
+            theta = curve_with_peak(peak.mu_max, peak.lambda_m, nearest[1] * float(top.lambda_m))
+            self._peak = key, (peak, theta)
+        return self._peak[1]
 
     def _widened(self, estimate: Estimate) -> Estimate:
         """Estimate with the standard deviations that the latest assessment leaves it."""
@@ -91,7 +162,13 @@ class DoubtingTracker:
                 lambda_share * estimate.lambda_m,
             ),
             doubt=Doubt.NOT_AVAILABLE if assessment.plain is None else assessment.doubt,
+            family=BURCKHARDT,
         )
+
+
+def _interval(middle: float, std: float) -> tuple[float, float]:
+    """90 % interval of a normal distribution."""
+    return middle - 1.645 * std, middle + 1.645 * std
 
 
 def _widened_interval(

@@ -5,6 +5,7 @@ Block by block of the drive:
     samples -> RowBuilder -> Block -> BlockSeries -> pooled curve -> score tests -> joint peak
 """
 
+from collections import deque
 from dataclasses import dataclass
 from math import ceil, inf, sqrt
 
@@ -42,6 +43,8 @@ from adhesion_can.estimation.doubt.rows import RowBuilder
 from adhesion_can.estimation.doubt.score_tests import FEWEST_BLOCKS, Selection, select_directions
 from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUncertainty
 from adhesion_can.estimation.doubt.surface_changes import find_confirmed_change
+from adhesion_can.estimation.families.binned_samples import BinnedSamples
+from adhesion_can.estimation.families.comparison import FamilyComparison, FamilyTracker
 from adhesion_can.estimation.tracker.points import is_valid
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.doubt import Doubt
@@ -56,6 +59,12 @@ UNSEEN_S = 3.0
 """Age of blocks that may hold a change of the surface that is not detected yet, s."""
 MIXED = 2
 """Number of blocks before a possible change that may hold samples of both surfaces."""
+RECENT_S = 0.5
+"""Duration of the samples that are compared with the leading family, s."""
+FLAT = 0.3
+"""Logarithmic slope up to which a curve counts as flat: its level is that of the peak."""
+RECENT = 40
+"""Number of such comparisons that are kept."""
 KEPT_REACH = 0.995
 """Share of the reached slip that is kept from block to block."""
 
@@ -71,6 +80,8 @@ class Assessment:
         remaining: Errors that last about the full model.
         plain: Peak of the pooled curve.
         full: Peak with the selected directions and the instruments' errors.
+        families: Curve families weighed against each other; None while there is no reason to doubt
+            Burckhardt's, or too little is known.
 
     """
 
@@ -80,6 +91,7 @@ class Assessment:
     remaining: LastingErrors
     plain: JointPeak | None = None
     full: JointPeak | None = None
+    families: FamilyComparison | None = None
 
 
 UNKNOWN = Assessment(Doubt.NONE, (), NONE, NONE)
@@ -118,13 +130,28 @@ class DoubtMonitor:
         if settings.shape_std > 0.0:
             self._prior_std |= dict.fromkeys(range(TANGENTS, CURVE), settings.shape_std)
         self._rows = RowBuilder(self._directions, axles)
+        self._families = FamilyTracker()
+        self._recent: list[Samples] = []
         self._series = BlockSeries(len(names), [names.index(TIME)])
         self._theta: CurveParameters | None = None
         self._waiting: list[Samples] = []
         self._since_us: int | None = None
-        self._reached = 0.0
+        self.reached = 0.0
+        """Slip ratio that the wheels have reached lately."""
         self.assessment = UNKNOWN
         """Latest assessment."""
+        self._level_squares: deque[float] = deque(maxlen=RECENT)
+        self.surface_holds = True
+        """Whether the latest samples lie on the curve of the leading family."""
+
+    @property
+    def level_std(self) -> float:
+        """Standard deviation of the rail's level lately, about the leading family's curve.
+
+        As a share of the adhesion; it is that of the means over `RECENT_S`.
+        """
+        squares = self._level_squares
+        return sqrt(max(sum(squares) / len(squares), 0.0)) if squares else 0.0
 
     def add(self, samples: Samples, estimate: Estimate) -> bool:
         """Add samples; whether there is a new assessment.
@@ -140,6 +167,7 @@ class DoubtMonitor:
                 self._series.add_candidate()
             self._since_us = estimate.surface_since_us
         self._waiting.append(samples)
+        self._look_back(samples, estimate)
         begun_us, now_us = int(self._waiting[0].t_us[0]), int(samples.t_us[-1])
         if now_us - begun_us < self._series.block_s * 1e6:
             return False
@@ -165,10 +193,11 @@ class DoubtMonitor:
                 return None
             self._theta = estimate.theta
         rows = self._rows.build(samples, self._theta, estimate.noise_std)
-        self._series.append(Block.from_rows(rows))
+        binned = BinnedSamples.from_samples(samples, estimate.noise_std)
+        self._series.append(Block.from_rows(rows, binned))
         self._theta = fit_blocks(self._series.blocks, self._theta).theta
         reached = float(np.quantile(np.abs(samples.slip), REACH))
-        self._reached = max(reached, KEPT_REACH * self._reached)
+        self.reached = max(reached, KEPT_REACH * self.reached)
         return dict(rows.present)
 
     def _confirm_changes(self, theta: CurveParameters) -> CurveParameters:
@@ -179,6 +208,8 @@ class DoubtMonitor:
             return theta
         series.end_surface(place, fit_blocks(series.blocks[:place], theta))
         self._rows.begin_surface()
+        self._families.restart()
+        self._level_squares.clear()
         return fit_blocks(series.blocks, theta).theta
 
     def _assess(self, present: dict[str, float], curve: PooledCurve) -> None:
@@ -201,7 +232,7 @@ class DoubtMonitor:
         spread = full.spread(reduced.scores.shape[1])
         left = estimate_lasting_errors(reduced, reduced.current, spread) or lasting
         full = self._fit_all(reduced, selection, left.inflation)
-        reached = max(self._reached, curve.lambda_m)
+        reached = max(self.reached, curve.lambda_m)
         self.assessment = Assessment(
             selection.doubt,
             selection.names,
@@ -209,7 +240,40 @@ class DoubtMonitor:
             left,
             compute_joint_peak(plain, curve, self._directions, present, reached),
             compute_joint_peak(full, curve, self._directions, present, reached),
+            self._compare_families(selection.doubt, lasting, curve),
         )
+
+    def _compare_families(
+        self, doubt: Doubt, lasting: LastingErrors, curve: PooledCurve
+    ) -> FamilyComparison | None:
+        """Families on all samples of the surface, where Burckhardt's is in doubt."""
+        if doubt is Doubt.NONE and lasting.beyond_chance == 1.0:
+            return None
+        blocks = [block.binned for block in self._series.blocks]
+        return self._families.compare(blocks, curve.theta)
+
+    def _look_back(self, samples: Samples, estimate: Estimate) -> None:
+        """Compare the latest samples with the leading family: the surface may be another one."""
+        comparison = self.assessment.families
+        if comparison is None:
+            self._recent = []
+            return
+        self._recent.append(samples)
+        begun_us, now_us = int(self._recent[0].t_us[0]), int(samples.t_us[-1])
+        if now_us - begun_us < RECENT_S * 1e6:
+            return
+        recent = Samples.concatenate(self._recent)
+        self._recent = []
+        recent = recent.select(is_valid(recent, self._slip_max))
+        if not len(recent):
+            return
+        binned = BinnedSamples.from_samples(recent, estimate.noise_std)
+        error = comparison.level_error(binned, estimate.theta)
+        if error is not None:
+            self.surface_holds = error.holds
+        level = comparison.level_error(binned, estimate.theta, FLAT)
+        if level is not None:
+            self._level_squares.append(level.share**2 - level.noise**2)
 
     def _lasting_errors(self, reduced: ReducedBlocks, curve: PooledCurve) -> LastingErrors:
         """Lasting errors about the curve, of the time before a change that may be one."""

@@ -1,0 +1,1 @@
+"""Curve families weighed against each other online, from binned samples."""

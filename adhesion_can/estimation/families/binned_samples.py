@@ -1,0 +1,79 @@
+"""Samples of a surface in bins of slip and speed: sums that are additive over time.
+
+Any curve family can be fitted to the bins at any time, without the samples. Within a bin the curve
+is nearly straight, so that the mean adhesion belongs to the mean slip.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.arrays import Array
+from adhesion_can.physics.samples import Samples
+
+SLIP_EDGES: Array = np.geomspace(5e-4, 0.5, 41)
+"""Edges of the slip bins, 19 % apart; smaller slips are in one bin, larger ones in another."""
+SPEED_STEP = 3.0
+"""Width of the speed bins, m/s."""
+SPEEDS = 40
+"""Number of speed bins; the last one holds all that is faster."""
+SLIPS = len(SLIP_EDGES) + 1
+COUNT, SLIP, ADHESION, SPEED, LOAD, SLIP_VAR, ADHESION_VAR = range(7)
+"""Rows of the sums."""
+
+
+@dataclass(frozen=True, slots=True)
+class BinnedSamples:
+    """Sums of samples by bins.
+
+    All samples of a bin count alike: weights that depend on their adhesion would shift its means.
+
+    Attributes:
+        place: Numbers of the bins that hold samples, ascending, shape (n,).
+        sums: Number of samples, then the sums of slip, adhesion, speed, load, variance of the slip
+            and variance of the adhesion at a known slip; shape (7, n).
+
+    """
+
+    place: NDArray[np.int64]
+    sums: Array
+
+    @classmethod
+    def from_samples(cls, samples: Samples, noise_std: float) -> "BinnedSamples":
+        """Sums of samples, with the sign of the slip taken off slip and adhesion.
+
+        Args:
+            samples: Samples, finite.
+            noise_std: Standard deviation of the adhesion noise.
+
+        """
+        size = np.abs(samples.slip)
+        faster = np.clip((samples.speed / SPEED_STEP).astype(np.int64), 0, SPEEDS - 1)
+        bins = (np.digitize(size, SLIP_EDGES) * SPEEDS + faster).astype(np.int64)
+        place, member = np.unique(bins, return_inverse=True)
+        columns = (
+            np.ones(len(size)),
+            size,
+            np.copysign(1.0, samples.slip) * samples.adhesion,
+            samples.speed,
+            samples.load,
+            samples.slip_total_var,
+            noise_std * noise_std + samples.transient_var,
+        )
+        sums = [np.bincount(member, column, len(place)) for column in columns]
+        return cls(place, np.asarray(sums, dtype=np.float64).reshape(len(columns), -1))
+
+
+EMPTY = BinnedSamples(np.empty(0, dtype=np.int64), np.empty((ADHESION_VAR + 1, 0)))
+"""No samples."""
+
+
+def join_binned(parts: Sequence[BinnedSamples]) -> BinnedSamples:
+    """Several as one."""
+    place, member = np.unique(np.concatenate([one.place for one in parts]), return_inverse=True)
+    both = np.concatenate([one.sums for one in parts], axis=1)
+    sums = np.stack([np.bincount(member, values, len(place)) for values in both])
+    # np.bincount of nothing counts as integers.
+    return BinnedSamples(place, np.asarray(sums, dtype=np.float64))

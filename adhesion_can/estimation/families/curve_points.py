@@ -1,0 +1,97 @@
+"""Points of a curve from binned samples, with the errors of the slips removed.
+
+Where slips have errors, the samples of a bin have other true slips on average than measured ones:
+more of them come from where more samples are. By Tweedie's formula the mean true slip at a measured
+one is s + p (ln q)'(s), with the variance p of the error and the density q of the measured slips
+(Efron, Journal of the American Statistical Association 106 (2011)); to put it in place of the
+measured slip is regression calibration (Carroll et al., Measurement Error in Nonlinear Models,
+2006). What is left scatters about it with the variance p, over which the curve is averaged.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.arrays import Array
+from adhesion_can.estimation.families.binned_samples import (
+    ADHESION,
+    ADHESION_VAR,
+    COUNT,
+    LOAD,
+    SLIP,
+    SLIP_EDGES,
+    SLIP_VAR,
+    SLIPS,
+    SPEED,
+    SPEEDS,
+    BinnedSamples,
+)
+from adhesion_can.physics.burckhardt import CurveParameters
+from adhesion_can.physics.curves import Conditions
+
+LEAST_SLIPS = 2.0
+"""Mean slip over its standard error below which a bin is left out: its sign is not sure."""
+FEWEST = 3.0
+"""Number of samples below which a bin is left out."""
+
+
+class CurvePoints(NamedTuple):
+    """Points of a curve, shape (n,) each.
+
+    Attributes:
+        rows: Indices of the bins that give a point.
+        slip: Mean true slip.
+        slip_std: Standard deviation of the true slips about it.
+        adhesion: Mean adhesion.
+        weight: Inverse variance of the mean adhesion, of independent errors.
+        conditions: Mean speed and load.
+
+    """
+
+    rows: NDArray[np.int64]
+    slip: Array
+    slip_std: Array
+    adhesion: Array
+    weight: Array
+    conditions: Conditions
+
+
+def build_points(binned: BinnedSamples, theta: CurveParameters) -> CurvePoints:
+    """Points of the curve from binned samples.
+
+    Args:
+        binned: Sums of the samples by bins.
+        theta: Parameters (c1, c2, c3) of a curve nearby, whose slopes weight the slips' errors.
+
+    """
+    count = binned.sums[COUNT]
+    slip, adhesion, speed, load, var, own = (
+        binned.sums[row] / count for row in (SLIP, ADHESION, SPEED, LOAD, SLIP_VAR, ADHESION_VAR)
+    )
+    true_slip = slip + var * _density_slope(binned, slip)
+    std = np.sqrt(var)
+    c1, c2, c3 = theta
+    slope = c1 * c2 * np.exp(-c2 * slip) - c3
+    good = (slip > LEAST_SLIPS * std) & (count >= FEWEST) & (true_slip > 0.3 * slip)
+    rows = np.flatnonzero(good).astype(np.int64)
+    return CurvePoints(
+        rows,
+        true_slip[rows],
+        np.minimum(std, 0.9 * true_slip)[rows],
+        adhesion[rows],
+        (count / (own + slope * slope * var))[rows],
+        Conditions(speed[rows], load[rows]),
+    )
+
+
+def _density_slope(binned: BinnedSamples, slip: Array) -> Array:
+    """Derivative of the logarithm of the density of the measured slips, all speeds together."""
+    counts = np.bincount(binned.place // SPEEDS, binned.sums[COUNT], SLIPS)[1:-1]
+    width = np.diff(SLIP_EDGES)
+    middle = np.sqrt(SLIP_EDGES[1:] * SLIP_EDGES[:-1])
+    # Over the logarithm of the slip, where the bins are even; a few samples keep it finite.
+    log_density = np.log(np.convolve(counts + 0.5, [0.25, 0.5, 0.25], "same") / width)
+    by_log = np.gradient(log_density, np.log(middle))
+    size = np.maximum(slip, middle[0])
+    return np.asarray(np.interp(np.log(size), np.log(middle), by_log) / size)

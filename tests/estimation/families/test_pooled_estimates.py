@@ -1,0 +1,70 @@
+"""The doubting tracker on rails that are not Burckhardt's: its estimates are the families'."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from adhesion_can.estimation.doubt.estimator import DoubtingTracker
+from adhesion_can.estimation.doubt.settings import EXACT
+from adhesion_can.estimation.tracker.tracker import Tracker
+from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.samples import Samples
+from tests.estimation.families.family_helpers import AXLES, burckhardt, make_samples, polach, top
+
+STEP_S = 0.1
+
+
+def run(samples):
+    """Estimates at every tenth of a second, with the times, s, and the mean speeds."""
+    estimator = DoubtingTracker(Tracker(), AXLES, instruments=EXACT)
+    edges = np.arange(0.0, samples.t_us[-1] * 1e-6 + STEP_S, STEP_S)
+    found = []
+    for begin, end in pairwise(edges):
+        part = samples.select((samples.t_us >= begin * 1e6) & (samples.t_us < end * 1e6))
+        estimate = estimator.update(part, round(end * 1e6))
+        found.append((end, float(part.speed.mean()), estimate))
+    return found
+
+
+@pytest.mark.parametrize("law", [polach(), burckhardt(c4=0.15)], ids=["polach", "c4"])
+def test_setpoints_are_those_of_the_family(law):
+    """From 30 s on, two drives: identifiable in 80 %, within 2 and 10 % of the truth."""
+    known = 0
+    for seed in range(2):
+        samples = make_samples(law, np.random.default_rng(seed), 40.0)
+        late = [one for one in run(samples) if one[0] > 30.0]
+        pooled = [one for one in late if one[2].identifiable.both]
+        known += len(pooled) / len(late)
+        for _, speed, estimate in pooled:
+            mu_max, lambda_m = top(law, speed)
+            assert estimate.mu_max == pytest.approx(mu_max, rel=0.02)
+            assert estimate.lambda_m == pytest.approx(lambda_m, rel=0.1)
+            assert estimate.doubt is not Doubt.NONE
+            low, high = estimate.lambda_m_interval
+            assert low < estimate.lambda_m < high
+            c1, c2, c3 = estimate.theta
+            assert np.log(c1 * c2 / c3) / c2 == pytest.approx(estimate.lambda_m, rel=1e-6)
+        assert late[-1][2].family in {"polach", "burckhardt_c4"}
+    assert known / 2 > 0.8
+
+
+def test_after_a_change_of_the_rail_the_old_curve_is_not_sent():
+    """Polach's curve for 30 s, then a wet one: within 2 s nothing of the old level is certain."""
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        dry, wet = polach(), polach(mu0=0.22, stiffness=40.0, left=0.35, rate=0.25)
+        parts = [make_samples(dry, rng, 30.0), make_samples(wet, rng, 8.0, begin_s=30.0)]
+        for time_s, speed, estimate in run(Samples.concatenate(parts)):
+            if time_s > 32.0 and estimate.identifiable.both:
+                mu_max, _ = top(wet, speed)
+                error = abs(estimate.mu_max - mu_max)
+                assert error < 3 * estimate.mu_max_std + 0.02 * mu_max
+
+
+def test_burckhardts_rail_needs_no_other_family():
+    samples = make_samples(burckhardt(), np.random.default_rng(4), 30.0)
+    for time_s, _, estimate in run(samples):
+        if time_s > 10.0:
+            assert estimate.family == "burckhardt"
+            assert estimate.doubt is Doubt.NONE
