@@ -24,6 +24,7 @@ from adhesion_can.estimation.doubt.directions import (
     EFFORT_BIAS,
     SPEED_SCALE,
     TIME,
+    WORK_S,
     build_directions,
 )
 from adhesion_can.estimation.doubt.joint_peak import (
@@ -61,6 +62,8 @@ MIXED = 2
 """Number of blocks before a possible change that may hold samples of both surfaces."""
 RECENT_S = 0.5
 """Duration of the samples that are compared with the leading family, s."""
+HISTORY = frozenset({TIME, *WORK_S})
+"""Directions that stand for what happened before."""
 FLAT = 0.3
 """Logarithmic slope up to which a curve counts as flat: its level is that of the peak."""
 RECENT = 40
@@ -240,14 +243,19 @@ class DoubtMonitor:
             left,
             compute_joint_peak(plain, curve, self._directions, present, reached),
             compute_joint_peak(full, curve, self._directions, present, reached),
-            self._compare_families(selection.doubt, lasting, curve),
+            self._compare_families(selection, lasting, curve),
         )
 
     def _compare_families(
-        self, doubt: Doubt, lasting: LastingErrors, curve: PooledCurve
+        self, selection: Selection, lasting: LastingErrors, curve: PooledCurve
     ) -> FamilyComparison | None:
-        """Families on all samples of the surface, where Burckhardt's is in doubt."""
-        if doubt is Doubt.NONE and lasting.beyond_chance == 1.0:
+        """Families on all samples of the surface, where Burckhardt's is in doubt.
+
+        None where the adhesion depends on what happened before: the rail's mean is not its present
+        or its next adhesion.
+        """
+        doubtful = selection.doubt is not Doubt.NONE or lasting.beyond_chance > 1.0
+        if not doubtful or not HISTORY.isdisjoint(selection.names):
             return None
         blocks = [block.binned for block in self._series.blocks]
         return self._families.compare(blocks, curve.theta)
