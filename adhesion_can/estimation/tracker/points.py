@@ -102,7 +102,7 @@ def build_points(samples: Samples, *, errors_in_variables: bool = True) -> Point
 
     A slip that is large against its own error has the sign of its branch. The sign of a smaller
     slip is noise, and folding at zero by it would bend the curve where it is steepest; the branch
-    is then that of the mean adhesion of all samples.
+    is then that of the adhesion, as `_signs_by_adhesion` says.
 
     Args:
         samples: Samples, at least one, finite.
@@ -119,12 +119,31 @@ def build_points(samples: Samples, *, errors_in_variables: bool = True) -> Point
     sign = np.copysign(1.0, slip)
     unsure = slip * slip < SURE * SURE * (private + common)
     if unsure.any():
-        sign[unsure] = np.copysign(1.0, adhesion.mean())
+        sign[unsure] = _signs_by_adhesion(samples)[unsure]
     stamp = samples.speed_us
     group = np.zeros(len(sign), dtype=np.int64)
     np.cumsum(stamp[1:] != stamp[:-1], out=group[1:])
     further, share = samples.transient_var, samples.speed_share
     return Points(sign * slip, sign * adhesion, private, common, further, group, sign, share)
+
+
+def _signs_by_adhesion(samples: Samples) -> Array:
+    """Sign of the branch of each sample by the adhesion, shape (n,).
+
+    An axle has the sign of its own mean adhesion where that is large against its stated error, as
+    some axles may pull while others brake. The other axles have that of the mean of all axles, as
+    they all pull or all brake; where the sure axles contradict each other, that of their own mean.
+    """
+    adhesion, var = samples.adhesion, samples.adhesion_var + samples.transient_var
+    _, member = np.unique(samples.axle, return_inverse=True)
+    whole = np.bincount(member, adhesion)
+    error = np.bincount(member, var)
+    sure = (error > 0.0) & (whole * whole > SURE * SURE * error)
+    rest = adhesion
+    if (whole[sure] > 0.0).any() and (whole[sure] < 0.0).any():
+        rest = adhesion[~sure[member]]
+    common = np.copysign(1.0, rest.mean()) if len(rest) else 1.0
+    return np.asarray(np.where(sure, np.copysign(1.0, whole), common)[member])
 
 
 class OutlierGate:
