@@ -16,7 +16,7 @@ from adhesion_can.sampling.traces import Trace
 
 SPEED_WINDOWS_S = (0.3, 0.6, 1.0, 1.5, 2.2, 3.0)
 """Widths for the vehicle speed less the part that the efforts predict, s."""
-WHEEL_WINDOWS_S = (0.05, 0.09, 0.15, 0.25)
+WHEEL_WINDOWS_S = (0.05, 0.09, 0.15)
 """Widths for the wheel speeds, s."""
 EFFORT_WINDOWS_S = (0.15,)
 """Width for the tractive efforts, s."""

@@ -23,6 +23,9 @@ NOISELESS = 1e-6
 """RMSE of the adhesion below which there is nothing to explain, since no sensor is that good."""
 LEAST_EXPLAINED = 0.5
 """Share that named effects must have in what effects and channels explain together."""
+BESIDE_SHAPE = 0.05
+"""Share by which an effect beside a shape must lower the cross-validated whitened square: the
+family's own error of form must not get a name, nor a lag that averages noise of the slip."""
 OSCILLATION_SIZE = 0.3
 """Size of an oscillation in the adhesion, relative to the noise floor, from which it matters."""
 
@@ -85,7 +88,7 @@ class Findings:
         worth = best.rmse < (1.0 - SECOND_LEAST_GAIN) * plain.rmse
         # Where the curve is steep, the RMSE is that of the slip's noise: whoever averages it gains.
         square = plain.fitted.cross_validated_square
-        worth &= best.fitted.cross_validated_square < (1.0 - SECOND_LEAST_GAIN) * square
+        worth &= best.fitted.cross_validated_square < (1.0 - BESIDE_SHAPE) * square
         if worth and all(self.p_value(c) <= self.alpha for c in best.candidates):
             return self
         selection = replace(self.selection, best=self.selection.plain, indistinguishable=())
