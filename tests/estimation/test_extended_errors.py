@@ -11,6 +11,7 @@ from adhesion_can.estimation.extended.estimator import ExtendedEstimator
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.estimation.extended.slip_lags import SlipLags, noise_gain
 from adhesion_can.physics.effects import ActiveEffect, LagStates, effect_by_id
+from adhesion_can.physics.samples import Samples
 from tests.estimation.test_extended import BASE, HEIGHT, Fixed, World, followed, model_of, rail
 
 EXPONENT, USUAL_LOAD, REFERENCE = 3.0, 250e3, 100e3
@@ -173,3 +174,30 @@ def test_lags_of_other_quantities_leave_the_errors_alone():
     lags.watch(samples.slip)
     lags.follow("work", samples.axle.astype(float), samples.t_us * 1e-6, samples.load, 0.3, 0.0)
     assert lags.smooth_errors(samples, samples.t_us * 1e-6) is samples
+
+
+class Recorded:
+    """An estimator that keeps what it was given."""
+
+    def __init__(self):
+        self.given = []
+
+    def update(self, samples, now_us):
+        self.given.append(samples)
+
+
+def test_samples_around_a_step_of_a_signal_may_belong_to_either_of_its_values():
+    """Six samples with the wrong value would outweigh the drive before: a false change."""
+    w = World(seconds=2.0)
+    w.sand = np.where(w.t >= 1.0, 1.0, 0.0)
+    inner = Recorded()
+    estimator = ExtendedEstimator(inner, model_of("sanding"))
+    whole = w.whole(0.3 + 0.0 * w.slip)
+    for k in range(0, len(whole), 12):
+        estimator.update(whole.select(slice(k, k + 12)), 20_000 * k)
+    given = Samples.concatenate(inner.given)
+    at = given.t_us - 1_000_000
+    near = (at >= 0) & (at <= 40_000)
+    # With or without the gain of 0.2.
+    assert (np.sqrt(given.transient_var[near]) > 0.15 * 0.25).all()
+    assert given.transient_var[~near & (np.abs(at) > 80_000)].max() < 0.001**2

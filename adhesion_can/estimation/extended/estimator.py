@@ -1,14 +1,16 @@
 """Estimation with an extended model: the base curve by any estimator, effects added afterwards."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
-from math import hypot
+from math import hypot, isfinite
 
 import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.extended.correction import (
+    build_contact,
     find_usual_factor,
     remove_effects,
 )
@@ -23,7 +25,7 @@ from adhesion_can.estimation.extended.current_curve import (
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.burckhardt import peak
-from adhesion_can.physics.effects import ActiveEffect, LagStates
+from adhesion_can.physics.effects import ActiveEffect, LagStates, compute_change
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 
@@ -32,6 +34,9 @@ UPDATES = 10
 FARTHEST_PLACE = 1.5
 """Largest ratio of the base curve's λ_m to that of the model's, either way, at which the shape of a
 model with another curve family is that of the rail: elsewhere nobody has seen it."""
+LATE_US = 50_000
+"""Time after a step of a signal within which a sample may belong to the value before, µs: samples
+wait for the readings that bracket them, and a slow message may come a little late."""
 STEP = 0.1
 """Step of an effect's parameter for a sensitivity, in its standard deviations."""
 
@@ -73,6 +78,7 @@ class ExtendedEstimator:
         self._axles = axles
         self._shape_place = None if model.curve is None else float(peak(*model.base).lambda_m)
         self._scaled = False
+        self._signals = _SteppedSignals()
         self._lags = LatestLagStates()
         self._origin_us: int | None = None
         self._conditions: LatestConditions | None = None
@@ -105,12 +111,33 @@ class ExtendedEstimator:
             self._scaled = usual is not None
             if usual not in (None, 1.0):
                 self._actives = (*self._actives, ActiveEffect(Scale(1.0 / usual), ()))
+        before = self._signals.update(samples)
+        if before is not None:
+            samples = self._with_uncertain_signals(samples, before)
         result = remove_effects(samples, self._actives, origin, axles, self._lags)
         self.left_out += result.left_out
         # Also from samples of which the effects leave too little: coasting in a curve.
         if result.contact is not None:
             self._conditions = LatestConditions.update(result.contact, self._conditions)
         return result.samples
+
+    def _with_uncertain_signals(self, samples: Samples, before: Mapping[str, float]) -> Samples:
+        """Samples whose variances hold the difference that values before a step would make.
+
+        Args:
+            samples: Samples soon after a step of a signal.
+            before: Values of the signals before the step, by name.
+
+        """
+        steady = SteadyLagStates(self._lags.states)
+        now = build_contact(samples, int(samples.t_us[0]), self._axles)
+        held = {name: np.full(len(samples), value) for name, value in before.items()}
+        then = replace(now, covariates={**now.covariates, **held})
+        new, old = (
+            compute_change(self._actives, contact, steady).factor for contact in (now, then)
+        )
+        further = (old / new - 1.0) * samples.adhesion
+        return replace(samples, transient_var=samples.transient_var + further * further)
 
     def _with_effects(self, base: Estimate, conditions: LatestConditions, fresh: int) -> Estimate:
         """Estimate of the curve in the latest conditions."""
@@ -153,6 +180,27 @@ def _principal_directions(covariance: Array) -> Array:
     variances, directions = np.linalg.eigh(covariance / scale / scale[:, None])
     good = variances > 1e-9
     return np.asarray((directions * np.sqrt(np.maximum(variances, 0.0)) * scale[:, None]).T[good])
+
+
+class _SteppedSignals:
+    """Covariates that have taken a new value lately, with the value before."""
+
+    def __init__(self) -> None:
+        self._latest: dict[str, float] = {}
+        self._before: dict[str, tuple[int, float]] = {}
+        """By name: stamp of the first sample after the step, µs, and value before it."""
+
+    def update(self, samples: Samples) -> dict[str, float] | None:
+        """Values before the latest steps, by name; None where none was late enough to matter."""
+        now_us = int(samples.t_us[0])
+        for name, column in samples.covariates.items():
+            value = float(column[-1])
+            known = self._latest.get(name, value)
+            if value != known and isfinite(known) and isfinite(value):
+                self._before[name] = now_us, known
+            self._latest[name] = value
+        late = {n: v for n, (t_us, v) in self._before.items() if 0 <= now_us - t_us <= LATE_US}
+        return late or None
 
 
 class _EffectUncertainty:
