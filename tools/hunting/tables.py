@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from judge import JudgedRecord
 from scipy.stats import beta
+from work import NO_WORLD
 
 from tests.worlds import CONTACTS, NULLS, OUTSIDE, POINTS, SINGLES
 
@@ -107,7 +108,8 @@ def targets(rows: Sequence[JudgedRecord]) -> list[Target]:
 def contact_targets(rows: Sequence[JudgedRecord]) -> list[Target]:
     """Targets of contacts that are not Burckhardt's; none where there are no such drives."""
     contacts = [r for r in rows if r.group == "contact"]
-    beside = [r for r in rows if r.group == "contact+"]
+    # A drive that could not be made says nothing of the diagnosis.
+    beside = [r for r in rows if r.group == "contact+" and r.answer != (NO_WORLD,)]
     points = [r for r in rows if r.group == "points"]
     if not (contacts or beside or points):
         return []
