@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import SegmentationSettings, change_points, fit
-from adhesion_can.estimation.extended.correction import remove_effects
+from adhesion_can.estimation.extended.correction import remove_effects, scale_to_usual
 from adhesion_can.estimation.likelihood import innovation, sensitivity
 from adhesion_can.estimation.variable_projection import LOWER, UPPER
 from adhesion_can.physics.effects import LagStates
@@ -108,6 +108,7 @@ class MisfitCollector:
         self._axles = configuration.vehicle.axles
         self._slip_max = configuration.estimators.identifiability.slip_max
         self._memory = LagStates()
+        self._scaled = False
         self._waiting: list[Samples] = []
         self._count = 0
         self._origin_us: int | None = None
@@ -158,9 +159,11 @@ class MisfitCollector:
         if self._actives:
             # A variance of 1 comes back as 1/factor².
             unit = replace(samples, adhesion_var=factor)
-            samples = remove_effects(
-                unit, self._actives, self._origin_us, self._axles, self._memory
-            ).samples
+            origin, axles = self._origin_us, self._axles
+            if not self._scaled:
+                scaled = scale_to_usual(unit, self._actives, origin, axles)
+                self._scaled, self._actives = scaled is not None, scaled or self._actives
+            samples = remove_effects(unit, self._actives, origin, axles, self._memory).samples
             factor = 1.0 / np.sqrt(samples.adhesion_var)
         usable = np.isfinite(samples.adhesion) & (np.abs(samples.slip) <= self._slip_max)
         rows = _Rows(

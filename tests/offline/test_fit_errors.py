@@ -75,6 +75,14 @@ def test_a_model_takes_its_effect_away_and_the_figure_stays_in_measured_adhesion
     assert np.sqrt(plain.rmse**2 - model.rmse**2) == pytest.approx(missed, rel=0.03)
 
 
+def test_a_usual_factor_far_from_1_takes_no_sample_away():
+    """A power law whose reference is 100 kN leaves a fifteenth at 245 kN."""
+    effect = ActiveEffect(effect_by_id("load_dependence", "power"), (3.0,))
+    result = told(drive(), ExtendedModel(BASE, effects=(effect,)))
+    assert result.rmse == pytest.approx(NOISE, rel=0.02)
+    assert result.samples == told(drive()).samples
+
+
 def test_what_is_a_matter_of_time_alone_counts_here():
     """The estimator leaves a slow drift out of the model, since it follows it itself."""
     samples = drive(curve=lambda slip, _, t: mu(slip) * (1 - 0.004 * t))

@@ -18,6 +18,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.errors import ConfigError, InputError
 from adhesion_can.estimation.extended.current_curve import (
     LatestConditions,
+    Scale,
     SteadyLagStates,
     usual_factor,
 )
@@ -33,6 +34,7 @@ from adhesion_can.sampling.equations import TRAVEL_DIRECTION
 USABLE = 0.2
 """Least factor of a usable sample, as a share of the usual one: divided by a smaller one, it would
 be mostly noise."""
+
 # ----------------------------------------------------------- requirements of a model on the data
 
 
@@ -186,6 +188,26 @@ def find_usual_factor(
         return None
     contact = build_contact(samples.select(known), origin_us, axles)
     return usual_factor(actives, LatestConditions.update(contact, None))
+
+
+def scale_to_usual(
+    samples: Samples, actives: tuple[ActiveEffect, ...], origin_us: int, axles: int
+) -> tuple[ActiveEffect, ...] | None:
+    """Effects with a constant factor by which the usual one is 1; None where no channel is there.
+
+    A level beyond any rail's is none for an estimator.
+
+    Args:
+        samples: Samples in the order of their stamps, at least one.
+        actives: Effects in the contact with their values.
+        origin_us: Stamp of the begin of the drive, µs.
+        axles: Number of axles of the vehicle.
+
+    """
+    usual = find_usual_factor(samples, actives, origin_us, axles)
+    if usual is None:
+        return None
+    return actives if usual == 1.0 else (*actives, ActiveEffect(Scale(1.0 / usual), ()))
 
 
 def remove_effects(

@@ -11,21 +11,20 @@ from adhesion_can.arrays import Array
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.extended.correction import (
     build_contact,
-    find_usual_factor,
     remove_effects,
+    scale_to_usual,
 )
 from adhesion_can.estimation.extended.current_curve import (
     CurvePeaks,
     LatestConditions,
     LatestLagStates,
-    Scale,
     SteadyLagStates,
     compute_peaks,
 )
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.burckhardt import peak
-from adhesion_can.physics.effects import ActiveEffect, LagStates, compute_change
+from adhesion_can.physics.effects import LagStates, compute_change
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 
@@ -107,10 +106,8 @@ class ExtendedEstimator:
             self._origin_us = int(samples.t_us[0])
         origin, axles = self._origin_us, self._axles
         if not self._scaled:
-            usual = find_usual_factor(samples, self._actives, origin, axles)
-            self._scaled = usual is not None
-            if usual not in (None, 1.0):
-                self._actives = (*self._actives, ActiveEffect(Scale(1.0 / usual), ()))
+            scaled = scale_to_usual(samples, self._actives, origin, axles)
+            self._scaled, self._actives = scaled is not None, scaled or self._actives
         before = self._signals.update(samples)
         if before is not None:
             samples = self._with_uncertain_signals(samples, before)
