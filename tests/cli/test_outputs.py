@@ -190,8 +190,9 @@ def test_a_sigterm_ends_the_workers_of_an_experiment(tmp_path):
 
 
 def wait_for(path):
+    """Until a folder is there, or a file that something was written to: it is surely open."""
     until = time.monotonic() + 60
-    while not path.exists():
+    while not (path.exists() and path.stat().st_size):
         assert time.monotonic() < until
         time.sleep(0.02)
 
