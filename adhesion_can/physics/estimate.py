@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import CurveParameters
@@ -28,6 +28,23 @@ class Identifiable:
     def both(self) -> bool:
         """Whether height and slip ratio of the peak are identifiable."""
         return self.mu_max and self.lambda_m
+
+
+class PeakEstimate(NamedTuple):
+    """Peak of a curve with its standard deviations.
+
+    Attributes:
+        mu_max: Largest adhesion coefficient, 1.
+        lambda_m: Slip ratio of the largest adhesion, 1.
+        mu_max_std: Standard deviation of `mu_max`, 1.
+        lambda_m_std: Standard deviation of `lambda_m`, 1.
+
+    """
+
+    mu_max: float
+    lambda_m: float
+    mu_max_std: float
+    lambda_m_std: float
 
 
 CHANGED = 0.5

@@ -7,7 +7,7 @@ import numpy as np
 
 from adhesion_can.estimation.doubt.monitor import DoubtMonitor, further_std
 from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUncertainty
-from adhesion_can.estimation.families.comparison import FamilyComparison, PooledPeak
+from adhesion_can.estimation.families.comparison import FamilyComparison
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.burckhardt import CurveParameters
@@ -16,7 +16,7 @@ from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.curves.burckhardt import curve_with_peak
 from adhesion_can.physics.curves.nearest import nearest_burckhardt
 from adhesion_can.physics.doubt import Doubt
-from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.estimate import Estimate, Identifiable, PeakEstimate
 from adhesion_can.physics.samples import Samples
 
 BURCKHARDT = "burckhardt"
@@ -56,9 +56,9 @@ class DoubtingTracker:
             instruments or InstrumentUncertainty(),
             self._limits.slip_max,
         )
-        self._conditions = Conditions(10.0)
+        self._conditions: Conditions | None = None
         self._peak: (
-            tuple[tuple[FamilyComparison, int], tuple[PooledPeak, CurveParameters]] | None
+            tuple[tuple[FamilyComparison, int], tuple[PeakEstimate, CurveParameters]] | None
         ) = None
         self._inner: Estimate | None = None
         self._current: Estimate | None = None
@@ -79,11 +79,13 @@ class DoubtingTracker:
         """Estimate with what may be wrong with it; pooled where families know it better."""
         widened = self._widened(estimate)
         comparison = self._monitor.assessment.families
-        if comparison is None or not self._monitor.surface_holds:
+        if comparison is None:
             return widened
         if len(samples):
             self._conditions = Conditions(float(samples.speed.mean()), float(samples.load.mean()))
-        pooled, theta = self._pooled(comparison)
+        if self._conditions is None or not self._monitor.surface_holds:
+            return widened
+        pooled, theta = self._pooled(comparison, self._conditions)
         limits = self._limits
         # The level that comes next scatters about the mean one.
         mu_std = hypot(pooled.mu_max_std, self._monitor.level_std * pooled.mu_max)
@@ -118,13 +120,15 @@ class DoubtingTracker:
             family=comparison.leader.family.name,
         )
 
-    def _pooled(self, comparison: FamilyComparison) -> tuple[PooledPeak, CurveParameters]:
+    def _pooled(
+        self, comparison: FamilyComparison, conditions: Conditions
+    ) -> tuple[PeakEstimate, CurveParameters]:
         """Pooled peak and the Burckhardt curve that has it; anew for another block or speed."""
-        key = comparison, round(float(self._conditions.speed) / SPEED_STEP)
+        key = comparison, round(float(conditions.speed) / SPEED_STEP)
         if self._peak is None or self._peak[0] != key:
             end, leader = self._limits.slip_max, comparison.leader
-            peak = comparison.peak(self._conditions, end)
-            nearest = nearest_burckhardt(leader.family, leader.values, self._conditions, end)
+            peak = comparison.peak(conditions, end)
+            nearest = nearest_burckhardt(leader.family, leader.values, conditions, end)
             top = burckhardt_peak(*nearest)
             theta = curve_with_peak(peak.mu_max, peak.lambda_m, nearest[1] * float(top.lambda_m))
             self._peak = key, (peak, theta)

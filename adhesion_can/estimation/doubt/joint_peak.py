@@ -10,6 +10,7 @@ from adhesion_can.estimation.doubt.blocks import CURVE, TANGENTS, ReducedBlocks
 from adhesion_can.estimation.doubt.directions import CREEP_SPEED, Direction
 from adhesion_can.estimation.doubt.pooled_curve import PooledCurve, linearise, on_grid
 from adhesion_can.estimation.doubt.slip_basis import GRID
+from adhesion_can.physics.estimate import PeakEstimate
 
 BUMP_PRIOR = 0.1
 """Plausible size of a bump of a curve whose shape is in doubt, as a share of the largest adhesion.
@@ -21,23 +22,6 @@ FLAT = 1e-3
 over its number of steps. A flatter one may lie anywhere that was reached."""
 _SPACING = 6
 """Steps of the grid over which the curvature is taken."""
-
-
-class JointPeak(NamedTuple):
-    """Peak of a curve under the present conditions.
-
-    Attributes:
-        mu_max: Largest adhesion.
-        lambda_m: Slip ratio of the largest adhesion.
-        mu_max_std: Standard deviation of `mu_max`.
-        lambda_m_std: Standard deviation of `lambda_m`.
-
-    """
-
-    mu_max: float
-    lambda_m: float
-    mu_max_std: float
-    lambda_m_std: float
 
 
 class JointFit(NamedTuple):
@@ -95,7 +79,7 @@ def compute_joint_peak(
     directions: Sequence[Direction],
     present: Mapping[str, float],
     reached: float,
-) -> JointPeak:
+) -> PeakEstimate:
     """Peak with the estimated coefficients under the present conditions.
 
     Args:
@@ -112,7 +96,7 @@ def compute_joint_peak(
     top = int(np.argmax(values))
     mu_var = float(columns[top] @ covariance @ columns[top])
     place, place_std = _place(values, columns, covariance, top, reached)
-    return JointPeak(float(values[top]), place, float(np.sqrt(max(mu_var, 0.0))), place_std)
+    return PeakEstimate(float(values[top]), place, float(np.sqrt(max(mu_var, 0.0))), place_std)
 
 
 def _place(

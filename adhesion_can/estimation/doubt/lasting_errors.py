@@ -5,14 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.batch_means import FEWEST, batch_inflation
 from adhesion_can.estimation.doubt.blocks import ReducedBlocks
 
-FEWEST = 6
-"""Number of blocks below which their scatter says nothing."""
 LASTING = 4.0
 """Inflation of the variance from which errors last beyond chance."""
-FITTED = 1.5
-"""Coefficients that the blocks' scores lose to the fit."""
 
 
 class LastingErrors(NamedTuple):
@@ -67,11 +64,4 @@ def estimate_lasting_errors(
     fluctuation = float(score @ (score / np.maximum(information, 1e-3 * total / known)))
     expected = float(noise @ (1.0 / np.maximum(information, 1e-3 * total / known)))
     level_std = np.sqrt(max(fluctuation - expected, 0.0) / total)
-    inflation = 1.0
-    while len(score) >= FEWEST:
-        few = len(score) / (len(score) - FITTED)
-        inflation = max(inflation, float(score @ score) / max(float(noise.sum()), 1e-300) * few)
-        pairs = len(score) // 2 * 2
-        score = score[0:pairs:2] + score[1:pairs:2]
-        noise = noise[0:pairs:2] + noise[1:pairs:2]
-    return LastingErrors(inflation, float(level_std))
+    return LastingErrors(batch_inflation(score, noise), float(level_std))

@@ -11,6 +11,7 @@ from math import ceil, inf, sqrt
 
 import numpy as np
 
+from adhesion_can.estimation.batch_means import FEWEST
 from adhesion_can.estimation.doubt.blocks import (
     CURVE,
     TANGENTS,
@@ -29,12 +30,10 @@ from adhesion_can.estimation.doubt.directions import (
 )
 from adhesion_can.estimation.doubt.joint_peak import (
     JointFit,
-    JointPeak,
     compute_joint_peak,
     fit_jointly,
 )
 from adhesion_can.estimation.doubt.lasting_errors import (
-    FEWEST,
     NONE,
     LastingErrors,
     estimate_lasting_errors,
@@ -49,7 +48,7 @@ from adhesion_can.estimation.families.comparison import FamilyComparison, Family
 from adhesion_can.estimation.tracker.points import is_valid
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.doubt import Doubt
-from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.estimate import Estimate, PeakEstimate
 from adhesion_can.physics.samples import Samples
 
 FEWEST_SAMPLES = 20
@@ -92,8 +91,8 @@ class Assessment:
     names: tuple[str, ...]
     lasting: LastingErrors
     remaining: LastingErrors
-    plain: JointPeak | None = None
-    full: JointPeak | None = None
+    plain: PeakEstimate | None = None
+    full: PeakEstimate | None = None
     families: FamilyComparison | None = None
 
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.batch_means import batch_inflation
 from adhesion_can.estimation.families.binned_samples import (
     ADHESION,
     COUNT,
@@ -36,6 +37,7 @@ from adhesion_can.estimation.families.family_fit import (
 )
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.curves import Conditions, CurveFamily
+from adhesion_can.physics.estimate import PeakEstimate
 
 FEWEST_POINTS = 15
 """Points of the curve below which families are not compared."""
@@ -54,24 +56,6 @@ NEGLIGIBLE = 1e-3
 """Probability of a family below which it does not enter the pooled peak."""
 MISFIT_WIDTH = 0.4
 """Width of a misfit in ln λ: a narrower one is noise, a wider one moves the peak less."""
-
-
-@dataclass(frozen=True, slots=True)
-class PooledPeak:
-    """Peak over all families under given conditions.
-
-    Attributes:
-        mu_max: Largest adhesion.
-        lambda_m: Slip ratio of the largest adhesion.
-        mu_max_std: Standard deviation of `mu_max`.
-        lambda_m_std: Standard deviation of `lambda_m`.
-
-    """
-
-    mu_max: float
-    lambda_m: float
-    mu_max_std: float
-    lambda_m_std: float
 
 
 class LevelError(NamedTuple):
@@ -142,7 +126,7 @@ class FamilyComparison:
         share = float((points.weight * predicted) @ (points.adhesion - predicted)) / information
         return LevelError(share, sqrt(1.0 / information), sqrt(self.inflation / information))
 
-    def peak(self, conditions: Conditions, slip_max: float) -> PooledPeak:
+    def peak(self, conditions: Conditions, slip_max: float) -> PeakEstimate:
         """Pooled peak.
 
         Args:
@@ -173,7 +157,7 @@ class FamilyComparison:
         top, std = np.array(tops), np.array(stds)
         mean = share @ top
         spread = np.sqrt(share @ (std**2 + (top - mean) ** 2))
-        return PooledPeak(float(mean[0]), float(mean[1]), float(spread[0]), float(spread[1]))
+        return PeakEstimate(float(mean[0]), float(mean[1]), float(spread[0]), float(spread[1]))
 
 
 class FamilyTracker:
@@ -261,24 +245,6 @@ def _inflation(
         score.append(float(of_sample[rows] @ left))
         noise.append(float(of_sample[rows] @ own[COUNT]))
     return batch_inflation(np.array(score), np.array(noise))
-
-
-def batch_inflation(score: Array, noise: Array) -> float:
-    """Largest variance of batch means over the expected one, over lengths of 1, 2, 4, .. blocks.
-
-    Args:
-        score: Sum of errors of each block, shape (n,).
-        noise: Expected square of each by independent errors, shape (n,).
-
-    """
-    inflation = 1.0
-    while len(score) >= 6:
-        few = len(score) / (len(score) - 1.5)
-        inflation = max(inflation, float(score @ score) / max(float(noise.sum()), 1e-300) * few)
-        pairs = len(score) // 2 * 2
-        score = score[0:pairs:2] + score[1:pairs:2]
-        noise = noise[0:pairs:2] + noise[1:pairs:2]
-    return inflation
 
 
 @cache

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.families.curve_points import CurvePoints
-from adhesion_can.physics.curves import FAMILIES, Conditions, CurveFamily, bounds
+from adhesion_can.physics.curves import FAMILIES, CurveFamily, bounds
 
 STEPS = 20
+"""Largest number of steps of a fit."""
 CONVERGED = 1e-2
 """Decrease of the cost below which a step is the last one."""
 
@@ -87,7 +89,8 @@ def to_coordinates(family: CurveFamily, values: Array) -> Array:
     return np.where(logs, np.log(np.where(logs, np.maximum(values, 1e-9), 1.0)), values)
 
 
-def _logs(family: CurveFamily) -> Array:
+def _logs(family: CurveFamily) -> NDArray[np.bool_]:
+    """Whether each parameter enters by its logarithm, shape (k,)."""
     return np.array(PRIORS[family.name].logarithmic)
 
 
@@ -121,7 +124,7 @@ def fit_family(
     precision = np.array(prior.std) ** -2.0
     lower, upper = coordinate_bounds(family)
     weight = points.weight / inflation
-    scale_where = _logs(family)
+    logs = _logs(family)
 
     def evaluate(y: Array) -> tuple[float, float, Array, Array]:
         values = to_values(family, y)
@@ -130,7 +133,7 @@ def fit_family(
             family.gradient(points.slip + points.slip_std, values, points.conditions)
             + family.gradient(points.slip - points.slip_std, values, points.conditions)
         )
-        gradient = gradient * np.where(scale_where, values, 1.0)[:, None]
+        gradient = gradient * np.where(logs, values, 1.0)[:, None]
         away = y - centre
         weighted = gradient * weight
         score = weighted @ residual - precision * away
@@ -180,6 +183,3 @@ def fit_from_starts(points: CurvePoints, family: CurveFamily, inflation: float) 
 def known_families() -> list[CurveFamily]:
     """Families that are weighed, Burckhardt's first."""
     return [FAMILIES[name] for name in PRIORS]
-
-
-__all__ = ["Conditions", "FamilyFit", "fit_family", "fit_from_starts", "known_families", "predict"]

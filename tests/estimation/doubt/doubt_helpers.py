@@ -1,5 +1,7 @@
 """Blocks of made-up samples for the tests of the doubt."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from adhesion_can.estimation.doubt.blocks import Block
@@ -60,23 +62,14 @@ def make_samples(
     adhesion = curve(slip, theta) * (load / 2.2e5) ** -load_exponent
     adhesion = adhesion + effort_bias / load + NOISE * noise.ravel()
     measured = (1.0 + slip) / (1.0 + speed_scale) - 1.0
-    zero, one = np.zeros(len(rows)), np.ones(len(rows))
     stamps = np.round(rows * 1e6).astype(np.int64)
-    return Samples(
-        t_us=stamps,
+    return replace(
+        Samples.curve(measured, adhesion, stamps),
         axle=axle.astype(np.int64),
-        slip=measured,
-        adhesion=adhesion,
         creep_speed=measured * speed,
         speed=speed,
         load=load,
-        load_std=zero,
-        slip_var=zero,
-        adhesion_var=NOISE**2 * one,
-        slip_common_var=zero,
-        speed_us=stamps,
-        transient_var=zero,
-        speed_share=one,
+        adhesion_var=np.full(len(rows), NOISE**2),
     )
 
 

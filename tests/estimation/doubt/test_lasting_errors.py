@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from adhesion_can.estimation.batch_means import FEWEST
 from adhesion_can.estimation.doubt.blocks import BlockSeries, fit_blocks
-from adhesion_can.estimation.doubt.lasting_errors import FEWEST, estimate_lasting_errors
+from adhesion_can.estimation.doubt.lasting_errors import estimate_lasting_errors
 from tests.estimation.doubt.doubt_helpers import (
     AXLES,
     DIRECTIONS,

@@ -1,6 +1,7 @@
 """Samples of curves by formulas of the tests' own, with errors of slip and adhesion."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -64,21 +65,14 @@ def make_samples(
     speed = 11.0 + 5.0 * np.sin(2 * np.pi * rows / 41.0)
     slip = direction * size + slip_std * rng.standard_normal(len(rows))
     adhesion = direction * law(size, speed) + noise * rng.standard_normal(len(rows))
-    zero, one = np.zeros(len(rows)), np.ones(len(rows))
     stamps = np.round(rows * 1e6).astype(np.int64)
-    return Samples(
-        t_us=stamps,
+    one = np.ones(len(rows))
+    return replace(
+        Samples.curve(slip, adhesion, stamps),
         axle=axle.astype(np.int64),
-        slip=slip,
-        adhesion=adhesion,
         creep_speed=slip * speed,
         speed=speed,
         load=2.2e5 * one,
-        load_std=zero,
         slip_var=slip_std**2 * one,
         adhesion_var=noise**2 * one,
-        slip_common_var=zero,
-        speed_us=stamps,
-        transient_var=zero,
-        speed_share=one,
     )
