@@ -25,10 +25,24 @@ def installed(tmp_path_factory):
     return target
 
 
-def command(installed, folder, *arguments):
-    """Standard output of a command that finds the installed example."""
+ONE_BY_ONE = """
+import json, sys
+from adhesion_can.cli.main import main
+for arguments in json.loads(sys.argv[1]):
+    print("$ ", *arguments, flush=True)
+    try:
+        code = main(arguments)
+    except SystemExit as error:  # --help
+        code = error.code
+    if code:
+        sys.exit(code)
+"""
+
+
+def run_commands(installed, folder, *commands):
+    """Standard output of each command; one process, which finds the installed example."""
     done = subprocess.run(
-        [sys.executable, "-m", "adhesion_can.cli.main", *map(str, arguments)],
+        [sys.executable, "-c", ONE_BY_ONE, json.dumps(commands)],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(installed), str(ROOT)])},
         capture_output=True,
@@ -37,21 +51,26 @@ def command(installed, folder, *arguments):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    return done.stdout
+    return done.stdout.split("$ ")[1:]
 
 
 @pytest.mark.timeout(1200)
 def test_an_installed_effect_is_simulated_diagnosed_and_replayed(installed, tmp_path):
-    def run(*arguments):
-        return command(installed, tmp_path, *arguments)
-
-    assert f"{ID} " in run("simulate", "--help")
-    hidden = ("--effect", f"{ID}={LOSS}", "--truth", "truth.json")
-    run("simulate", "--scenario", "sweep", "--duration", DURATION_S, *hidden, "--log", "drive.log")
+    drive = ("simulate", "--scenario", "sweep", "--duration", str(DURATION_S))
+    replay = ("replay", "drive.log", "--to", "8")
+    helped, _, report, *_ = run_commands(
+        installed,
+        tmp_path,
+        ("simulate", "--help"),
+        (*drive, "--effect", f"{ID}={LOSS}", "--truth", "truth.json", "--log", "drive.log"),
+        ("diagnose", "drive.log", "--extended", "model.toml", "--json", "found.json"),
+        (*replay, "--json", "r.json", "--frames", "extended.log", "--model", "model.toml"),
+        (*replay, "--frames", "plain.log"),
+    )
+    assert f"{ID} " in helped
     truth = json.loads((tmp_path / "truth.json").read_text())
     assert truth["effects"] == [{"effect": ID, "form": "", "parameters": {"loss": LOSS}}]
 
-    report = run("diagnose", "drive.log", "--extended", "model.toml", "--json", "found.json")
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["verdict"] == "named"
     assert [cause["effect"] for cause in found["causes"]] == [ID]
@@ -59,10 +78,7 @@ def test_an_installed_effect_is_simulated_diagnosed_and_replayed(installed, tmp_
     assert "grease of the wheel flanges" in report.lower()
 
     assert f'id = "{ID}"' in (tmp_path / "model.toml").read_text()
-    replay = ("replay", "drive.log", "--to", 8, "--json", "replay.json", "--frames")
-    run(*replay, "extended.log", "--model", "model.toml")
-    assert json.loads((tmp_path / "replay.json").read_text())["model"]["path"] == "model.toml"
-    run(*replay, "plain.log")
+    assert json.loads((tmp_path / "r.json").read_text())["model"]["path"] == "model.toml"
     assert (tmp_path / "extended.log").read_bytes() != (tmp_path / "plain.log").read_bytes()
 
 

@@ -36,9 +36,9 @@ STEADY = replace(SWEEP, speed=15.0, speed_swing=0.0)
 """Near one speed, so that no offset of the vehicle speed is told."""
 
 
-def recorded(path, scenario):
-    """120 s on worn wheels."""
-    settings = RunSettings(scenario, 120.0, seed=2, vehicle=Locomotive(wheel_radius=WORN))
+def recorded(path, scenario, duration_s):
+    """A drive on worn wheels."""
+    settings = RunSettings(scenario, duration_s, seed=2, vehicle=Locomotive(wheel_radius=WORN))
     with path.open("w") as file:
         for frames in Simulation(settings, load_database()).run():
             file.writelines(map(format_frame, frames))
@@ -48,7 +48,7 @@ def recorded(path, scenario):
 @pytest.fixture(scope="module")
 def worn(tmp_path_factory):
     """`sweep` near one speed."""
-    return recorded(tmp_path_factory.mktemp("worn") / "worn.log", STEADY)
+    return recorded(tmp_path_factory.mktemp("worn") / "worn.log", STEADY, 100.0)
 
 
 def calibrated(tmp_path, *arguments):
@@ -166,7 +166,7 @@ def test_comments_and_all_else_of_the_users_file_stay(worn, tmp_path):
 
 def test_where_speeds_vary_the_offset_is_told_and_each_key_has_one_remark(tmp_path):
     """Also the second time: one behind the radii, their error, and the vehicle speed."""
-    log, out = recorded(tmp_path / "swing.log", SWEEP), tmp_path / "out.toml"
+    log, out = recorded(tmp_path / "swing.log", SWEEP, 80.0), tmp_path / "out.toml"
     result = calibrated(tmp_path, log, "--out", out)
     assert abs(result["offset_mps"]["value"]) < 6 * result["offset_mps"]["std"] < 0.04
     first = out.read_text()

@@ -124,7 +124,7 @@ def figures(loop):
 
 @pytest.fixture(scope="module")
 def biased(tmp_path_factory):
-    return looped(tmp_path_factory.mktemp("loop"), "effort_bias=6000", 80, "--to", 36)
+    return looped(tmp_path_factory.mktemp("loop"), "effort_bias=6000", 60, "--to", 32)
 
 
 def test_the_model_of_a_diagnosis_brings_mu_max_to_the_truth(biased):
@@ -204,4 +204,4 @@ def test_times_of_the_table_rise(biased):
     """What the figures above rest on."""
     assert all(a < b for a, b in pairwise(biased.model.time_s))
     assert biased.model.time_s[0] < 2.0
-    assert biased.model.time_s[-1] > 35.0
+    assert biased.model.time_s[-1] > 31.0

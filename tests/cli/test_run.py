@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from functools import cache
 
 import can
 import pytest
@@ -88,6 +89,7 @@ def test_a_signal_ends_the_service_in_order(tmp_path, number):
     assert json.loads((tmp_path / "r.json").read_text())["received"] == 0
 
 
+@cache
 def modules_after(code):
     """Top-level modules and SciPy sub-packages that a fresh interpreter has after the code."""
     code += "; import sys; names = {n for n in sys.modules if n.count('.') == 0}; "

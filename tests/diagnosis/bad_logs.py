@@ -24,12 +24,12 @@ CYCLE_S = {"wheel_speed": 0.01, "effort": 0.01, "speed": 0.02, "load": 0.2, "hum
 
 
 @cache
-def world(duration_s=60.0, seed=3):
+def world(duration_s=52.0, seed=3):
     """A drive in which nothing is hidden."""
     return _World("null:0", seed, 0, duration_s)
 
 
-def readings(duration_s=60.0, seed=3):
+def readings(duration_s=52.0, seed=3):
     """Its readings, to be spoilt."""
     one = world(duration_s, seed)
     return drive(one.profile, one.vehicle, one.rail, (), one.noise)

@@ -59,7 +59,7 @@ def test_one_effect_is_named(seed, kind, tmp_path):
     assert EFFORT_NOISE < gain["rmse_after"] <= 1.1 * truth.floor_on(gain["spans"])
 
 
-@pytest.mark.parametrize("kind", slow_but(("contact:coulomb",), CONTACTS))
+@pytest.mark.parametrize("kind", slow_but(("contact:fastsim",), CONTACTS))
 @two_of_three(SEEDS)
 def test_another_contact_is_named_and_nothing_beside_it(seed, kind, tmp_path):
     """Where a curve is steep, whatever averages the noise of the slip gains: it is no lag."""

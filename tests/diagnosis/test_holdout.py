@@ -11,7 +11,7 @@ from tests.worlds import make_world
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     folder = tmp_path_factory.mktemp("holdout")
-    truth = make_world("sanding", 7, folder / "a.log", duration_s=150.0, fresh=True)
+    truth = make_world("sanding", 7, folder / "a.log", duration_s=110.0, fresh=True)
     return truth, folder
 
 

@@ -160,7 +160,7 @@ def test_going_back_in_time_changes_nothing():
 @given(st.lists(st.integers(0, 1_200_000), max_size=30), st.randoms(use_true_random=False))
 def test_advances_between_the_frames_change_no_byte(times, random):
     """Due messages come at their due time whoever brings the core there."""
-    frames = list(Bench().drive(0, 1_000_000, slip=0.03 + 0.02 * random.random()))
+    frames = list(Bench().drive(0, 500_000, slip=0.03 + 0.02 * random.random()))
     plain = ServiceCore(CONFIG)
     expected = [*run(plain, frames), *plain.advance(1_200_000)]
     nudged = ServiceCore(CONFIG)
@@ -471,8 +471,8 @@ def faulty(kind, frame):
 
 @cache
 def clean_second():
-    """Frames of 1.32 s without a fault, and the answers to them."""
-    good = list(Bench().drive(0, 1_320_000))
+    """Frames of 0.66 s without a fault, and the answers to them."""
+    good = list(Bench().drive(0, 660_000))
     return good, run(ServiceCore(CONFIG), good)
 
 
@@ -480,7 +480,7 @@ def clean_second():
 @given(
     st.lists(
         st.tuples(
-            st.integers(0, 590),
+            st.integers(0, 290),
             st.sampled_from(["checksum", "length", "range", "repeat", "order"]),
         ),
         min_size=1,
@@ -536,7 +536,7 @@ def test_lost_frames_cost_their_samples_and_make_no_wrong_ones():
 
 ANY_FRAME = st.builds(
     Frame,
-    t_us=st.one_of(st.integers(0, 3_000_000), st.integers(0, 2**52)),
+    t_us=st.one_of(st.integers(0, 1_200_000), st.integers(0, 2**52)),
     arbitration_id=st.one_of(
         st.sampled_from([*INPUTS.values(), *CYCLES_US]), st.integers(0, 2**29 - 1)
     ),
@@ -548,7 +548,7 @@ ANY_FRAME = st.builds(
 )
 ANY_SEALED = st.builds(
     lambda t, name, payload, count: Frame(t, INPUTS[name], sealed(INPUTS[name], payload, count)),
-    st.integers(0, 2_000_000),
+    st.integers(0, 1_200_000),
     st.sampled_from(sorted(INPUTS)),
     st.binary(min_size=8, max_size=8),
     st.integers(0, 15),
@@ -583,7 +583,7 @@ def test_arbitrary_but_sealed_drives_put_no_nan_on_the_bus(seed):
     counts = dict.fromkeys(INPUTS, 0)
     core = ServiceCore(CONFIG)
     sent = []
-    for t in range(0, 1_500_000, 10_000):
+    for t in range(0, 800_000, 10_000):
         for name in REQUIRED:
             if name == "VehicleSpeed" and t % 20_000:
                 continue

@@ -20,14 +20,16 @@ from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 from tests.estimation.doubt.doubt_helpers import AXLES, THETA, in_seconds, make_samples
 
-STEP_S = 0.1
+STEP_S = 0.2
 MU_MAX, LAMBDA_M = (float(x) for x in (peak(*THETA, 0.5).mu_max, peak(*THETA, 0.5).lambda_m))
 
 
-def run(estimator: DoubtingTracker | Tracker, samples: Samples) -> list[Estimate]:
+def run(
+    estimator: DoubtingTracker | Tracker, samples: Samples, step_s: float = STEP_S
+) -> list[Estimate]:
     """Estimates after each step of a drive."""
     found = []
-    for part in in_seconds(samples, STEP_S):
+    for part in in_seconds(samples, step_s):
         estimate = estimator.update(part, int(part.t_us[-1]) + 1)
         if estimate is not None:
             found.append(estimate)
@@ -53,7 +55,7 @@ def is_wrong(estimate: Estimate) -> bool:
 @pytest.mark.parametrize("seed", range(3))
 def test_without_an_error_there_is_no_doubt_and_nothing_is_lost(seed: int) -> None:
     samples = make_samples(np.random.default_rng(seed), 60.0)
-    plain, own = run(Tracker(), samples), run(doubting(), samples)
+    plain, own = run(Tracker(), samples, 0.1), run(doubting(), samples, 0.1)
     late = slice(200, None)
     assert {e.doubt for e in own[60:]} == {Doubt.NONE}
     assert all(e.identifiable.both for e in own[late])
@@ -75,7 +77,7 @@ def test_a_hidden_error_is_doubted_and_no_wrong_peak_is_certain(
 ) -> None:
     for seed in range(2):
         samples = make_samples(np.random.default_rng(seed), 60.0, **hidden)
-        late = run(doubting(), samples)[200:]
+        late = run(doubting(), samples)[100:]
         assert late[-1].doubt in doubts
         assert np.mean([e.doubt in doubts for e in late]) > 0.7
         if "load_exponent" not in hidden:  # there the peak itself moves with the load
@@ -88,9 +90,9 @@ def test_errors_that_last_are_no_changes_of_the_surface() -> None:
     for seed in range(3):
         samples = make_samples(np.random.default_rng(seed), 40.0, lasting_s=1.0)
         plain, own = run(Tracker(), samples), run(doubting(), samples)
-        alone += sum(e.change_probability >= 0.5 for e in plain[100:])
-        together += sum(e.change_probability >= 0.5 for e in own[100:])
-        assert np.mean([is_wrong(e) for e in own[200:]]) < 0.05
+        alone += sum(e.change_probability >= 0.5 for e in plain[50:])
+        together += sum(e.change_probability >= 0.5 for e in own[50:])
+        assert np.mean([is_wrong(e) for e in own[100:]]) < 0.05
     assert together <= 1
     assert alone >= 3
 

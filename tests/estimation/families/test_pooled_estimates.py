@@ -12,11 +12,11 @@ from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.samples import Samples
 from tests.estimation.families.family_helpers import AXLES, burckhardt, make_samples, polach, top
 
-STEP_S = 0.1
+STEP_S = 0.2
 
 
 def run(samples):
-    """Estimates at every tenth of a second, with the times, s, and the mean speeds."""
+    """Estimates at every fifth of a second, with the times, s, and the mean speeds."""
     estimator = DoubtingTracker(Tracker(), AXLES, instruments=EXACT)
     edges = np.arange(0.0, samples.t_us[-1] * 1e-6 + STEP_S, STEP_S)
     found = []
