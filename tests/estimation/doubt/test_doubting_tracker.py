@@ -54,7 +54,7 @@ def is_wrong(estimate: Estimate) -> bool:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_without_an_error_there_is_no_doubt_and_nothing_is_lost(seed: int) -> None:
-    samples = make_samples(np.random.default_rng(seed), 60.0)
+    samples = make_samples(np.random.default_rng(seed), 45.0)
     plain, own = run(Tracker(), samples, 0.1), run(doubting(), samples, 0.1)
     late = slice(200, None)
     assert {e.doubt for e in own[60:]} == {Doubt.NONE}
@@ -76,7 +76,7 @@ def test_a_hidden_error_is_doubted_and_no_wrong_peak_is_certain(
     hidden: dict[str, float], doubts: set[Doubt]
 ) -> None:
     for seed in range(2):
-        samples = make_samples(np.random.default_rng(seed), 60.0, **hidden)
+        samples = make_samples(np.random.default_rng(seed), 45.0, **hidden)
         late = run(doubting(), samples)[100:]
         assert late[-1].doubt in doubts
         assert np.mean([e.doubt in doubts for e in late]) > 0.7
