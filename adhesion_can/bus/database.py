@@ -2,6 +2,7 @@
 
 from codecs import BOM_UTF8
 from dataclasses import dataclass
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
@@ -102,7 +103,17 @@ def load_database(path: Path | None = None) -> CanDatabase:
         DatabaseError: The file is missing or is not a database.
 
     """
-    path = path or packaged_path()
+    return _load_packaged() if path is None else _load_file(path)
+
+
+@cache
+def _load_packaged() -> CanDatabase:
+    """The packaged DBC: it does not change while the process runs, and nobody changes it."""
+    return _load_file(packaged_path())
+
+
+def _load_file(path: Path) -> CanDatabase:
+    """A database from its file; errors as in `load_database`."""
     try:
         content = path.read_bytes()
     except OSError as error:

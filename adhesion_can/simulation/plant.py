@@ -163,11 +163,13 @@ class Plant:
         stiffness = np.maximum(slope, 0.0) * self.load * r / v
         gain = dt * r / inertia
         change = gain * (effort - mu * self.load) / (1.0 + gain * stiffness)
-        # A locked wheel stands: brakes do not turn it backwards, and the rail gives what it can.
         locked = change <= -self.wheel_speed
-        free = effort - inertia * change / (r * dt)
-        self.force = np.where(locked, mu * self.load, free)
-        self.wheel_speed = np.where(locked, 0.0, self.wheel_speed + change)
+        self.force = effort - inertia * change / (r * dt)
+        self.wheel_speed = self.wheel_speed + change
+        if locked.any():
+            # Brakes do not turn a locked wheel backwards, and the rail gives what it can.
+            self.force = np.where(locked, mu * self.load, self.force)
+            self.wheel_speed = np.where(locked, 0.0, self.wheel_speed)
         mass = self.vehicle.train_mass
         resistance = running_resistance(self.speed, mass) if self.speed > 0 else 0.0
         pull = float(self.force.sum()) - resistance - mass * GRAVITY * self.gradient
@@ -217,7 +219,7 @@ class Plant:
 
     def _curve(self, slip: Array, theta: AxleCurves) -> Array:
         # Past a slip of 1 a wheel only spins faster: the straight -c3 λ would turn negative there.
-        slip = np.clip(slip, -SLIP_MAX, SLIP_MAX)
+        slip = np.minimum(np.maximum(slip, -SLIP_MAX), SLIP_MAX)
         if self._family is None:
             c1, c2, c3 = theta
             return adhesion(slip, c1, c2, c3)
