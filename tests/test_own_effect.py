@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "docs" / "examples" / "own_effect"
 ID = "flange_lubrication"
 LOSS = 0.25
-DURATION_S = 90  # Both directions of curves.
+DURATION_S = 72  # Both directions of curves.
 
 
 @pytest.fixture(scope="module")

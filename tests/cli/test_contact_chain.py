@@ -36,7 +36,8 @@ def test_a_rail_in_polachs_form_is_doubted_until_a_model_has_its_shape(
     assert named == ["curve_shape"]
 
     # With the model the doubt is gone, and the peak is known.
-    extended = replay(log, model=model)
+    extended = replay(log, model=model, to_s=36.0)
+    late = extended["time_s"] - extended["time_s"][0] > 20.0
     assert set(extended["doubt"][late]) == {"NONE"}
     assert np.mean(extended["status"][late] == "TRACKING") > 0.95
     assert_right(extended, late & (extended["status"] == "TRACKING"), rail)

@@ -5,7 +5,7 @@ import pytest
 
 from tests.diagnosis.diagnosis_helpers import burckhardt, diagnosed, sweeps, write_table
 
-N = 4000
+N = 2400
 
 
 def columns(seed=1, rows=N, **more):

@@ -16,12 +16,18 @@ EFFORT_NOISE = 0.009
 """Of adhesion: 1 % of the static load, over loads up to a tenth larger."""
 QUICK_SINGLES = ("wheel_radius", "load_dependence", "creep_relaxation", "effort_bias")
 QUICK_NULLS = ("null:5",)
+QUICK_CONTACTS = ("contact:fastsim",)
 PAIRS = (
     "pair:wheel_radius+humidity",
     "pair:load_dependence+sanding",
     "pair:speed_scale+effort_delay",
     "pair:speed_delay+rail_cleaning",
 )
+
+
+QUICK = {*QUICK_SINGLES, *QUICK_NULLS, *QUICK_CONTACTS, PAIRS[0]}
+SHORT_S, LONG_S = 160.0, 240.0
+"""Durations of the drives of the quick kinds and of the others."""
 
 
 def slow_but(quick, kinds):
@@ -32,7 +38,7 @@ def answered(kind, folder, seed):
     folder = folder / str(seed)
     folder.mkdir()
     path = folder / ("w.csv" if kind == "out:table" else "w.log")
-    truth = make_world(kind, seed, path)
+    truth = make_world(kind, seed, path, duration_s=SHORT_S if kind in QUICK else LONG_S)
     answer = diagnosed(folder, path)
     assert answer.status == 0, answer.err
     return truth, answer
@@ -59,7 +65,7 @@ def test_one_effect_is_named(seed, kind, tmp_path):
     assert EFFORT_NOISE < gain["rmse_after"] <= 1.1 * truth.floor_on(gain["spans"])
 
 
-@pytest.mark.parametrize("kind", slow_but(("contact:fastsim",), CONTACTS))
+@pytest.mark.parametrize("kind", slow_but(QUICK_CONTACTS, CONTACTS))
 @two_of_three(SEEDS)
 def test_another_contact_is_named_and_nothing_beside_it(seed, kind, tmp_path):
     """Where a curve is steep, whatever averages the noise of the slip gains: it is no lag."""

@@ -231,7 +231,7 @@ def declarations(estimates):
 
 @pytest.mark.parametrize("sd", [0.001, 0.01, 0.05])
 def test_no_change_is_declared_on_a_constant_surface(sd):
-    parts = (block(WET, seed, sd=sd, t0=BLOCK * seed) for seed in range(100))
+    parts = (block(WET, seed, sd=sd, t0=BLOCK * seed) for seed in range(60))
     estimates = feed(PaperEstimator(), parts, size=50)
     assert len(declarations(estimates)) == 0
     assert {e.surface_since_us for e in estimates if e is not None} == {0}

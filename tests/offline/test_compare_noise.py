@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -17,6 +18,7 @@ from adhesion_can.simulation.sensors import NoiseSettings
 CONFIG = load_configuration()
 
 
+@cache
 def drive(seed, **noise):
     settings = RunSettings(
         scenario_by_name("dry-wet-dry"), 12.0, seed=seed, noise=NoiseSettings(**noise)

@@ -173,7 +173,7 @@ def spoiled(seed, seconds=3.0):
     return items
 
 
-@settings(max_examples=15, derandomize=True)
+@settings(max_examples=10, derandomize=True)
 @given(st.integers(0, 2**32), st.integers(0, 8))
 def test_spoiled_drives_give_the_same_bytes(seed, cuts):
     items = list(_without_strays(spoiled(seed), ReadReport()))

@@ -562,7 +562,7 @@ def assert_only_numbers(frames):
             assert not isinstance(value, float) or math.isfinite(value)
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(st.lists(st.one_of(ANY_FRAME, ANY_SEALED), max_size=60))
 def test_arbitrary_frames_raise_nothing_and_put_no_nan_on_the_bus(frames):
     assert_only_numbers(run(ServiceCore(CONFIG), frames))
@@ -575,7 +575,7 @@ def test_arbitrary_frames_at_length(frames):
     assert_only_numbers(run(ServiceCore(CONFIG), frames))
 
 
-@settings(max_examples=15)
+@settings(max_examples=10)
 @given(st.integers(0, 2**32 - 1))
 def test_arbitrary_but_sealed_drives_put_no_nan_on_the_bus(seed):
     """Payloads of noise, rightly counted and sealed, at their cycles: the estimator sees it all."""
