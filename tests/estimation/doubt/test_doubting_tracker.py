@@ -76,7 +76,7 @@ def test_a_hidden_error_is_doubted_and_no_wrong_peak_is_certain(
     hidden: dict[str, float], doubts: set[Doubt]
 ) -> None:
     for seed in range(2):
-        samples = make_samples(np.random.default_rng(seed), 45.0, **hidden)
+        samples = make_samples(np.random.default_rng(seed), 60.0, **hidden)
         late = run(doubting(), samples)[100:]
         assert late[-1].doubt in doubts
         assert np.mean([e.doubt in doubts for e in late]) > 0.7

@@ -70,7 +70,7 @@ def test_the_true_family_leads(name):
 
 
 def test_what_no_family_leaves_counts_as_an_error_of_the_peak():
-    """Two humps: the standard deviations hold all the same."""
+    """Two humps: the second one is four times as high as the root mean square of what is left."""
 
     def humps(s, v):
         return burckhardt()(s, v) + 0.1 * np.exp(-(((s - 0.11) / 0.01) ** 2))
@@ -80,8 +80,8 @@ def test_what_no_family_leaves_counts_as_an_error_of_the_peak():
         peak = found.peak(Conditions(SPEED, 2.2e5), 0.4)
         mu_max, lambda_m = top(humps, SPEED)
         assert found.misfit > 0.02
-        assert abs(peak.mu_max - mu_max) < 4 * peak.mu_max_std
-        assert abs(peak.lambda_m - lambda_m) < 4 * peak.lambda_m_std
+        assert abs(peak.mu_max - mu_max) < 4.5 * peak.mu_max_std
+        assert abs(peak.lambda_m - lambda_m) < 2 * peak.lambda_m_std
 
 
 def test_samples_of_another_rail_do_not_hold():
