@@ -124,7 +124,7 @@ def figures(loop):
 
 @pytest.fixture(scope="module")
 def biased(tmp_path_factory):
-    return looped(tmp_path_factory.mktemp("loop"), "effort_bias=6000", 60, "--to", 32)
+    return looped(tmp_path_factory.mktemp("loop"), "effort_bias=6000", 80, "--to", 36)
 
 
 def test_the_model_of_a_diagnosis_brings_mu_max_to_the_truth(biased):
@@ -140,10 +140,9 @@ def test_the_model_of_a_diagnosis_brings_mu_max_to_the_truth(biased):
 
 
 def test_the_gain_in_replay_is_that_of_the_diagnosis(biased):
-    """Half a minute is not the third that the diagnosis held out: 9 points apart with another seed.
-    Over whole drives, below, they agree within 4."""
+    """Of drives of 80 s; those of 60 s are too short for it: 9 points apart with one seed."""
     by_replay, by_diagnosis = biased.gains
-    assert by_replay == pytest.approx(by_diagnosis, abs=12.0), figures(biased)
+    assert by_replay == pytest.approx(by_diagnosis, abs=4.0), figures(biased)
     fits = [said.document["fit"] for said in (biased.plain, biased.model)]
     assert [fit["stretches"] for fit in fits] == [1, 1]
     assert fits[0]["samples"] > 0.99 * biased.plain.document["samples"]

@@ -27,6 +27,12 @@ class Report:
     def at_most(self, what, value, most, form=".3f"):
         self.check(what, format(value, form), f"at most {most:{form}}", met=value <= most)
 
+    def summarise(self):
+        """How many targets were met, and which were missed."""
+        print(f"\n{self.met} of {self.met + len(self.missed)} targets met")
+        for what in self.missed:
+            print(f"  MISSED: {what}")
+
 
 def aside(text):
     """A line about the progress."""

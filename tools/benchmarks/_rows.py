@@ -1,6 +1,7 @@
 """A benchmark as rows that can be run alone: its options, and the run with its targets counted."""
 
 import argparse
+import os
 import time
 from functools import partial
 
@@ -29,6 +30,19 @@ def _chosen(rows, text):
     return chosen
 
 
+def random_parser(name, description):
+    """Parser of a benchmark that draws at random, over several processes: --seed and --jobs."""
+    parser = argparse.ArgumentParser(prog=f"tools/bench {name}", description=description)
+    add_seed_and_jobs(parser)
+    return parser
+
+
+def add_seed_and_jobs(parser, jobs="processes (default all)"):
+    add, count = parser.add_argument, positive(int)
+    add("--seed", type=count, default=1, metavar="N", help="of all random numbers (default 1)")
+    add("--jobs", type=count, default=os.cpu_count() or 1, metavar="N", help=jobs)
+
+
 def positive(kind):
     """Type of an option that is a positive number."""
 
@@ -50,6 +64,4 @@ def run_rows(rows, options, *more):
         began = time.perf_counter()
         rows[name](report, options, *more)
         report.write(f"({time.perf_counter() - began:.0f} s)")
-    print(f"\n{report.met} of {report.met + len(report.missed)} targets met")
-    for what in report.missed:
-        print(f"  MISSED: {what}")
+    report.summarise()

@@ -1,12 +1,10 @@
 """The tracker: how exact, how soon, how seldom wrong, how fast; each figure beside its target."""
 
-import os
-
 from _accuracy import accuracy, slow
 from _alarms import alarm_row, delay_row
 from _cost import memory_row, time_row
 from _low_excitation import excitation_row, variables_row
-from _rows import positive, row_parser, run_rows
+from _rows import add_seed_and_jobs, positive, row_parser, run_rows
 
 ROWS = {
     "accuracy": accuracy,
@@ -31,9 +29,7 @@ def parsed():
         help="of 100 Hz data without a change, for alarms (default 30)")  # fmt: skip
     add("--soak-updates", type=count, default=200_000, metavar="N",
         help="over which the day of memory is spread (default 200000)")  # fmt: skip
-    add("--seed", type=count, default=1, metavar="N", help="of all random numbers (default 1)")
-    add("--jobs", type=count, default=os.cpu_count() or 1, metavar="N",
-        help="processes; time and memory take one (default all)")  # fmt: skip
+    add_seed_and_jobs(parser, "processes; time and memory take one (default all)")
     return parser.parse_args()
 
 

@@ -1,7 +1,5 @@
 """μ_max while the wheels have used only a part of it: error beside the least possible, coverage."""
 
-import argparse
-import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -22,7 +20,7 @@ from _prepeak_bound import (  # noqa: E402
     van_trees_variance,
 )
 from _report import Report, over_cores  # noqa: E402
-from _rows import positive  # noqa: E402
+from _rows import positive, random_parser  # noqa: E402
 
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings  # noqa: E402
 from adhesion_can.estimation.tracker.settings import PriorSettings  # noqa: E402
@@ -124,24 +122,19 @@ def measure(report, options):
 
 
 def parse_options(arguments=None):
-    parser = argparse.ArgumentParser(prog="tools/bench prepeak", description=__doc__)
+    parser = random_parser("prepeak", __doc__)
     add, count = parser.add_argument, positive(int)
     add("--runs", type=count, default=100, metavar="N", help="runs at each share (default 100)")
     add("--samples", type=count, default=1200, metavar="N", help="samples of a run (default 1200)")
     add("--noise-std", type=positive(float), default=0.01, metavar="X",
         help="of the adhesion (default 0.01)")  # fmt: skip
-    add("--seed", type=count, default=1, metavar="N", help="of all random numbers (default 1)")
-    add("--jobs", type=count, default=os.cpu_count() or 1, metavar="N",
-        help="processes (default all)")  # fmt: skip
     return parser.parse_args(arguments)
 
 
 def main():
     report = Report()
     measure(report, parse_options())
-    print(f"\n{report.met} of {report.met + len(report.missed)} targets met")
-    for what in report.missed:
-        print(f"  MISSED: {what}")
+    report.summarise()
 
 
 if __name__ == "__main__":

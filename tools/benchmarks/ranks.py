@@ -5,8 +5,6 @@ status. Ranks of a right posterior are uniform. Those of drives whose slips went
 peak are shown by themselves, too.
 """
 
-import argparse
-import os
 import sys
 from dataclasses import replace
 from functools import partial
@@ -18,16 +16,12 @@ import scipy.stats
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(1, str(ROOT))
 
-from _report import Report, over_cores  # noqa: E402  after the path
-from _rows import positive  # noqa: E402
+from _data import POOLED, feed, points  # noqa: E402  after the path
+from _report import Report, over_cores  # noqa: E402
+from _rows import positive, random_parser  # noqa: E402
 
-from adhesion_can.arrays import Array  # noqa: E402
 from adhesion_can.estimation.families.binned_samples import BinnedSamples  # noqa: E402
-from adhesion_can.estimation.families.comparison import (  # noqa: E402
-    GRID,
-    _drawn_curves,
-    _top,
-)
+from adhesion_can.estimation.families.comparison import GRID, draw_curves, find_top  # noqa: E402
 from adhesion_can.estimation.families.curve_points import build_points  # noqa: E402
 from adhesion_can.estimation.families.family_fit import (  # noqa: E402
     PRIORS,
@@ -39,94 +33,80 @@ from adhesion_can.estimation.families.family_fit import (  # noqa: E402
 from adhesion_can.estimation.tracker.prior import Prior  # noqa: E402
 from adhesion_can.estimation.tracker.settings import PriorSettings  # noqa: E402
 from adhesion_can.estimation.tracker.tracker import Tracker  # noqa: E402
-from adhesion_can.physics.burckhardt import adhesion  # noqa: E402
-from adhesion_can.physics.curves import FAMILIES, Conditions, CurveFamily  # noqa: E402
+from adhesion_can.physics.burckhardt import peak  # noqa: E402
+from adhesion_can.physics.curves import FAMILIES, Conditions  # noqa: E402
 from adhesion_can.physics.samples import Samples  # noqa: E402
 
-TIMES_S = (1.0, 3.0, 9.0)
-"""Times at which the posterior is asked."""
 RATE_HZ = 300
 """Samples of all axles a second."""
-UPDATE = 12
-"""Samples of an update."""
+TIMES_S = (1.0, 3.0, 9.0)
+"""Times at which the posterior is asked, s."""
+COUNTS = tuple(round(seconds * RATE_HZ) for seconds in TIMES_S)
 NOISE_VAR, NOISE_FREEDOM = 1e-4, 4.0
 """Prior of the noise variance: what the tracker takes from samples that state it."""
 REACH = (0.02, 0.3)
 """Largest slip of a drive, drawn evenly in its logarithm, whatever the surface."""
 SPEED, LOAD = 10.0, 1.1e5
+NEARBY = (0.35, 45.0, 0.3)
+"""(c1, c2, c3) for the weights of points; without errors of the slip they do not matter."""
 LEAST_P = 0.01
 WELL_BEYOND = 1.5
 """Largest slip over λ_m from which a drive has gone well beyond the peak."""
 VALUES = ("mu_max", "lambda_m")
 
 
-def noise_std(rng: np.random.Generator) -> float:
-    return float(np.sqrt(NOISE_FREEDOM * NOISE_VAR / rng.chisquare(NOISE_FREEDOM)))
+def draw_noise_and_reach(rng):
+    """Standard deviation of the adhesion's noise, and the largest slip."""
+    noise_std = np.sqrt(NOISE_FREEDOM * NOISE_VAR / rng.chisquare(NOISE_FREEDOM))
+    return float(noise_std), float(np.exp(rng.uniform(*np.log(REACH))))
 
 
-def slips(rng: np.random.Generator, n: int) -> Array:
-    low, high = np.log(REACH)
-    return np.asarray(rng.uniform(0.0, np.exp(rng.uniform(low, high)), n))
+def rank(values, truth, weights=None):
+    """Share of a posterior below the truth."""
+    return float(np.average((values < truth) + 0.5 * (values == truth), weights=weights))
 
 
-def weighted_rank(values: Array, weights: Array, truth: float) -> float:
-    """Share of the posterior below the truth."""
-    return float(weights @ ((values < truth) + 0.5 * (values == truth)))
-
-
-def rank_in_tracker(seed: int, run: int) -> list[list[float]]:
-    """Ranks of μ_max and λ_m in the tracker's posterior, and the reach, at each time."""
+def rank_in_tracker(seed, run):
+    """Largest slip over λ_m, and ranks in the tracker's posterior: μ_max, λ_m at each time."""
     rng = np.random.default_rng([seed, run])
     theta = Prior(PriorSettings()).sample(1, rng)[0]
-    c1, c2, c3 = theta
-    s = np.log(c1 * c2 / c3)
-    true = (c1 * (1.0 - np.exp(-s) * (1.0 + s)), s / c2)
-    n = round(TIMES_S[-1] * RATE_HZ)
-    slip = slips(rng, n)
-    measured = adhesion(slip, *theta) + noise_std(rng) * rng.standard_normal(n)
-    stamps = np.round(np.arange(n) * 1e6 / RATE_HZ).astype(np.int64)
-    samples = replace(Samples.curve(slip, measured, stamps), adhesion_var=np.full(n, NOISE_VAR))
-    tracker = Tracker()
+    true = peak(*theta, slip_max=np.inf)
+    noise_std, reach = draw_noise_and_reach(rng)
+    samples = points(rng, theta, noise_std, COUNTS[-1], slip_max=reach, rate_hz=RATE_HZ)
+    samples = replace(samples, adhesion_var=np.full(len(samples), NOISE_VAR))
+    tracker, ranks = Tracker(), []
     posterior = tracker._memories  # noqa: SLF001  no estimate has it
-    found, asked = [], [round(t * RATE_HZ) for t in TIMES_S]
-    for begin in range(0, n, UPDATE):
-        part = samples.select(slice(begin, begin + UPDATE))
-        tracker.update(part, int(part.t_us[-1]))
-        if begin + UPDATE in asked:
+    for number, _ in enumerate(feed(tracker, samples), start=1):
+        if number * POOLED in COUNTS:
             curves, weights = zip(*posterior.leading(0.0), strict=True)
-            weight = np.concatenate(weights)
             peaks = np.concatenate([one.peaks for one in curves], axis=1)
-            own = [weighted_rank(peaks[k], weight, true[k]) for k in (0, 1)]
-            found.append([*own, float(slip.max() / true[1])])
-    return found
+            both = zip(peaks, (true.mu_max, true.lambda_m), strict=False)
+            ranks += [rank(values, truth, np.concatenate(weights)) for values, truth in both]
+    return [reach / float(true.lambda_m), *ranks]
 
 
-def rank_in_family(name: str, seed: int, run: int) -> list[list[float]]:
-    """Ranks of μ_max and λ_m in a family's normal approximation, and the reach, at each time."""
+def rank_in_family(name, seed, run):
+    """Largest slip over λ_m, and ranks in a family's normal approximation, as `rank_in_tracker`."""
     rng = np.random.default_rng([seed, run])
     family, conditions = FAMILIES[name], Conditions(SPEED, LOAD)
     values = draw_values(family, rng)
-    true = _top(GRID, family.adhesion(GRID, values, conditions))
-    n = round(TIMES_S[-1] * RATE_HZ)
-    slip, std = slips(rng, n), noise_std(rng)
-    one = np.ones(n)
-    measured = family.adhesion(slip, values, Conditions(SPEED * one, LOAD * one))
-    measured = measured + std * rng.standard_normal(n)
+    true = find_top(GRID, family.adhesion(GRID, values, conditions))[:2]
+    noise_std, reach = draw_noise_and_reach(rng)
+    slip, one = rng.uniform(0.0, reach, COUNTS[-1]), np.ones(COUNTS[-1])
+    adhesion = family.adhesion(slip, values, Conditions(SPEED * one, LOAD * one))
+    measured = adhesion + noise_std * rng.standard_normal(len(slip))
     samples = replace(Samples.curve(slip, measured), speed=SPEED * one, load=LOAD * one)
-    found = []
-    for seconds in TIMES_S:
-        part = samples.select(slice(round(seconds * RATE_HZ)))
-        points = build_points(BinnedSamples.from_samples(part, std), (0.35, 45.0, 0.3))
-        fit = fit_from_starts(points, family, 1.0)
-        drawn = _drawn_curves(fit, GRID, conditions)
-        tops = np.array([_top(GRID, curve)[:2] for curve in drawn])
-        even = np.full(len(tops), 1.0 / len(tops))
-        own = [weighted_rank(tops[:, k], even, true[k]) for k in (0, 1)]
-        found.append([*own, float(slip.max() / true[1])])
-    return found
+    ranks = []
+    for count in COUNTS:
+        binned = BinnedSamples.from_samples(samples.select(slice(count)), noise_std)
+        fit = fit_from_starts(build_points(binned, NEARBY), family, 1.0)
+        curves = draw_curves(fit, GRID, conditions)
+        tops = np.array([find_top(GRID, curve)[:2] for curve in curves])
+        ranks += [rank(drawn, truth) for drawn, truth in zip(tops.T, true, strict=True)]
+    return [reach / true[1], *ranks]
 
 
-def draw_values(family: CurveFamily, rng: np.random.Generator) -> Array:
+def draw_values(family, rng):
     """Parameters drawn from a family's prior, within its bounds."""
     prior = PRIORS[family.name]
     centre = to_coordinates(family, np.array(prior.mean))
@@ -137,7 +117,7 @@ def draw_values(family: CurveFamily, rng: np.random.Generator) -> Array:
             return to_values(family, drawn)
 
 
-def measure(report: Report, options: argparse.Namespace) -> None:
+def measure(report, options):
     report.write(
         f"{options.runs} drives an estimator, {RATE_HZ} samples a second up to a slip of "
         f"{REACH[0]} to {REACH[1]}; p of Kolmogorov and Smirnov's test that ranks are uniform"
@@ -145,45 +125,35 @@ def measure(report: Report, options: argparse.Namespace) -> None:
     ways = {"tracker (Burckhardt)": rank_in_tracker}
     ways |= {f"family {name}": partial(rank_in_family, name) for name in PRIORS}
     for title, way in ways.items():
-        ranks = np.array(
-            over_cores(partial(way, options.seed), range(options.runs), options.jobs, title)
-        )
-        for k, value in enumerate(VALUES):
-            for place, seconds in enumerate(TIMES_S):
-                own, reach = ranks[:, place, k], ranks[:, place, 2]
-                p, text = describe(own)
-                _, beyond = describe(own[reach > WELL_BEYOND])
-                report.check(
-                    f"{title}, {value} after {seconds:.0f} s",
-                    f"{text}; well beyond the peak {beyond}",
-                    f"p above {LEAST_P}",
-                    met=p > LEAST_P,
-                )
+        runs = over_cores(partial(way, options.seed), range(options.runs), options.jobs, title)
+        reach, *ranks = np.array(runs).T
+        cells = [(seconds, value) for seconds in TIMES_S for value in VALUES]
+        for (seconds, value), own in zip(cells, ranks, strict=True):
+            p, text = describe(own)
+            _, beyond = describe(own[reach > WELL_BEYOND])
+            report.check(
+                f"{title}, {value} after {seconds:.0f} s",
+                f"{text}; well beyond the peak {beyond}",
+                f"p above {LEAST_P}",
+                met=p > LEAST_P,
+            )
 
 
-def describe(ranks: Array) -> tuple[float, str]:
+def describe(ranks):
     """P-value of uniform ranks, and the figures in words."""
     p = float(scipy.stats.kstest(ranks, "uniform").pvalue)
     inside = float(np.mean((ranks > 0.025) & (ranks < 0.975)))
     return p, f"p {p:.3f}, mean rank {ranks.mean():.3f}, 95 % intervals hold {inside:.1%}"
 
 
-def parse_options(arguments: list[str] | None = None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="tools/bench ranks", description=__doc__)
-    add, count = parser.add_argument, positive(int)
-    add("--runs", type=count, default=2000, metavar="N", help="drives (default 2000)")
-    add("--seed", type=count, default=1, metavar="N", help="of all random numbers (default 1)")
-    add("--jobs", type=count, default=os.cpu_count() or 1, metavar="N",
-        help="processes (default all)")  # fmt: skip
-    return parser.parse_args(arguments)
-
-
-def main() -> None:
+def main():
+    parser = random_parser("ranks", __doc__)
+    parser.add_argument(
+        "--runs", type=positive(int), default=2000, metavar="N", help="drives (default 2000)"
+    )
     report = Report()
-    measure(report, parse_options())
-    print(f"\n{report.met} of {report.met + len(report.missed)} targets met")
-    for what in report.missed:
-        print(f"  MISSED: {what}")
+    measure(report, parser.parse_args())
+    report.summarise()
 
 
 if __name__ == "__main__":

@@ -96,7 +96,7 @@ def main():
     report.write(f"check --help / import numpy, can, cantools: {start:.2f}")
     whole = (seconds["check of a short log"] - work) / heavy
     report.at_most("check of a short log less its work / the same", whole, 1.3, ".2f")
-    print(f"{report.met} of {report.met + len(report.missed)} targets met")
+    report.summarise()
 
 
 if __name__ == "__main__":

@@ -141,9 +141,9 @@ class FamilyComparison:
             if weight < NEGLIGIBLE:
                 continue
             curve = fit.family.adhesion(grid, fit.values, conditions)
-            mu, place, bend = _top(grid, curve)
-            drawn = _drawn_curves(fit, grid, conditions)
-            others = np.array([_top(grid, one)[:2] for one in drawn])
+            mu, place, bend = find_top(grid, curve)
+            drawn = draw_curves(fit, grid, conditions)
+            others = np.array([find_top(grid, one)[:2] for one in drawn])
             error = self.misfit / MISFIT_WIDTH / bend
             tops.append((mu, place))
             stds.append(
@@ -253,7 +253,7 @@ def _normal_draws(size: int) -> Array:
     return np.random.default_rng(size).standard_normal((size, DRAWS))
 
 
-def _drawn_curves(fit: FamilyFit, grid: Array, conditions: Conditions) -> Array:
+def draw_curves(fit: FamilyFit, grid: Array, conditions: Conditions) -> Array:
     """Curves of the family's normal approximation, shape (DRAWS, grid)."""
     prior = PRIORS[fit.family.name]
     lower = np.linalg.cholesky(fit.gram + np.diag(np.array(prior.std) ** -2.0))
@@ -265,7 +265,7 @@ def _drawn_curves(fit: FamilyFit, grid: Array, conditions: Conditions) -> Array:
     return fit.family.adhesion(grid, values[:, :, None], conditions)
 
 
-def _top(grid: Array, curve: Array) -> tuple[float, float, float]:
+def find_top(grid: Array, curve: Array) -> tuple[float, float, float]:
     """Height and place of the largest value on an even grid in ln λ, and the relative bend there.
 
     The bend is −d² ln μ/d(ln λ)²; the place is that of the parabola through three points.

@@ -70,7 +70,10 @@ def test_the_true_family_leads(name):
 
 
 def test_what_no_family_leaves_counts_as_an_error_of_the_peak():
-    """Two humps: the second one is four times as high as the root mean square of what is left."""
+    """Two humps: the second one is four times as high as the root mean square of what is left.
+
+    Over 24 seeds its height is 3.93 to 4.03 of the stated standard deviations off.
+    """
 
     def humps(s, v):
         return burckhardt()(s, v) + 0.1 * np.exp(-(((s - 0.11) / 0.01) ** 2))
