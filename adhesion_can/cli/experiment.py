@@ -7,9 +7,8 @@ import platform
 import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from multiprocessing import active_children, get_context
 from pathlib import Path
 from textwrap import fill
@@ -50,7 +49,6 @@ from adhesion_can.reporting.text import PIPE_WIDTH, console, table
 from adhesion_can.version import __version__
 
 RUNS = 20
-BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 
 
 class _Task(NamedTuple):
@@ -174,7 +172,6 @@ def _run_all(
     done: dict[tuple[float, int], dict[str, EstimatorRun]] = {}
     jobs = min(options.jobs, len(tasks))
     with (
-        _one_blas_thread(),
         progress(f"experiment {experiment.number}", len(tasks), "") as show,
         ProcessPoolExecutor(
             jobs,
@@ -201,21 +198,6 @@ def _run_all(
         )
         for sd in experiment.noise_stds
     ]
-
-
-@contextmanager
-def _one_blas_thread() -> Iterator[None]:
-    """Processes started within use one thread each for linear algebra: they are the threads."""
-    before = {name: os.environ.get(name) for name in BLAS_THREADS}
-    os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def _provenance(options: argparse.Namespace) -> dict[str, Any]:

@@ -34,6 +34,10 @@ COMMANDS: Mapping[str, str] = {
 }
 """One line about each command; the command's module in this package bears its name."""
 
+BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+"""Environment of the libraries for linear algebra. Our matrices are small: more threads than one
+wait for each other, and a service would keep all cores busy."""
+
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -98,6 +102,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status.
 
     """
+    for name in BLAS_THREADS:
+        os.environ.setdefault(name, "1")  # read when the library is loaded, with the command
     try:
         options = build_parser().parse_args(arguments)
     except AdhesionCanError as error:  # of an installed extension that a help text names

@@ -11,9 +11,11 @@ from scipy.optimize import minimize_scalar
 from adhesion_can.estimation.tracker.curve_sums import (
     BINS,
     C2_NODES,
+    CORRECTED,
     COUNT,
     DOF,
     HISTOGRAM,
+    MEASURED,
     X_NODES,
     X_RANGE,
     Points,
@@ -80,7 +82,7 @@ def test_exact_slips_give_the_sum_of_squares(seed, theta, n):
     zero = np.zeros(n)
     h, z = rng.uniform(0, SLIP_MAX, n), rng.normal(0.2, 0.3, n)
     points = Points(h, z, zero, zero, zero, np.zeros(n, dtype=np.int64), np.ones(n))
-    sums = increment(points, slope_at(points, DRY), 1e-4, SLIP_MAX)
+    sums = increment(points, slope_at(points, DRY), 1e-4, SLIP_MAX)[CORRECTED]
     direct = np.sum((z - adhesion(h, *theta)) ** 2)
     scale = 1e-9 * np.sum(z * z + theta[0] ** 2 + (theta[2] * h) ** 2)
     assert cost_of(sums, theta)[0] == pytest.approx(direct, rel=1e-8, abs=scale)
@@ -93,13 +95,33 @@ def test_common_errors_give_generalised_least_squares(seed, theta, noise_var):
     rng = np.random.default_rng(seed)
     points = random_points(rng, common=0.02, transient=0.05)
     slope = rng.uniform(-0.5, 25.0, len(points.slip))
-    sums = increment(points, slope, noise_var, SLIP_MAX)
+    sums = increment(points, slope, noise_var, SLIP_MAX)[CORRECTED]
     w = dense_weights(points, slope, noise_var)
     r = points.adhesion - model(points.slip, *theta)
     whole = np.abs(points.adhesion) + theta[0] + theta[2] * points.slip
     rounding = 1e-9 * float(whole @ np.abs(w) @ whole)
     assert cost_of(sums, theta)[0] == pytest.approx(float(r @ w @ r), rel=1e-7, abs=rounding)
     assert sums[DOF] == pytest.approx(len(r))
+
+
+@FIXED
+@given(SEEDS, THETAS, st.sampled_from([1e-6, 1e-4, 1e-2]))
+def test_slips_as_measured_give_generalised_least_squares_with_private_errors_too(
+    seed, theta, noise_var
+):
+    rng = np.random.default_rng(seed)
+    points = random_points(rng, private=0.004, common=0.02, transient=0.05)
+    slope = rng.uniform(-0.5, 25.0, len(points.slip))
+    # Own slopes and bends are for the corrected scores and the weights.
+    sums = increment(points, slope, noise_var, SLIP_MAX, slope, np.full(len(slope), 900.0))
+    w = dense_weights(points, slope, noise_var)
+    r = points.adhesion - model(points.slip, *theta)
+    whole = np.abs(points.adhesion) + theta[0] + theta[2] * points.slip
+    rounding = 1e-9 * float(whole @ np.abs(w) @ whole)
+    measured = cost_of(sums[MEASURED], theta)[0]
+    assert measured == pytest.approx(float(r @ w @ r), rel=1e-7, abs=rounding)
+    assert sums[MEASURED, DOF] == len(r) > sums[CORRECTED, DOF]
+    assert not np.allclose(sums[MEASURED, :COUNT], sums[CORRECTED, :COUNT], rtol=1e-6)
 
 
 @pytest.mark.parametrize(("c2", "bound"), [(15.0, 0.006), (120.0, 0.010)])
@@ -118,7 +140,7 @@ def test_corrected_scores_expect_what_the_true_slips_cost(c2, bound):
         k = len(slips)
         columns = np.tile(z, k), private, np.full(k * n, q), np.tile(t, k)
         points = Points(slips.ravel(), *columns, np.repeat(np.arange(k), n), np.ones(k * n))
-        return increment(points, np.tile(slope, k), noise_var, SLIP_MAX)
+        return increment(points, np.tile(slope, k), noise_var, SLIP_MAX)[CORRECTED]
 
     costs = [
         cost_of(sums_of(part, np.tile(p, len(part))), theta)[0] / len(part)
@@ -147,7 +169,7 @@ def test_cost_over_degrees_of_freedom_is_the_noise():
     full = np.ones(group.size)
     points = Points(h, z, p * full, q * full, t * full, group, full)
     slope = adhesion_slope(true, *DRY)
-    sums = increment(points, slope, noise**2, SLIP_MAX)
+    sums = increment(points, slope, noise**2, SLIP_MAX)[CORRECTED]
     assert np.sqrt(cost_of(sums, DRY)[0] / sums[DOF]) == pytest.approx(noise, rel=0.05)
 
 
@@ -162,9 +184,10 @@ def test_sums_add(seed, cut, errors):
     slope = rng.uniform(-0.5, 25.0, len(points.slip))
     first = points.group < cut
     parts = [
-        increment(points.select(rows), slope[rows], 1e-4, SLIP_MAX) for rows in (first, ~first)
+        increment(points.select(rows), slope[rows], 1e-4, SLIP_MAX)[CORRECTED]
+        for rows in (first, ~first)
     ]
-    whole = increment(points, slope, 1e-4, SLIP_MAX)
+    whole = increment(points, slope, 1e-4, SLIP_MAX)[CORRECTED]
     np.testing.assert_allclose(parts[0] + parts[1], whole, rtol=1e-9, atol=1e-9)
 
 
@@ -196,7 +219,7 @@ def test_histogram_counts_by_slip_and_keeps_what_lies_outside_in_its_end_bins():
     h = np.array([-0.01, 0.0, 0.25, 0.4999, 0.5, 0.9])
     zero = np.zeros(len(h))
     points = Points(h, zero, zero, zero, zero, np.zeros(len(h), dtype=np.int64), np.ones(len(h)))
-    counts = increment(points, zero, 1.0, SLIP_MAX)[HISTOGRAM]
+    counts = increment(points, zero, 1.0, SLIP_MAX)[CORRECTED][HISTOGRAM]
     assert counts[0] == 2
     assert counts[BINS // 2] == 1
     assert counts[-1] == 3
@@ -207,7 +230,7 @@ def test_histogram_counts_the_slip_that_is_sure():
     zero = np.zeros(4)
     p, q = np.array([0, 0.01, 0, 0.003]) ** 2, np.array([0, 0, 0.01, 0.004]) ** 2
     points = Points(h, zero, p, q, zero, np.arange(4), np.ones(4))
-    counts = increment(points, zero, 1.0, SLIP_MAX)[HISTOGRAM]
+    counts = increment(points, zero, 1.0, SLIP_MAX)[CORRECTED][HISTOGRAM]
     expected = np.bincount((np.array([0.1, 0.06, 0.06, 0.08]) * BINS / SLIP_MAX).astype(int))
     assert counts[: len(expected)].tolist() == expected.tolist()
     assert counts.sum() == 4
@@ -223,7 +246,7 @@ def test_slips_of_noise_alone_reach_nothing(error, size):
         samples = Samples.curve(size * rng.standard_normal(n), 0.003 * rng.standard_normal(n))
         stated = {error: np.full(n, size**2), "speed_us": np.zeros(n, dtype=np.int64)}
         points = build_points(replace(samples, **stated))
-        beyond += increment(points, np.zeros(n), 1.0, SLIP_MAX)[HISTOGRAM][1:].sum()
+        beyond += increment(points, np.zeros(n), 1.0, SLIP_MAX)[CORRECTED][HISTOGRAM][1:].sum()
     assert beyond <= 1e-4 * 20 * n
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from adhesion_can.estimation.tracker.curve_sums import (
+    CORRECTED,
     DOF,
     coefficients,
     costs,
@@ -41,7 +42,7 @@ def test_sum_of_squares_of_the_true_curve_is_its_number_of_samples(slip):
     x, factors = interpolation(np.log([DRY[1]])), coefficients(np.array([DRY]))
     for samples in updates(np.random.default_rng(1), slip, 0.002, count):
         points = build_points(samples)
-        sums = increment(points, slope_at(points, DRY), SD**2, 0.5)
+        sums = increment(points, slope_at(points, DRY), SD**2, 0.5)[CORRECTED]
         assert sums[DOF] == 12
         found.append(costs(sums, x, factors)[0] / SD**2)
     # Chi-squared of 12 or a little less: mean within five standard errors, and hardly one above 41

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from adhesion_can.estimation.tracker.curve_sums import (
+    CORRECTED,
     DOF,
     LENGTH,
     Points,
@@ -52,7 +53,7 @@ def stretch(theta, sd, top, n, seed, low=0.0):
     z = model(h, *theta) + sd * rng.standard_normal(n)
     zero = np.zeros(n)
     points = Points(h, z, zero, zero, zero, np.zeros(n, dtype=np.int64), np.ones(n))
-    return h, z, increment(points, zero, 1e-4, SLIP_MAX)
+    return h, z, increment(points, zero, 1e-4, SLIP_MAX)[CORRECTED]
 
 
 def mixture(learned=()):
@@ -276,7 +277,7 @@ def test_posterior_of_much_data_is_the_fisher_information(n):
     zero = np.zeros(100)
     z = model(h, *DRY)
     points = Points(h, z, zero, zero, zero, np.zeros(100, dtype=np.int64), np.ones(100))
-    sums = increment(points, zero, 1e-4, SLIP_MAX) * (n / 100)
+    sums = increment(points, zero, 1e-4, SLIP_MAX)[CORRECTED] * (n / 100)
     noise = NoisePrior(0.01**2, 1e9)
     curves = draw(sums, noise, Prior(PriorSettings()), SLIP_MAX, SIZE)
     weights = normalise(log_weights(curves.log_base, curves.costs(sums), sums[DOF], noise))
@@ -302,7 +303,7 @@ def test_slips_of_noise_alone_give_a_draw_as_well():
         )
         slope = slope_at(points, steep)
         own_slope, bend = slope_by_adhesion(points, steep), bend_at(points, slope, steep)
-        sums = increment(points, slope, 0.003**2, SLIP_MAX, own_slope, bend)
+        sums = increment(points, slope, 0.003**2, SLIP_MAX, own_slope, bend)[CORRECTED]
         curves = draw(sums, NoisePrior(0.003**2, 1.0), prior, SLIP_MAX, SIZE)
         assert np.isfinite(curves.theta).all()
         assert np.isfinite(curves.log_base).any()

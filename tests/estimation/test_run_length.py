@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from adhesion_can.estimation.tracker import run_length as changes
-from adhesion_can.estimation.tracker.curve_sums import C2_NODES, LENGTH, X_NODES, Points, increment
+from adhesion_can.estimation.tracker.curve_sums import (
+    C2_NODES,
+    CORRECTED,
+    LENGTH,
+    X_NODES,
+    Points,
+    increment,
+)
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.run_length import Evidence, RunLengthHypotheses
 from adhesion_can.estimation.tracker.settings import PriorSettings, RunLengthSettings
@@ -23,7 +30,11 @@ SIZE, PERIOD_US = 12, 20_000
 def sums_of(h, z):
     zero = np.zeros(len(h))
     points = Points(h, z, zero, zero, zero, np.zeros(len(h), dtype=np.int64), np.ones(len(h)))
-    return increment(points, zero, 1.0, 0.5)
+    return increment(points, zero, 1.0, 0.5)[CORRECTED]
+
+
+def evidence(sums, cost):
+    return Evidence(np.stack([sums, sums]), np.full(2, cost))
 
 
 def contenders(**chosen):
@@ -62,7 +73,7 @@ def test_factor_is_that_of_the_written_out_densities(seed, n, sd):
     r = z - adhesion(h, *DRY)
     prior = Prior(PriorSettings())
     ours = contenders()
-    ours.add(Evidence(sums_of(h, z), float(r @ r)), 0)
+    ours.add(evidence(sums_of(h, z), float(r @ r)), 0)
     weights = np.exp(prior.log_marginal(1, X_NODES)) * np.abs(np.gradient(X_NODES))
     weights /= weights.sum()
     # Its own design: 1 − e^(−c2 λ) and −λ, and a normal distribution of (c1, c3).
@@ -90,7 +101,7 @@ def test_a_contender_has_the_samples_since_its_change():
     for k in range(4):
         h = rng.uniform(0, 0.2, 5)
         added.append(sums_of(h, adhesion(h, *DRY)))
-        ours.add(Evidence(added[-1], 1.0), 100 * k)
+        ours.add(evidence(added[-1], 1.0), 100 * k)
     assert ours.since_us == [0, 100, 200, 300]
     for k in range(4):
         np.testing.assert_allclose(ours.sums[k], sum(added[k:]))
@@ -99,7 +110,7 @@ def test_a_contender_has_the_samples_since_its_change():
 def test_noise_freedom_bounds_how_sure_of_the_noise_a_comparison_is():
     h = np.linspace(0.01, 0.2, 12)
     ours = contenders(noise_freedom=100.0)
-    ours.add(Evidence(sums_of(h, adhesion(h, *GREASY)), 0.5), 0)
+    ours.add(evidence(sums_of(h, adhesion(h, *GREASY)), 0.5), 0)
     assert ours.log_factors(1e-4, 1e6)[0] == ours.log_factors(1e-4, 100.0)[0]
     assert ours.log_factors(1e-4, 20.0)[0] < ours.log_factors(1e-4, 100.0)[0]
     assert ours.log_factors(1e-4, 100.0)[0] < ours.log_factors(1e-4)[0]
@@ -126,7 +137,7 @@ def exceedances(runs, updates, level, sd):
         for k in range(updates):
             h = rng.uniform(0, 0.2, 4)
             r = sd * rng.standard_normal(4)
-            ours.add(Evidence(sums_of(h, adhesion(h, *WET) + r), float(r @ r)), k)
+            ours.add(evidence(sums_of(h, adhesion(h, *WET) + r), float(r @ r)), k)
             if ours.log_factors(sd**2)[0] > np.log(level):
                 count += 1
                 break
@@ -149,7 +160,7 @@ def test_evidence_for_another_rail_grows_and_against_it_too():
         for k in range(4):
             h = rng.uniform(0, 0.2, SIZE)
             z = adhesion(h, *rail) + 0.01 * rng.standard_normal(SIZE)
-            ours.add(Evidence(sums_of(h, z), float(np.sum((z - adhesion(h, *DRY)) ** 2))), k)
+            ours.add(evidence(sums_of(h, z), float(np.sum((z - adhesion(h, *DRY)) ** 2))), k)
         told.append(ours.log_factors(1e-4)[0])
     assert told[0] > 500
     assert told[1] < -5
@@ -164,7 +175,7 @@ def test_number_stays_and_the_latest_are_all_kept(number, dense, updates):
     dense = min(dense, number - 1)
     ours = contenders(contenders=number, dense=dense)
     for k in range(updates):
-        ours.add(Evidence(np.zeros(LENGTH), 0.0), k)
+        ours.add(evidence(np.zeros(LENGTH), 0.0), k)
         assert len(ours) == min(k + 1, number) == len(ours.sums) == len(ours.since_us)
     ages = sorted(updates - 1 - t for t in ours.since_us)
     latest = min(dense, updates)
@@ -176,7 +187,7 @@ def test_ages_are_spread_evenly_for_ever():
     ours = contenders()
     reach = []
     for k in range(5000):
-        ours.add(Evidence(np.zeros(LENGTH), 0.0), k)
+        ours.add(evidence(np.zeros(LENGTH), 0.0), k)
         if k > 200:
             ages = np.array(sorted(k + 1 - t for t in ours.since_us))
             reach.append(ages[-1])
@@ -191,13 +202,13 @@ def test_close_makes_a_contender_of_what_comes_next():
     h = rng.uniform(0, 0.2, 5)
     sums = sums_of(h, adhesion(h, *DRY))
     ours = contenders()
-    ours.add(Evidence(sums, 1.0), 10)
-    ours.close(0, Evidence(sums, 1.0), 0.01)
+    ours.add(evidence(sums, 1.0), 10)
+    ours.close(0, evidence(sums, 1.0), 0.01)
     assert len(ours) == 2
-    ours.extend(Evidence(sums, 0.0), 77)
+    ours.extend(evidence(sums, 0.0), 77)
     assert ours.since_us == [10, 77]
     np.testing.assert_allclose(ours.sums, [2 * sums, sums])
-    ours.extend(Evidence(sums, 0.0), 99)
+    ours.extend(evidence(sums, 0.0), 99)
     assert ours.since_us == [10, 77]
     ours.clear()
     assert len(ours) == 0

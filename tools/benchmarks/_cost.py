@@ -12,12 +12,14 @@ from _data import DECLARED, POOLED, drive, points
 from adhesion_can.estimation.baselines.paper import PaperEstimator
 from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.differential_evolution import search
+from adhesion_can.estimation.registry import EstimatorSettings, make_default
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.experiments.runs import SURFACES
 from adhesion_can.physics.burckhardt import RAIL
 
 DRIVE_S = 40.0
 REPEATS = 3
+WHOLE_S, AXLES = 120.0, 6
 EVERY = 10
 """Updates from one block of the paper's to the next."""
 
@@ -67,6 +69,36 @@ def time_row(report, options):
             f"({mean(ours) / block:.3f} of a block), 99 % {1e3 * np.quantile(ours, 0.99):.3f}, "
             f"longest {1e3 * max(ours):.1f}; block median {1e3 * block:.3f} ms"
         )
+    whole_row(report, options)
+
+
+def whole_row(report, options):
+    """An update of the service's estimator over that of its tracker, both of the same samples."""
+    for scenario in ("dry", "sweep", "polach-wet"):
+        updates = [u for u in drive(scenario, WHOLE_S, options.seed).updates if len(u[0])]
+        ratios, alone = [], []
+        for _ in range(REPEATS):
+            tracker, whole = (
+                seconds_of(Tracker(), updates),
+                seconds_of(service_estimator(), updates),
+            )
+            ratios.append(whole / tracker)
+            alone.append(tracker / len(updates))
+        name = f"{scenario}, {WHOLE_S:.0f} s: update with noise and doubt/tracker alone"
+        report.at_most(name, median(ratios), 1.3, ".2f")
+        report.write(f"{scenario}: tracker alone {1e3 * median(alone):.3f} ms an update")
+
+
+def service_estimator():
+    return make_default(EstimatorSettings(), AXLES)
+
+
+def seconds_of(estimator, updates):
+    """Seconds for all updates."""
+    began = time.perf_counter()
+    for samples, now_us in updates:
+        estimator.update(samples, now_us)
+    return time.perf_counter() - began
 
 
 # --------------------------------------------------------------------------------- memory

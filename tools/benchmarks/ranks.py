@@ -101,8 +101,8 @@ def rank_in_family(name, seed, run):
         binned = BinnedSamples.from_samples(samples.select(slice(count)), noise_std)
         fit = fit_from_starts(build_points(binned, NEARBY), family, 1.0)
         curves = draw_curves(fit, GRID, conditions)
-        tops = np.array([find_top(GRID, curve)[:2] for curve in curves])
-        ranks += [rank(drawn, truth) for drawn, truth in zip(tops.T, true, strict=True)]
+        tops = find_top(GRID, curves)[:2]
+        ranks += [rank(drawn, truth) for drawn, truth in zip(tops, true, strict=True)]
     return [reach / true[1], *ranks]
 
 

@@ -144,13 +144,16 @@ class BlockSeries:
         """Blocks linearised at a curve."""
         linear = linearise(curve)
         size = CURVE + self._directions
-        change = np.zeros((SIZE + self._directions, size))
-        change[:SIZE, :CURVE] = linear.changes
-        change[SIZE:, CURVE:] = np.eye(self._directions)
         grams, scores = np.zeros((len(self), size, size)), np.zeros((len(self), size))
         for k, block in enumerate(self.blocks):
-            grams[k] = change.T @ block.gram @ change
-            scores[k] = (block.score - block.gram[:, :SIZE] @ linear.curve) @ change
+            gram, score = block.gram, block.score - block.gram[:, :SIZE] @ linear.curve
+            onto = linear.changes.T @ gram[:SIZE]
+            grams[k, :CURVE, :CURVE] = onto[:, :SIZE] @ linear.changes
+            grams[k, :CURVE, CURVE:] = onto[:, SIZE:]
+            grams[k, CURVE:, :CURVE] = onto[:, SIZE:].T
+            grams[k, CURVE:, CURVE:] = gram[SIZE:, SIZE:]
+            scores[k, :CURVE] = score[:SIZE] @ linear.changes
+            scores[k, CURVE:] = score[SIZE:]
         for k, block in enumerate(self._earlier, start=len(self.blocks)):
             grams[k, TANGENTS:, TANGENTS:] = block.gram
             scores[k, TANGENTS:] = block.score

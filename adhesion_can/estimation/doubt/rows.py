@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.doubt import slip_basis
@@ -213,17 +214,30 @@ def _times(factor: Array, column: tuple[Array, Array]) -> tuple[Array, Array]:
 
 
 def _rates(samples: Samples, time_s: Array) -> _Rates:
-    """Central differences of each axle's smoothed values; 0 for axles with few samples."""
+    """Central differences of each axle's smoothed values; 0 for axles with few samples.
+
+    0 also for axles whose stamps do not rise.
+    """
     signals = np.stack([samples.slip, samples.speed, (1.0 + samples.slip) * samples.speed])
+    order = np.argsort(samples.axle, kind="stable")
+    axle, at = samples.axle[order], time_s[order]
+    # First and last row of the axle of each row: windows end there.
+    first, last = np.searchsorted(axle, axle), np.searchsorted(axle, axle, "right") - 1
+    own = np.arange(len(axle))
+
+    def neighbours(step: int) -> NDArray[np.int64]:
+        return np.minimum(np.maximum(own + step, first), last)
+
+    half, sorted_signals = SMOOTH // 2, signals[:, order]
+    window = [sorted_signals[:, neighbours(step)] for step in range(-half, half + 1)]
+    smooth = np.mean(window, axis=0)
+    before, after = neighbours(-1), neighbours(1)
+    elapsed = at[after] - at[before]
+    falls = np.bincount(first, (at - at[before] <= 0.0) & (own > first), len(axle))[first] > 0
+    good = (last - first >= SMOOTH) & ~falls
     rates = np.zeros_like(signals)
-    half = SMOOTH // 2
-    for axle in np.unique(samples.axle).tolist():
-        rows = np.flatnonzero(samples.axle == axle)
-        if len(rows) <= SMOOTH or not (np.diff(time_s[rows]) > 0.0).all():
-            continue
-        padded = np.pad(signals[:, rows], ((0, 0), (half, half)), mode="edge")
-        smooth = np.lib.stride_tricks.sliding_window_view(padded, SMOOTH, axis=1).mean(axis=2)
-        rates[:, rows] = np.gradient(smooth, time_s[rows], axis=1)
+    steps = smooth[:, after] - smooth[:, before]
+    rates[:, order[good]] = steps[:, good] / elapsed[good]
     return _Rates(*rates)
 
 

@@ -10,7 +10,7 @@ the spread between them (Hoeting et al., Bayesian model averaging, Statistical S
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from math import hypot, inf, log, sqrt
+from math import inf, log, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -141,17 +141,12 @@ class FamilyComparison:
             if weight < NEGLIGIBLE:
                 continue
             curve = fit.family.adhesion(grid, fit.values, conditions)
-            mu, place, bend = find_top(grid, curve)
-            drawn = draw_curves(fit, grid, conditions)
-            others = np.array([find_top(grid, one)[:2] for one in drawn])
+            *top, bend = find_top(grid, curve).tolist()
+            others = find_top(grid, draw_curves(fit, grid, conditions))[:2].T
+            scatter = np.sqrt(np.mean((others - top) ** 2, axis=0))
             error = self.misfit / MISFIT_WIDTH / bend
-            tops.append((mu, place))
-            stds.append(
-                (
-                    hypot(float(np.sqrt(np.mean((others[:, 0] - mu) ** 2))), self.misfit * mu),
-                    hypot(float(np.sqrt(np.mean((others[:, 1] - place) ** 2))), error * place),
-                )
-            )
+            tops.append(top)
+            stds.append(np.hypot(scatter, np.multiply(top, (self.misfit, error))))
             weights.append(weight)
         share = np.array(weights) / sum(weights)
         top, std = np.array(tops), np.array(stds)
@@ -265,22 +260,31 @@ def draw_curves(fit: FamilyFit, grid: Array, conditions: Conditions) -> Array:
     return fit.family.adhesion(grid, values[:, :, None], conditions)
 
 
-def find_top(grid: Array, curve: Array) -> tuple[float, float, float]:
-    """Height and place of the largest value on an even grid in ln λ, and the relative bend there.
+def find_top(grid: Array, curves: Array) -> Array:
+    """Height and place of the largest value of curves, and the relative bend there; (3, ..).
 
     The bend is −d² ln μ/d(ln λ)²; the place is that of the parabola through three points.
+
+    Args:
+        grid: Slip ratios, even in ln λ, shape (n,).
+        curves: Adhesion on the grid, shape (.., n).
+
     """
-    top = int(np.argmax(curve))
+    top = np.argmax(curves, axis=-1)
     step = log(grid[1] / grid[0])
-    k = min(max(top, 1), len(grid) - 2)
-    left, middle, right = curve[k - 1], curve[k], curve[k + 1]
+    inner = np.clip(top, 1, len(grid) - 2)
+    left, middle, right = (
+        np.take_along_axis(curves, (inner + k)[..., None], axis=-1)[..., 0] for k in (-1, 0, 1)
+    )
     second = (2.0 * middle - left - right) / step**2
-    bend = max(float(second / middle), 1e-3)
-    if k != top or second <= 0.0:
-        return float(curve[top]), float(grid[top]), bend
-    shift = 0.5 * (right - left) / step / second
-    return (
-        float(middle + 0.5 * second * shift * shift),
-        float(grid[k] * np.exp(shift)),
-        bend,
+    bend = np.maximum(second / middle, 1e-3)
+    interior = (inner == top) & (second > 0.0)
+    shift = 0.5 * (right - left) / step / np.where(interior, second, 1.0)
+    heights = np.take_along_axis(curves, top[..., None], axis=-1)[..., 0]
+    return np.stack(
+        [
+            np.where(interior, middle + 0.5 * second * shift * shift, heights),
+            np.where(interior, grid[inner] * np.exp(np.where(interior, shift, 0.0)), grid[top]),
+            bend,
+        ]
     )

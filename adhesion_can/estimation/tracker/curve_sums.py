@@ -22,6 +22,9 @@ standard deviations rest. The private error would still flatten the
 slope (regression dilution); it is removed by corrected scores (Nakamura, Biometrika 77, 1990):
 e^(−c2 λ − c2² p/2) has the expectation of e^(−c2 λ) at the true slip, and likewise the products.
 The common one is removed by `common_shift`, the error that fits the group best.
+
+Both kinds of sums, with corrected scores and with the slips as measured, come from the same
+exponentials: at a node they differ by a factor alone.
 """
 
 from typing import NamedTuple
@@ -59,6 +62,8 @@ BINS = 64
 HISTOGRAM = slice(COUNT + 1, COUNT + 1 + BINS)
 """Number of samples by the slip that they surely reached, from 0 to the model's largest slip."""
 LENGTH = COUNT + 1 + BINS
+CORRECTED, MEASURED = 0, 1
+"""Rows of an increment: sums with corrected scores, and with the slips as measured."""
 
 
 class Points(NamedTuple):
@@ -91,7 +96,7 @@ class Points(NamedTuple):
     @property
     def exact(self) -> bool:
         """Whether no slip has an error, and all samples have the same noise."""
-        return not (self.private_var.any() or self.common_var.any() or self.transient_var.any())
+        return not (self.common_var.any() or self.private_var.any() or self.transient_var.any())
 
     @property
     def surely_reached(self) -> Array:
@@ -142,17 +147,18 @@ def coefficients(theta: Array) -> Array:
 
 
 def costs(sums: Array, at_x: Array, factors: Array) -> Array:
-    """Sums of squares J of curves, linear in the sums; shape (n,).
+    """Sums of squares J of curves, linear in the sums; shape (.., n).
 
     Args:
-        sums: Vector of sums, shape (LENGTH,).
+        sums: Vectors of sums, shape (.., LENGTH).
         at_x: Interpolation matrix at the curves' ln c2, shape (n, NODES).
         factors: Coefficients of the curves, shape (5, n).
 
     """
-    abc = sums[: 3 * NODES].reshape(3, NODES) @ at_x.T
-    abc *= factors[:3]
-    return np.asarray(abc.sum(axis=0) + sums[D : E + 1] @ factors[3:] + sums[Z])
+    abc = sums[..., : 3 * NODES].reshape(-1, NODES) @ at_x.T
+    abc = abc.reshape(*sums.shape[:-1], 3, -1) * factors[:3]
+    further = sums[..., D : E + 1] @ factors[3:] + sums[..., Z, None]
+    return np.asarray(abc.sum(axis=-2) + further)
 
 
 def increment(
@@ -162,10 +168,11 @@ def increment(
     slip_max: float,
     own_slope: Array | None = None,
     bend: Array | None = None,
-    *,
-    corrected_scores: bool = True,
 ) -> Array:
-    """Vector of sums of samples, shape (LENGTH,).
+    """Sums of samples with corrected scores, and with the slips as measured; shape (2, LENGTH).
+
+    Corrected scores remove the private errors. Without them these dilute the slope, and J is a sum
+    of squares. Where slips have no private error, both are the same.
 
     Args:
         points: Samples on one branch.
@@ -177,21 +184,18 @@ def increment(
             `slope`.
         bend: Curvature −d²μ/dλ² of the current curve at the samples, shape (n,), for the
             correlation of slope and private error; None: it is not corrected.
-        corrected_scores: Whether the private errors are removed by corrected scores; False leaves
-            their dilution of the slope, and J a sum of squares.
 
     """
     h, z, p, _, further, *_ = points
-    sums = np.empty(LENGTH)
-    places = np.clip(points.surely_reached * (BINS / slip_max), 0, BINS - 1).astype(np.int64)
-    sums[HISTOGRAM] = np.bincount(places, minlength=BINS)
-    sums[COUNT] = len(h)
+    both = np.empty((2, LENGTH))
+    both[:, HISTOGRAM] = histogram(points, slip_max)
+    both[:, COUNT] = len(h)
     if points.exact:
         f1 = -np.expm1(-np.multiply.outer(h, C2_NODES))
-        sums[A] = np.einsum("ij,ij->j", f1, f1)
-        sums[B], sums[C] = -(h @ f1), z @ f1
-        sums[D], sums[E], sums[Z], sums[DOF] = h @ h, -(h @ z), z @ z, len(h)
-        return sums
+        both[:, A] = np.einsum("ij,ij->j", f1, f1)
+        both[:, B], both[:, C] = -(h @ f1), z @ f1
+        both[:, D], both[:, E], both[:, Z], both[:, DOF] = h @ h, -(h @ z), z @ z, len(h)
+        return both
     by_own = (slope if own_slope is None else own_slope) ** 2 * p
     weight = 1.0 / (1.0 + (by_own + further) / noise_var)
     shape, var = _common_errors(points, slope * slope * weight)
@@ -200,32 +204,95 @@ def increment(
     kappa = s2 / (1.0 + s2 * ((in_group * shape) @ slope))
     # Diagonal of the inverse covariance.
     own = weight - kappa @ (in_group * in_group)
-    wh, wz = weight * h, weight * z
-    # e* = e^(-c2 λ) · shrink, with the samples' mean variance: one sensor, nearly one speed.
-    private = float(p.mean()) if corrected_scores else 0.0
-    # Curves that bend within the error itself are corrected less: the series diverges there, and a
-    # correction from few samples may exceed the sum.
-    corrected = private / (1.0 + (private / TOO_WIDE) * _C2_SQUARES)
-    log_shrink = -0.5 * corrected * _C2_SQUARES
-    e = np.exp(np.minimum(np.multiply.outer(h, -C2_NODES), LARGEST_EXPONENT) + log_shrink)
-    rows = np.vstack([weight, wh, wz, own, in_group])
-    we, whe, wze, owne, *group_e = rows @ e
-    wee, ownee = rows[::3][:2] @ (e * e)  # rows 0 and 3: weight and own
-    group_f1 = in_group.sum(axis=1, keepdims=True) - group_e
-    group_h, group_z = in_group @ h, in_group @ z
+    rows = [weight, weight * h, weight * z, own, *in_group]
     if bend is not None:
-        turning = shape * (p * bend * weight)
-        group_f1 = group_f1 + (turning @ e) * C2_NODES
-        group_h = group_h + turning.sum(axis=1)
-    sums[A] = weight.sum() - 2.0 * we + wee - kappa @ (group_f1 * group_f1)
-    sums[A] += ownee * np.expm1(2.0 * log_shrink)
-    sums[B] = whe - wh.sum() + (kappa * group_h) @ group_f1 + corrected * C2_NODES * owne
-    sums[C] = wz.sum() - wze - (kappa * group_z) @ group_f1
-    sums[D] = wh @ h - (kappa * group_h) @ group_h - private * own.sum()
-    sums[E] = (kappa * group_z) @ group_h - wz @ h
-    sums[Z] = wz @ z - (kappa * group_z) @ group_z
-    sums[DOF] = len(h) - own @ by_own / noise_var if corrected_scores else len(h)
-    return sums
+        rows += [*(shape * (p * bend * weight))]
+    weights = np.array(rows)
+    decay = np.exp(np.minimum(h[:, None] * -C2_NODES, LARGEST_EXPONENT))
+    moments = _Moments(
+        by_one=weights.sum(axis=1),
+        by_slip=weights @ h,
+        by_adhesion=weights @ z,
+        by_decay=weights @ decay,
+        by_square=weights[:4:3] @ (decay * decay),
+        kappa=kappa,
+    )
+    # The samples' mean variance: one sensor, nearly one speed.
+    private = float(p.sum()) / len(p)
+    _assemble(moments, 0.0, both[MEASURED])
+    both[MEASURED, DOF] = len(h)
+    if private > 0.0:
+        _assemble(moments, private, both[CORRECTED])
+        both[CORRECTED, DOF] = len(h) - own @ by_own / noise_var
+    else:
+        both[CORRECTED] = both[MEASURED]
+    return both
+
+
+class _Moments(NamedTuple):
+    """Weighted sums over samples, from which the vector of sums is assembled.
+
+    The rows are: weight, weight times slip, weight times adhesion, diagonal of the inverse
+    covariance, then one for each common error; where the bend is corrected, one more for each.
+
+    Attributes:
+        by_one: Sums of the rows, shape (r,).
+        by_slip: Sums of the rows times the slip λ, shape (r,).
+        by_adhesion: Sums of the rows times the adhesion, shape (r,).
+        by_decay: Sums of the rows times e^(−c2 λ) at each node, shape (r, NODES).
+        by_square: Sums of the first and the fourth row times e^(−2 c2 λ), shape (2, NODES).
+        kappa: What a common error takes away from the square of its row, shape (groups,).
+
+    """
+
+    by_one: Array
+    by_slip: Array
+    by_adhesion: Array
+    by_decay: Array
+    by_square: Array
+    kappa: Array
+
+
+def _assemble(moments: _Moments, private: float, sums: Array) -> None:
+    """Write A, B, C, D, E and Z of samples into a vector of sums.
+
+    Args:
+        moments: Weighted sums over the samples.
+        private: Variance of the private errors that corrected scores remove; 0: none.
+        sums: Vector of sums to write to, shape (LENGTH,).
+
+    """
+    ones, slips, adhesions, decays, squares, kappa = moments
+    group, turning = slice(4, 4 + len(kappa)), slice(4 + len(kappa), None)
+    group_f1, group_h = ones[group, None] - decays[group], slips[group]
+    group_z = kappa * adhesions[group]
+    (we, whe, wze, owne), (wee, ownee) = decays[:4], squares
+    if private > 0.0:
+        # e^(−c2 λ) has the expectation e^(−c2 λ) / shrink. Curves that bend within the error itself
+        # are corrected less: the series diverges there, and a correction from few samples may
+        # exceed the sum.
+        corrected = private / (1.0 + (private / TOO_WIDE) * _C2_SQUARES)
+        shrink = np.exp(-0.5 * corrected * _C2_SQUARES)
+        square = shrink * shrink
+        group_f1 = ones[group, None] - shrink * decays[group]
+        if len(ones) > turning.start:
+            group_f1 += decays[turning] * (shrink * C2_NODES)
+            group_h = group_h + ones[turning]
+        we, whe, wze, wee = shrink * we, shrink * whe, shrink * wze, square * wee
+        wee = wee + (square * (square - 1.0)) * ownee
+        whe = whe + (corrected * C2_NODES * shrink) * owne
+    sums[A] = ones[0] - 2.0 * we + wee - kappa @ (group_f1 * group_f1)
+    sums[B] = whe - slips[0] + (kappa * group_h) @ group_f1
+    sums[C] = adhesions[0] - wze - group_z @ group_f1
+    sums[D] = slips[1] - (kappa * group_h) @ group_h - private * ones[3]
+    sums[E] = group_z @ group_h - adhesions[1]
+    sums[Z] = adhesions[2] - group_z @ adhesions[group]
+
+
+def histogram(points: Points, slip_max: float) -> Array:
+    """Number of samples by the slip that they surely reached, shape (BINS,)."""
+    places = (points.surely_reached * (BINS / slip_max)).clip(0, BINS - 1).astype(np.int64)
+    return np.bincount(places, minlength=BINS).astype(np.float64)
 
 
 def _common_errors(points: Points, weight: Array) -> tuple[Array, Array]:
@@ -245,11 +312,11 @@ def _common_errors(points: Points, weight: Array) -> tuple[Array, Array]:
     inside = member == np.arange(len(starts))[:, None] if len(starts) > 1 else np.ones((1, 1))
     level = inside * points.sign
     share = points.share
-    if share is None or not np.ptp(share) > 0.0:
+    if share is None or share.max() == share.min():
         return level, var
     mean = inside * weight
     total = mean.sum(axis=1, keepdims=True)
-    middle = (mean @ share)[:, None] / np.where(total > 0.0, total, 1.0)
+    middle = (mean @ share)[:, None] / np.maximum(total, 1e-300)
     return np.concatenate([level, level * (share - middle)]), np.concatenate([var, 2.0 * var])
 
 

@@ -6,13 +6,20 @@ its predictive density, with slow switching between them (dynamic model averagin
 and Ettler, Technometrics 52, 2010).
 """
 
-from math import exp, expm1, log
+from math import exp, expm1
 
 import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker import curve_sums
-from adhesion_can.estimation.tracker.curve_sums import COUNT, DOF, HISTOGRAM, LENGTH, NODES
+from adhesion_can.estimation.tracker.curve_sums import (
+    CORRECTED,
+    COUNT,
+    DOF,
+    HISTOGRAM,
+    LENGTH,
+    NODES,
+)
 from adhesion_can.estimation.tracker.posterior import (
     Curves,
     NoisePrior,
@@ -109,37 +116,33 @@ class FadingMemories:
         back = -expm1(-seconds * self._settings.drift / self._settings.switch_s)
         self._probability = (1.0 - back) * self._probability + back * self._shares
 
-    def predict(self, added: Array) -> tuple[Array, float]:
+    def predict(self, added: Array) -> tuple[Array, Array]:
         """Sums of squares of new samples with the current curves, and their predictive density.
 
-        The probabilities of the memories are updated by it.
+        The probabilities of the memories are updated by that of the sums with corrected scores.
 
         Args:
-            added: Sums of the samples, shape (LENGTH,).
+            added: Sums of the samples, both kinds, shape (2, LENGTH).
 
         Returns:
-            J of each curve of each memory, shape (memories, size), and −2σ² times the logarithm of
-            the predictive density of all of them, up to a constant.
+            J of each curve of each memory with corrected scores, shape (memories, size), and −2σ²
+            times the logarithm of the predictive density of all of them, up to a constant, for both
+            kinds of sums, shape (2,).
 
         """
-        costs, density, cost = self._density(added)
-        probability = self._probability * np.maximum(density, LEAST_DENSITY)
-        self._probability = probability / probability.sum()
-        return costs, cost
-
-    def cost(self, added: Array) -> float:
-        """Predictive density of new samples as `predict` gives it, without any update."""
-        return self._density(added)[2]
-
-    def _density(self, added: Array) -> tuple[Array, Array, float]:
-        costs = curve_sums.costs(added, self._at_x, self._factors).reshape(self._costs.shape)
+        costs = curve_sums.costs(added, self._at_x, self._factors)
+        costs = costs.reshape(len(added), *self._costs.shape)
         scale = -0.5 / self.noise_var
-        least = costs.min(axis=1)
-        inside = np.einsum("ij,ij->i", self._weights, np.exp(scale * (costs - least[:, None])))
+        least = costs.min(axis=2)
+        relative = np.exp(scale * (costs - least[..., None]))
+        inside = (relative * self._weights).sum(axis=2)
         log_density = scale * least + np.log(np.maximum(inside, 1e-300))
-        best = log_density.max()
-        density = np.exp(log_density - best)
-        return costs, density, float((best + log(self._probability @ density)) / scale)
+        best = log_density.max(axis=1)
+        density = np.exp(log_density - best[:, None])
+        cost = (best + np.log(density @ self._probability)) / scale
+        probability = self._probability * np.maximum(density[CORRECTED], LEAST_DENSITY)
+        self._probability = probability / probability.sum()
+        return costs[CORRECTED], cost
 
     def add(self, added: Array, costs: Array) -> None:
         """Add samples by their sums and by their costs from `predict`."""
@@ -150,7 +153,7 @@ class FadingMemories:
     def refresh(self) -> None:
         """Weight the curves by the sums, and draw new ones where too few carry the weight."""
         self._weigh()
-        effective = 1.0 / np.einsum("ij,ij->i", self._weights, self._weights)
+        effective = 1.0 / (self._weights * self._weights).sum(axis=1)
         least = np.full(len(effective), self._size * LEAST_EFFECTIVE_OTHERS)
         least[self._leader] = self._size * LEAST_EFFECTIVE
         # Where no draw is better (as with one slip only), a new one waits for new samples.
@@ -163,9 +166,14 @@ class FadingMemories:
 
     def leading(self, least: float) -> list[tuple[Curves, Array]]:
         """Curves and weights of the memories with at least a probability; weights sum to 1."""
-        chosen = np.flatnonzero(self._probability >= min(least, self._probability.max()))
-        total = self._probability[chosen].sum()
-        return [(self._curves[i], self._probability[i] / total * self._weights[i]) for i in chosen]
+        probability = self._probability.tolist()
+        least = min(least, max(probability))
+        chosen = [(i, share) for i, share in enumerate(probability) if share >= least]
+        if len(chosen) == 1:
+            ((i, _),) = chosen
+            return [(self._curves[i], self._weights[i])]
+        total = sum(share for _, share in chosen)
+        return [(self._curves[i], share / total * self._weights[i]) for i, share in chosen]
 
     def lag(self) -> tuple[float, float]:
         """Possible lag in (μ_max, λ_m): distance of the most probable memory from the next.
@@ -195,7 +203,7 @@ class FadingMemories:
         self._drawn_dof[i], self._new_dof[i] = self._sums[i, DOF], 0.0
 
     def _weigh(self) -> None:
-        self._leader = leader = int(np.argmax(self._probability))
+        self._leader = leader = int(self._probability.argmax())
         dof = self._sums[:, DOF, None]
         self._weights = normalise(log_weights(self._base, self._costs, dof, self.noise))
         cost = self._weights[leader] @ np.maximum(self._costs[leader], 0.0)

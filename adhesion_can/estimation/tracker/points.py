@@ -1,7 +1,5 @@
 """Samples as points on one branch of the curve, and the rejection of single-axle outliers."""
 
-from math import expm1
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,6 +49,10 @@ def carries_information(
     return np.asarray((slip * slip >= far * slip_var) | (adhesion * adhesion > far * adhesion_var))
 
 
+NEVER_US = -(1 << 60)
+"""Stamp of an axle that had no sample yet, µs."""
+
+
 class CoastingGate:
     """Rejection of axles that coast.
 
@@ -61,8 +63,10 @@ class CoastingGate:
     """
 
     def __init__(self) -> None:
-        self._means: dict[int, tuple[int, float, float]] = {}
-        """By axle: latest stamp, µs, and means of slip and adhesion."""
+        # By the number of the axle.
+        self._latest_us = np.empty(0, dtype=np.int64)
+        self._slip: Array = np.empty(0)
+        self._adhesion: Array = np.empty(0)
 
     def passes(self, samples: Samples) -> NDArray[np.bool_]:
         """Whether to use each sample, shape (n,).
@@ -72,29 +76,35 @@ class CoastingGate:
 
         """
         slip_var, adhesion_var = samples.slip_total_var, samples.adhesion_var
-        slip, adhesion = samples.slip.copy(), samples.adhesion.copy()
+        axle, slip, adhesion = samples.axle, samples.slip, samples.adhesion
         if not (slip_var.any() or adhesion_var.any()):
             return np.ones(len(slip), dtype=np.bool_)
-        rows: dict[int, list[int]] = {}
-        for row, axle in enumerate(samples.axle.tolist()):
-            rows.setdefault(axle, []).append(row)
-        # An axle has a row or two: numbers are many times as fast as arrays of them.
-        stamps, slips, adhesions = samples.t_us.tolist(), slip.tolist(), adhesion.tolist()
-        for axle, own in rows.items():
-            t_us = stamps[own[-1]]
-            means = (
-                sum(slips[row] for row in own) / len(own),
-                sum(adhesions[row] for row in own) / len(own),
-            )
-            before_us, *before = self._means.get(axle, (0, 0.0, 0.0))
-            age_s = (t_us - before_us) * 1e-6
-            if axle in self._means and 0.0 <= age_s <= COASTING_AGE_S:
-                slip[own], adhesion[own] = before
-                gain = -expm1(-age_s / COASTING_S)
-                first, second = (b + gain * (m - b) for b, m in zip(before, means, strict=True))
-                means = first, second
-            self._means[axle] = t_us, *means
-        return carries_information(slip, adhesion, slip_var, adhesion_var)
+        self._make_room(int(axle.max()) + 1)
+        axles = len(self._latest_us)
+        count = np.bincount(axle, minlength=axles)
+        seen = np.maximum(count, 1)
+        latest_us = self._latest_us.copy()
+        latest_us[axle] = samples.t_us
+        age_s = (latest_us - self._latest_us) * 1e-6
+        known = (age_s >= 0.0) & (age_s <= COASTING_AGE_S)
+        of_sample = known[axle]
+        judged = (
+            np.where(of_sample, self._slip[axle], slip),
+            np.where(of_sample, self._adhesion[axle], adhesion),
+        )
+        gain = np.where(known, -np.expm1(age_s / -COASTING_S), 1.0) * (count > 0)
+        self._slip += gain * (np.bincount(axle, slip, axles) / seen - self._slip)
+        self._adhesion += gain * (np.bincount(axle, adhesion, axles) / seen - self._adhesion)
+        self._latest_us = latest_us
+        return carries_information(*judged, slip_var, adhesion_var)
+
+    def _make_room(self, axles: int) -> None:
+        """Make room for as many axles, those that are new without means."""
+        missing = axles - len(self._latest_us)
+        if missing > 0:
+            self._latest_us = np.concatenate([self._latest_us, np.full(missing, NEVER_US)])
+            self._slip = np.concatenate([self._slip, np.zeros(missing)])
+            self._adhesion = np.concatenate([self._adhesion, np.zeros(missing)])
 
 
 def build_points(samples: Samples, *, errors_in_variables: bool = True) -> Points:

@@ -12,8 +12,8 @@ ln p(data | θ) = −(ν + n)/2 · ln(ν σ0² + J(θ)) + const.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import hypot, sqrt
+from dataclasses import dataclass, field
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -78,6 +78,9 @@ class Curves:
         lambda_m: Slip ratio of the largest adhesion, shape (n,).
         peaks: (μ_m, λ_m, s = c2 λ_m) of the peak, also beyond the range of slip, shape (3, n).
         order: Indices that sort the curves by each row of `peaks`, shape (3, n).
+        peaks_in_order: Rows of `peaks`, each in its order, shape (3, n).
+        limited_in_order: `mu_max` and `lambda_m` in the orders of μ_m and λ_m, shape (2, n).
+        values: c1, c2, c3, `mu_max` and `lambda_m`, shape (n, 5).
 
     """
 
@@ -88,7 +91,23 @@ class Curves:
     mu_max: Array
     lambda_m: Array
     peaks: Array
-    order: NDArray[np.int64]
+    order: NDArray[np.int64] = field(init=False)
+    peaks_in_order: Array = field(init=False)
+    limited_in_order: Array = field(init=False)
+    values: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        # Once here: an estimate at each update needs them.
+        order = np.argsort(self.peaks, axis=1)
+        limited = np.stack([self.mu_max, self.lambda_m])
+        derived = {
+            "order": order,
+            "peaks_in_order": np.take_along_axis(self.peaks, order, axis=1),
+            "limited_in_order": np.take_along_axis(limited, order[:2], axis=1),
+            "values": np.column_stack([self.theta, *limited]),
+        }
+        for name, value in derived.items():
+            object.__setattr__(self, name, value)
 
     def costs(self, sums: Array) -> Array:
         """Sum of squares J of each curve, shape (n,)."""
@@ -101,7 +120,6 @@ def join_curves(parts: Sequence[Curves]) -> Curves:
     def column(name: str, axis: int = 0) -> Array:
         return np.concatenate([getattr(part, name) for part in parts], axis=axis)
 
-    peaks = column("peaks", axis=1)
     return Curves(
         column("theta"),
         column("at_x"),
@@ -109,8 +127,7 @@ def join_curves(parts: Sequence[Curves]) -> Curves:
         column("log_base"),
         column("mu_max"),
         column("lambda_m"),
-        peaks,
-        np.argsort(peaks, axis=1),
+        column("peaks", axis=1),
     )
 
 
@@ -181,16 +198,7 @@ def _curves(theta: Array, at_x: Array, log_base: Array, slip_max: float) -> Curv
     c1, c2, c3 = theta.T
     top, s = peak(c1, c2, c3, slip_max), np.log(c1 * c2 / c3)
     peaks = np.stack([c1 * (1.0 - np.exp(-s) * (1.0 + s)), s / c2, s])
-    return Curves(
-        theta,
-        at_x,
-        coefficients(theta),
-        log_base,
-        top.mu_max,
-        top.lambda_m,
-        peaks,
-        np.argsort(peaks, axis=1),
-    )
+    return Curves(theta, at_x, coefficients(theta), log_base, top.mu_max, top.lambda_m, peaks)
 
 
 def _normal_equations(sums: Array, w: Array, noise_var: float) -> tuple[Array, ...]:
@@ -339,10 +347,11 @@ def shares_below(curves: Curves, weights: Array) -> Array:
     return np.asarray(in_order.cumsum(axis=1) - 0.5 * in_order)
 
 
-def weighted_std(values: Array, weights: Array) -> float:
-    """Standard deviation of values with normalised weights."""
-    deviation = values - weights @ values
-    return sqrt(float(weights @ (deviation * deviation)))
+def compute_moments(curves: Curves, weights: Array) -> tuple[Array, Array]:
+    """Mean and covariance of `Curves.values` with normalised weights, shapes (5,) and (5, 5)."""
+    mean = weights @ curves.values
+    deviation = curves.values - mean
+    return mean, (deviation * weights[:, None]).T @ deviation
 
 
 def widened_interval(in_order: Array, share_below: Array, extra_std: float) -> tuple[float, float]:

@@ -16,19 +16,27 @@ counted from the same sum of the curve so far, which has no such advantage.
 Hypotheses are pruned so that their ages grow geometrically, and their number stays constant.
 """
 
-from math import exp, inf, log, sqrt
+from math import exp, inf, log
 from typing import NamedTuple
 
 import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker import curve_sums
-from adhesion_can.estimation.tracker.curve_sums import DOF, LENGTH, X_NODES, Z
+from adhesion_can.estimation.tracker.curve_sums import (
+    CORRECTED,
+    DOF,
+    LENGTH,
+    MEASURED,
+    X_NODES,
+    Z,
+)
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import RunLengthSettings
 
 _MEAN, _STD = np.array([0.3, 0.15]), np.array([0.4, 0.4])
 """Prior mean and standard deviation of (c1, c3) of a new surface."""
+_PRIOR_SQUARE = float((_MEAN / _STD) @ (_MEAN / _STD))
 LEFT_OUT = 16.0
 """Cost of leaving an update out, in units of σ², beyond the expectation by noise."""
 WIDEST = 1.5
@@ -39,24 +47,13 @@ class Evidence(NamedTuple):
     """Samples of an update, and their sum of squares J with the curve so far.
 
     Attributes:
-        sums: Sums with corrected scores, shape (LENGTH,).
-        old_cost: J of the curve so far in `sums`.
-        plain: Sums with the slips as measured, shape (LENGTH,); None: the same as `sums`.
-        plain_old_cost: J of the curve so far in `plain`.
+        sums: Sums with corrected scores and with the slips as measured, shape (2, LENGTH).
+        old_cost: J of the curve so far in both, shape (2,).
 
     """
 
     sums: Array
-    old_cost: float
-    plain: Array | None = None
-    plain_old_cost: float = 0.0
-
-    @property
-    def as_measured(self) -> tuple[Array, float]:
-        """Sums and J with the slips as measured."""
-        if self.plain is None:
-            return self.sums, self.old_cost
-        return self.plain, self.plain_old_cost
+    old_cost: Array
 
 
 class RunLengthHypotheses:
@@ -72,17 +69,17 @@ class RunLengthHypotheses:
         self._settings = settings
         spacing = np.abs(np.gradient(X_NODES))
         log_prior = prior.log_marginal(1, X_NODES) + np.log(spacing)
-        self._log_prior = log_prior - np.logaddexp.reduce(log_prior)
+        # With the determinant of the prior's precision of (c1, c3).
+        self._log_prior = log_prior - np.logaddexp.reduce(log_prior) - np.log(_STD).sum()
         self.clear()
 
     def clear(self) -> None:
         """Remove all hypotheses."""
         self._count = 0
         self._updates = 0
-        self._sums: Array = np.zeros((self._settings.contenders, LENGTH))
-        self._old_cost: Array = np.zeros(self._settings.contenders)
-        self._plain: Array = np.zeros((self._settings.contenders, LENGTH))
-        self._plain_old: Array = np.zeros(self._settings.contenders)
+        # Of both kinds, as in `Evidence`.
+        self._sums: Array = np.zeros((2, self._settings.contenders, LENGTH))
+        self._old_cost: Array = np.zeros((2, self._settings.contenders))
         self._since_us: list[int] = []
         self._born: list[int] = []
 
@@ -91,8 +88,11 @@ class RunLengthHypotheses:
 
     @property
     def sums(self) -> Array:
-        """Sums of the samples since each hypothesis' change, shape (len, LENGTH)."""
-        return self._sums[: self._count]
+        """Sums of the samples since each hypothesis' change, shape (len, LENGTH).
+
+        They are those with corrected scores.
+        """
+        return self._sums[CORRECTED, : self._count]
 
     @property
     def since_us(self) -> list[int]:
@@ -109,14 +109,10 @@ class RunLengthHypotheses:
         """
         slot = self._free_slot()
         self._updates += 1
-        self._sums[slot], self._old_cost[slot] = 0.0, 0.0
-        self._plain[slot], self._plain_old[slot] = 0.0, 0.0
+        self._sums[:, slot], self._old_cost[:, slot] = 0.0, 0.0
         self._since_us[slot], self._born[slot] = t_us, self._updates
-        plain, plain_old_cost = update.as_measured
-        self._sums[: self._count] += update.sums
-        self._old_cost[: self._count] += update.old_cost
-        self._plain[: self._count] += plain
-        self._plain_old[: self._count] += plain_old_cost
+        self._sums[:, : self._count] += update.sums[:, None]
+        self._old_cost[:, : self._count] += update.old_cost[:, None]
 
     def close(self, accepted: int, latest: Evidence, noise_var: float) -> None:
         """Add a last hypothesis after a detected change: it begins with the next update.
@@ -132,22 +128,16 @@ class RunLengthHypotheses:
         """
         slot = self._free_slot(accepted)
         self._updates += 1
-        self._sums[slot], self._plain[slot] = 0.0, 0.0
-        plain, plain_old_cost = latest.as_measured
-        for sums, old_cost, to in (
-            (latest.sums, latest.old_cost, self._old_cost),
-            (plain, plain_old_cost, self._plain_old),
-        ):
-            dof = float(sums[DOF])
-            # J of noise alone scatters by √(2 n) σ²: twice that is no sign of another surface.
-            neither = dof + LEFT_OUT + 2.0 * sqrt(2.0 * dof)
-            to[slot] = old_cost - neither * noise_var
+        self._sums[:, slot] = 0.0
+        dof = latest.sums[:, DOF]
+        # J of noise alone scatters by √(2 n) σ²: twice that is no sign of another surface.
+        neither = dof + LEFT_OUT + 2.0 * np.sqrt(2.0 * dof)
+        self._old_cost[:, slot] = latest.old_cost - neither * noise_var
         self._since_us[slot], self._born[slot] = -1, self._updates
 
     def extend(self, update: Evidence, t_us: int) -> None:
         """Add an update of the new surface, after `close`, to all hypotheses."""
-        self._sums[: self._count] += update.sums
-        self._plain[: self._count] += update.as_measured[0]
+        self._sums[:, : self._count] += update.sums[:, None]
         self._since_us = [t_us if since == -1 else since for since in self._since_us]
 
     def _free_slot(self, kept: int | None = None) -> int:
@@ -182,15 +172,10 @@ class RunLengthHypotheses:
                 by it, as if as many samples fewer had been seen (tempered likelihood).
 
         """
-        plain = self._plain[: self._count]
-        old, plain_old = self._old_cost[: self._count], self._plain_old[: self._count]
-        dof = plain[:, DOF] / inflation
-        noise_var = noise_var * inflation
-        score = self._scores(plain, plain_old, 0.0 * old, dof, noise_var, noise_dof)
-        if not np.array_equal(plain, self.sums):
-            apart = plain_old - old
-            other = self._scores(self.sums, old, apart, dof, noise_var, noise_dof)
-            score = np.minimum(score, other)
+        sums, old = self._sums[:, : self._count], self._old_cost[:, : self._count]
+        dof = sums[MEASURED, :, DOF] / inflation
+        scores = self._scores(sums, old, dof, noise_var * inflation, noise_dof)
+        score = scores.min(axis=0)
         top = score.max(axis=1)
         return np.asarray(top + np.log(np.exp(score - top[:, None]).sum(axis=1)))
 
@@ -198,17 +183,15 @@ class RunLengthHypotheses:
         self,
         sums: Array,
         old_cost: Array,
-        apart: Array,
         dof: Array,
         noise_var: float,
         noise_dof: float | None,
     ) -> Array:
-        """Log Bayes factor of each hypothesis at each node of c2, shape (len, NODES).
+        """Log Bayes factor of each hypothesis at each node of c2, shape (2, len, NODES).
 
         Args:
-            sums: Sums of each hypothesis, shape (len, LENGTH).
-            old_cost: J of the curve so far in them, shape (len,).
-            apart: What is added to all J of a hypothesis, shape (len,).
+            sums: Sums of each hypothesis, both kinds, shape (2, len, LENGTH).
+            old_cost: J of the curve so far in them, shape (2, len).
             dof: Degrees of freedom of J, shape (len,).
             noise_var: Variance σ² of the adhesion noise.
             noise_dof: Degrees of freedom of that variance; None: it is exact.
@@ -217,18 +200,19 @@ class RunLengthHypotheses:
         s = sums * (1.0 / noise_var)
         p1, p3 = _STD**-2.0
         # Corrected scores may give a negative sum of squares where slips do not determine c2.
-        a = np.maximum(s[:, curve_sums.A], 0.0) + p1
-        b = s[:, curve_sums.B]
-        d = np.maximum(s[:, curve_sums.D, None], 0.0) + p3
-        r1 = s[:, curve_sums.C] + p1 * _MEAN[0]
-        r3 = s[:, curve_sums.E, None] + p3 * _MEAN[1]
-        det = np.maximum(a * d - b * b, 1e-12 * a * d)
+        a = np.maximum(s[..., curve_sums.A], 0.0) + p1
+        b = s[..., curve_sums.B]
+        d = np.maximum(s[..., curve_sums.D, None], 0.0) + p3
+        r1 = s[..., curve_sums.C] + p1 * _MEAN[0]
+        r3 = s[..., curve_sums.E, None] + p3 * _MEAN[1]
+        product = a * d
+        det = np.maximum(product - b * b, 1e-12 * product)
         explained = (r1 * (d * r1 - (2.0 * r3) * b) + a * (r3 * r3)) / det
-        prior_term = p1 * _MEAN[0] ** 2 + p3 * _MEAN[1] ** 2
-        added = apart[:, None] / noise_var
-        cost = np.maximum(s[:, Z, None] + prior_term - explained + added, 0.0)
-        occam = self._log_prior - 0.5 * np.log(det * (1.0 / (p1 * p3)))
-        old = old_cost[:, None] / noise_var + added
+        # Both are counted from J of the curve so far with the slips as measured.
+        old = old_cost[MEASURED, :, None] / noise_var
+        apart = old - old_cost[..., None] / noise_var
+        cost = np.maximum(s[..., Z, None] + (apart + _PRIOR_SQUARE) - explained, 0.0)
+        occam = self._log_prior - 0.5 * np.log(det)
         gain = 0.5 * (old - cost)
         if noise_dof is not None:
             nu = min(self._settings.noise_freedom, noise_dof)

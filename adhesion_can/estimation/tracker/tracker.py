@@ -26,12 +26,13 @@ from adhesion_can.estimation.identifiability import (
 from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
 from adhesion_can.estimation.tracker.curve_sums import (
     BINS,
+    CORRECTED,
     DOF,
     HISTOGRAM,
     LENGTH,
-    Points,
     bend_at,
     common_shift,
+    histogram,
     increment,
     residual_at,
     slope_at,
@@ -47,13 +48,13 @@ from adhesion_can.estimation.tracker.points import (
 from adhesion_can.estimation.tracker.posterior import (
     Curves,
     NoisePrior,
+    compute_moments,
     draw,
     effective_size,
     join_parts,
     log_weights,
     normalise,
     shares_below,
-    weighted_std,
     widened_interval,
 )
 from adhesion_can.estimation.tracker.prior import Prior, shape_coordinates
@@ -165,42 +166,31 @@ class Tracker:
         )
         self._sign = float(points.sign[-1])
         moved = points
-        added = fresh = self._compute_sums(points, slope, current)
+        own_slope = bend = None
+        if current.c2**2 * points.private_var.max() > PRIVATE_ERROR_THRESHOLD:
+            # From the measured adhesion, whatever the slip.
+            own_slope = slope_by_adhesion(points, current.theta)
         if current.c2**2 * points.common_var.max() > COMMON_ERROR_THRESHOLD:
             moved = common_shift(points, current.theta, noise_var)
             shift = points.slip - moved.slip
             residual, slope = residual_at(moved, current.theta), slope_at(moved, current.theta)
             # Points of a new surface must not be moved towards the current curve.
             moved = moved._replace(adhesion=points.adhesion - slope * shift)
-            added = self._compute_sums(moved, slope, current, points)
+        if own_slope is not None:
+            bend = bend_at(moved, slope, current.theta)
+        slip_max = self._limits.slip_max
+        added = increment(moved, slope, noise_var, slip_max, own_slope, bend)
+        if moved is not points:
             # How far the slips reached comes from the sensors, not from the curve to be estimated.
-            added[HISTOGRAM] = fresh[HISTOGRAM]
+            added[:, HISTOGRAM] = histogram(points, slip_max)
         costs, cost = self._memories.predict(added)
-        evidence = Evidence(added, cost)
-        if points.private_var.any():
-            own_slope = slope_by_adhesion(points, current.theta)
-            plain = increment(
-                moved, slope, noise_var, self._limits.slip_max, own_slope, corrected_scores=False
-            )
-            evidence = Evidence(added, cost, plain, self._memories.cost(plain))
-        changed, restarted = self._look_for_change(evidence, samples)
+        changed, restarted = self._look_for_change(Evidence(added, cost), samples)
         if not restarted:
-            self._memories.add(added, costs)
+            self._memories.add(added[CORRECTED], costs)
             level = points.adhesion - residual
             shifted = -points.sign * slope
             self._axles.add(samples.axle, level, shifted, residual, noise_var / explained)
         return changed
-
-    def _compute_sums(
-        self, points: Points, slope: Array, current: Estimate, measured: Points | None = None
-    ) -> Array:
-        """Sums of points; slopes for the private errors come from the measured adhesion."""
-        own_slope = bend = None
-        if current.c2**2 * points.private_var.max() > PRIVATE_ERROR_THRESHOLD:
-            own_slope = slope_by_adhesion(measured or points, current.theta)
-            bend = bend_at(points, slope, current.theta)
-        slip_max = self._limits.slip_max
-        return increment(points, slope, self._memories.noise_var, slip_max, own_slope, bend)
 
     # ------------------------------------------------------------------ surface changes
 
@@ -209,7 +199,7 @@ class Tracker:
 
         After a restart they hold these samples already.
         """
-        fresh = evidence.sums
+        fresh = evidence.sums[CORRECTED]
         first_us = int(samples.t_us[0])
         if self._known_changes is not None:
             if not self._known_changes or first_us < self._known_changes[0]:
@@ -248,7 +238,7 @@ class Tracker:
     def _settle(self, evidence: Evidence, first_us: int) -> bool:
         """Revise the time of a change by later samples; whether the memories were restarted."""
         self._hypotheses.extend(evidence, first_us)
-        self._settling -= float(evidence.sums[DOF])
+        self._settling -= float(evidence.sums[CORRECTED, DOF])
         best = int(np.argmax(self._log_factors(None)))
         moved = self._hypotheses.since_us[best] != self._since_us
         if moved:
@@ -280,16 +270,16 @@ class Tracker:
         mu_lag, lambda_lag = self._memories.lag()
         load_std = mu_max * sqrt(self._load_var)
         extra_std = hypot(load_std, mu_lag)
-        mu_std = hypot(weighted_std(curves.mu_max, weights), mu_lag)
-        lambda_std = hypot(weighted_std(curves.lambda_m, weights), lambda_lag)
-        deviation = curves.theta - weights @ curves.theta
-        covariance = (deviation * weights[:, None]).T @ deviation
+        mean, covariance = compute_moments(curves, weights)
+        mu_var, lambda_var = covariance.diagonal()[3:].tolist()
+        mu_std, lambda_std = hypot(sqrt(mu_var), mu_lag), hypot(sqrt(lambda_var), lambda_lag)
+        covariance = covariance[:3, :3]
         identifiable = Identifiable(mu_max=False, lambda_m=False)
         if effective_size(weights) < MIN_EFFECTIVE_CURVES:
             covariance, mu_std, lambda_std = np.diag([inf] * 3), inf, inf
             extra_std = lambda_lag = inf
         else:
-            falls = float(weights @ curves.theta[:, 2]) > FALL_SIGNIFICANCE * sqrt(covariance[2, 2])
+            falls = float(mean[2]) > FALL_SIGNIFICANCE * sqrt(covariance[2, 2])
             identifiable = self._identifiable(mu_std / mu_max, lambda_m, lambda_std, falls=falls)
         return Estimate(
             c1=theta[0],
@@ -307,10 +297,10 @@ class Tracker:
             change_probability=changed,
             per_axle=self._axles.estimate(mu_max, lambda_m, self._sign, self._memories.noise_var),
             mu_max_interval=_with_estimate(
-                widened_interval(curves.mu_max[curves.order[0]], shares[0], extra_std), mu_max
+                widened_interval(curves.limited_in_order[0], shares[0], extra_std), mu_max
             ),
             lambda_m_interval=_with_estimate(
-                widened_interval(curves.lambda_m[curves.order[1]], shares[1], lambda_lag), lambda_m
+                widened_interval(curves.limited_in_order[1], shares[1], lambda_lag), lambda_m
             ),
         )
 
@@ -320,8 +310,8 @@ class Tracker:
         Posteriors of a peak that is barely reached are skewed, and their means biased.
         """
         mu, slip, s = (
-            float(np.interp(0.5, share, values[order]))
-            for values, order, share in zip(curves.peaks, curves.order, shares, strict=True)
+            float(np.interp(0.5, share, values))
+            for values, share in zip(curves.peaks_in_order, shares, strict=True)
         )
         c1, c2 = mu / (1.0 - exp(-s) * (1.0 + s)), s / slip
         theta = (c1, c2, c1 * c2 * exp(-s))
@@ -374,6 +364,6 @@ def _with_estimate(interval: tuple[float, float], value: float) -> tuple[float, 
 
 def _reach(histogram: Array, share: float, slip_max: float) -> float:
     """Slip ratio that a share of the samples exceeds, by the lower edge of its bin."""
-    beyond = np.cumsum(histogram[::-1])[::-1]
-    bins = np.flatnonzero((beyond > 0.0) & (beyond >= share * beyond[0]))
-    return float(bins[-1]) * slip_max / BINS if len(bins) else 0.0
+    beyond = histogram[::-1].cumsum()[::-1]
+    bins = int(np.count_nonzero((beyond > 0.0) & (beyond >= share * beyond[0])))
+    return max(bins - 1, 0) * slip_max / BINS

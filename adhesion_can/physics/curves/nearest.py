@@ -1,7 +1,10 @@
 """The Burckhardt curve nearest to a curve of another family around its peak."""
 
+from functools import cache
+
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import SLIP_MAX, CurveParameters, adhesion
 from adhesion_can.physics.curves.base import Conditions, CurveFamily, Values
 from adhesion_can.physics.curves.burckhardt import curve_with_peak
@@ -31,5 +34,11 @@ def nearest_burckhardt(
     mu_max, lambda_m = float(top.mu_max), float(top.lambda_m)
     slip = _NEAR * lambda_m
     curve = family.adhesion(slip, values, conditions)
-    tried = [curve_with_peak(mu_max, lambda_m, float(x)) for x in _EXPONENTS]
-    return min(tried, key=lambda c: float(np.sum((adhesion(slip, *c) - curve) ** 2)))
+    distance = np.sum((mu_max * _unit_curves() - curve) ** 2, axis=1)
+    return curve_with_peak(mu_max, lambda_m, float(_EXPONENTS[np.argmin(distance)]))
+
+
+@cache
+def _unit_curves() -> Array:
+    """Curves with a peak of 1 at slip 1, one for each exponent, shape (exponents, slips)."""
+    return np.stack([adhesion(_NEAR, *curve_with_peak(1.0, 1.0, x)) for x in _EXPONENTS.tolist()])
