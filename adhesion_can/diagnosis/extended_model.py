@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
-from adhesion_can.diagnosis.peak_spread import compare_peaks
+from adhesion_can.diagnosis.peak_spread import NO_SPREAD, compare_peaks
 from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.model import (
     Evaluation,
@@ -128,9 +128,13 @@ def _take_fitted_curves(
     conditions = find_conditions(data, surface)
     spread = compare_peaks(fits.extended.model, fits.other_forms, surface, conditions)
     plain = fits.plain.model.curves
+    # Without an extension both are the same curve, which is as uncertain.
+    of_plain = spread if fits.extended is fits.plain else NO_SPREAD
     return replace(
         result,
-        base=estimate_fitted_curve(result.base, fits.plain, plain, surface, conditions, reached),
+        base=estimate_fitted_curve(
+            result.base, fits.plain, plain, surface, conditions, reached, of_plain
+        ),
         extended=estimate_fitted_curve(
             result.extended, fits.extended, extended.curves, surface, conditions, reached, spread
         ),

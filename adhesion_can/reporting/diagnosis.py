@@ -29,6 +29,10 @@ from adhesion_can.diagnosis.result import (
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.reporting.text import table
 
+ABOUT_AS_GOOD = 0.05
+"""Share by which a family's held-out score may exceed the best one's to count as about as good."""
+APART = 1.1
+"""Largest over smallest λ_m of families from which it is said where each has its peak."""
 SHOWN = 5
 """Rows of evidence that a terminal shows."""
 
@@ -67,6 +71,7 @@ def _verdict(found: Diagnosis) -> Iterator[str]:
         )
     else:
         yield _nothing(found)
+        yield from _peaks_of_families(found)
 
 
 def _cause_sentence(cause: Cause) -> str:
@@ -110,6 +115,21 @@ def _nothing(found: Diagnosis) -> str:
     return (
         f"{text} The strongest effect is {name}: {p_equation(first.p_value)}, gain "
         f"{fixed(first.gain_percent, 1, ' %')}."
+    )
+
+
+def _peaks_of_families(found: Diagnosis) -> Iterator[str]:
+    """Where the families have the peak that predict about as well, if that is not one place."""
+    best = min((one.held_out_score for one in found.families), default=0.0)
+    good = [one for one in found.families if one.held_out_score <= (1.0 + ABOUT_AS_GOOD) * best]
+    slips = [one.lambda_m for one in good if one.lambda_m is not None]
+    if len(slips) < 2 or max(slips) <= APART * min(slips):
+        return
+    heights = [one.mu_max for one in good]
+    yield (
+        f"The peak depends on the form of the curve: {', '.join(one.title for one in good)} "
+        f"predict about as well, with μ_max from {min(heights):.4f} to {max(heights):.4f} at slips "
+        f"from {min(slips):.4f} to {max(slips):.4f}. `identify --curve all` weighs them."
     )
 
 

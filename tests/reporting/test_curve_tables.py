@@ -1,5 +1,6 @@
 """What the comparison of curve families says in a terminal."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -69,3 +70,16 @@ def test_an_unknown_family_ends_with_status_2(realdata, capsys):
         main(["identify", str(realdata / "eurosprinter_points.csv"), "--curve", "kalker"])
     assert stop.value.code == 2
     assert "choose from" in capsys.readouterr().err
+
+
+def test_a_diagnosis_of_few_points_says_where_each_family_has_the_peak(realdata, capsys, tmp_path):
+    answer = tmp_path / "answer.json"
+    points = str(realdata / "eurosprinter_points.csv")
+    assert main(["diagnose", points, "--json", str(answer)]) == 0
+    lines = capsys.readouterr().out
+    assert "The peak depends on the form of the curve: Burckhardt, Polach, free curve" in lines
+    assert "at slips from 0.018" in lines
+    # No standard deviation of a form that the others contradict.
+    base = json.loads(answer.read_text())["base"]
+    assert base["lambda_m"]["std"] is None
+    assert not base["identifiable"]["lambda_m"]

@@ -50,9 +50,10 @@ class DoubtingTracker:
     ) -> None:
         self._tracker = tracker
         self._limits = limits or IdentifiabilitySettings()
+        self._settings = settings = settings or DoubtSettings()
         self._monitor = DoubtMonitor(
             axles,
-            settings or DoubtSettings(),
+            settings,
             instruments or InstrumentUncertainty(),
             self._limits.slip_max,
         )
@@ -138,6 +139,9 @@ class DoubtingTracker:
         """Estimate with the standard deviations that the latest assessment leaves it."""
         assessment, limits = self._monitor.assessment, self._limits
         mu_share, lambda_share = further_std(assessment, estimate)
+        if assessment.plain is None:
+            # Samples near the peak tell its height, whatever the shape, but not its place.
+            lambda_share = self._settings.first_lambda_m_std
         # What the full model explains, its distance from the estimate stands for.
         remaining = assessment.remaining
         inflation = remaining.beyond_chance

@@ -16,6 +16,8 @@ class DoubtSettings:
             square over the drive). Larger: smaller errors of the model are left without a doubt.
         shape_std: Plausible deviation of a rail's curve from Burckhardt's form, as a share of the
             largest adhesion. It is part of the standard deviations until the data exclude it.
+        first_lambda_m_std: Relative standard deviation of λ_m by the shape before the first
+            comparison, 1. λ_m of Burckhardt curves fitted to computed contacts is 6 to 30 % off.
 
     """
 
@@ -23,12 +25,13 @@ class DoubtSettings:
     false_alarm: float = 1e-6
     least_size: float = 0.003
     shape_std: float = 0.03
+    first_lambda_m_std: float = 0.2
 
     def __post_init__(self) -> None:
         if not 0 < self.false_alarm < 1:
             raise ValueError("false_alarm must be a probability above 0")
-        if not min(self.least_size, self.shape_std) >= 0:
-            raise ValueError("least_size and shape_std must not be negative")
+        if not min(self.least_size, self.shape_std, self.first_lambda_m_std) >= 0:
+            raise ValueError("least_size and standard deviations must not be negative")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -120,6 +120,20 @@ def test_a_shape_of_its_own_is_part_of_the_standard_deviation_of_few_data() -> N
     assert stiff.lambda_m_std < free.lambda_m_std < inf
 
 
+def test_until_the_first_comparison_the_place_of_the_peak_is_as_uncertain_as_its_shape() -> None:
+    estimates = run(doubting(), make_samples(np.random.default_rng(4), 30.0))
+    first = [e for e in estimates if e.doubt is Doubt.NOT_AVAILABLE and e.mu_max_std < inf]
+    shape = DoubtSettings().first_lambda_m_std
+    assert len(first) >= 5
+    assert all(e.lambda_m_std >= shape * e.lambda_m for e in first)
+    # The drive need not wait for it where samples tell the rest.
+    assert any(e.identifiable.both for e in first)
+    assert estimates[-1].lambda_m_std < 0.25 * shape * estimates[-1].lambda_m
+    switched_off = DoubtSettings(first_lambda_m_std=0.0)
+    sure = run(doubting(settings=switched_off), make_samples(np.random.default_rng(4), 3.0))
+    assert sure[-1].lambda_m_std < 0.5 * shape * sure[-1].lambda_m
+
+
 def test_the_same_samples_give_the_same_bytes() -> None:
     samples = make_samples(np.random.default_rng(3), 20.0, speed_scale=0.01)
     one, other = run(doubting(), samples)[-1], run(doubting(), samples)[-1]
