@@ -220,6 +220,10 @@ class Configuration:
         if self.model is not None:
             # The model corrects what the instruments are wrong by.
             settings = replace(settings, instruments=EXACT)
+            if self.model.curve is not None:
+                # The shape was measured, too; what the data contradict is doubted all the same.
+                measured = replace(settings.doubt, shape_std=0.0, first_lambda_m_std=0.0)
+                settings = replace(settings, doubt=measured)
         estimator = (
             make_default(settings, self.vehicle.axles) if make is make_default else make(settings)
         )

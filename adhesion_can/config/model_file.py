@@ -1,7 +1,7 @@
 """The file of an extended model, `model.toml`: written and read without losing a digit.
 
 [base]                      # c1, c2, c3; covariance
-[curve]                     # family, covariance, where the base curve is not Burckhardt's
+[curve]                     # family, covariance, peak_std, where the base curve is not Burckhardt's
 [curve.parameters]          # its numbers by name
 [[effect]]                  # id, form, covariance; its numbers by name below
 [effect.parameters]
@@ -30,7 +30,7 @@ from adhesion_can.physics.effects import ActiveEffect, Effect, Parameter, known_
 from adhesion_can.physics.effects.empirical import Empirical
 
 _KEYS = ("base", "curve", "effect", "spline", "provenance")
-_CURVE_KEYS = ("family", "parameters", "covariance")
+_CURVE_KEYS = ("family", "parameters", "covariance", "peak_std")
 _EFFECT_KEYS = ("id", "form", "parameters", "covariance")
 _MATRIX = tuple[tuple[float, ...], ...]
 
@@ -133,7 +133,15 @@ def _curve(value: object, where: str) -> BaseCurve:
         )
     values = _values(table, FAMILIES[name].parameters, f"{where}.parameters")
     covariance = _covariance(table, len(values), f"{where}.covariance")
-    return BaseCurve(FAMILIES[name], values, covariance)
+    return BaseCurve(FAMILIES[name], values, covariance, _peak_std(table, f"{where}.peak_std"))
+
+
+def _peak_std(table: dict[str, Any], where: str) -> tuple[float, float]:
+    """Relative standard deviations of μ_max and λ_m by the form; 0 where they are left out."""
+    match table.get("peak_std", [0.0, 0.0]):
+        case [int() | float() as mu_max, int() | float() as lambda_m]:
+            return float(mu_max), float(lambda_m)
+    raise ConfigError(where, "not two numbers", "write [of mu_max, of lambda_m], relative")
 
 
 def _values(
@@ -245,8 +253,11 @@ def _curve_lines(curve: BaseCurve | None) -> list[str]:
     if curve is None:
         return []
     family = curve.family
-    lines = ["", "[curve]", f"# {family.title}; c1, c2, c3 above are those of the nearest curve"]
-    lines += [f"family = {_text(family.name)}", *_matrix(curve.covariance), "[curve.parameters]"]
+    lines = ["", "[curve]", f"# {family.title}; c1, c2, c3 above: a Burckhardt curve beside it"]
+    lines += [f"family = {_text(family.name)}", *_matrix(curve.covariance)]
+    if any(curve.peak_std):
+        lines.append(f"peak_std = {_list(curve.peak_std)}  # of mu_max and lambda_m by the form")
+    lines.append("[curve.parameters]")
     return lines + [
         f"{p.name} = {_number(value)}  # {p.unit}; {p.meaning}"
         for p, value in zip(family.parameters, curve.values, strict=True)

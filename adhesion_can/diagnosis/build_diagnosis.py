@@ -17,7 +17,7 @@ from adhesion_can.diagnosis.extended_model import (
 from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import ConfirmedFindings
 from adhesion_can.diagnosis.inference.findings import Findings
-from adhesion_can.diagnosis.peak_spread import fit_other_forms
+from adhesion_can.diagnosis.peak_spread import compare_peaks, fit_other_forms
 from adhesion_can.diagnosis.plot_data import (
     build_curve_data,
     build_profile,
@@ -93,6 +93,7 @@ def build_diagnosis(
     surfaces, longest, (drive_number, surface) = estimate_segments(
         data, found.change_times, extended.model, extended.segment_fits
     )
+    conditions = find_conditions(data, surface)
     if confirmed.shape is not None and longest is not None:
         cause = build_shape_cause(confirmed.shape, extended.fitted, surface, longest)
         causes = (cause, *causes)
@@ -122,7 +123,8 @@ def build_diagnosis(
             extended.fitted,
             surface,
             extended.spline,
-            find_conditions(data, surface),
+            conditions,
+            compare_peaks(extended.model, extended.segment_fits.other_forms, surface, conditions),
         ),
         profile=profile,
         simulation_plots=tuple(simulation_plots),

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
-from adhesion_can.diagnosis.peak_spread import NO_SPREAD, compare_peaks
+from adhesion_can.diagnosis.peak_spread import NO_SPREAD, PeakSpread, compare_peaks
 from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.model import (
     Evaluation,
@@ -24,13 +24,18 @@ from adhesion_can.diagnosis.shape_result import estimate_fitted_curve, find_cond
 from adhesion_can.estimation.batch_fit import fit as fit_curve
 from adhesion_can.estimation.extended.model import BaseCurve, ExtendedModel, Matrix
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.channels import model_channel
-from adhesion_can.physics.curves import Conditions
+from adhesion_can.physics.curves import Conditions, CurveFamily
+from adhesion_can.physics.curves.burckhardt import curve_with_peak
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
+REFERENCE_EXPONENT = 5.5
+"""c2·λ_m of the Burckhardt curve to which a curve of another family is related: with 3 its fall is
+not to be told from the factor's, with 7 its rise is too steep for the errors of the slips."""
 LEAST_ROWS, MOST_ROWS = 10, 20_000
 """Rows without which a segment gets no curve, and to which it is thinned."""
 LEAST_FACTOR = 0.05
@@ -181,6 +186,7 @@ def build_extended_model(
     surface: int,
     spline: Empirical | None,
     conditions: Conditions,
+    spread: PeakSpread = NO_SPREAD,
 ) -> ExtendedModel | None:
     """Build the model as a file has it; None where the data give no curve with a peak.
 
@@ -189,7 +195,8 @@ def build_extended_model(
         fitted: Fit of curves and effects, with their covariance.
         surface: Number of the surface whose curve becomes the base curve.
         spline: Spline of an unexplained channel; None where there is none.
-        conditions: Speed and load at which the nearest Burckhardt curve is fitted.
+        conditions: Speed and load at which the Burckhardt curve is related to the base curve.
+        spread: Differences of the peak to that of another form of the base curve.
 
     """
     curves, model = extended.curves, fitted.model
@@ -201,8 +208,8 @@ def build_extended_model(
     if curves.family is BURCKHARDT:
         c1, c2, c3 = values
     else:
-        curve = BaseCurve(curves.family, values, covariance)
-        c1, c2, c3 = find_nearest_burckhardt(curves.family, np.array(values), conditions)
+        curve = BaseCurve(curves.family, values, covariance, (spread.mu_max, spread.lambda_m))
+        c1, c2, c3 = _find_reference(curves.family, np.array(values), conditions)
         covariance = None
     if not (c1 > 0 and c3 >= 0 and c1 * c2 > c3):
         return None
@@ -216,6 +223,18 @@ def build_extended_model(
         splines=() if spline is None else (spline,),
         curve=curve,
     )
+
+
+def _find_reference(family: CurveFamily, values: Array, conditions: Conditions) -> CurveParameters:
+    """(c1, c2, c3) of the Burckhardt curve that a curve of another family is a factor of.
+
+    It has the same peak where there is one. So what is left of a drive without the factor has its
+    peak where it was driven, and an estimator of Burckhardt's curve finds it there.
+    """
+    top = family.peak(values, conditions, IdentifiabilitySettings().slip_max)
+    if bool(top.interior):
+        return curve_with_peak(float(top.mu_max), float(top.lambda_m), REFERENCE_EXPONENT)
+    return find_nearest_burckhardt(family, values, conditions)
 
 
 def _effect_covariances(fitted: FittedModel) -> tuple[Matrix | None, ...]:

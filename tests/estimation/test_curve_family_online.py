@@ -1,8 +1,11 @@
 """A base curve of another family online: setpoints on a contact that is not Burckhardt's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from adhesion_can.config import load_configuration
 from adhesion_can.config.model_file import model_text, read_model, write_model
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.extended.estimator import ExtendedEstimator
@@ -64,6 +67,30 @@ def test_the_peak_of_polachs_contact_is_found_with_its_model(seed):
     assert found.lambda_m == pytest.approx(lambda_m, rel=0.08)
 
 
+def test_what_the_form_may_be_wrong_by_is_part_of_the_standard_deviations():
+    curve = BaseCurve(MODEL.curve.family, MODEL.curve.values, peak_std=(0.005, 0.04))
+    vague = ExtendedModel(base=MODEL.base, curve=curve)
+    found, sure = (
+        run(ExtendedEstimator(Tracker(), model, AXLES), 1, 20.0)[0] for model in (vague, MODEL)
+    )
+    for name, std in (("mu_max", 0.005), ("lambda_m", 0.04)):
+        value = getattr(found, name)
+        assert value == getattr(sure, name)
+        expected = np.hypot(getattr(sure, f"{name}_std"), std * value)
+        assert getattr(found, f"{name}_std") == pytest.approx(expected)
+
+
+def test_the_prior_of_the_shape_is_not_counted_beside_a_measured_one():
+    config = load_configuration()
+    estimators = [
+        replace(config, model=model).make_estimator()
+        for model in (replace(MODEL, curve=None), MODEL)
+    ]
+    plain, shaped = (run(one, 1, 2.0)[0] for one in estimators)
+    assert plain.lambda_m_std > 0.2 * plain.lambda_m
+    assert shaped.lambda_m_std < 0.2 * shaped.lambda_m
+
+
 def test_without_the_model_the_peak_is_elsewhere():
     found, _, lambda_m = run(Tracker(), 1)
     assert abs(found.lambda_m / lambda_m - 1.0) > 0.1
@@ -72,7 +99,7 @@ def test_without_the_model_the_peak_is_elsewhere():
 def test_the_file_holds_the_curve(tmp_path):
     path = tmp_path / "model.toml"
     covariance = tuple(tuple(1e-4 * float(i == j) for j in range(5)) for i in range(5))
-    curve = BaseCurve(MODEL.curve.family, MODEL.curve.values, covariance)
+    curve = BaseCurve(MODEL.curve.family, MODEL.curve.values, covariance, (0.005, 0.04))
     model = ExtendedModel(base=MODEL.base, curve=curve)
     write_model(model, path)
     assert read_model(path) == model
@@ -86,6 +113,9 @@ def test_the_file_holds_the_curve(tmp_path):
         ("mu0 = 0.42", "mu0 = 42.0", "mu0 = 42 is not within"),
         ("mu0 = 0.42", "mu1 = 0.42", "parameters.mu0: missing"),
         ("[curve]", "[curve]\nspeed = 3.0", "speed"),
+        ("[curve]", "[curve]\npeak_std = 0.1", "peak_std: not two numbers"),
+        ("[curve]", '[curve]\npeak_std = [0.1, "wide"]', "peak_std: not two numbers"),
+        ("[curve]", "[curve]\npeak_std = [0.1, -0.1]", "finite and not negative"),
     ],
 )
 def test_a_wrong_curve_is_refused(tmp_path, old, new, complaint):

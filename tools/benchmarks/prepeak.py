@@ -67,6 +67,7 @@ def summarise(found, largest_std):
     covered = np.abs(error) <= NINETY_FIVE * std
     return {
         "rmse": float(np.sqrt(np.mean(error**2))),
+        "stated": float(np.sqrt(np.mean(std**2))),
         "bias": float(error.mean()),
         "local_bound": float(np.sqrt(np.mean(local))),
         "coverage": float(covered.mean()),
@@ -101,8 +102,8 @@ def measure(report, options):
         local = own["local_bound"]
         report.write(
             f"used {used:.0%}: RMSE {100 * own['rmse']:.2f}, bias {100 * own['bias']:+.2f}; bound "
-            f"of van Trees {100 * least:.2f}, local {100 * local:.2f}; LOW_EXCITATION "
-            f"{own['low_excitation']:.0%}"
+            f"of van Trees {100 * least:.2f}, local {100 * local:.2f}; standard deviation of the "
+            f"posterior {100 * own['stated']:.2f}; LOW_EXCITATION {own['low_excitation']:.0%}"
         )
         what = f"used {used:.0%}: RMSE over the local bound"
         report.at_most(what, own["rmse"] / local, LARGEST_RATIO, ".2f")

@@ -88,17 +88,20 @@ class DoubtingTracker:
             return widened
         pooled, theta = self._pooled(comparison, self._conditions)
         limits = self._limits
+        mu_share, lambda_share = self._monitor.assessment.instrument_std
         # The level that comes next scatters about the mean one.
-        mu_std = hypot(pooled.mu_max_std, self._monitor.level_std * pooled.mu_max)
+        mu_share = hypot(mu_share, self._monitor.level_std)
+        mu_std = hypot(pooled.mu_max_std, mu_share * pooled.mu_max)
+        lambda_std = hypot(pooled.lambda_m_std, lambda_share * pooled.lambda_m)
         known = (
             mu_std <= limits.mu_max_std * pooled.mu_max
-            and pooled.lambda_m_std <= limits.lambda_m_std * pooled.lambda_m
-            and pooled.lambda_m + pooled.lambda_m_std <= self._monitor.reached
+            and lambda_std <= limits.lambda_m_std * pooled.lambda_m
+            and pooled.lambda_m + lambda_std <= self._monitor.reached
         )
         if not known:
             return widened
         # The curve's numbers are as uncertain as its peak.
-        level, place = mu_std / pooled.mu_max, pooled.lambda_m_std / pooled.lambda_m
+        level, place = mu_std / pooled.mu_max, lambda_std / pooled.lambda_m
         stds = np.array(theta) * (level, place, hypot(level, place))
         by_mu, by_lambda = pooled.mu_max / estimate.mu_max, pooled.lambda_m / estimate.lambda_m
         return replace(
@@ -110,10 +113,10 @@ class DoubtingTracker:
             mu_max=pooled.mu_max,
             mu_max_std=mu_std,
             lambda_m=pooled.lambda_m,
-            lambda_m_std=pooled.lambda_m_std,
+            lambda_m_std=lambda_std,
             identifiable=Identifiable(mu_max=True, lambda_m=True),
             mu_max_interval=_interval(pooled.mu_max, mu_std),
-            lambda_m_interval=_interval(pooled.lambda_m, pooled.lambda_m_std),
+            lambda_m_interval=_interval(pooled.lambda_m, lambda_std),
             per_axle={
                 axle: (mu_max * by_mu, lambda_m * by_lambda)
                 for axle, (mu_max, lambda_m) in estimate.per_axle.items()

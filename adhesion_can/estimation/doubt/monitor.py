@@ -7,7 +7,7 @@ Block by block of the drive:
 
 from collections import deque
 from dataclasses import dataclass
-from math import ceil, inf, sqrt
+from math import ceil, hypot, inf, sqrt
 
 import numpy as np
 
@@ -84,6 +84,8 @@ class Assessment:
         full: Peak with the selected directions and the instruments' errors.
         families: Curve families weighed against each other; None while there is no reason to doubt
             Burckhardt's, or too little is known.
+        instrument_std: Standard deviations of μ_max and λ_m by what the instruments may be wrong
+            by and the data have not excluded, as shares of them.
 
     """
 
@@ -94,6 +96,7 @@ class Assessment:
     plain: PeakEstimate | None = None
     full: PeakEstimate | None = None
     families: FamilyComparison | None = None
+    instrument_std: tuple[float, float] = (0.0, 0.0)
 
 
 UNKNOWN = Assessment(Doubt.NONE, (), NONE, NONE)
@@ -126,9 +129,10 @@ class DoubtMonitor:
             EFFORT_BIAS: instruments.effort_bias_std / BIAS_UNIT,
         }
         # What may be wrong before the data show it, by coefficient.
-        self._prior_std = {
+        self._instruments = {
             CURVE + names.index(name): std for name, std in stds.items() if std > 0.0
         }
+        self._prior_std = dict(self._instruments)
         if settings.shape_std > 0.0:
             self._prior_std |= dict.fromkeys(range(TANGENTS, CURVE), settings.shape_std)
         self._rows = RowBuilder(self._directions, axles)
@@ -235,14 +239,30 @@ class DoubtMonitor:
         left = estimate_lasting_errors(reduced, reduced.current, spread) or lasting
         full = self._fit_all(reduced, selection, left.inflation)
         reached = max(self.reached, curve.lambda_m)
+
+        def peak(fit: JointFit) -> PeakEstimate:
+            return compute_joint_peak(fit, curve, self._directions, present, reached)
+
+        plain_peak, families = peak(plain), self._compare_families(selection, lasting, curve)
+        known, instrument_std = self._instruments, (0.0, 0.0)
+        if families is not None and known:
+            wrong = fit_jointly(
+                reduced,
+                (*range(TANGENTS), *known),
+                self._directions,
+                inflation=lasting.inflation,
+                prior_std=known,
+            )
+            instrument_std = _further_shares(plain_peak, peak(wrong))
         self.assessment = Assessment(
             selection.doubt,
             selection.names,
             lasting,
             left,
-            compute_joint_peak(plain, curve, self._directions, present, reached),
-            compute_joint_peak(full, curve, self._directions, present, reached),
-            self._compare_families(selection, lasting, curve),
+            plain_peak,
+            peak(full),
+            families,
+            instrument_std,
         )
 
     def _compare_families(
@@ -322,12 +342,15 @@ def further_std(assessment: Assessment, estimate: Estimate) -> tuple[float, floa
             sqrt((full.lambda_m - estimate.lambda_m) ** 2 + full.lambda_m_std**2)
             / estimate.lambda_m,
         )
+    far_mu = (full.mu_max - plain.mu_max) / plain.mu_max
+    far_lambda = (full.lambda_m - plain.lambda_m) / plain.lambda_m
+    mu_share, lambda_share = _further_shares(plain, full)
+    return hypot(far_mu, mu_share), hypot(far_lambda, lambda_share)
+
+
+def _further_shares(plain: PeakEstimate, other: PeakEstimate) -> tuple[float, float]:
+    """What another fit is less certain of μ_max and λ_m, as shares of the plain one's."""
     return (
-        _added(plain.mu_max, full.mu_max, plain.mu_max_std, full.mu_max_std),
-        _added(plain.lambda_m, full.lambda_m, plain.lambda_m_std, full.lambda_m_std),
+        sqrt(max(other.mu_max_std**2 - plain.mu_max_std**2, 0.0)) / plain.mu_max,
+        sqrt(max(other.lambda_m_std**2 - plain.lambda_m_std**2, 0.0)) / plain.lambda_m,
     )
-
-
-def _added(plain: float, full: float, plain_std: float, full_std: float) -> float:
-    """Distance of two estimates, and what the second is less certain, as a share of the first."""
-    return sqrt((full - plain) ** 2 + max(full_std**2 - plain_std**2, 0.0)) / plain

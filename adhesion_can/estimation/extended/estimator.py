@@ -76,6 +76,7 @@ class ExtendedEstimator:
         ]
         self._axles = axles
         self._shape_place = None if model.curve is None else float(peak(*model.base).lambda_m)
+        self._form_std = (0.0, 0.0) if model.curve is None else model.curve.peak_std
         self._scaled = False
         self._signals = _SteppedSignals()
         self._lags = LatestLagStates()
@@ -143,7 +144,7 @@ class ExtendedEstimator:
         if self._uncertainty.is_due(fresh):
             sensitivities = self._sensitivities(base, conditions, lags, peaks)
             self._uncertainty.update(sensitivities, base.samples)
-        mu_std, lambda_std = self._uncertainty.stds
+        mu_std, lambda_std = map(hypot, self._uncertainty.stds, self._form_std)
         estimate = scale_estimate(base, peaks, mu_std, lambda_std, self._settings)
         if self._is_shape_known(base.lambda_m):
             return estimate

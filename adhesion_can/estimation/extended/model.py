@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import isfinite
+from math import inf, isfinite
 from types import MappingProxyType
 from typing import Any
 
@@ -31,12 +31,15 @@ class BaseCurve:
         family: Family of the curve.
         values: Values of the family's parameters.
         covariance: Covariance of the values, shape (k, k); None where it is not known.
+        peak_std: Relative standard deviations of μ_max and λ_m by the form itself: the difference
+            to another form that fits the same data about as well; 0: not known.
 
     """
 
     family: CurveFamily
     values: tuple[float, ...]
     covariance: Matrix | None = None
+    peak_std: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +75,8 @@ class ExtendedModel:
         if not (all(map(isfinite, self.base)) and c3 >= 0 and c1 * c2 > c3 and min(c1, c2) > 0):
             raise ValueError("c1 and c2 must be positive, c3 not negative and below c1 c2")
         require_covariance(self.base_covariance, 3)
+        if self.curve is not None and not all(0.0 <= std < inf for std in self.curve.peak_std):
+            raise ValueError("peak_std must be finite and not negative")
         if not self.covariances:
             object.__setattr__(self, "covariances", (None,) * len(self.effects))
         if len(self.covariances) != len(self.effects):
