@@ -244,16 +244,10 @@ class DoubtMonitor:
             return compute_joint_peak(fit, curve, self._directions, present, reached)
 
         plain_peak, families = peak(plain), self._compare_families(selection, lasting, curve)
-        known, instrument_std = self._instruments, (0.0, 0.0)
-        if families is not None and known:
-            wrong = fit_jointly(
-                reduced,
-                (*range(TANGENTS), *known),
-                self._directions,
-                inflation=lasting.inflation,
-                prior_std=known,
-            )
-            instrument_std = _further_shares(plain_peak, peak(wrong))
+        instrument_std = (0.0, 0.0)
+        if families is not None:
+            known = self._fit_instruments(reduced, lasting.inflation)
+            instrument_std = _further_shares(plain_peak, peak(known))
         self.assessment = Assessment(
             selection.doubt,
             selection.names,
@@ -313,6 +307,14 @@ class DoubtMonitor:
             return before
         reduced = series.reduced(fit_blocks(series.blocks[:known], curve.theta))
         return estimate_lasting_errors(reduced, known) or before
+
+    def _fit_instruments(self, reduced: ReducedBlocks, inflation: float) -> JointFit:
+        """Fit of the curve and of what the instruments may be wrong by, nothing else."""
+        chosen = (*range(TANGENTS), *self._instruments)
+        prior_std = self._instruments
+        return fit_jointly(
+            reduced, chosen, self._directions, inflation=inflation, prior_std=prior_std
+        )
 
     def _fit_all(self, reduced: ReducedBlocks, selection: Selection, inflation: float) -> JointFit:
         """Fit of the selected coefficients, and of what may be wrong before the data show it."""

@@ -264,8 +264,8 @@ def _assemble(moments: _Moments, private: float, sums: Array) -> None:
     """
     ones, slips, adhesions, decays, squares, kappa = moments
     group, turning = slice(4, 4 + len(kappa)), slice(4 + len(kappa), None)
-    group_f1, group_h = ones[group, None] - decays[group], slips[group]
-    group_z = kappa * adhesions[group]
+    group_decay, group_h, group_z = decays[group], slips[group], kappa * adhesions[group]
+    bent: Array | float = 0.0
     (we, whe, wze, owne), (wee, ownee) = decays[:4], squares
     if private > 0.0:
         # e^(−c2 λ) has the expectation e^(−c2 λ) / shrink. Curves that bend within the error itself
@@ -274,13 +274,14 @@ def _assemble(moments: _Moments, private: float, sums: Array) -> None:
         corrected = private / (1.0 + (private / TOO_WIDE) * _C2_SQUARES)
         shrink = np.exp(-0.5 * corrected * _C2_SQUARES)
         square = shrink * shrink
-        group_f1 = ones[group, None] - shrink * decays[group]
+        group_decay = shrink * group_decay
         if len(ones) > turning.start:
-            group_f1 += decays[turning] * (shrink * C2_NODES)
+            bent = decays[turning] * (shrink * C2_NODES)
             group_h = group_h + ones[turning]
         we, whe, wze, wee = shrink * we, shrink * whe, shrink * wze, square * wee
         wee = wee + (square * (square - 1.0)) * ownee
         whe = whe + (corrected * C2_NODES * shrink) * owne
+    group_f1 = ones[group, None] - group_decay + bent
     sums[A] = ones[0] - 2.0 * we + wee - kappa @ (group_f1 * group_f1)
     sums[B] = whe - slips[0] + (kappa * group_h) @ group_f1
     sums[C] = adhesions[0] - wze - group_z @ group_f1
