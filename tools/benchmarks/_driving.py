@@ -63,7 +63,7 @@ class Listener:
 
 
 def driven(task):
-    """What the service says in one drive, and its tracker alone where the noise is as configured."""
+    """What the service says in a drive, and its tracker alone where the noise is as configured."""
     seed, rough = task
     rng = np.random.default_rng(seed)
     factor = float(np.exp(rng.uniform(*np.log(NOISE)))) if rough else 1.0
