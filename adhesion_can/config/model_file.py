@@ -26,7 +26,13 @@ from adhesion_can.estimation.extended.model import (
 )
 from adhesion_can.files import whole_file
 from adhesion_can.physics.curves import FAMILIES
-from adhesion_can.physics.effects import ActiveEffect, Effect, Parameter, known_effects
+from adhesion_can.physics.effects import (
+    ActiveEffect,
+    Effect,
+    Parameter,
+    forms_of_effect,
+    known_effects,
+)
 from adhesion_can.physics.effects.empirical import Empirical
 
 _KEYS = ("base", "curve", "effect", "spline", "provenance")
@@ -181,7 +187,7 @@ def _definition(table: dict[str, Any], where: str) -> Effect:
         raise ConfigError(f"{where}.id", "missing", "write the id of the effect")
     name = typed(table["id"], str, f"{where}.id")
     form = typed(table.get("form", ""), str, f"{where}.form")
-    forms = [effect for effect in known_effects() if effect.id == name]
+    forms = forms_of_effect(name)
     if not forms:
         known = ", ".join(dict.fromkeys(effect.id for effect in known_effects()))
         raise ConfigError(f"{where}.id", f"no effect {name!r}", f"known: {known}")

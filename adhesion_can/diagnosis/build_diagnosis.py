@@ -236,9 +236,9 @@ def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> C
     std = iter(np.sqrt(final.covariance.diagonal())[first : first + candidate.size])
     numbers = iter(final.model.values[place])
     values = tuple(
-        ParameterValue(p.name, float(candidate.axle), None, p.unit, p.meaning)
-        if p.axle
-        else ParameterValue(p.name, next(numbers), float(next(std)), p.unit, p.meaning)
+        ParameterValue(p.name, next(numbers), float(next(std)), p.unit, p.meaning)
+        if p.free
+        else ParameterValue(p.name, candidate.known_value(p), None, p.unit, p.meaning)
         for p in effect.parameters
     )
     return Cause(

@@ -238,14 +238,14 @@ def _find_reference(family: CurveFamily, values: Array, conditions: Conditions) 
 
 
 def _effect_covariances(fitted: FittedModel) -> tuple[Matrix | None, ...]:
-    """Covariance of each effect's parameters, 0 for the number of an axle."""
+    """Covariance of each effect's parameters, 0 for those that are not estimated."""
     covariances: list[Matrix | None] = []
     first = fitted.model.curves.values.size
     for candidate in fitted.model.candidates:
         own = slice(first, first + candidate.size)
         first += candidate.size
         full = np.zeros((len(candidate.effect.parameters),) * 2)
-        free = [i for i, p in enumerate(candidate.effect.parameters) if not p.axle]
+        free = [i for i, p in enumerate(candidate.effect.parameters) if p.free]
         full[np.ix_(free, free)] = fitted.covariance[own, own]
         covariances.append(_to_matrix(full))
     return tuple(covariances)

@@ -1,10 +1,12 @@
 """Numbers, units and names as text for sentences and tables."""
 
+from collections.abc import Iterable
 from math import floor, isfinite, log10
 
 import numpy as np
 
-from adhesion_can.physics.effects import known_effects
+from adhesion_can.diagnosis.result import ParameterValue
+from adhesion_can.physics.effects import forms_of_effect
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE, CURVE_SHAPE_TITLE
 
 LEAST_P = 1e-3
@@ -20,7 +22,7 @@ def title(effect: str) -> str:
     """Title of an effect, a clause; the id of an effect that is not known."""
     if effect == CURVE_SHAPE:
         return CURVE_SHAPE_TITLE
-    return next((known.title for known in known_effects() if known.id == effect), effect)
+    return next((known.title for known in forms_of_effect(effect)), effect)
 
 
 def unit_text(unit: str) -> str:
@@ -28,6 +30,18 @@ def unit_text(unit: str) -> str:
     return (
         "" if unit == "1" else unit.replace("degC", "°C").replace("^2", "²").replace("kg m", "kg·m")
     )
+
+
+def sizes(values: Iterable[ParameterValue]) -> str:
+    """Parameters of an effect by name."""
+    return ", ".join(f"{v.name} {value_text(v)}" for v in values)
+
+
+def value_text(value: ParameterValue) -> str:
+    """A parameter's value with its unit, and its standard deviation where it is estimated."""
+    if value.std is None:
+        return f"{value.value:.4g} {unit_text(value.unit)}".strip()
+    return measured(value.value, value.std, value.unit)
 
 
 def measured(value: float, std: float | None, unit: str) -> str:

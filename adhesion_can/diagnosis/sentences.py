@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from adhesion_can.diagnosis.formatting import measured, short, unit_text
+from adhesion_can.diagnosis.formatting import measured, short, sizes, unit_text
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.regression.channel_splines import Channel
@@ -49,8 +49,7 @@ def cause_sentence(cause: Cause) -> str:
     """An effect with its size."""
     if cause.effect == CURVE_SHAPE:
         return _shape_sentence(cause)
-    sizes = ", ".join(f"{v.name} {measured(v.value, v.std, v.unit)}" for v in cause.parameters)
-    return f"{cause.title[0].upper()}{cause.title[1:]} ({sizes})."
+    return f"{cause.title[0].upper()}{cause.title[1:]} ({sizes(cause.parameters)})."
 
 
 def _shape_sentence(cause: Cause) -> str:

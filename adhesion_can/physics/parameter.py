@@ -15,6 +15,7 @@ class Parameter:
         upper: Largest value that makes sense.
         meaning: Meaning in one line.
         axle: Whether the value is the number of an axle; the diagnosis tries each axle.
+        given: Whether `typical` is the value in a diagnosis, which does not estimate it.
 
     """
 
@@ -25,3 +26,9 @@ class Parameter:
     upper: float
     meaning: str
     axle: bool = False
+    given: bool = False
+
+    @property
+    def free(self) -> bool:
+        """Whether a diagnosis estimates the value."""
+        return not (self.axle or self.given)

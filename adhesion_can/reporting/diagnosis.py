@@ -9,12 +9,13 @@ from adhesion_can.diagnosis.formatting import (
     LEAST_P,
     effect_name,
     fixed,
-    measured,
     p_equation,
     p_text,
     short,
+    sizes,
     title,
     unit_text,
+    value_text,
 )
 from adhesion_can.diagnosis.result import (
     Cause,
@@ -23,7 +24,6 @@ from adhesion_can.diagnosis.result import (
     Evidence,
     FamilyResult,
     Gain,
-    ParameterValue,
     Verdict,
 )
 from adhesion_can.physics.channels import channel_label
@@ -75,9 +75,10 @@ def _verdict(found: Diagnosis) -> Iterator[str]:
 
 
 def _cause_sentence(cause: Cause) -> str:
-    numbers = ", ".join(f"{v.name} {_measured(v)}" for v in cause.parameters)
     name = effect_name(cause.effect, cause.form)
-    sentence = f"{cause.title} ({name}: {numbers}). {p_value_sentence(cause.p_value)}"
+    sentence = (
+        f"{cause.title} ({name}: {sizes(cause.parameters)}). {p_value_sentence(cause.p_value)}"
+    )
     return f"{sentence} {_rivals(cause)}".strip()
 
 
@@ -181,7 +182,7 @@ def gain_sentence(gain: Gain, found: Diagnosis) -> str:
 def cause_rows(causes: Sequence[Cause]) -> list[tuple[str, ...]]:
     """Cells of a table of causes: effect, parameter, value, meaning; one row a parameter."""
     return [
-        (effect_name(c.effect, c.form), v.name, _measured(v), v.meaning)
+        (effect_name(c.effect, c.form), v.name, value_text(v), v.meaning)
         for c in causes
         for v in c.parameters
     ]
@@ -257,7 +258,3 @@ def terminal(found: Diagnosis) -> Iterator[str | Table]:
         )
         yield table(title_, EVIDENCE_COLUMNS, rows[:SHOWN])
     yield from (f"Not tested: {what}: {why}" for what, why in found.untested)
-
-
-def _measured(value: ParameterValue) -> str:
-    return measured(value.value, value.std, value.unit)

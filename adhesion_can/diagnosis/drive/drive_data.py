@@ -75,6 +75,7 @@ class DriveData:
         has_load: Whether the axle load is known.
         independent: Whether the rows are independent points of a sample table, in an arbitrary
             order, and no time series.
+        user_channels: Names of the covariates that the user brought: any of them may be a cause.
 
     """
 
@@ -95,6 +96,7 @@ class DriveData:
     has_speed: bool = True
     has_load: bool = True
     independent: bool = False
+    user_channels: tuple[str, ...] = ()
     _observed: "deque[tuple[Instruments, ContactObservation]]" = field(
         default_factory=lambda: deque(maxlen=KEPT), init=False, repr=False
     )

@@ -50,6 +50,7 @@ def build_drive_data_from_table(
         t_s = _monotonic_times((rows.t_us - first_us) / 1e6, parts, number)
     order = np.lexsort((t_s, number))
     rows, t_s, number = rows.select(order), t_s[order], number[order]
+    covariates = {n: c for n, c in rows.covariates.items() if np.isfinite(c).all()}
     columns = np.stack([(1.0 + rows.slip) * rows.speed, rows.speed, rows.load])
     return DriveData(
         name=name,
@@ -57,7 +58,7 @@ def build_drive_data_from_table(
         axle=number,
         place=number.astype(np.float64),
         effort=rows.adhesion * rows.load,
-        covariates={n: c for n, c in rows.covariates.items() if np.isfinite(c).all()},
+        covariates=covariates,
         radius=np.ones(int(number.max(initial=1))),
         inertia=0.0,
         position=_travelled_distance(t_s, rows.speed, number),
@@ -69,6 +70,7 @@ def build_drive_data_from_table(
         has_speed=bool(np.any(rows.speed != 1.0)),
         has_load=bool(np.any(rows.load != 1.0)),
         independent=independent,
+        user_channels=tuple(covariates),
     )
 
 

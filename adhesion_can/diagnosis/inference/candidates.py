@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.inference.channel_candidates import build_channel_candidates
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.result import Untested
 from adhesion_can.physics.channels import CHANNEL_BY_NAME
@@ -50,7 +51,8 @@ def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...]
             found += [Candidate(effect, int(axle)) for axle in axles]
         else:
             found.append(Candidate(effect))
-    return tuple(found), [Untested(what, why) for what, why in untested.items()]
+    channels, without = build_channel_candidates(drives)
+    return (*found, *channels), [*(Untested(what, why) for what, why in untested.items()), *without]
 
 
 def _missing(effect: Effect, drives: Sequence[DriveData]) -> str:

@@ -13,6 +13,7 @@ import scipy
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import evaluate_model
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, WhitenedRegression
+from adhesion_can.physics.effects.channel_factor import STEP
 
 LEVEL = 0.05
 """Significance level of a difference between two models."""
@@ -54,6 +55,15 @@ class ScoredModel:
     def drifts(self) -> bool:
         """Whether one of its effects depends on time alone."""
         return any(c.effect.observability.drift for c in self.candidates)
+
+    def admits(self, candidate: Candidate) -> bool:
+        """Whether an effect can stand beside those of the model.
+
+        Two forms of one mechanism exclude each other; two values of one channel do not.
+        """
+        same = [c for c in self.candidates if c.effect.id == candidate.effect.id]
+        steps = all(c.effect.form == STEP for c in (*same, candidate))
+        return not same or (steps and candidate not in same)
 
     def candidates_missing_from(self, larger: "ScoredModel") -> tuple[Candidate, ...]:
         """Effects that a larger model adds to this one's; () where it lacks one of them."""

@@ -239,7 +239,7 @@ def _fit_pairs(
     """Models with two effects, best first: the most promising partners of the best singles."""
     ranked: list[tuple[float, EffectProposal]] = []
     for one in singles[:PAIRED_SINGLES]:
-        others = [c for c in candidates if c.effect.id not in one.ids]
+        others = [c for c in candidates if one.admits(c)]
         own = 1.0 - one.fitted.cross_validated_square / plain_square
         ranked += [
             (own + proposal.gain * (1.0 - own), proposal)

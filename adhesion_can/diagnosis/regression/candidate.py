@@ -40,13 +40,17 @@ class Candidate:
 
     def active(self, values: Sequence[float]) -> ActiveEffect:
         """The effect with given values of its free parameters."""
-        given = iter(values)
+        free = iter(values)
         return ActiveEffect(
             self.effect,
             tuple(
-                float(self.axle) if p.axle else float(next(given)) for p in self.effect.parameters
+                float(next(free)) if p.free else self.known_value(p) for p in self.effect.parameters
             ),
         )
+
+    def known_value(self, parameter: Parameter) -> float:
+        """Value of a parameter that is not estimated."""
+        return float(self.axle) if parameter.axle else parameter.typical
 
     def lower_bound(self, parameter: Parameter) -> float:
         """Smallest value of a parameter that a difference quotient may use.
@@ -63,8 +67,8 @@ class Candidate:
 
     @property
     def free_parameters(self) -> tuple[Parameter, ...]:
-        """Parameters that are estimated: all but the axle number."""
-        return tuple(p for p in self.effect.parameters if not p.axle)
+        """Parameters that are estimated."""
+        return tuple(p for p in self.effect.parameters if p.free)
 
     @property
     def chord_sizes(self) -> tuple[float, ...]:

@@ -176,9 +176,9 @@ class ExtendedModel:
 
 
 def _identity(active: ActiveEffect) -> tuple[str, float]:
-    """Key that no two effects of a model share: the mechanism, and the axle where it has one."""
+    """Key that no two effects of a model share: the mechanism, and what is given of it."""
     pairs = zip(active.effect.parameters, active.values, strict=True)
-    return active.effect.id, sum(value for parameter, value in pairs if parameter.axle)
+    return active.effect.id, sum(value for parameter, value in pairs if not parameter.free)
 
 
 def require_values(active: ActiveEffect) -> None:

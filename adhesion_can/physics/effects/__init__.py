@@ -26,6 +26,7 @@ from adhesion_can.physics.effects.registry import (
     EFFECTS,
     effect_by_id,
     effect_position,
+    forms_of_effect,
     known_effects,
 )
 from adhesion_can.physics.parameter import Parameter
@@ -49,5 +50,6 @@ __all__ = [
     "compute_change",
     "effect_by_id",
     "effect_position",
+    "forms_of_effect",
     "known_effects",
 ]

@@ -10,6 +10,7 @@ from functools import cache
 
 from adhesion_can.physics.effects.adhesion_recovery import AdhesionRecovery
 from adhesion_can.physics.effects.base import Effect, Observability, Requirements
+from adhesion_can.physics.effects.channel_factor import LINEAR, PREFIX, STEP, ChannelFactor
 from adhesion_can.physics.effects.creep_relaxation import CreepRelaxation
 from adhesion_can.physics.effects.curve_creep import CurveCreep
 from adhesion_can.physics.effects.effort_bias import EffortBias
@@ -80,16 +81,24 @@ def known_effects() -> tuple[Effect, ...]:
 
 def effect_by_id(effect_id: str, form: str = "") -> Effect:
     """The effect of that id, in a form or in its first one; KeyError with the ids that exist."""
-    for effect in known_effects():
-        if effect.id == effect_id and form in {"", effect.form}:
+    for effect in forms_of_effect(effect_id):
+        if form in {"", effect.form}:
             return effect
     known = ", ".join(dict.fromkeys(e.id for e in known_effects()))
     raise KeyError(f"no effect {_name(effect_id, form)!r}; known: {known}")
 
 
+def forms_of_effect(effect_id: str) -> tuple[Effect, ...]:
+    """The effects of that id, first form first; () where there is none."""
+    channel = effect_id.removeprefix(PREFIX)
+    if channel and effect_id.startswith(PREFIX):
+        return ChannelFactor(channel, LINEAR), ChannelFactor(channel, STEP)
+    return tuple(effect for effect in known_effects() if effect.id == effect_id)
+
+
 def effect_position(effect: Effect) -> int:
     """Place of an effect among all effects, from 0: the order in which effects act."""
-    return _positions()[effect.id, effect.form]
+    return _positions().get((effect.id, effect.form), len(known_effects()))
 
 
 @cache
