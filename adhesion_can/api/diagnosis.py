@@ -1,11 +1,13 @@
 """Diagnosis of recordings or tables: what the simulation gets wrong, and the extended model."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from adhesion_can.api.configuration import ConfigurationLike, as_configuration
-from adhesion_can.api.inputs import RecordingLike, as_paths, describe_left_out_rows
+from adhesion_can.api.inputs import RecordingLike, as_paths, describe_table, require_plausible
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.diagnosis.diagnose import ShowProgress
 from adhesion_can.diagnosis.diagnose import diagnose as _diagnose
@@ -16,9 +18,11 @@ from adhesion_can.diagnosis.result import Diagnosis, InputFile
 from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
+from adhesion_can.offline.plausibility import Points, inspect_points, inspect_samples
 from adhesion_can.recordings.problems import describe_problems, distinct_names
-from adhesion_can.recordings.sample_table import is_table, read_table
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
+from adhesion_can.recordings.tables.choice import ColumnChoice
+from adhesion_can.recordings.tables.sample_table import is_table, read_table
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +65,7 @@ def diagnose(
 
     """
     config = as_configuration(configuration)
-    files = list_input_files(as_paths(inputs), as_paths(holdout))
+    files = list_input_files(as_paths(inputs), as_paths(holdout), config.columns)
     progress = show or _show_nothing
     return diagnose_inputs(load_inputs(files, config, progress), progress)
 
@@ -70,12 +74,17 @@ def _show_nothing(_work: str, _share: float) -> None:
     pass
 
 
-def list_input_files(inputs: Iterable[Path], holdout: Iterable[Path] = ()) -> list[InputFile]:
+def list_input_files(
+    inputs: Iterable[Path],
+    holdout: Iterable[Path] = (),
+    columns: Sequence[ColumnChoice] = (),
+) -> list[InputFile]:
     """Input files without duplicates: recordings or tables, not both.
 
     Args:
         inputs: Paths of the data that decide.
         holdout: Paths of the data for the gain alone.
+        columns: Columns that stand for known ones.
 
     Raises:
         InputError: A file is missing or given twice, or recordings and tables are mixed.
@@ -87,7 +96,7 @@ def list_input_files(inputs: Iterable[Path], holdout: Iterable[Path] = ()) -> li
         if not path.is_file():
             reason = "is a folder" if path.is_dir() else "No such file or directory"
             raise InputError(str(path), reason, "check the path")
-    tables = [path for path, _ in given if is_table(path)]
+    tables = [path for path, _ in given if is_table(path, columns)]
     if tables and len(tables) < len(given):
         raise InputError("diagnose", "recordings and tables together", "give one kind at a time")
     names = distinct_names([path for path, _ in given])
@@ -127,7 +136,7 @@ def load_inputs(
         TableError: A table cannot be read, or lacks a column.
 
     """
-    tables = is_table(input_files[0].path)
+    tables = is_table(input_files[0].path, config.columns)
     if not tables:
         config.require_identification()
     loaded = []
@@ -149,9 +158,26 @@ def _load_recording(input_file: InputFile, config: Configuration) -> LoadedInput
         config.estimators.identifiability.slip_max,
     )
     problems = describe_problems(recordings, names=[input_file.name])
+    for points in _points_of_axles(drive):
+        problems += require_plausible(str(input_file.path), inspect_points(points))
     return LoadedInput(
         input_file, drive, [*problems, *_describe_unused_frames(input_file, received)]
     )
+
+
+def _points_of_axles(drive: DriveData) -> Iterator[Points]:
+    """Rows of every axle of a recording, to be looked at before anything is fitted."""
+    observed = drive.observe()
+    for axle in np.unique(drive.axle):
+        own = drive.axle == axle
+        yield Points(
+            observed.slip[own],
+            observed.adhesion[own],
+            speed=observed.speed[own],
+            load=observed.load[own],
+            table=False,
+            name=f"axle {axle}",
+        )
 
 
 def _describe_unused_frames(input_file: InputFile, received: LoadedTraces) -> list[str]:
@@ -172,12 +198,16 @@ def _describe_unused_frames(input_file: InputFile, received: LoadedTraces) -> li
 
 
 def _load_table(input_file: InputFile, config: Configuration) -> LoadedInput:
-    rows = read_table(input_file.path)
+    rows = read_table(input_file.path, config.columns)
     slip_max = config.estimators.identifiability.slip_max
     drive = build_drive_data_from_table(
         input_file.name, rows.samples, rows.segment, slip_max, timed=rows.timed
     )
-    return LoadedInput(input_file, drive, describe_left_out_rows(input_file.name, rows))
+    odd = inspect_samples(rows.samples, table=True, timed=rows.timed)
+    problems = require_plausible(str(input_file.path), odd)
+    return LoadedInput(
+        input_file, drive, [*problems, *describe_table(input_file.name, rows, slip_max)]
+    )
 
 
 def diagnose_inputs(loaded: Sequence[LoadedInput], show: ShowProgress) -> Diagnosis:

@@ -87,7 +87,7 @@ def identify(
     else:
         paths = _paths(slip)
         where = ", ".join(map(str, paths))
-        if are_tables(paths):
+        if are_tables(paths, config):
             samples, labels, _, _ = load_table_samples(paths, config)
         else:
             recordings = as_recordings(slip)  # type: ignore[arg-type]  # `_paths` has checked it

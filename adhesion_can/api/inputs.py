@@ -3,9 +3,13 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
+
+from adhesion_can.errors import InputError
+from adhesion_can.offline.plausibility import Finding
 from adhesion_can.recordings.recording import Recording
-from adhesion_can.recordings.sample_table import Table
 from adhesion_can.recordings.sequence import open_recordings
+from adhesion_can.recordings.tables.sample_table import Table
 
 RecordingLike = str | Path | Recording
 """Recording, or path of its file."""
@@ -41,15 +45,50 @@ def name_of(recordings: Iterable[Recording]) -> str:
     return ", ".join(str(recording.path) for recording in recordings)
 
 
-def describe_left_out_rows(name: str, table: Table) -> list[str]:
-    """Sentence about the rows of a table that cannot be used; none where all can.
+def require_plausible(where: str, findings: Iterable[Finding]) -> list[str]:
+    """Sentences about what is odd and can be lived with.
+
+    Raises:
+        InputError: With the data as they are no honest answer is possible.
+
+    """
+    sentences = []
+    for finding in findings:
+        if finding.fatal:
+            raise InputError(where, finding.what, finding.mend)
+        sentences.append(f"{where}: {finding.sentence}")
+    return sentences
+
+
+def describe_table(name: str, table: Table, slip_max: float) -> list[str]:
+    """Sentences about what a table was taken for, and what of it is not used.
 
     Args:
         name: Name of the table.
         table: Table as read from its file.
+        slip_max: Largest slip ratio that is used.
 
     """
-    if not table.left_out:
-        return []
-    rows = f"{table.left_out} of {table.rows} rows"
-    return [f"{name}: {rows} without a finite time, slip and adhesion"]
+    found = [f"{name}: {note}" for note in table.notes]
+    if table.left_out:
+        rows = f"{table.left_out} of {table.rows} rows"
+        found.append(f"{name}: {rows} without a finite time, slip and adhesion")
+    samples = table.samples
+    large = np.abs(samples.slip) > slip_max
+    for reason, odd in (
+        (f"a slip beyond {slip_max:g}, slip_max of [identifiability]", large),
+        ("no speed above 0", ~(samples.speed > 0)),
+        ("no load above 0", ~(samples.load > 0)),
+    ):
+        if odd.any():
+            found.append(f"{name}: {int(odd.sum())} of {table.rows} rows left out: {reason}")
+    usable = ~large & (samples.speed > 0) & (samples.load > 0)
+    for column, values in samples.covariates.items():
+        missing = int((~np.isfinite(values[usable])).sum())
+        if missing:
+            rows = f"{missing} of {int(usable.sum())} rows"
+            found.append(f"{name}: column {column!r} not used: it is empty in {rows}")
+    return found + [
+        f"{name}: column {column!r} not used: its texts do not group the rows"
+        for column in table.ignored
+    ]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.api.inputs import describe_left_out_rows, name_of
+from adhesion_can.api.inputs import describe_table, name_of, require_plausible
 from adhesion_can.bus.block import Block
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.errors import InputError
@@ -20,11 +20,12 @@ from adhesion_can.estimation.extended.correction import (
 )
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.offline.extract_samples import extract_samples
+from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.recording import Recording
-from adhesion_can.recordings.sample_table import Table, is_table, read_table
 from adhesion_can.recordings.sequence import blocks_in_sequence
+from adhesion_can.recordings.tables.sample_table import Table, is_table, read_table
 
 
 class LoadedSamples(NamedTuple):
@@ -44,8 +45,12 @@ class LoadedSamples(NamedTuple):
     left_out: Counter[str]
 
 
-def are_tables(paths: Sequence[Path]) -> bool:
+def are_tables(paths: Sequence[Path], config: Configuration) -> bool:
     """Whether files are tables of samples rather than recordings.
+
+    Args:
+        paths: Paths of the files.
+        config: Columns that stand for known ones.
 
     Raises:
         InputError: A file is missing, or both kinds are there.
@@ -54,7 +59,7 @@ def are_tables(paths: Sequence[Path]) -> bool:
     for path in paths:
         if not path.exists():
             raise InputError(str(path), "No such file or directory", "check the path")
-    tables = [path for path in paths if is_table(path)]
+    tables = [path for path in paths if is_table(path, config.columns)]
     if tables and len(tables) < len(paths):
         raise InputError("identify", "recordings and tables together", "give one kind at a time")
     return bool(tables)
@@ -78,12 +83,14 @@ def load_recording_samples(
 
     """
     blocks = watched(blocks_in_sequence(recordings))
-    samples, _ = extract_samples(blocks, config, name_of(recordings))
+    name = name_of(recordings)
+    samples, _ = extract_samples(blocks, config, name)
+    odd = require_plausible(name, inspect_samples(samples, table=False))
     left_out: Counter[str] = Counter()
     if config.model is not None:
         result = correct_samples(samples, config.model, config.vehicle.axles)
         samples, left_out = result.samples, result.left_out
-    return LoadedSamples(samples, None, describe_problems(recordings), left_out)
+    return LoadedSamples(samples, None, [*describe_problems(recordings), *odd], left_out)
 
 
 def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSamples:
@@ -97,7 +104,12 @@ def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSa
         TableError: A table cannot be read, or lacks a column.
 
     """
-    tables = [read_table(path) for path in paths]
+    tables = [read_table(path, config.columns) for path in paths]
+    problems: list[str] = []
+    for name, one in zip(distinct_names(paths), tables, strict=True):
+        odd = inspect_samples(one.samples, table=True, timed=one.timed)
+        problems += require_plausible(name, odd)
+        problems += describe_table(name, one, config.estimators.identifiability.slip_max)
     left_out: Counter[str] = Counter()
     if config.model is not None:
         model = config.model
@@ -105,11 +117,6 @@ def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSa
             _without_effects(t, model, str(path), left_out)
             for path, t in zip(paths, tables, strict=True)
         ]
-    problems = [
-        sentence
-        for name, t in zip(distinct_names(paths), tables, strict=True)
-        for sentence in describe_left_out_rows(name, t)
-    ]
     samples = Samples.concatenate([t.samples for t in tables])
     if len(tables) == 1 and tables[0].segment is None:
         return LoadedSamples(samples, None, problems, left_out)

@@ -27,6 +27,17 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--dbc", type=Path, metavar="F", help="CAN database (default: our own)")
 
 
+def add_columns(parser: argparse.ArgumentParser) -> None:
+    """Option --column."""
+    parser.add_argument(
+        "--column",
+        action="append",
+        default=[],
+        metavar="NAME=COLUMN[,unit=U][,sign=-1]",
+        help="what a column of a TABLE is, as slip=kappa,unit=percent; several times",
+    )
+
+
 MODEL_ONLINE = "its effects are taken out of what is measured and stand in what is sent"
 
 
@@ -58,6 +69,14 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
 def configuration(options: argparse.Namespace) -> Configuration:
     """Configuration that the options name, with the extended model where one is named."""
     config = load_configuration(options.config, options.dbc)
+    stated = getattr(options, "column", [])
+    if stated:
+        from adhesion_can.recordings.tables.choice import parse_choice  # noqa: PLC0415
+
+        choices = [parse_choice(text) for text in stated]
+        named = {choice.name for choice in choices}
+        kept = (choice for choice in config.columns if choice.name not in named)
+        config = replace(config, columns=(*kept, *choices))
     model = getattr(options, "model", None)
     if model is None:
         return config

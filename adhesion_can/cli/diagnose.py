@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from adhesion_can.api.diagnosis import diagnose_inputs, explain_empty, list_input_files, load_inputs
 from adhesion_can.cli.common import (
+    add_columns,
     add_configuration,
     add_json,
     configuration,
@@ -59,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MODEL.toml",
         help="write the extended model, for --model of run, replay, identify and simulate",
     )
+    add_columns(parser)
     add_json(parser)
     add_configuration(parser)
 
@@ -67,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
     _require_outputs(options, config)
-    input_files = list_input_files(options.inputs, options.holdout)
+    input_files = list_input_files(options.inputs, options.holdout, config.columns)
     with _progress() as show:
         loaded = load_inputs(input_files, config, show)
         found = diagnose_inputs(loaded, show)
@@ -101,6 +103,8 @@ def build_command_line(options: argparse.Namespace) -> str:
     arguments = ["adhesion-can", "diagnose", *map(_quote_argument, options.inputs)]
     if options.holdout:
         arguments += ["--holdout", *map(_quote_argument, options.holdout)]
+    for text in options.column:
+        arguments += ["--column", text]
     for name in ("html", "extended", "json", "config", "dbc"):
         value = getattr(options, name)
         if value is not None:

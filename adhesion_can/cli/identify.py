@@ -13,6 +13,7 @@ from adhesion_can.api.samples import (
     load_table_samples,
 )
 from adhesion_can.cli.common import (
+    add_columns,
     add_configuration,
     add_json,
     add_model,
@@ -49,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=(*FAMILIES, ALL_CURVES),
         help="fit a curve of this family besides, or compare all of them by held-out score",
     )
+    add_columns(parser)
     add_json(parser)
     add_configuration(parser)
 
@@ -88,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _load(paths: Sequence[Path], config: Configuration) -> LoadedSamples:
-    if are_tables(paths):
+    if are_tables(paths, config):
         return load_table_samples(paths, config)
     recordings = open_recordings(paths)
     with reading("reading", recordings) as watched:

@@ -28,6 +28,7 @@ from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.instruments import PERFECT
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.recordings.tables.choice import ColumnChoice
 from adhesion_can.sampling.column_former import ColumnFormer
 from adhesion_can.sampling.equations import (
     SamplingSettings,
@@ -81,6 +82,7 @@ class Configuration:
         database: Messages and signals of the bus.
         choices: Signals with their roles; none of them before `load_configuration` has completed
             the defaults.
+        columns: Columns of sample tables that stand for known ones, section `[table]`.
         service: Settings of setpoints and states, section `[service]`.
         sampling: Limits of the formation of samples, section `[sampling]`.
         sensors: Standard deviations of the sensors' noise, section `[sensors]`.
@@ -95,6 +97,7 @@ class Configuration:
     vehicle: Locomotive
     database: CanDatabase
     choices: tuple[SignalChoice, ...]
+    columns: tuple[ColumnChoice, ...] = ()
     service: ServiceSettings = field(default_factory=ServiceSettings)
     sampling: SamplingSettings = field(default_factory=SamplingSettings)
     sensors: Sensors = field(default_factory=Sensors)

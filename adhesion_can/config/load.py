@@ -1,7 +1,8 @@
 """The configuration file: vehicle, database, roles and settings, in TOML.
 
 Every key is known or an error. Sections and keys are those of the dataclasses in `Configuration`;
-only `[vehicle]` and `[roles]` have a spelling of their own. Values are in the units that keys name.
+only `[vehicle]`, `[roles]` and `[table]` have a spelling of their own. Values are in the units that
+keys name.
 """
 
 from dataclasses import replace
@@ -11,6 +12,7 @@ from adhesion_can.bus.database import load_database
 from adhesion_can.bus.roles import OPTIONAL_MESSAGES, packaged_choices
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.config.roles_section import load_roles
+from adhesion_can.config.table_section import load_columns
 from adhesion_can.config.toml_tables import (
     load_toml,
     nested_sections,
@@ -57,18 +59,22 @@ def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Con
     vehicle = load_vehicle(document.pop("vehicle", {}), where)
     roles = document.pop("roles", None)
     choices = () if roles is None else load_roles(roles, where)
+    columns = load_columns(document.pop("table", {}), where)
     estimator = document.pop("estimator", DEFAULT)
     if not isinstance(estimator, str):
         raise ConfigError(f"{where}: estimator", "not a name", 'write estimator = "tracker"')
     sections = tuple(settings_sections())
     tables = {name: document.pop(name) for name in sections if name in document}
     settings = nested_settings(Configuration, tables, where)
-    reject_unknown_keys(document, where, ("bus", "vehicle", "roles", "estimator", *sections))
+    reject_unknown_keys(
+        document, where, ("bus", "vehicle", "roles", "table", "estimator", *sections)
+    )
     return _complete(
         Configuration(
             vehicle=vehicle,
             database=database,
             choices=choices,
+            columns=columns,
             estimator=estimator,
             where=where,
             sha256=sha256,

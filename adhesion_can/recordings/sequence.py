@@ -156,7 +156,7 @@ def open_recordings(paths: Sequence[Path]) -> list[Recording]:
 
     """
     # Imported here: most commands read recordings alone, and start the faster.
-    from adhesion_can.recordings.sample_table import is_table  # noqa: PLC0415
+    from adhesion_can.recordings.tables.sample_table import is_table  # noqa: PLC0415
 
     for path in paths:
         if path.exists() and is_table(path):

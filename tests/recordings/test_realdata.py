@@ -11,7 +11,7 @@ from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import load_configuration
 from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.recording import Recording
-from adhesion_can.recordings.sample_table import is_table, read_table
+from adhesion_can.recordings.tables.sample_table import is_table, read_table
 from tests.bus.bus_helpers import DATA, real_data
 
 FOLDER = real_data()

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.errors import TableError
-from adhesion_can.recordings.sample_table import is_table, read_table
+from adhesion_can.recordings.tables.sample_table import is_table, read_table
 
 ROWS = [
     # time_s, slip, adhesion
@@ -90,7 +90,7 @@ def test_a_csv_is_a_table_by_its_slip_column(tmp_path, header, wanted):
         assert is_table(packed) is wanted
 
 
-@pytest.mark.parametrize("header", ["time_s,adhesion", "time;slip;mu", "", "slippage,id", "1,2,3"])
+@pytest.mark.parametrize("header", ["time_s,adhesion", "time;slipp;mu", "", "slippage,id", "1,2,3"])
 def test_a_csv_that_is_neither_is_an_error(tmp_path, header):
     path = tmp_path / "a.csv"
     path.write_text(header + "\n1,2\n")

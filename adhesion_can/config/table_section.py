@@ -1,0 +1,50 @@
+"""Section `[table]` of the configuration file: which column of a table is what."""
+
+from dataclasses import dataclass
+
+from adhesion_can.config.toml_tables import section, table_of
+from adhesion_can.errors import ConfigError
+from adhesion_can.recordings.tables.choice import ColumnChoice
+
+
+@dataclass(frozen=True, slots=True)
+class _ColumnTable:
+    """Table of one column in the file.
+
+    Attributes:
+        column: Heading of the column, without its unit.
+        unit: Unit of its values; '?' for the unit that the file states, or else the known one.
+        sign: 1, or -1 where the column counts the other way.
+
+    """
+
+    column: str
+    unit: str = "?"
+    sign: int = 1
+
+
+def load_columns(value: object, where: str) -> tuple[ColumnChoice, ...]:
+    """Columns from the section `[table]`.
+
+    Args:
+        value: TOML table: a known name and the heading that stands for it, or a table of heading,
+            unit and sign.
+        where: File, for errors.
+
+    Raises:
+        ConfigError: A value is wrong.
+
+    """
+    choices = []
+    for name, stated in table_of(value, f"{where}: table").items():
+        place = f"{where}: table.{name}"
+        inner = {"column": stated} if isinstance(stated, str) else table_of(stated, place)
+        if "column" not in inner:
+            raise ConfigError(place, "names no column", 'write column = "its heading"')
+        row: _ColumnTable = section(_ColumnTable, inner, place)
+        try:
+            unit = None if row.unit == "?" else row.unit
+            choices.append(ColumnChoice(name, row.column, unit, row.sign))
+        except ValueError as error:
+            raise ConfigError(place, str(error), "mend the value") from error
+    return tuple(choices)

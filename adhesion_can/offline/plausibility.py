@@ -1,0 +1,226 @@
+"""A look at slip and adhesion before anything is fitted: signs, units, stuck and repeated rows."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.arrays import Array
+from adhesion_can.physics.samples import Samples
+
+CLEAR_SLIP, CLEAR_ADHESION = 0.002, 0.02
+"""Sizes from which slip and adhesion have a sign beyond their noise."""
+LEAST_CLEAR = 20
+"""Rows with a clear sign without which the signs say nothing."""
+MOST_OPPOSITE = 0.8
+"""Share of such rows with opposite signs from which one of the two counts the other way."""
+SLIP_LIMIT, ADHESION_LIMIT, LEAST_ADHESION = 1.5, 3.0, 0.003
+"""Sizes of slip (95 % of the rows) and adhesion (99 %) beyond which, and size of the adhesion below
+which, the numbers are of another unit. Racing tyres reach 2."""
+LEAST_LOAD_N = 50.0
+"""Median load below which no vehicle that is measured stands on a wheel."""
+FAST, TOO_FAST = 45.0, 140.0
+"""Median speeds, m/s, that are more often km/h, and that no vehicle reaches."""
+LEAST_REPEATED, LEAST_STUCK = 0.01, 50
+"""Share of repeated stamps, and rows at one value, that are told."""
+
+
+class Finding(NamedTuple):
+    """Something odd about the data.
+
+    Attributes:
+        what: What was seen, with numbers.
+        mend: What to do about it.
+        fatal: Whether no honest answer is possible.
+
+    """
+
+    what: str
+    mend: str
+    fatal: bool = True
+
+    @property
+    def sentence(self) -> str:
+        """Both in one line."""
+        return f"{self.what}: {self.mend}"
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Rows of a table, or of one axle of a recording; shape (n,) each.
+
+    Attributes:
+        slip: Slip ratio with its sign.
+        adhesion: Adhesion coefficient with its sign.
+        t_us: Stamps, µs; None where the rows are independent points.
+        speed: Vehicle speed, m/s; None where it is not known.
+        load: Axle load, N; None where it is not known.
+        table: Whether the rows are of a table, whose columns can be renamed.
+        name: Name of the axle, for sentences; '' where it needs none.
+
+    """
+
+    slip: Array
+    adhesion: Array
+    t_us: NDArray[np.int64] | None = None
+    speed: Array | None = None
+    load: Array | None = None
+    table: bool = True
+    name: str = ""
+
+
+def inspect_points(points: Points) -> list[Finding]:
+    """What is odd about slip, adhesion, speed, load and stamps."""
+    if not len(points.slip):
+        return []
+    prefix = f"{points.name}: " if points.name else ""
+    found = [
+        *_slip_size(points),
+        *_adhesion_size(points),
+        *_signs(points),
+        *_load(points),
+        *_speed(points),
+        *_stamps(points),
+        *_stuck(points),
+    ]
+    return [one._replace(what=prefix + one.what) for one in found]
+
+
+def inspect_samples(samples: Samples, *, table: bool, timed: bool = True) -> list[Finding]:
+    """What is odd about samples: those of a table together, those of a recording axle by axle.
+
+    Args:
+        samples: Samples of one table or recording.
+        table: Whether they are of a table; a speed or a load of 1 stands for a missing column.
+        timed: Whether the rows have times.
+
+    """
+    axles = np.unique(samples.axle)
+    if not table:
+        return [one for axle in axles for one in inspect_points(_points_of(samples, int(axle)))]
+    return inspect_points(
+        Points(
+            samples.slip,
+            samples.adhesion,
+            samples.t_us if timed and len(axles) == 1 else None,
+            samples.speed if np.any(samples.speed != 1.0) else None,
+            samples.load if np.any(samples.load != 1.0) else None,
+        )
+    )
+
+
+def _points_of(samples: Samples, axle: int) -> Points:
+    """Rows of one axle of a recording."""
+    own = samples.select(samples.axle == axle)
+    return Points(
+        own.slip, own.adhesion, None, own.speed, own.load, table=False, name=f"axle {axle}"
+    )
+
+
+def _slip_size(points: Points) -> Iterator[Finding]:
+    size = float(np.quantile(np.abs(points.slip), 0.95))
+    if size <= SLIP_LIMIT:
+        return
+    mend = "check the wheel radius and the units of wheel and vehicle speed"
+    if points.table:
+        mend = "a ratio is wanted; for percent say --column slip=slip,unit=percent"
+    yield Finding(f"the slip reaches {size:.4g}", mend)
+
+
+def _adhesion_size(points: Points) -> Iterator[Finding]:
+    size = float(np.quantile(np.abs(points.adhesion), 0.99))
+    by_force = points.load is not None
+    if size > ADHESION_LIMIT:
+        mend = "check the axle load and the unit of the tractive effort"
+        if points.table:
+            mend = "if the load is in kN, say --column normal_load_N=normal_load_N,unit=kN"
+            if not by_force:
+                mend = "if it is in percent, say --column adhesion=adhesion,unit=percent"
+        yield Finding(f"the adhesion reaches {size:.4g}", mend)
+    elif by_force and 0.0 < size < LEAST_ADHESION:
+        mend = "check the axle load and the unit of the tractive effort"
+        if points.table:
+            name = "longitudinal_force_N"
+            mend = f"if the force is in kN, say --column {name}={name},unit=kN"
+        yield Finding(f"the adhesion stays below {size:.2g}", mend)
+
+
+def _signs(points: Points) -> Iterator[Finding]:
+    clear = (np.abs(points.slip) > CLEAR_SLIP) & (np.abs(points.adhesion) > CLEAR_ADHESION)
+    count = int(clear.sum())
+    if count < LEAST_CLEAR:
+        return
+    opposite = float(np.mean(points.slip[clear] * points.adhesion[clear] < 0))
+    if opposite <= MOST_OPPOSITE:
+        return
+    mend = "both are below 0 in braking; write sign = -1 for the role that is reversed"
+    if points.table:
+        mend = "both are below 0 in braking; say --column slip=slip,sign=-1, or so for the force"
+    what = f"slip and force have opposite signs in {100 * opposite:.0f} % of {count} rows"
+    yield Finding(what, mend)
+
+
+def _load(points: Points) -> Iterator[Finding]:
+    if points.load is None:
+        return
+    middle = float(np.median(points.load))
+    if 0.0 < middle < LEAST_LOAD_N:
+        mend = "check the axle load of the vehicle"
+        if points.table:
+            mend = "if force and load are in kN, say unit=kN for both"
+        yield Finding(f"the load is about {middle:.3g} N", mend, fatal=False)
+
+
+def _speed(points: Points) -> Iterator[Finding]:
+    if points.speed is None:
+        return
+    middle = float(np.median(points.speed))
+    if middle > FAST:
+        mend = "check the unit of the vehicle speed"
+        if points.table:
+            mend = "if the column is in km/h, say --column speed_mps=speed_mps,unit=km/h"
+        what = f"the speed is about {middle:.0f} m/s, {3.6 * middle:.0f} km/h"
+        yield Finding(what, mend, fatal=middle > TOO_FAST)
+
+
+def _stamps(points: Points) -> Iterator[Finding]:
+    if points.t_us is None or len(points.t_us) < 2:
+        return
+    repeated = float(np.mean(np.diff(points.t_us) == 0))
+    if repeated > LEAST_REPEATED:
+        what = f"{100 * repeated:.1f} % of the rows have the stamp of the row before"
+        yield Finding(
+            what, "take 'time_s' from a finer clock, or give an 'axle' column", fatal=False
+        )
+
+
+def _stuck(points: Points) -> Iterator[Finding]:
+    for name, values, other in (
+        ("slip", points.slip, points.adhesion),
+        ("adhesion", points.adhesion, points.slip),
+    ):
+        run = longest_run(values, other)
+        if run is not None and run[0] >= max(LEAST_STUCK, len(values) // 20):
+            what = f"the {name} stands at {run[1]:.4g} for {run[0]} rows while the other moves"
+            yield Finding(what, "leave those rows out, or mend the sensor", fatal=False)
+
+
+def longest_run(values: Array, other: Array) -> tuple[int, float] | None:
+    """Length and value of the longest run of equal values in which another column varies.
+
+    Args:
+        values: Column that may be stuck, shape (n,).
+        other: Column that must not be, shape (n,).
+
+    """
+    if len(values) < 2:
+        return None
+    starts = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0]))
+    lengths = np.diff(np.append(starts, len(values)))
+    for place in np.argsort(lengths)[::-1][:3]:
+        rows = slice(starts[place], starts[place] + lengths[place])
+        if values[rows.start] != 0.0 and float(np.ptp(other[rows])) > 0.0:
+            return int(lengths[place]), float(values[rows.start])
+    return None

@@ -1,0 +1,48 @@
+"""Columns of a Parquet file (extra 'parquet')."""
+
+from pathlib import Path
+
+import numpy as np
+
+from adhesion_can.errors import TableError
+from adhesion_can.recordings.tables.columns import Column, Columns, split_unit
+
+
+def read_parquet(path: Path) -> Columns:
+    """Columns of a file; what is neither number nor text is a column of texts.
+
+    Raises:
+        TableError: The file cannot be read, or pyarrow is missing.
+
+    """
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ImportError as error:
+        raise TableError(
+            str(path), "Parquet needs pyarrow", "pip install 'adhesion-can[parquet]'"
+        ) from error
+    try:
+        table = parquet.read_table(path)
+    except (OSError, pa.ArrowException) as error:
+        reason = " ".join(str(error).split())[:150]
+        raise TableError(
+            str(path), f"not readable as Parquet ({reason})", "check the file"
+        ) from error
+    kinds = pa.types
+    values: dict[str, Column] = {}
+    units: dict[str, str] = {}
+    for heading, column in zip(table.column_names, table.columns, strict=True):
+        name, unit = split_unit(heading)
+        if unit:
+            units[name] = unit
+        numeric = any(
+            is_a(column.type) for is_a in (kinds.is_integer, kinds.is_floating, kinds.is_boolean)
+        )
+        cells = column.to_pylist()
+        values[name] = (
+            np.array([np.nan if v is None else float(v) for v in cells])
+            if numeric
+            else tuple("" if v is None else str(v) for v in cells)
+        )
+    return Columns(values, units)

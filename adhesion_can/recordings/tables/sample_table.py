@@ -1,0 +1,208 @@
+"""Tables of samples: CSV (gzip too), Parquet or MATLAB, one row a sample.
+
+Columns: `time_s`, `slip`, and `adhesion` or both `longitudinal_force_N` and `normal_load_N`;
+optional `speed_mps`, `axle`, `segment`. Every other numeric column is a covariate by its name, and
+each text of a column of few texts is one as `COLUMN=TEXT`, 1 in its rows and 0 in the others.
+Without `time_s` the rows are independent points and all have the stamp 0.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.arrays import Array
+from adhesion_can.errors import TableError
+from adhesion_can.physics.samples import Samples
+from adhesion_can.recordings.tables.choice import ColumnChoice, apply_choices
+from adhesion_can.recordings.tables.columns import Column, Columns
+from adhesion_can.recordings.tables.csv_file import read_csv, read_heading
+from adhesion_can.recordings.tables.mat_file import read_mat
+from adhesion_can.recordings.tables.parquet_file import read_parquet
+
+FORCE, LOAD = "longitudinal_force_N", "normal_load_N"
+TIME_LIMIT_S = 9e9
+"""Limit of a time, s: beyond it, 285 years, stamps do not fit 64 bits as ns."""
+MOST_TEXTS, LEAST_TEXT_ROWS = 12, 5
+"""Texts of a column that groups the rows, and rows of each of them."""
+_KNOWN = frozenset({"time_s", "slip", "adhesion", FORCE, LOAD, "speed_mps", "axle", "segment"})
+_SUFFIXES = (".csv", ".parquet", ".mat")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Samples of a table, with its segments and statistics.
+
+    Attributes:
+        samples: Rows whose slip, adhesion and time are finite.
+        segment: Number of the segment of each sample, shape (n,); None where the table has none.
+        rows: Number of rows of the file.
+        left_out: Number of rows without a finite slip, adhesion or time.
+        ignored: Names of the columns of text that are not used.
+        timed: Whether the table has the column `time_s`.
+        notes: What was recognised of the file, a sentence each.
+
+    """
+
+    samples: Samples
+    segment: NDArray[np.int64] | None
+    rows: int
+    left_out: int
+    ignored: tuple[str, ...]
+    timed: bool = True
+    notes: tuple[str, ...] = ()
+
+
+def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
+    """Whether a file is a sample table rather than a recording.
+
+    Args:
+        path: Path of the file.
+        choices: Columns that stand for known ones.
+
+    Raises:
+        TableError: The file is a .csv with the columns of neither.
+
+    """
+    suffix = _suffix(path)
+    if suffix != ".csv":
+        return suffix in _SUFFIXES
+    heading = set(read_heading(path))
+    if "slip" in heading or any(c.name == "slip" and c.column in heading for c in choices):
+        return True
+    if "arbitration_id" in heading:
+        return False
+    raise TableError(
+        str(path),
+        "a .csv with neither a 'slip' column (a table) nor 'arbitration_id' (a recording)",
+        "name the column of the slip ratio 'slip', or say --column slip=ITS_NAME",
+    )
+
+
+def _suffix(path: Path) -> str:
+    suffixes = [suffix.lower() for suffix in path.suffixes if suffix.lower() != ".gz"]
+    return suffixes[-1] if suffixes else ""
+
+
+def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
+    """Read a sample table.
+
+    Args:
+        path: Path of the file.
+        choices: Columns that stand for known ones, with their units and signs.
+
+    Raises:
+        TableError: The file cannot be read, or lacks a required column.
+
+    """
+    reader = {".parquet": read_parquet, ".mat": read_mat}.get(_suffix(path), read_csv)
+    columns = apply_choices(reader(path), choices, str(path))
+    _require_columns(columns.values, str(path))
+    numbers = {name: c for name, c in columns.values.items() if not isinstance(c, tuple)}
+    texts = {name: c for name, c in columns.values.items() if isinstance(c, tuple)}
+    segment = texts.pop("segment", None)
+    if segment is not None:
+        numbers["segment"] = np.unique(np.array(segment), return_inverse=True)[1].astype(np.float64)
+    groups = {name: _groups(name, cells) for name, cells in texts.items()}
+    for indicators in groups.values():
+        numbers |= indicators
+    ignored = tuple(name for name, indicators in groups.items() if not indicators)
+    return _table(path, columns, numbers, ignored)
+
+
+def _require_columns(values: Mapping[str, Column], where: str) -> None:
+    """TableError where a column that is needed is missing, or is not numeric."""
+    if "slip" not in values:
+        mend = "add it, rename the one that is it, or say --column slip=ITS_NAME"
+        raise TableError(where, "no column 'slip'", mend)
+    by_force = FORCE in values and LOAD in values
+    if "adhesion" not in values and not by_force:
+        mend = f"add it, or both {FORCE!r} and {LOAD!r}; --column NAME=ITS_NAME names a column"
+        raise TableError(where, "no column 'adhesion'", mend)
+    adhesion = ("adhesion",) if "adhesion" in values else (FORCE, LOAD)
+    for name in ("time_s", "slip", *adhesion, "speed_mps", "axle"):
+        column = values.get(name)
+        if isinstance(column, tuple):
+            odd = next((cell for cell in column if not _is_float(cell)), "")
+            what = f"column {name!r} is not numeric: it has {odd[:40]!r}"
+            raise TableError(where, what, "write numbers in it")
+
+
+def _is_float(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _groups(name: str, cells: Sequence[str]) -> dict[str, Array]:
+    """Rows of each text of a column, 1 or 0; none where its texts are no groups."""
+    texts, number, counts = np.unique(np.array(cells), return_inverse=True, return_counts=True)
+    stated = [place for place, text in enumerate(texts) if text]
+    large = [place for place in stated if counts[place] >= LEAST_TEXT_ROWS]
+    if not 2 <= len(stated) <= MOST_TEXTS or not large:
+        return {}
+    return {f"{name}={texts[place]}": (number == place).astype(np.float64) for place in large}
+
+
+def _table(
+    path: Path, columns: Columns, numbers: dict[str, Array], ignored: tuple[str, ...]
+) -> Table:
+    timed = "time_s" in numbers
+    slip = numbers["slip"]
+    time_s = numbers.get("time_s", np.zeros_like(slip))
+    ones = np.ones_like(slip)
+    load = numbers.get(LOAD, ones)
+    if "adhesion" in numbers:
+        adhesion = numbers["adhesion"]
+    else:
+        force = numbers[FORCE]
+        adhesion = np.divide(force, load, out=np.full_like(slip, np.nan), where=load > 0)
+    speed = numbers.get("speed_mps", ones)
+    good = np.isfinite(time_s) & np.isfinite(slip) & np.isfinite(adhesion)
+    good &= np.abs(np.where(good, time_s, 0.0)) < TIME_LIMIT_S
+    if not good.any():
+        raise TableError(str(path), *_why_no_row(numbers))
+    axle = numbers.get("axle", 0 * ones)[good]
+    axle = np.where(np.abs(axle) < 1000, axle, 0)  # no axle has such a number
+    t_us = np.round(time_s[good] * 1e6).astype(np.int64)
+    samples = Samples(
+        t_us=t_us,
+        axle=axle.astype(np.int64),
+        slip=slip[good],
+        adhesion=adhesion[good],
+        creep_speed=(slip * speed)[good],
+        speed=speed[good],
+        load=load[good],
+        load_std=0 * ones[good],
+        slip_var=0 * ones[good],
+        adhesion_var=0 * ones[good],
+        slip_common_var=0 * ones[good],
+        speed_us=t_us,
+        transient_var=0 * ones[good],
+        speed_share=ones[good],
+        covariates={name: c[good] for name, c in numbers.items() if name not in _KNOWN},
+    )
+    segment = numbers.get("segment")
+    return Table(
+        samples,
+        None if segment is None else np.unique(segment[good], return_inverse=True)[1],
+        rows=len(slip),
+        left_out=int(len(slip) - good.sum()),
+        ignored=ignored,
+        timed=timed,
+        notes=columns.notes,
+    )
+
+
+def _why_no_row(numbers: Mapping[str, Array]) -> tuple[str, str]:
+    """Why no row can be used, and how to mend it."""
+    what = "no row has a finite time, slip and adhesion"
+    load = numbers.get(LOAD)
+    if "adhesion" not in numbers and load is not None and bool((load[np.isfinite(load)] < 0).all()):
+        mend = f"--column {LOAD}={LOAD},sign=-1 if the load counts downwards"
+        return f"{what}: all loads are negative", mend
+    return what, "check the units"
