@@ -61,18 +61,30 @@ def require_plausible(where: str, findings: Iterable[Finding]) -> list[str]:
 
 
 def describe_table(name: str, table: Table, slip_max: float) -> list[str]:
-    """Sentences about what a table was taken for, and what of it is not used.
+    """Sentences about what was recognised of a table, and what of it is not used.
 
     Args:
-        name: Name of the table.
+        name: Name of the table, before each sentence.
         table: Table as read from its file.
         slip_max: Largest slip ratio that is used.
 
     """
-    found = [f"{name}: {note}" for note in table.notes]
+    found = (*table.notes, *describe_left_out(table, slip_max))
+    return [f"{name}: {sentence}" for sentence in found]
+
+
+def describe_left_out(table: Table, slip_max: float) -> list[str]:
+    """Sentences about the rows and columns of a table that are not used.
+
+    Args:
+        table: Table as read from its file.
+        slip_max: Largest slip ratio that is used.
+
+    """
+    found = []
     if table.left_out:
         rows = f"{table.left_out} of {table.rows} rows"
-        found.append(f"{name}: {rows} without a finite time, slip and adhesion")
+        found.append(f"{rows} without a finite time, slip and adhesion")
     samples = table.samples
     large = np.abs(samples.slip) > slip_max
     for reason, odd in (
@@ -81,14 +93,13 @@ def describe_table(name: str, table: Table, slip_max: float) -> list[str]:
         ("no load above 0", ~(samples.load > 0)),
     ):
         if odd.any():
-            found.append(f"{name}: {int(odd.sum())} of {table.rows} rows left out: {reason}")
+            found.append(f"{int(odd.sum())} of {table.rows} rows left out: {reason}")
     usable = ~large & (samples.speed > 0) & (samples.load > 0)
     for column, values in samples.covariates.items():
         missing = int((~np.isfinite(values[usable])).sum())
         if missing:
             rows = f"{missing} of {int(usable.sum())} rows"
-            found.append(f"{name}: column {column!r} not used: it is empty in {rows}")
+            found.append(f"column {column!r} not used: it is empty in {rows}")
     return found + [
-        f"{name}: column {column!r} not used: its texts do not group the rows"
-        for column in table.ignored
+        f"column {column!r} not used: its texts do not group the rows" for column in table.ignored
     ]

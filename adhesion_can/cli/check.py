@@ -1,9 +1,12 @@
-"""`check`: whether a recording is usable."""
+"""`check`: whether a recording or a table is usable."""
 
 import argparse
 from pathlib import Path
 
+from adhesion_can.api.inputs import describe_left_out
+from adhesion_can.api.samples import are_tables
 from adhesion_can.cli.common import (
+    add_columns,
     add_configuration,
     add_json,
     configuration,
@@ -12,11 +15,14 @@ from adhesion_can.cli.common import (
     write_json,
 )
 from adhesion_can.cli.reading import reading
+from adhesion_can.config import Configuration
 from adhesion_can.offline.check import CheckResult, check, mean_cycle_ms
+from adhesion_can.offline.check_table import TableCheck, check_table
 from adhesion_can.offline.compare_noise import ComparedNoise
 from adhesion_can.offline.extract_samples import require_accepted_frame
-from adhesion_can.recordings.problems import describe_problems
+from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
+from adhesion_can.recordings.tables.sample_table import read_table
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 
@@ -25,9 +31,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
         "Goes through recordings as the service would: signals, rates, gaps, checksum "
-        "and counter faults, excitation. Exit status 1 where something is wrong."
+        "and counter faults, excitation; of a table it says what each column was taken for. Exit "
+        "status 1 where slip or adhesion do not come out plausible, or something else is wrong."
     )
-    parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
+    parser.add_argument("log", nargs="+", type=Path, metavar="LOG|TABLE")
+    add_columns(parser)
     add_json(parser)
     add_configuration(parser)
 
@@ -36,6 +44,8 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
     require_outputs(options, {"--json": options.json}, [*options.log, config.database.path])
+    if are_tables(options.log, config):
+        return _check_tables(options, config)
     recordings = open_recordings(options.log)
     with reading("checking", recordings) as watched:
         result = check(watched(blocks_in_sequence(recordings)), config)
@@ -46,6 +56,37 @@ def run(options: argparse.Namespace) -> int:
     if talk(options):
         _print(result)
     return 1 if result.failures else 0
+
+
+def _check_tables(options: argparse.Namespace, config: Configuration) -> int:
+    slip_max = config.estimators.identifiability.slip_max
+    results = []
+    for name, path in zip(distinct_names(options.log), options.log, strict=True):
+        rows = read_table(path, config.columns)
+        results.append(check_table(name, rows, describe_left_out(rows, slip_max), config))
+    document = {"tables": [result.to_dict() for result in results]}
+    write_json(options.json, {**document, **provenance(config, options.log)})
+    if talk(options):
+        for result in results:
+            _print_table(result)
+    return 1 if any(result.failures for result in results) else 0
+
+
+def _print_table(result: TableCheck) -> None:
+    out = console()
+    rows = [
+        (
+            column.name,
+            "-" if column.lowest is None else f"{column.lowest:.6g}",
+            "-" if column.highest is None else f"{column.highest:.6g}",
+            str(column.missing),
+            column.meaning,
+        )
+        for column in result.columns
+    ]
+    title = f"{result.name}: {result.rows} rows"
+    out.print(table(title, ("column", "lowest", "highest", "empty", "taken for"), rows))
+    _print_sentences(result)
 
 
 def require_known_id(result: CheckResult, options: argparse.Namespace) -> None:
@@ -92,6 +133,11 @@ def _print(result: CheckResult) -> None:
         noise = [_noise_row(compared) for compared in result.noise]
         heads = ("sensor", "estimated", "configured", "errors last", "unit")
         out.print(table("Noise, standard deviation", heads, noise))
+    _print_sentences(result)
+
+
+def _print_sentences(result: CheckResult | TableCheck) -> None:
+    out = console()
     for head, lines in (
         ("WRONG", result.failures),
         ("WARNING", result.warnings),

@@ -15,6 +15,7 @@ from adhesion_can.estimation.batch_fit import identify
 from adhesion_can.offline.compare_noise import NOISY_ROLES, ComparedNoise, compare_noise
 from adhesion_can.offline.extract_samples import SampleExtractor
 from adhesion_can.offline.load_traces import LoadedTraces
+from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.physics.readings import Role, role_name
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.column_former import Readings
@@ -168,6 +169,7 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
     )
     _check_messages(result)
     _check_signals(result)
+    _check_axles(result, configuration)
     _check_excitation(result, configuration)
     result.warnings.extend(one.warning for one in result.noise if one.warning)
     return result
@@ -218,10 +220,34 @@ def _check_signals(result: CheckResult) -> None:
             result.limits.append(f"{name}: not available in {share:.1f} % of its frames")
 
 
+def _check_axles(result: CheckResult, configuration: Configuration) -> None:
+    """Whether slip and adhesion of every axle come out plausible."""
+    signals: dict[tuple[str, str], str] = {}
+    for choice in configuration.choices:
+        other = signals.setdefault((choice.message, choice.signal), choice.name)
+        if other != choice.name:
+            result.failures.append(
+                f"{other} and {choice.name} are the same signal, {choice.message}.{choice.signal}"
+            )
+    by_axle = (Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT)
+    mapped = {role: {c.axle for c in configuration.choices if c.role is role} for role in by_axle}
+    for axle in range(1, configuration.vehicle.axles + 1):
+        lacking = [str(role) for role in by_axle if mapped[role] and axle not in mapped[role]]
+        if lacking:
+            result.failures.append(
+                f"axle {axle} of {configuration.vehicle.axles}: no role gives "
+                f"{' or '.join(lacking)}; map it, or write the number of axles in [vehicle]"
+            )
+        elif len(result.samples) and not np.any(result.samples.axle == axle):
+            result.failures.append(f"axle {axle}: not one sample could be formed")
+    for finding in inspect_samples(result.samples, table=False):
+        (result.failures if finding.fatal else result.warnings).append(finding.sentence)
+
+
 def _check_excitation(result: CheckResult, configuration: Configuration) -> None:
     missing = configuration.missing_for_identification()
     if missing:
-        result.limits.append(
+        result.failures.append(
             f"no role gives {' or '.join(missing)}: the adhesion coefficient, and with it mu_max "
             "and lambda_m, cannot be estimated"
         )

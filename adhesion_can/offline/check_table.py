@@ -1,0 +1,146 @@
+"""Check of a table of samples: what each column was taken for, and what can be estimated."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from adhesion_can.arrays import Array
+from adhesion_can.config import Configuration
+from adhesion_can.estimation.batch_fit import identify
+from adhesion_can.offline.plausibility import inspect_samples
+from adhesion_can.physics.samples import Samples
+from adhesion_can.recordings.tables.sample_table import Table
+
+
+class ColumnRange(NamedTuple):
+    """Range of a column.
+
+    Attributes:
+        name: Known name, or that of a covariate.
+        meaning: What the column was taken for.
+        lowest: Smallest value, SI unit; None where all are missing.
+        highest: Largest value, SI unit; None where all are missing.
+        missing: Number of rows without a value.
+
+    """
+
+    name: str
+    meaning: str
+    lowest: float | None
+    highest: float | None
+    missing: int
+
+
+@dataclass(frozen=True)
+class TableCheck:
+    """Result of the check of a table.
+
+    Attributes:
+        name: Name of the table.
+        rows: Number of rows.
+        columns: Ranges of the columns in use.
+        failures: Reasons for which the table cannot be used as it is, a sentence each.
+        warnings: What is odd about it, or not used, a sentence each.
+        limits: What cannot be estimated from it, a sentence each.
+        findings: What can be estimated from it, a sentence each.
+
+    """
+
+    name: str
+    rows: int
+    columns: tuple[ColumnRange, ...]
+    failures: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    limits: list[str] = field(default_factory=list)
+    findings: list[str] = field(default_factory=list)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {
+            "name": self.name,
+            "usable": not self.failures,
+            "failures": self.failures,
+            "warnings": self.warnings,
+            "limits": self.limits,
+            "findings": self.findings,
+            "rows": self.rows,
+            "columns": [column._asdict() for column in self.columns],
+        }
+
+
+def check_table(name: str, table: Table, left_out: list[str], config: Configuration) -> TableCheck:
+    """Check a table.
+
+    Args:
+        name: Name of the table.
+        table: Table as read from its file.
+        left_out: Sentences about rows and columns that are not used.
+        config: Limits of slip and identifiability.
+
+    """
+    samples = table.samples
+    result = TableCheck(name, table.rows, tuple(_columns(table)))
+    result.warnings.extend(left_out)
+    result.findings.extend(table.notes)
+    odd = inspect_samples(samples, table=True, timed=table.timed)
+    for finding in odd:
+        (result.failures if finding.fatal else result.warnings).append(finding.sentence)
+    if not result.failures:
+        _check_excitation(result, table, config)
+    return result
+
+
+def _columns(table: Table) -> list[ColumnRange]:
+    samples, ones = table.samples, np.ones(len(table.samples))
+    known: Mapping[str, tuple[str, Array]] = {
+        "time_s": ("time, s", samples.t_us / 1e6),
+        "slip": ("slip ratio", samples.slip),
+        "adhesion": ("adhesion coefficient, given or force over load", samples.adhesion),
+        "normal_load_N": ("axle load, N", samples.load),
+        "speed_mps": ("vehicle speed, m/s", samples.speed),
+        "axle": ("number of the axle", samples.axle.astype(np.float64)),
+    }
+    without = {"normal_load_N": ones, "speed_mps": ones, "axle": 0.0 * ones}
+    if not table.timed:
+        without["time_s"] = samples.t_us / 1e6
+    found = [
+        _range(name, meaning, values)
+        for name, (meaning, values) in known.items()
+        if name not in without or not np.array_equal(values, without[name])
+    ]
+    covariates = samples.covariates.items()
+    return found + [
+        _range(name, "channel that may be a cause", values) for name, values in covariates
+    ]
+
+
+def _range(name: str, meaning: str, values: Array) -> ColumnRange:
+    there = values[np.isfinite(values)]
+    if not len(there):
+        return ColumnRange(name, meaning, None, None, len(values))
+    missing = len(values) - len(there)
+    return ColumnRange(name, meaning, float(there.min()), float(there.max()), missing)
+
+
+def _check_excitation(result: TableCheck, table: Table, config: Configuration) -> None:
+    samples: Samples = table.samples
+    estimators = config.estimators
+    labels = table.segment if table.timed else np.zeros(len(samples), dtype=np.int64)
+    fitted = identify(samples, estimators.identifiability, labels=labels, noise=estimators.noise)
+    if fitted is None:
+        result.failures.append("every row lies outside the slips that the curve is valid for")
+        return
+    low, high = np.quantile(np.abs(samples.slip), [0.05, 0.98])
+    result.findings.append(
+        f"{len(samples)} samples, |slip| from {low:.4f} to {high:.4f} (5 % to 98 %)"
+    )
+    for sign, way in ((1.0, "traction"), (-1.0, "braking")):
+        if not np.any(sign * samples.slip > 0.0):
+            result.limits.append(f"no {way}: errors of the instruments are part of the curve")
+    known = [s for s in fitted.segments if s.estimate.identifiable.both]
+    text = f"{len(known)} of {len(fitted.segments)} segments have an identifiable peak"
+    (result.findings if known else result.limits).append(
+        text if known else f"{text}: the slip never goes far enough beyond it"
+    )
