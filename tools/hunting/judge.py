@@ -89,11 +89,13 @@ def _outcome(record: Record, diagnosis: Record) -> tuple[str, tuple[str, ...]]:
     true = [e["effect"] for e in record["truth"]["effects"]]
     verdict, channel = diagnosis["verdict"], diagnosis["channel"]
     if find_group(record["kind"]) in ("null", "out"):
+        wanted = record["truth"]["channel"]
+        if wanted is not None and set(names) == {f"channel:{wanted}"}:
+            return "unexplained", names  # a factor in the right column is an answer as well
         if names or verdict == "named":
             return "wrong", names
         if verdict == "nothing_found":
             return "nothing", ()
-        wanted = record["truth"]["channel"]
         right = wanted is None or wanted == channel
         return ("unexplained" if right else "wrong channel"), (f"[{channel}]",)
     if verdict == "named" and len(true) == 1:

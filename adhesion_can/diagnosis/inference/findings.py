@@ -18,6 +18,7 @@ from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equatio
 from adhesion_can.diagnosis.regression.model import compute_curve_jacobian, evaluate_model
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
+from adhesion_can.physics.effects.channel_factor import PREFIX
 
 NOISELESS = 1e-6
 """RMSE of the adhesion below which there is nothing to explain, since no sensor is that good."""
@@ -109,8 +110,12 @@ class Findings:
         if self.oscillates or self.saturated or plain.rmse < NOISELESS:
             return False
         explained = 1.0 - (best.rmse / plain.rmse) ** 2
-        significant = (one for one in self.channels_of_best if one.p_value <= self.alpha / 2)
-        strongest = next(significant, None)
+        significant = [one for one in self.channels_of_best if one.p_value <= self.alpha / 2]
+        # Of a channel that the user brought the form is named, not only that it matters.
+        own = {PREFIX + one.channel.name for one in significant if one.gain >= SECOND_LEAST_GAIN}
+        if own & best.ids:
+            return False
+        strongest = next(iter(significant), None)
         by_channel = 0.0
         if strongest is not None:
             remaining = best.rmse * (1.0 - strongest.gain)

@@ -145,6 +145,8 @@ def _groups(name: str, cells: Sequence[str]) -> dict[str, Array]:
     large = [place for place in stated if counts[place] >= LEAST_TEXT_ROWS]
     if not 2 <= len(stated) <= MOST_TEXTS or not large:
         return {}
+    if len(texts) == 2 and len(large) == 2:
+        large = large[1:]  # of two texts the rows of one are those without the other
     return {f"{name}={texts[place]}": (number == place).astype(np.float64) for place in large}
 
 
