@@ -12,8 +12,8 @@ from adhesion_can.physics.samples import Samples
 
 CLEAR_SLIP, CLEAR_ADHESION = 0.002, 0.02
 """Sizes from which slip and adhesion have a sign beyond their noise."""
-LEAST_CLEAR = 20
-"""Rows with a clear sign without which the signs say nothing."""
+LEAST_ROWS = 20
+"""Rows, and rows with a clear sign, without which sizes and signs say nothing."""
 MOST_OPPOSITE = 0.8
 """Share of such rows with opposite signs from which one of the two counts the other way."""
 SLIP_LIMIT, ADHESION_LIMIT, LEAST_ADHESION = 1.5, 3.0, 0.003
@@ -21,6 +21,8 @@ SLIP_LIMIT, ADHESION_LIMIT, LEAST_ADHESION = 1.5, 3.0, 0.003
 which, the numbers are of another unit. Racing tyres reach 2."""
 LEAST_LOAD_N = 50.0
 """Median load below which no vehicle that is measured stands on a wheel."""
+LOAD_UNITS = {"kg": 9.81, "kN": 1e3, "t": 9807.0}
+"""Newtons in the units in which loads are written."""
 FAST, TOO_FAST = 45.0, 140.0
 """Median speeds, m/s, that are more often km/h, and that no vehicle reaches."""
 LEAST_REPEATED, LEAST_STUCK = 0.01, 50
@@ -73,7 +75,7 @@ class Points:
 
 def inspect_points(points: Points) -> list[Finding]:
     """What is odd about slip, adhesion, speed, load and stamps."""
-    if not len(points.slip):
+    if len(points.slip) < LEAST_ROWS:
         return []
     prefix = f"{points.name}: " if points.name else ""
     found = [
@@ -134,10 +136,12 @@ def _adhesion_size(points: Points) -> Iterator[Finding]:
     by_force = points.load is not None
     if size > ADHESION_LIMIT:
         mend = "check the axle load and the unit of the tractive effort"
-        if points.table:
-            mend = "if the load is in kN, say --column normal_load_N=normal_load_N,unit=kN"
-            if not by_force:
-                mend = "if it is in percent, say --column adhesion=adhesion,unit=percent"
+        if points.table and by_force:
+            unit = next((u for u, n in LOAD_UNITS.items() if size / n < ADHESION_LIMIT / 2), "t")
+            name = "normal_load_N"
+            mend = f"if the load is in {unit}, say --column {name}={name},unit={unit}"
+        elif points.table:
+            mend = "if it is in percent, say --column adhesion=adhesion,unit=percent"
         yield Finding(f"the adhesion reaches {size:.4g}", mend)
     elif by_force and 0.0 < size < LEAST_ADHESION:
         mend = "check the axle load and the unit of the tractive effort"
@@ -150,7 +154,7 @@ def _adhesion_size(points: Points) -> Iterator[Finding]:
 def _signs(points: Points) -> Iterator[Finding]:
     clear = (np.abs(points.slip) > CLEAR_SLIP) & (np.abs(points.adhesion) > CLEAR_ADHESION)
     count = int(clear.sum())
-    if count < LEAST_CLEAR:
+    if count < LEAST_ROWS:
         return
     opposite = float(np.mean(points.slip[clear] * points.adhesion[clear] < 0))
     if opposite <= MOST_OPPOSITE:
@@ -166,6 +170,8 @@ def _load(points: Points) -> Iterator[Finding]:
     if points.load is None:
         return
     middle = float(np.median(points.load))
+    if float(np.quantile(np.abs(points.adhesion), 0.99)) > ADHESION_LIMIT:
+        return  # told already
     if 0.0 < middle < LEAST_LOAD_N:
         mend = "check the axle load of the vehicle"
         if points.table:

@@ -331,8 +331,8 @@ def test_check_says_that_the_car_has_no_effort_and_what_that_costs(realdata, tmp
         ["check", str(realdata / "rav4_drive.log.gz"), "--config", str(tmp_path / "car.toml")]
     )
     out = capsys.readouterr().out
-    assert code == 0
-    assert "no role gives vehicle speed or tractive effort" in out
+    assert code == 1
+    assert "WRONG: no role gives vehicle speed or tractive effort" in out
     assert "mu_max and lambda_m, cannot be estimated" in out
     assert "135468 frames" in out
 

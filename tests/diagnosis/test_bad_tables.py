@@ -91,7 +91,6 @@ EMPTY = {
     "no slip": (by_slip(0 * T), "slip hardly varies"),
     "one time": (columns(time_s=0 * T), ""),
     "no adhesion": (columns(adhesion=0 * T), "adhesion hardly varies"),
-    "slip in percent": (columns(slip=100 * SLIP), ""),
 }
 
 
@@ -133,13 +132,27 @@ def test_what_a_bare_table_does_not_identify_is_listed(tmp_path):
     assert "no signal" in untested["humidity"]
 
 
-def test_an_effort_with_the_wrong_sign_is_no_known_effect(tmp_path):
-    """Adhesion against the slip: unexplained, whatever the channel."""
-    model = tmp_path / "m.toml"
-    answer = run(tmp_path, columns(adhesion=-columns()["adhesion"]), "--extended", model)
-    assert answer.verdict == "unexplained"
-    assert "not written, for no curve could be fitted" in answer.out
-    assert not model.exists()
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (columns(adhesion=-columns()["adhesion"]), "--column slip=slip,sign=-1"),
+        (columns(slip=-SLIP), "slip and force have opposite signs in 100 %"),
+        (columns(slip=100 * SLIP), "--column slip=slip,unit=percent"),
+        (columns(adhesion=100 * columns()["adhesion"]), "--column adhesion=adhesion,unit=percent"),
+        (columns(speed_mps=np.full(N, 200.0)), "--column speed_mps=speed_mps,unit=km/h"),
+    ],
+)
+def test_a_wrong_sign_or_unit_is_an_error_with_the_mend(given, says, tmp_path):
+    answer = diagnosed(tmp_path, write_table(tmp_path / "t.csv", given))
+    assert answer.status == 2
+    assert says in answer.err
+    assert len(answer.err.splitlines()) == 1
+    assert not (tmp_path / "diagnosis.json").exists()
+
+
+def test_a_named_sign_mends_it(tmp_path):
+    path = write_table(tmp_path / "t.csv", columns(slip=-SLIP))
+    assert diagnosed(tmp_path, path, "--column", "slip=slip,sign=-1").verdict == "nothing_found"
 
 
 def test_a_hidden_effect_in_a_table_is_named(tmp_path):

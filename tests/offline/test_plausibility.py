@@ -1,0 +1,95 @@
+"""Signs, units, stuck and repeated rows, found before anything is fitted."""
+
+import numpy as np
+import pytest
+
+from adhesion_can.offline.plausibility import Points, inspect_points, longest_run
+
+N = 600
+
+
+def points(seed=1, *, table=True, **changes):
+    """A sound drive of one axle: creep in traction and braking."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(N) * 0.05
+    slip = 0.08 * np.sin(2 * np.pi * t / 7.0)
+    size = np.abs(slip)
+    adhesion = np.sign(slip) * (0.35 * (1 - np.exp(-40 * size)) - 0.4 * size)
+    given = {
+        "slip": slip + 0.0005 * rng.standard_normal(N),
+        "adhesion": adhesion + 0.01 * rng.standard_normal(N),
+        "t_us": np.round(t * 1e6).astype(np.int64),
+        "speed": 12.0 + np.sin(t / 9.0),
+        "load": np.full(N, 245e3),
+    }
+    given |= {name: change(given[name]) for name, change in changes.items()}
+    return Points(**given, table=table)
+
+
+def stuck(values):
+    values = values.copy()
+    values[200:300] = values[200]
+    return values
+
+
+FATAL = {
+    "slip reversed": ({"slip": np.negative}, "opposite signs"),
+    "force reversed": ({"adhesion": np.negative}, "opposite signs"),
+    "slip in percent": ({"slip": lambda x: 100 * x}, "the slip reaches"),
+    "slip in permille": ({"slip": lambda x: 1000 * x}, "the slip reaches"),
+    "load in kN": ({"adhesion": lambda x: 1000 * x, "load": lambda x: x / 1000}, "unit=kN"),
+    "load in t": ({"adhesion": lambda x: 9807 * x, "load": lambda x: x / 9807}, "unit=t"),
+    "load in kg": ({"adhesion": lambda x: 9.81 * x, "load": lambda x: x / 9.81}, "unit=kg"),
+    "force in kN": ({"adhesion": lambda x: x / 1000}, "if the force is in kN"),
+    "speed far off": ({"speed": lambda x: 20 * x}, "km/h"),
+}
+TOLD = {
+    "both in kN": ({"load": lambda x: x / 1e4}, "the load is about"),
+    "speed in km/h": ({"speed": lambda x: 3.6 * x + 10.0}, "unit=km/h"),
+    "stamps repeated": ({"t_us": lambda t: t // 200_000 * 200_000}, "the stamp of the row before"),
+    "slip stuck": ({"slip": stuck}, "the slip stands at"),
+    "adhesion stuck": ({"adhesion": stuck}, "the adhesion stands at"),
+}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_sound_data_have_no_findings(seed):
+    assert inspect_points(points(seed)) == []
+    assert inspect_points(points(seed, table=False)) == []
+
+
+@pytest.mark.parametrize("kind", [*FATAL, *TOLD])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_fault_is_one_sentence_with_its_mend(kind, seed):
+    changes, says = (FATAL | TOLD)[kind]
+    (finding,) = inspect_points(points(seed, **changes))
+    assert says in finding.sentence
+    assert finding.fatal is (kind in FATAL)
+    assert "\n" not in finding.sentence
+    assert finding.mend
+
+
+@pytest.mark.parametrize("kind", FATAL)
+def test_of_a_recording_no_columns_are_named(kind):
+    changes, _ = FATAL[kind]
+    (finding,) = inspect_points(points(table=False, **changes))
+    assert "--column" not in finding.sentence
+
+
+def test_coasting_and_small_slips_have_no_sign():
+    """Noise around zero is of either sign, and says nothing."""
+    rng = np.random.default_rng(4)
+    idle = Points(0.0005 * rng.standard_normal(N), 0.01 * rng.standard_normal(N))
+    assert inspect_points(idle) == []
+
+
+def test_a_few_rows_are_not_judged():
+    assert inspect_points(Points(np.full(5, 7.0), np.full(5, 50.0))) == []
+
+
+def test_the_longest_run_is_one_in_which_the_other_column_moves():
+    values = np.array([1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 3.0])
+    still = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0])
+    assert longest_run(values, still) == (2, 2.0)
+    assert longest_run(values, np.arange(7.0)) == (4, 1.0)
+    assert longest_run(np.arange(3.0), np.zeros(3)) is None
