@@ -21,12 +21,14 @@ if TYPE_CHECKING:
     from adhesion_can.api.calibration import calibrate
     from adhesion_can.api.configuration import load_configuration
     from adhesion_can.api.diagnosis import diagnose
+    from adhesion_can.api.evaluation import evaluate
     from adhesion_can.api.identification import identify
     from adhesion_can.api.replay import SetpointTable, replay
     from adhesion_can.api.simulation import SimulatedDrive, simulate
     from adhesion_can.bus.frame import Frame
     from adhesion_can.calibration.fit import Calibration
     from adhesion_can.config.configuration import Configuration
+    from adhesion_can.diagnosis.evaluate import Evaluation
     from adhesion_can.diagnosis.result import Diagnosis
     from adhesion_can.errors import AdhesionCanError
     from adhesion_can.estimation.batch_fit import BatchResult
@@ -44,6 +46,7 @@ __all__ = [
     "Configuration",
     "Diagnosis",
     "Estimate",
+    "Evaluation",
     "ExtendedModel",
     "Frame",
     "Recording",
@@ -55,6 +58,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "diagnose",
+    "evaluate",
     "identify",
     "load_configuration",
     "replay",
@@ -68,6 +72,7 @@ _MODULES = {
     "Configuration": "config.configuration",
     "Diagnosis": "diagnosis.result",
     "Estimate": "physics.estimate",
+    "Evaluation": "diagnosis.evaluate",
     "ExtendedModel": "estimation.extended.model",
     "Frame": "bus.frame",
     "Recording": "recordings.recording",
@@ -78,6 +83,7 @@ _MODULES = {
     "Tracker": "estimation.tracker.tracker",
     "calibrate": "api.calibration",
     "diagnose": "api.diagnosis",
+    "evaluate": "api.evaluation",
     "identify": "api.identification",
     "load_configuration": "api.configuration",
     "replay": "api.replay",

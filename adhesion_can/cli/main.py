@@ -28,6 +28,7 @@ COMMANDS: Mapping[str, str] = {
     "identify": "one batch fit with standard errors",
     "calibrate": "wheel radii and speed offset from coasting",
     "diagnose": "what the simulation gets wrong, and why",
+    "evaluate": "a model on data that it has not seen",
     "experiment": "the paper's experiments, every estimator side by side",
     "check": "is this recording usable",
     "convert": "any recording with any database to columns",

@@ -1,12 +1,13 @@
 """Build the diagnosis from confirmed findings: sentences, model, evidence and plot data."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.evaluate import evaluate_held_out
 from adhesion_can.diagnosis.extended_model import (
     SegmentFits,
     build_extended_model,
@@ -33,6 +34,7 @@ from adhesion_can.diagnosis.result import (
     ChannelEvidence,
     Diagnosis,
     Evidence,
+    Gain,
     ParameterValue,
     Profile,
     Untested,
@@ -52,6 +54,7 @@ from adhesion_can.diagnosis.shape_result import (
     build_shape_cause,
     find_conditions,
 )
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects.empirical import Empirical
 
 
@@ -102,12 +105,24 @@ def build_diagnosis(
         if verdict is Verdict.NOTHING
         else build_simulation_plots(drives[drive_number], surface, plain, extended.model)
     )
+    model = build_extended_model(
+        extended.model,
+        extended.fitted,
+        surface,
+        extended.spline,
+        conditions,
+        compare_peaks(extended.model, extended.segment_fits.other_forms, surface, conditions),
+    )
+    gain = confirmed.gain
+    if other_drives and model is not None and model.actives:
+        gain = _measure_on_held_out(found, gain, model)
+    confirmed = replace(confirmed, gain=gain)
     return Diagnosis(
         verdict=verdict,
         causes=causes,
         channel=_name_channel(found, confirmed) if verdict is Verdict.UNEXPLAINED else None,
         wrong=tuple(_describe_findings(found, confirmed, causes, profile)),
-        gain=confirmed.gain,
+        gain=gain,
         evidence=tuple(_build_evidence(found)),
         channels=tuple(
             ChannelEvidence(
@@ -118,20 +133,29 @@ def build_diagnosis(
         needed=_describe_separation(causes),
         untested=(*untested, *confirmed.rejected, *_list_imitated_effects(found)),
         surfaces=surfaces,
-        model=build_extended_model(
-            extended.model,
-            extended.fitted,
-            surface,
-            extended.spline,
-            conditions,
-            compare_peaks(extended.model, extended.segment_fits.other_forms, surface, conditions),
-        ),
+        model=model,
         profile=profile,
         simulation_plots=tuple(simulation_plots),
         curves=build_curve_data(data, surface, extended.model),
         samples={drive.name: len(drive) for drive in drives},
         lost=_count_lost_rows(drives),
         families=build_family_results(found, surface),
+    )
+
+
+def _measure_on_held_out(found: Findings, gain: Gain, model: ExtendedModel) -> Gain:
+    """The gain on whole drives as `evaluate` measures it: refitted, and as written."""
+    regression = found.prepared.regression
+    ends = np.cumsum([len(drive) for drive in regression.data.drives])[:-1]
+    held = np.array([bool((own < 0).all()) for own in np.split(regression.block, ends)])
+    part = evaluate_held_out(regression.data, held, model)
+    return replace(
+        gain,
+        rmse_before=part.plain,
+        rmse_after=part.refitted.rmse,
+        percent=part.refitted.percent,
+        interval=part.refitted.interval,
+        as_written=part.as_written,
     )
 
 

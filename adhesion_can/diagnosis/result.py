@@ -97,6 +97,26 @@ class Cause:
 
 
 @dataclass(frozen=True, slots=True)
+class Comparison:
+    """RMSE of the adhesion of a model beside that of the plain curve.
+
+    Attributes:
+        rmse: RMSE of the model.
+        percent: Gain over the plain curve, %.
+        interval: 95 % interval of the gain, %; infinite where there are too few spans.
+
+    """
+
+    rmse: float
+    percent: float
+    interval: tuple[float, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {"rmse": self.rmse, "percent": self.percent, "interval": list(self.interval)}
+
+
+@dataclass(frozen=True, slots=True)
 class Gain:
     """Gain of the extended model on held-out data.
 
@@ -108,6 +128,8 @@ class Gain:
         interval: 95 % confidence interval of the gain, %.
         held_out: Description of the data that were held out, a clause.
         spans: Recording, begin and end of each held-out span, s on the recording's clock.
+        as_written: The model as its file has it, where whole recordings were held out; there
+            `rmse_after` is that with the curve refitted. None elsewhere.
 
     """
 
@@ -118,9 +140,11 @@ class Gain:
     interval: tuple[float, float]
     held_out: str
     spans: tuple[tuple[str, float, float], ...]
+    as_written: Comparison | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Fields of `diagnosis.json`."""
+        written = self.as_written
         return {
             "rmse_before": self.rmse_before,
             "rmse_after": self.rmse_after,
@@ -130,6 +154,19 @@ class Gain:
             "held_out": self.held_out,
             "spans": [[begin, end] for _, begin, end in self.spans],
             "recordings": [recording for recording, _, _ in self.spans],
+            **(
+                {}
+                if written is None
+                else {
+                    "as_written": {
+                        "rmse_before": self.rmse_before,
+                        "rmse_after": written.rmse,
+                        "noise_floor": self.noise_floor,
+                        "percent": written.percent,
+                        "interval": list(written.interval),
+                    }
+                }
+            ),
         }
 
 

@@ -33,6 +33,8 @@ ABOUT_AS_GOOD = 0.05
 """Share by which a family's held-out score may exceed the best one's to count as about as good."""
 APART = 1.1
 """Largest over smallest λ_m of families from which it is said where each has its peak."""
+MUCH_LEFT = 1.5
+"""RMSE over the noise floor from which what the plain curve leaves is not called noise."""
 SHOWN = 5
 """Rows of evidence that a terminal shows."""
 
@@ -109,6 +111,13 @@ def _nothing(found: Diagnosis) -> str:
         "Nothing found: what the plain curve leaves is noise, as far as these data show. An effect "
         "may still be there and be too small, or not excited."
     )
+    gain = found.gain
+    if gain is not None and gain.rmse_before > MUCH_LEFT * gain.noise_floor:
+        text = (
+            f"Cannot tell: the plain curve leaves {short(gain.rmse_before)}, where noise alone "
+            f"would leave about {short(gain.noise_floor)}, and no effect and no channel explains "
+            "that for certain."
+        )
     if not found.evidence:
         return text
     first = min(found.evidence, key=lambda e: e.p_value if isfinite(e.p_value) else 1.0)
@@ -167,6 +176,13 @@ def gain_sentence(gain: Gain, found: Diagnosis) -> str:
         f"the adhesion {short(gain.rmse_before)} before, {short(gain.rmse_after)} after; noise "
         f"alone is about {short(gain.noise_floor)}."
     )
+    written = gain.as_written
+    if written is not None:
+        change = f"{abs(written.percent):.1f} % {'below' if written.percent >= 0.0 else 'above'}"
+        text += (
+            " That is with the curve refitted there; the model as its file has it leaves "
+            f"{short(written.rmse)}, {change} the plain curve."
+        )
     if gain.percent <= 0.0:
         text += " On these data the extension is no better than the plain curve."
     elif low <= 0.0:

@@ -27,6 +27,8 @@ LEAST_EXPLAINED = 0.5
 BESIDE_SHAPE = 0.05
 """Share by which an effect beside a shape must lower the cross-validated whitened square: the
 family's own error of form must not get a name, nor a lag that averages noise of the slip."""
+MOST_BENT = 0.25
+"""Share of what a channel explains by a linear factor that a spline in it may explain besides."""
 OSCILLATION_SIZE = 0.3
 """Size of an oscillation in the adhesion, relative to the noise floor, from which it matters."""
 
@@ -110,17 +112,32 @@ class Findings:
         if self.oscillates or self.saturated or plain.rmse < NOISELESS:
             return False
         explained = 1.0 - (best.rmse / plain.rmse) ** 2
-        significant = [one for one in self.channels_of_best if one.p_value <= self.alpha / 2]
-        # Of a channel that the user brought the form is named, not only that it matters.
-        own = {PREFIX + one.channel.name for one in significant if one.gain >= SECOND_LEAST_GAIN}
-        if own & best.ids:
-            return False
-        strongest = next(iter(significant), None)
+        significant = (one for one in self.channels_of_best if one.p_value <= self.alpha / 2)
+        strongest = next(significant, None)
         by_channel = 0.0
         if strongest is not None:
+            if self._bends(strongest):
+                return False
             remaining = best.rmse * (1.0 - strongest.gain)
             by_channel = (best.rmse**2 - remaining**2) / plain.rmse**2
         return explained >= LEAST_EXPLAINED * (explained + by_channel)
+
+    def _bends(self, left: ResidualChannel) -> bool:
+        """Whether a named channel of the user's is left with much of what it does.
+
+        A factor that is linear in it is then not the form of the dependence.
+        """
+        best = self.selection.best
+        own = [c for c in best.candidates if c.effect.id == PREFIX + left.channel.name]
+        if not own or left.gain < SECOND_LEAST_GAIN:
+            return False
+        rest = tuple(c for c in best.candidates if c not in own)
+        without = (self.selection.plain, *self.selection.singles)
+        before = next((one.rmse for one in without if one.candidates == rest), None)
+        if before is None:
+            return False
+        remaining = best.rmse**2 * (1.0 - (1.0 - left.gain) ** 2)
+        return remaining > MOST_BENT * (before**2 - best.rmse**2)
 
     @cached_property
     def oscillates(self) -> bool:

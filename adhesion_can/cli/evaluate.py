@@ -1,0 +1,67 @@
+"""`evaluate`: a model on recordings or tables, as its file has it and with its curve refitted."""
+
+import argparse
+from pathlib import Path
+
+from adhesion_can.api.diagnosis import list_input_files, load_inputs
+from adhesion_can.api.evaluation import evaluate_inputs
+from adhesion_can.cli.common import (
+    add_columns,
+    add_configuration,
+    add_json,
+    configuration,
+    progress,
+    require_outputs,
+    talk,
+    write_json,
+)
+from adhesion_can.config.model_file import read_model
+from adhesion_can.reporting.evaluation import page, render_evaluation
+from adhesion_can.reporting.page import require_extra, write_page
+from adhesion_can.reporting.provenance import provenance
+from adhesion_can.reporting.text import console
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
+    parser.description = (
+        "Holds an extended model against recordings or tables: as its file has it, and with its "
+        "curve refitted, beside the plain curve, for each recording and each surface."
+    )
+    parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
+    parser.add_argument(
+        "--model", type=Path, metavar="F", required=True, help="model that 'diagnose' wrote"
+    )
+    parser.add_argument("--html", type=Path, metavar="F", help="write a page (extra 'report')")
+    add_columns(parser)
+    add_json(parser)
+    add_configuration(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    config = configuration(options)
+    written = {"--html": options.html, "--json": options.json}
+    require_outputs(options, written, [*options.inputs, config.database.path])
+    if options.html is not None:
+        require_extra(str(options.html))
+    model = config.model or read_model(options.model)
+    input_files = list_input_files(options.inputs, columns=config.columns)
+    with progress("reading", len(input_files), "") as done:
+        loaded = load_inputs(
+            input_files, config, lambda _work, share: done(share * len(input_files))
+        )
+    found = evaluate_inputs(loaded, model)
+    problems = [problem for one in loaded for problem in one.problems]
+    origin = provenance(config, options.inputs)
+    write_json(options.json, {**found.to_dict(), "problems": problems, **origin})
+    if options.html is not None:
+        entries = {"model": str(options.model), "version": str(origin["version"])}
+        write_page(page(found, str(options.model), problems, entries), options.html)
+    if talk(options):
+        out = console()
+        for part in render_evaluation(found):
+            out.print(part, markup=False) if isinstance(part, str) else out.print(part)
+        for problem in problems:
+            out.print(problem, markup=False)
+    return 0

@@ -1,0 +1,285 @@
+"""An extended model on recordings or tables: as its file has it, and with its curves refitted.
+
+Both stand beside Burckhardt's curve fitted to the same rows, which is what a user has without a
+model. Rows, surfaces, weights and filter are those of a diagnosis, so that its gain on drives that
+were held out is the same figure.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.drive.thinning import thin_drive
+from adhesion_can.diagnosis.inference.candidates import build_candidates
+from adhesion_can.diagnosis.inference.hold_out_gain import LEAST_RECORDINGS, gain_interval
+from adhesion_can.diagnosis.inference.split_hold_out import HELD_BLOCKS, split_hold_out
+from adhesion_can.diagnosis.regression.find_surface_changes import (
+    build_regression_data,
+    find_surface_changes,
+    fit_start_curves,
+)
+from adhesion_can.diagnosis.regression.model import (
+    EXCLUDED,
+    Model,
+    RegressionData,
+    evaluate_model,
+)
+from adhesion_can.diagnosis.regression.prepare_regression import (
+    choose_block_length,
+    prepare_regression,
+)
+from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT, SegmentCurves
+from adhesion_can.diagnosis.regression.whitened_regression import fit_model
+from adhesion_can.diagnosis.result import Comparison
+from adhesion_can.errors import InputError
+from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.physics.effects import ActiveEffect
+from adhesion_can.result_text import html_table
+
+RATE_HZ = 16.0
+"""Rows per second and axle, as a diagnosis takes them."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelResiduals:
+    """Residuals of the adhesion on the rows of all drives, shape (n,) each.
+
+    Attributes:
+        plain: Burckhardt's curves, fitted to these rows.
+        as_written: The model as its file has it.
+        refitted: The model with its curves fitted to these rows.
+        unit: Number of the span that is one unit of an interval.
+        used: Whether the row counts: it is not close to a change of the surface.
+
+    """
+
+    plain: Array
+    as_written: Array
+    refitted: Array
+    unit: NDArray[np.int64]
+    used: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class PartEvaluation:
+    """A model on one surface, on one recording, or on all.
+
+    Attributes:
+        recording: Name of the recording; '' for all together.
+        from_s: Begin, s on the recording's clock.
+        to_s: End, s on the recording's clock.
+        samples: Number of rows.
+        plain: RMSE of the plain curve.
+        as_written: The model as its file has it.
+        refitted: The model with its curves refitted.
+
+    """
+
+    recording: str
+    from_s: float
+    to_s: float
+    samples: int
+    plain: float
+    as_written: Comparison
+    refitted: Comparison
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {
+            "recording": self.recording,
+            "from_s": self.from_s,
+            "to_s": self.to_s,
+            "samples": self.samples,
+            "plain": {"rmse": self.plain},
+            "as_written": self.as_written.to_dict(),
+            "refitted": self.refitted.to_dict(),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """A model on recordings or tables.
+
+    Attributes:
+        total: All rows together.
+        recordings: Recording by recording.
+        surfaces: Surface by surface.
+
+    """
+
+    total: PartEvaluation
+    recordings: tuple[PartEvaluation, ...]
+    surfaces: tuple[PartEvaluation, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {
+            "total": self.total.to_dict(),
+            "recordings": [one.to_dict() for one in self.recordings],
+            "surfaces": [one.to_dict() for one in self.surfaces],
+        }
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                one.recording or "all",
+                str(one.samples),
+                f"{one.plain:.4g}",
+                f"{one.as_written.rmse:.4g}",
+                f"{one.refitted.rmse:.4g}",
+            )
+            for one in (*self.recordings, self.total)
+        ]
+        columns = ("recording", "samples", "plain", "as written", "refitted")
+        return html_table("RMSE of the adhesion", columns, rows)
+
+
+def evaluate(drives: Sequence[DriveData], model: ExtendedModel) -> Evaluation:
+    """Evaluate a model.
+
+    Args:
+        drives: Drive data of recordings or tables, at least one row in all.
+        model: Extended model.
+
+    Raises:
+        InputError: A drive lacks a channel that an effect of the model needs.
+
+    """
+    used = [drive for drive in drives if len(drive)]
+    for drive in used:
+        require_effects_apply(model, drive)
+    thin = tuple(thin_drive(drive, RATE_HZ) for drive in used)
+    candidates, _ = build_candidates(used)
+    data = build_regression_data(thin, [find_surface_changes(one, candidates) for one in thin])
+    residuals = compute_residuals(data, model)
+    clock = np.concatenate([drive.time_s + drive.first_us / 1e6 for drive in thin])
+    number = np.repeat(np.arange(len(thin)), [len(drive) for drive in thin])
+    recordings, surfaces = [], []
+    for place, drive in enumerate(thin):
+        rows = residuals.used & (number == place)
+        recordings.append(_part(residuals, rows, clock, drive.name))
+        surfaces += [
+            _part(residuals, rows & (data.surface == one), clock, drive.name)
+            for one in np.unique(data.surface[rows])
+        ]
+    if len(thin) >= LEAST_RECORDINGS:
+        residuals = replace(residuals, unit=number)
+    total = _part(residuals, residuals.used, clock, "")
+    return Evaluation(total, tuple(recordings), tuple(surfaces))
+
+
+def evaluate_held_out(
+    data: RegressionData, held: NDArray[np.bool_], model: ExtendedModel
+) -> PartEvaluation:
+    """A model on the drives that a diagnosis held out.
+
+    Args:
+        data: Rows of all drives of the diagnosis, with their surfaces.
+        held: Whether each drive was held out, shape (drives,).
+        model: Extended model.
+
+    """
+    lengths = [len(drive) for drive in data.drives]
+    surface = data.surface[np.repeat(held, lengths)]
+    known = np.unique(surface[surface != EXCLUDED])
+    numbered = np.where(surface == EXCLUDED, EXCLUDED, np.searchsorted(known, surface))
+    drives = tuple(drive for drive, out in zip(data.drives, held, strict=True) if out)
+    residuals = compute_residuals(RegressionData(drives, numbered, len(known)), model)
+    if len(drives) >= LEAST_RECORDINGS:
+        number = np.repeat(np.arange(len(drives)), [len(drive) for drive in drives])
+        residuals = replace(residuals, unit=number)
+    clock = np.concatenate([drive.time_s + drive.first_us / 1e6 for drive in drives])
+    return _part(residuals, residuals.used, clock, "")
+
+
+def compute_residuals(data: RegressionData, model: ExtendedModel) -> ModelResiduals:
+    """Residuals of the plain curves and of a model on the rows of drives.
+
+    Args:
+        data: Rows of the drives, with their surfaces.
+        model: Extended model, all of whose channels the drives have.
+
+    """
+    length_s = choose_block_length(data.drives)
+    block = split_hold_out(data.drives, [False] * len(data.drives), length_s)
+    block = np.where(block < 0, -1 - block, block)
+    prepared = prepare_regression(data, fit_start_curves(data), block, (), length_s)
+    effects = model_effects(model)
+    curves = _model_curves(model, data.surfaces)
+    refitted = fit_model(prepared.regression, Model(curves, fixed=effects)).model
+    return ModelResiduals(
+        evaluate_model(data, prepared.plain.model.curves).residual,
+        evaluate_model(data, curves, effects).residual,
+        evaluate_model(data, refitted.curves, effects).residual,
+        block // HELD_BLOCKS,
+        data.surface != EXCLUDED,
+    )
+
+
+def model_effects(model: ExtendedModel) -> tuple[ActiveEffect, ...]:
+    """Effects and splines of a model; its curve is not among them."""
+    return (*model.effects, *(ActiveEffect(spline, ()) for spline in model.splines))
+
+
+def _model_curves(model: ExtendedModel, surfaces: int) -> SegmentCurves:
+    """The base curve of a model, for every surface."""
+    if model.curve is None:
+        return SegmentCurves.from_parameters(BURCKHARDT, np.tile(model.base, (surfaces, 1)))
+    values = np.tile(model.curve.values, (surfaces, 1))
+    return SegmentCurves.from_parameters(model.curve.family, values)
+
+
+def require_effects_apply(model: ExtendedModel, drive: DriveData) -> None:
+    """InputError where the data of a drive do not suffice for an effect of the model."""
+    for active in model_effects(model):
+        effect, requires = active.effect, active.effect.requires
+        what = f"{effect.id} of the model"
+        lacking = requires.covariates and not set(requires.covariates) & set(drive.covariates)
+        if lacking:
+            raise InputError(
+                drive.name, f"{what} needs {' or '.join(requires.covariates)}",
+                "add the column or the signal, or take the effect out of the model",
+            )  # fmt: skip
+        if requires.wheel_speed and drive.table:
+            raise InputError(drive.name, f"{what} needs the wheel speeds", "give the recording")
+        for needed, there, column in (
+            (requires.speed, drive.has_speed, "speed_mps"),
+            (requires.load, drive.has_load, "normal_load_N"),
+        ):
+            if needed and drive.table and not there:
+                raise InputError(drive.name, f"{what} needs column {column!r}", "add the column")
+
+
+def compare(residuals: ModelResiduals, of_model: Array, rows: NDArray[np.bool_]) -> Comparison:
+    """A model beside the plain curve on some rows.
+
+    Args:
+        residuals: Residuals and units of all rows.
+        of_model: Residuals of the model, shape (n,).
+        rows: Rows that count, shape (n,).
+
+    """
+    before, after = residuals.plain[rows], of_model[rows]
+    rmse_before, rmse = (float(np.sqrt(np.mean(one**2))) for one in (before, after))
+    interval = gain_interval(before, after, residuals.unit[rows])
+    return Comparison(rmse, 100.0 * (1.0 - rmse / max(rmse_before, 1e-300)), interval)
+
+
+def _part(
+    residuals: ModelResiduals, rows: NDArray[np.bool_], clock: Array, name: str
+) -> PartEvaluation:
+    """Figures of some rows, at least one."""
+    return PartEvaluation(
+        name,
+        float(clock[rows].min()),
+        float(clock[rows].max()),
+        int(rows.sum()),
+        float(np.sqrt(np.mean(residuals.plain[rows] ** 2))),
+        compare(residuals, residuals.as_written, rows),
+        compare(residuals, residuals.refitted, rows),
+    )

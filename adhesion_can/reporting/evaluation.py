@@ -1,0 +1,126 @@
+"""An evaluation as text and as a page."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import isfinite
+
+from rich.table import Table as RichTable
+
+from adhesion_can.diagnosis.evaluate import Evaluation, PartEvaluation
+from adhesion_can.diagnosis.formatting import short
+from adhesion_can.diagnosis.result import Comparison
+from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
+from adhesion_can.reporting.text import table
+
+COLUMNS = ("data", "rows", "plain", "as written", "gain", "refitted", "gain ")
+MEANING = (
+    "RMSE of the adhesion. Plain: Burckhardt's curve fitted to these data. As written: the model "
+    "as its file has it. Refitted: its effects as written, its curve fitted to these data. Gains "
+    "over the plain curve with 95 % intervals, from spans or recordings as units."
+)
+
+
+def render_evaluation(found: Evaluation) -> Iterator[str | RichTable]:
+    """Parts for a terminal."""
+    yield table("RMSE of the adhesion, and gain over the plain curve", COLUMNS, _rows(found))
+    yield verdict(found)
+    yield MEANING
+
+
+def verdict(found: Evaluation) -> str:
+    """What the model is worth on all data together, one sentence."""
+    total = found.total
+    written, refitted = total.as_written, total.refitted
+    text = (
+        f"As written the model's RMSE is {short(written.rmse)}, {_change(written)} the plain "
+        f"curve's {short(total.plain)}; with its curve refitted {short(refitted.rmse)}, "
+        f"{_change(refitted)}."
+    )
+    if _is_sure(refitted) and written.rmse > total.plain:
+        return (
+            f"{text} Its effects hold here, its curve does not: another surface, or another wheel."
+        )
+    if not _is_sure(refitted):
+        return f"{text} That its effects gain here is not certain: the interval reaches 0."
+    return text
+
+
+def page(
+    found: Evaluation, model: str, notes: Sequence[str], provenance: Mapping[str, str]
+) -> Page:
+    """Page of an evaluation.
+
+    Args:
+        found: Result of the evaluation.
+        model: Name of the model's file.
+        notes: Sentence for each problem of an input.
+        provenance: Version, command, database and configuration by name.
+
+    """
+    sections = [
+        Section("Figures", [Table("RMSE of the adhesion.", COLUMNS, _rows(found), note=MEANING)]),
+        Section("Recording by recording", [_figure(found)]),
+        Section("Inputs", [Items(notes) if notes else Text("Every row was used.")]),
+    ]
+    return Page(
+        title="A model on these data",
+        lead=f"The model {model} beside the plain curve.",
+        verdict=[verdict(found)],
+        sections=sections,
+        provenance=provenance,
+    )
+
+
+def _figure(found: Evaluation) -> Figure:
+    parts = [*found.recordings, found.total]
+    names = [one.recording or "all" for one in parts]
+    bars = {
+        "plain curve": [one.plain for one in parts],
+        "model as written": [one.as_written.rmse for one in parts],
+        "model, curve refitted": [one.refitted.rmse for one in parts],
+    }
+    data = [
+        {"type": "bar", "name": name, "x": names, "y": values, "hovertemplate": "%{y:.4g}"}
+        for name, values in bars.items()
+    ]
+    layout = {"barmode": "group", "yaxis": {"title": {"text": "RMSE of the adhesion"}}}
+    return Figure("RMSE of the adhesion on each recording: lower is better.", data, layout)
+
+
+def _rows(found: Evaluation) -> list[tuple[str, ...]]:
+    several = len(found.surfaces) > len(found.recordings)
+    rows = []
+    for recording in found.recordings:
+        rows.append(_row(recording.recording, recording))
+        if several:
+            own = [one for one in found.surfaces if one.recording == recording.recording]
+            rows += [_row(f"  {_span(one, recording)}", one) for one in own]
+    if len(found.recordings) > 1:
+        rows.append(_row("all", found.total))
+    return rows
+
+
+def _span(part: PartEvaluation, recording: PartEvaluation) -> str:
+    """Span of a surface, s since the recording began."""
+    return f"{part.from_s - recording.from_s:.1f} .. {part.to_s - recording.from_s:.1f} s"
+
+
+def _row(name: str, part: PartEvaluation) -> tuple[str, ...]:
+    cells = [name, str(part.samples), short(part.plain)]
+    for one in (part.as_written, part.refitted):
+        cells += [short(one.rmse), _gain(one)]
+    return tuple(cells)
+
+
+def _gain(one: Comparison) -> str:
+    low, high = one.interval
+    text = f"{one.percent:.1f} %"
+    return f"{text} ({low:.1f} to {high:.1f})" if isfinite(low) else text
+
+
+def _change(one: Comparison) -> str:
+    way = "below" if one.percent >= 0.0 else "above"
+    return f"{abs(one.percent):.1f} % {way}"
+
+
+def _is_sure(one: Comparison) -> bool:
+    return one.percent > 0.0 and not one.interval[0] <= 0.0
