@@ -55,6 +55,7 @@ from adhesion_can.diagnosis.shape_result import (
     find_conditions,
 )
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.physics.effects import Effect
 from adhesion_can.physics.effects.empirical import Empirical
 
 
@@ -268,12 +269,17 @@ def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> C
     return Cause(
         effect.id,
         effect.form,
-        effect.title,
+        _title(effect, values[0]),
         effect.literature,
         values,
         found.p_value(candidate),
         found.selection.rivals(candidate),
     )
+
+
+def _title(effect: Effect, size: ParameterValue) -> str:
+    """What happens, by the sign of the effect's size."""
+    return (size.value < 0.0 and effect.observability.below) or effect.title
 
 
 def _build_evidence(found: Findings) -> list[Evidence]:

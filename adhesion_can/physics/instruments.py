@@ -26,6 +26,9 @@ class Instruments:
         speed_delay: Age of a measured vehicle speed at its stamp, s.
         effort_bias: Measured less true effort of every axle, N.
         effort_delay: Age of a measured effort at its stamp, s.
+        wheel_speed_delay: Age of the measured wheel speeds at their stamps, s.
+
+    A delay below 0 is that of a signal that comes early, as the others come late.
 
     """
 
@@ -35,6 +38,17 @@ class Instruments:
     speed_delay: float = 0.0
     effort_bias: float = 0.0
     effort_delay: float = 0.0
+    wheel_speed_delay: float = 0.0
+
+    @property
+    def speed_lag(self) -> float:
+        """Age of the vehicle speed over that of the wheel speeds, s."""
+        return self.speed_delay - self.wheel_speed_delay
+
+    @property
+    def effort_lag(self) -> float:
+        """Age of the effort over that of the wheel speeds, s."""
+        return self.effort_delay - self.wheel_speed_delay
 
     def vehicle(self, configured: Locomotive) -> Locomotive:
         """The vehicle as it really is: radii and inertia amended."""

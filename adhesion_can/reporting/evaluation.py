@@ -71,7 +71,8 @@ def page(
 
 
 def _figure(found: Evaluation) -> Figure:
-    parts = [*found.recordings, found.total]
+    together = [found.total] if len(found.recordings) > 1 else []
+    parts = [*found.recordings, *together]
     names = [one.recording or "all" for one in parts]
     bars = {
         "plain curve": [one.plain for one in parts],

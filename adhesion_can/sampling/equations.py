@@ -106,13 +106,13 @@ class SampleEquations:
 
     @cached_property
     def speed_lag_us(self) -> int:
-        """Delay of the stamps of the vehicle speed, µs."""
-        return round(self.instruments.speed_delay * 1e6)
+        """Delay of the stamps of the vehicle speed against those of the wheel speeds, µs."""
+        return round(self.instruments.speed_lag * 1e6)
 
     @cached_property
     def effort_lag_us(self) -> int:
-        """Delay of the stamps of the effort, µs."""
-        return round(self.instruments.effort_delay * 1e6)
+        """Delay of the stamps of the effort against those of the wheel speeds, µs."""
+        return round(self.instruments.effort_lag * 1e6)
 
     @cached_property
     def lag_us(self) -> int:

@@ -139,6 +139,19 @@ class Transmitter:
         return frame
 
 
+def _delays_us(instruments: Instruments) -> dict[str, int]:
+    """Age of each message's values at its stamp, µs; where one is early the others are late."""
+    delays = {
+        "WheelSpeeds1": instruments.wheel_speed_delay,
+        "WheelSpeeds2": instruments.wheel_speed_delay,
+        "VehicleSpeed": instruments.speed_delay,
+        "TractiveEffort1": instruments.effort_delay,
+        "TractiveEffort2": instruments.effort_delay,
+    }
+    earliest = min(*delays.values(), 0.0)
+    return {name: to_us(delay - earliest) for name, delay in delays.items()}
+
+
 class Sensors:
     """All input messages of the packaged message set, each at its cycle.
 
@@ -160,11 +173,7 @@ class Sensors:
         self._noise = noise
         self._rng = rng
         self._instruments = instruments
-        self._delay_us = {
-            "VehicleSpeed": to_us(instruments.speed_delay),
-            "TractiveEffort1": to_us(instruments.effort_delay),
-            "TractiveEffort2": to_us(instruments.effort_delay),
-        }
+        self._delay_us = _delays_us(instruments)
         longest_us = max(self._delay_us.values())
         self._history = StateHistory(longest_us) if longest_us else None
         self._transmitters = [

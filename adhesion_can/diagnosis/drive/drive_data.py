@@ -24,7 +24,8 @@ from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.kinematics import adhesion_coefficient, creep_speed
 
 DELAY_MAX = {"speed": 1.0, "effort": 0.5}
-"""Largest delay of a sensor that is tested, s; rows need kinematics that far around them."""
+"""Largest delay of a sensor that is tested, of either sign, s; rows need kinematics that far around
+them."""
 
 
 KEPT = 4
@@ -122,7 +123,7 @@ class DriveData:
         return observation
 
     def _observe(self, instruments: Instruments) -> ContactObservation:
-        k = self.kinematics(instruments.speed_delay, instruments.effort_delay)
+        k = self.kinematics(instruments.speed_lag, instruments.effort_lag)
         factor = instruments.radius_factor(len(self.radius))
         radius = (self.radius * factor)[self.axle - 1]
         speed = k.speed / (1.0 + instruments.speed_error)

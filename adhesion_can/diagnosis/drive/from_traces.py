@@ -167,11 +167,12 @@ def _find_usable_rows(
 ) -> NDArray[np.bool_]:
     """Rows whose kinematics are known for every tested delay, and whose slip is in range."""
     wheel, speed = signals.wheels[axle], signals.speed
-    early = DELAY_MAX["effort"]
-    known = is_covered(wheel, t - early, t) & is_covered(speed, t - early, t + DELAY_MAX["speed"])
+    effort, speed_s = DELAY_MAX["effort"], DELAY_MAX["speed"]
+    known = is_covered(wheel, t - effort, t + effort)
+    known &= is_covered(speed, t - max(effort, speed_s), t + max(effort, speed_s))
     v = np.interp(t, speed.t_s, speed.value)
     # A delay reads the speed at other times, and each of them needs a slip ratio.
-    around = np.arange(-early, DELAY_MAX["speed"] + 0.01, 0.25)
+    around = np.arange(-speed_s, speed_s + 0.01, 0.25)
     slowest = np.min([np.interp(t + step, speed.t_s, speed.value) for step in around], axis=0)
     fast = slowest >= v_min
     slip = slip_ratio(np.interp(t, wheel.t_s, wheel.value), v, signals.radius[axle - 1], v_min)

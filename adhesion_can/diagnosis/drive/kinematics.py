@@ -173,14 +173,21 @@ class TableKinematics:
         """Kinematics at some of the rows."""
         return TableKinematics(self._axles[kept], self._t_s[kept], self._columns[:, kept])
 
-    def __call__(self, _speed_delay: float, effort_delay: float) -> Kinematics:
-        """Kinematics of each row, or those one effort delay, s, before it."""
+    def __call__(self, speed_delay: float, effort_delay: float) -> Kinematics:
+        """Kinematics at the time at which the effort of each row was measured.
+
+        Args:
+            speed_delay: Delay of the vehicle speed, s.
+            effort_delay: Delay of the effort, s.
+
+        """
         columns, none = self._columns, np.zeros(len(self._t_s))
-        if effort_delay != 0.0:
+        if effort_delay != 0.0 or speed_delay != 0.0:
             columns = np.empty_like(columns)
+            later = (0.0, speed_delay, 0.0)
             for axle in np.unique(self._axles):
                 rows = self._axles == axle
                 at = self._t_s[rows] - effort_delay
-                for target, values in zip(columns, self._columns, strict=True):
-                    target[rows] = np.interp(at, self._t_s[rows], values[rows])
+                for target, values, shift in zip(columns, self._columns, later, strict=True):
+                    target[rows] = np.interp(at + shift, self._t_s[rows], values[rows])
         return Kinematics(columns[0], none, columns[1], columns[2], none)

@@ -33,6 +33,8 @@ LEAST_ADHESION = 0.01
 """Range of |μ| (5 to 95 % of the rows) below which there is no curve in the data."""
 IMITATED = 0.995
 """Share of a signature that the curve's parameters imitate, from which it is not testable."""
+COARSE = 2.0
+"""Distance of the rows, in typical delays or lengths, beyond which these do not show."""
 COASTING = 0.005
 """|μ| of an axle that coasts."""
 
@@ -50,7 +52,7 @@ def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...]
             axles = sorted(set.union(*(set(np.unique(c.axle).tolist()) for c in drives)))
             found += [Candidate(effect, int(axle)) for axle in axles]
         else:
-            found.append(Candidate(effect))
+            found.append(Candidate(effect, least=_least_lag(effect, drives)))
     channels, without = build_channel_candidates(drives)
     return (*found, *channels), [*(Untested(what, why) for what, why in untested.items()), *without]
 
@@ -66,12 +68,47 @@ def _missing(effect: Effect, drives: Sequence[DriveData]) -> str:
 def _missing_sequence(effect: Effect, drives: Sequence[DriveData]) -> str:
     """Why independent points cannot show an effect; '' where they can, or are a time series."""
     if not any(drive.independent for drive in drives):
-        return ""
+        return _too_coarse(effect, drives) if depends_on_sequence(effect) else ""
     if depends_on_sequence(effect):
         return "the rows are independent points: no row follows upon another"
     if not acts_in_contact(effect) and _is_one_sided(drives):
         return "all slips are of one sign: an error of the instruments is part of the curve"
     return ""
+
+
+def _too_coarse(effect: Effect, drives: Sequence[DriveData]) -> str:
+    """Why rows are too far apart to show a delay or a lag; '' where they are not."""
+    for parameter in effect.parameters:
+        if parameter.unit not in {"s", "m"}:
+            continue
+        limit = COARSE * parameter.typical
+        for drive in drives:
+            step = _median_step(drive, along=parameter.unit == "m")
+            if step > limit:
+                return (
+                    f"the rows of {drive.name} are {step:.2g} {parameter.unit} apart, too far for "
+                    f"a {parameter.name} of about {parameter.typical:g} {parameter.unit}"
+                )
+    return ""
+
+
+def _least_lag(effect: Effect, drives: Sequence[DriveData]) -> float:
+    """Smallest lag of the contact that rows at their distance can carry; 0 for other effects."""
+    unit = effect.parameters[0].unit
+    if not acts_in_contact(effect) or unit not in {"s", "m"}:
+        return 0.0
+    return max(_median_step(drive, along=unit == "m") for drive in drives)
+
+
+def _median_step(drive: DriveData, *, along: bool) -> float:
+    """Median distance of rows that follow each other, m, or time between them, s."""
+    step = np.diff(drive.time_s)
+    follows = (step > 0.0) & (np.diff(drive.axle) == 0)
+    if not follows.any():
+        return 0.0
+    if along:
+        step = step * drive.observe().speed[1:]
+    return float(np.median(step[follows]))
 
 
 def _missing_rows(effect: Effect, drives: Sequence[DriveData]) -> str:
@@ -100,7 +137,7 @@ def depends_on_sequence(effect: Effect) -> bool:
     values = tuple(p.typical for p in effect.parameters)
     if not acts_in_contact(effect):
         instruments = build_instruments([ActiveEffect(effect, values)])
-        return bool(instruments.speed_delay or instruments.effort_delay)
+        return bool(instruments.speed_lag or instruments.effort_lag)
     rows = np.ones(3)
     contact = Contact(
         slip=np.array([0.02, 0.04, 0.03]),

@@ -22,11 +22,14 @@ class Candidate:
     Attributes:
         effect: Effect of the library.
         axle: Axle number of an effect at one axle; 0 for the others.
+        least: Smallest size that the rows can carry, in the unit of the first parameter: a lag
+            below their distance only averages the noise of the slip. 0 where any size can be seen.
 
     """
 
     effect: Effect
     axle: int = 0
+    least: float = 0.0
 
     @property
     def size(self) -> int:
@@ -74,10 +77,11 @@ class Candidate:
     def chord_sizes(self) -> tuple[float, ...]:
         """Sizes, relative to the typical one, at which the signature is computed.
 
-        A parameter with one sign is a delay, a length or a lost share, and seldom linear.
+        A delay, and a parameter with one sign, a length or a lost share, is seldom linear.
         """
-        one_sided = self.free_parameters[0].lower == 0.0
-        return (CHORD_STEP, FAR_STEP) if one_sided else (CHORD_STEP,)
+        first = self.free_parameters[0]
+        bent = first.lower == 0.0 or first.unit == "s"
+        return (CHORD_STEP, FAR_STEP) if bent else (CHORD_STEP,)
 
     @property
     def start_values(self) -> tuple[tuple[float, ...], ...]:

@@ -361,7 +361,7 @@ def remove_instrument_errors(samples: Samples, instruments: Instruments, where: 
     """
     if instruments == PERFECT:
         return samples
-    late = instruments.speed_delay or instruments.effort_delay
+    late = instruments.speed_lag or instruments.effort_lag
     impossible = [
         name
         for name, possible in (

@@ -62,6 +62,7 @@ class Observability:
             the two excitations must vary independently of each other.
         drift: Whether the effect depends on time alone: an online estimator follows such a change
             by itself, and the diagnosis prefers a cause that was measured.
+        below: What happens where the size is below 0, a clause; '' where that has no other name.
 
     """
 
@@ -69,6 +70,7 @@ class Observability:
     excitation: str = ""
     separations: tuple[Separation, ...] = ()
     drift: bool = False
+    below: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,18 +9,19 @@ from adhesion_can.physics.parameter import Parameter
 
 @dataclass(frozen=True, slots=True)
 class EffortDelay:
-    """F measured at t is F at t − delay."""
+    """F measured at t is F at t − delay; early where the delay is below 0."""
 
     id: str = "effort_delay"
     form: str = ""
     title: str = "the tractive effort comes late"
     parameters: tuple[Parameter, ...] = (
-        Parameter("delay", "s", 0.05, 0.0, 0.5, "age of the effort at its stamp"),
+        Parameter("delay", "s", 0.05, -0.4, 0.5, "age of the effort at its stamp"),
     )
     literature: str = "Ljung, System Identification, 2nd ed. 1999, sec. 14.3"
     requires: Requirements = Requirements()
     observability: Observability = Observability(
         channel="slip_rate",
+        below="the tractive effort comes early: wheel and vehicle speeds are late",
         excitation="quick changes of effort at a steady creep",
         separations=(
             Separation(

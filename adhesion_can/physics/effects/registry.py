@@ -27,6 +27,7 @@ from adhesion_can.physics.effects.speed_dependence import SpeedDependence
 from adhesion_can.physics.effects.speed_scale import SpeedScale
 from adhesion_can.physics.effects.traction_braking_asymmetry import TractionBrakingAsymmetry
 from adhesion_can.physics.effects.wheel_radius import WheelRadius
+from adhesion_can.physics.effects.wheel_speed_delay import WheelSpeedDelay
 from adhesion_can.physics.effects.wheelset_inertia import WheelsetInertia
 from adhesion_can.physics.parameter import Parameter
 from adhesion_can.plugins import Plugin, load_plugins
@@ -40,6 +41,7 @@ EFFECTS: tuple[Effect, ...] = (
     SpeedScale(),
     SpeedDelay(),
     EffortDelay(),
+    WheelSpeedDelay(),
     EffortBias(),
     CreepRelaxation(),
     CurveCreep(),
