@@ -30,6 +30,7 @@ from adhesion_can.physics.vehicle import Locomotive
 CONTRACT_IDS = {
     *("speed_dependence", "load_dependence", "falling_friction", "wheelset_inertia"),
     *("wheel_radius", "speed_scale", "speed_delay", "effort_delay", "effort_bias"),
+    "wheel_speed_delay",
     *("creep_relaxation", "curve_creep", "rail_cleaning", "adhesion_recovery", "humidity"),
     *("rail_temperature", "sanding", "slow_drift", "traction_braking_asymmetry"),
 }

@@ -24,8 +24,8 @@ from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.kinematics import adhesion_coefficient, creep_speed
 
 DELAY_MAX = {"speed": 1.0, "effort": 0.5}
-"""Largest delay of a sensor that is tested, of either sign, s; rows need kinematics that far around
-them."""
+"""Largest delay of a sensor that is tested, s, and largest lead of any; rows need kinematics that
+far around them."""
 
 
 KEPT = 4

@@ -169,10 +169,10 @@ def _find_usable_rows(
     wheel, speed = signals.wheels[axle], signals.speed
     effort, speed_s = DELAY_MAX["effort"], DELAY_MAX["speed"]
     known = is_covered(wheel, t - effort, t + effort)
-    known &= is_covered(speed, t - max(effort, speed_s), t + max(effort, speed_s))
+    known &= is_covered(speed, t - effort, t + speed_s)
     v = np.interp(t, speed.t_s, speed.value)
     # A delay reads the speed at other times, and each of them needs a slip ratio.
-    around = np.arange(-speed_s, speed_s + 0.01, 0.25)
+    around = np.arange(-effort, speed_s + 0.01, 0.25)
     slowest = np.min([np.interp(t + step, speed.t_s, speed.value) for step in around], axis=0)
     fast = slowest >= v_min
     slip = slip_ratio(np.interp(t, wheel.t_s, wheel.value), v, signals.radius[axle - 1], v_min)
