@@ -40,6 +40,7 @@ class Block:
 
     Attributes:
         gram: Weighted Gram matrix of the columns, less the share of the slips' errors, (k, k).
+        dilution: That share: what errors of the slips add to the Gram matrix, (k, k).
         score: Weighted sums of columns times response, shape (k,).
         level_noise: Expected square of the score along the level of the curve, by noise alone.
         curve_square: Weighted sum of squares of the curve.
@@ -48,6 +49,7 @@ class Block:
     """
 
     gram: Array
+    dilution: Array
     score: Array
     level_noise: float
     curve_square: float
@@ -58,14 +60,16 @@ class Block:
         """Sums of rows, with corrected scores for the errors of the slips."""
         weighted = rows.columns * rows.weight[:, None]
         diluted = rows.slopes * (rows.weight * rows.slip_var)[:, None]
-        gram = weighted.T @ rows.columns - diluted.T @ rows.slopes
+        dilution = diluted.T @ rows.slopes
+        gram = weighted.T @ rows.columns - dilution
         score = weighted.T @ rows.response
-        return cls(gram, score, rows.level_noise, rows.curve_square, binned)
+        return cls(gram, dilution, score, rows.level_noise, rows.curve_square, binned)
 
     def joined(self, other: "Block") -> "Block":
         """Both blocks as one."""
         return Block(
             self.gram + other.gram,
+            self.dilution + other.dilution,
             self.score + other.score,
             self.level_noise + other.level_noise,
             self.curve_square + other.curve_square,
@@ -79,6 +83,7 @@ class ReducedBlocks:
 
     Attributes:
         grams: Gram matrix of each block, shape (b, k, k).
+        dilution: What errors of the slips would add to the sum of the Gram matrices, (k, k).
         scores: Score of each block at the curve itself, shape (b, k).
         current: Number of the first blocks that belong to the current surface.
         level_noise: Expected square of each current block's score along the level of the curve, by
@@ -88,6 +93,7 @@ class ReducedBlocks:
     """
 
     grams: Array
+    dilution: Array
     scores: Array
     current: int
     level_noise: Array
@@ -145,21 +151,23 @@ class BlockSeries:
         linear = linearise(curve)
         size = CURVE + self._directions
         grams, scores = np.zeros((len(self), size, size)), np.zeros((len(self), size))
+        dilution = np.zeros((size, size))
         for k, block in enumerate(self.blocks):
             gram, score = block.gram, block.score - block.gram[:, :SIZE] @ linear.curve
-            onto = linear.changes.T @ gram[:SIZE]
-            grams[k, :CURVE, :CURVE] = onto[:, :SIZE] @ linear.changes
-            grams[k, :CURVE, CURVE:] = onto[:, SIZE:]
-            grams[k, CURVE:, :CURVE] = onto[:, SIZE:].T
-            grams[k, CURVE:, CURVE:] = gram[SIZE:, SIZE:]
+            grams[k] = _in_changes(gram, linear.changes)
             scores[k, :CURVE] = score[:SIZE] @ linear.changes
             scores[k, CURVE:] = score[SIZE:]
         for k, block in enumerate(self._earlier, start=len(self.blocks)):
             grams[k, TANGENTS:, TANGENTS:] = block.gram
             scores[k, TANGENTS:] = block.score
+        if self.blocks:
+            whole = np.sum([block.dilution for block in self.blocks], axis=0)
+            dilution += _in_changes(whole, linear.changes)
+        for block in self._earlier:
+            dilution[TANGENTS:, TANGENTS:] += block.dilution
         noise = np.array([block.level_noise for block in self.blocks])
         square = sum(block.curve_square for block in (*self.blocks, *self._earlier))
-        return ReducedBlocks(grams, scores, len(self.blocks), noise, square)
+        return ReducedBlocks(grams, dilution, scores, len(self.blocks), noise, square)
 
     def end_surface(self, place: int, curve: PooledCurve) -> None:
         """End the surface before a block: its curve is projected out of its blocks.
@@ -177,16 +185,46 @@ class BlockSeries:
         gram, score = grams.sum(axis=0), scores.sum(axis=0)
         inverse = np.linalg.pinv(gram[own, own], hermitian=True)
         onto, change = inverse @ gram[own, rest], inverse @ score[own]
+        changes = linearise(curve).changes
         for gram, score, block in zip(grams, scores, self.blocks, strict=True):
-            crossed = gram[rest, own] @ onto
-            left = gram[rest, rest] - crossed - crossed.T + onto.T @ gram[own, own] @ onto
+            left = _project_out(gram, onto)
+            diluted = _project_out(_in_changes(block.dilution, changes), onto)
             at_fit = score - gram[:, own] @ change
             score_left = at_fit[rest] - onto.T @ at_fit[own]
-            left[self._per_surface], left[:, self._per_surface] = 0.0, 0.0
+            for matrix in (left, diluted):
+                matrix[self._per_surface], matrix[:, self._per_surface] = 0.0, 0.0
             score_left[self._per_surface] = 0.0
-            self._earlier.append(replace(block, gram=left, score=score_left, binned=EMPTY))
+            self._earlier.append(
+                replace(block, gram=left, dilution=diluted, score=score_left, binned=EMPTY)
+            )
         self.blocks = after
         self.candidates = [k - place for k in self.candidates if k > place]
+
+
+def _in_changes(gram: Array, changes: Array) -> Array:
+    """Gram matrix in coefficients of a curve's changes, from one in those of the slip basis.
+
+    Args:
+        gram: Gram matrix of the basis and the directions, shape (SIZE + d, SIZE + d).
+        changes: Coefficients of the tangents and bumps, shape (SIZE, CURVE).
+
+    """
+    onto = changes.T @ gram[:SIZE]
+    corner, edge = onto[:, :SIZE] @ changes, onto[:, SIZE:]
+    return np.block([[corner, edge], [edge.T, gram[SIZE:, SIZE:]]])
+
+
+def _project_out(gram: Array, onto: Array) -> Array:
+    """Gram matrix of what is left of the other columns without the tangents.
+
+    Args:
+        gram: Gram matrix of the tangents and the others, shape (TANGENTS + k, TANGENTS + k).
+        onto: Regression of the others on the tangents, shape (TANGENTS, k).
+
+    """
+    own, rest = slice(0, TANGENTS), slice(TANGENTS, None)
+    crossed = gram[rest, own] @ onto
+    return np.asarray(gram[rest, rest] - crossed - crossed.T + onto.T @ gram[own, own] @ onto)
 
 
 def _merge_neighbours(blocks: Sequence[Block]) -> list[Block]:

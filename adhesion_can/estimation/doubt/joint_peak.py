@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.doubt.blocks import CURVE, TANGENTS, ReducedBlocks
@@ -20,6 +21,8 @@ WEAK = 0.1
 FLAT = 1e-3
 """Least curvature −d²μ/dx² of a peak, as a share of the largest adhesion; x is the grid's index
 over its number of steps. A flatter one may lie anywhere that was reached."""
+LEAST_LEFT = 0.1
+"""Least share of the information that is left along any direction without errors of the slips."""
 _SPACING = 6
 """Steps of the grid over which the curvature is taken."""
 
@@ -53,7 +56,11 @@ def fit_jointly(
     inflation: float,
     prior_std: Mapping[int, float],
 ) -> JointFit:
-    """Estimate coefficients together.
+    """Estimate coefficients together, by corrected scores for the errors of the slips.
+
+    The covariance is that of corrected scores: A⁻¹ (A + D) A⁻¹ with the corrected information A and
+    the share D of the slips' errors (Carroll et al., Measurement Error in Nonlinear Models, 2nd ed.
+    2006, ch. 7). Where D is most of what there is, little is known.
 
     Args:
         blocks: Blocks at the curve.
@@ -65,12 +72,32 @@ def fit_jointly(
     """
     gram, score = blocks.grams.sum(axis=0), blocks.scores.sum(axis=0)
     chosen = [k for k in coefficients if gram[k, k] > 0.0]
+    own = np.ix_(chosen, chosen)
     precision = [_prior_precision(k, directions, prior_std) * inflation for k in chosen]
-    inner = gram[np.ix_(chosen, chosen)] + np.diag(precision)
-    scale = np.sqrt(np.maximum(inner.diagonal(), 1e-300))
-    normalised = inner / scale / scale[:, None] + 1e-9 * np.eye(len(chosen))
-    covariance = np.linalg.inv(normalised) / scale / scale[:, None]
-    return JointFit(chosen, covariance @ score[chosen], inflation * covariance)
+    dilution = blocks.dilution[own]
+    seen = gram[own] + dilution + np.diag(precision)
+    scale = np.sqrt(np.maximum(seen.diagonal(), 1e-300))
+    seen = seen / scale / scale[:, None] + 1e-9 * np.eye(len(chosen))
+    inverse = np.linalg.inv(_corrected(seen, dilution / scale / scale[:, None]))
+    covariance = (inverse @ seen @ inverse) / scale / scale[:, None]
+    change = (inverse @ (score[chosen] / scale)) / scale
+    return JointFit(chosen, change, inflation * covariance)
+
+
+def _corrected(seen: Array, dilution: Array) -> Array:
+    """Information without what errors of the slips add, limited so that it stays positive.
+
+    By chance that may exceed the information along some direction (Fuller, Measurement Error
+    Models, 1987, sec. 2.5).
+
+    Args:
+        seen: Information with the errors of the slips, positive definite, shape (k, k).
+        dilution: Share of those errors, positive semidefinite, shape (k, k).
+
+    """
+    largest = float(scipy.linalg.eigh(dilution, seen, eigvals_only=True)[-1])
+    share = min(1.0, (1.0 - LEAST_LEFT) / largest) if largest > 0.0 else 1.0
+    return np.asarray(seen - share * dilution)
 
 
 def compute_joint_peak(
