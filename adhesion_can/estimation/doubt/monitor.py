@@ -247,7 +247,7 @@ class DoubtMonitor:
         instrument_std = (0.0, 0.0)
         if families is not None:
             known = self._fit_instruments(reduced, lasting.inflation)
-            instrument_std = _further_shares(plain_peak, peak(known))
+            instrument_std = _shares_of_change(plain_peak, peak(known))
         self.assessment = Assessment(
             selection.doubt,
             selection.names,
@@ -344,9 +344,14 @@ def further_std(assessment: Assessment, estimate: Estimate) -> tuple[float, floa
             sqrt((full.lambda_m - estimate.lambda_m) ** 2 + full.lambda_m_std**2)
             / estimate.lambda_m,
         )
-    far_mu = (full.mu_max - plain.mu_max) / plain.mu_max
-    far_lambda = (full.lambda_m - plain.lambda_m) / plain.lambda_m
-    mu_share, lambda_share = _further_shares(plain, full)
+    return _shares_of_change(plain, full)
+
+
+def _shares_of_change(plain: PeakEstimate, other: PeakEstimate) -> tuple[float, float]:
+    """How far the peak of another fit is, and what it is less certain of, as shares of it."""
+    far_mu = (other.mu_max - plain.mu_max) / plain.mu_max
+    far_lambda = (other.lambda_m - plain.lambda_m) / plain.lambda_m
+    mu_share, lambda_share = _further_shares(plain, other)
     return hypot(far_mu, mu_share), hypot(far_lambda, lambda_share)
 
 
