@@ -29,12 +29,16 @@ from adhesion_can.estimation.registry import known_estimators
 from adhesion_can.files import whole_file
 from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
+from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
+from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence, open_recordings
 from adhesion_can.reporting.export import require_format
 from adhesion_can.reporting.provenance import provenance, texts
+from adhesion_can.reporting.sample_rows import sample_table
 from adhesion_can.reporting.setpoints import setpoint_table
 from adhesion_can.reporting.text import console, table
 from adhesion_can.result_text import plus_minus
@@ -61,6 +65,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="OUT.csv|.parquet|.mf4",
         help="write a row a setpoint; the time of MF4 begins at the first one",
+    )
+    parser.add_argument(
+        "--samples",
+        type=Path,
+        metavar="F.csv|.parquet|.mf4",
+        help="write a row a sample, which 'identify' and 'diagnose' read as a TABLE",
     )
     parser.add_argument(
         "--estimator", metavar="NAME", help=f"one of {', '.join(known_estimators())}"
@@ -98,9 +108,15 @@ def run(options: argparse.Namespace) -> int:
                 frames.write(format_frame(frame, channel.name))
 
         collector = MisfitCollector(config)
+        add_samples = _sample_writer(stack, options.samples, texts(origin), config)
+
+        def on_samples(samples: Samples) -> None:
+            collector.add(samples)
+            add_samples(samples, core.estimate)
+
         watched = stack.enter_context(reading("replaying", recordings))
         span = {"from_s": options.from_s, "to_s": options.to_s}
-        core = ServiceCore(config, make, on_setpoint, collector.add)
+        core = ServiceCore(config, make, on_setpoint, on_samples)
         if options.realtime:
             items = channel.watch_items(in_sequence(recordings))
             summary = replay(items, core, send, **span, realtime=True)
@@ -135,10 +151,12 @@ def _require_span(options: argparse.Namespace) -> None:
 
 
 def _require_outputs(options: argparse.Namespace, config: Configuration) -> None:
-    written = {"--frames": options.frames, "--table": options.table, "--json": options.json}
+    tables = {"--table": options.table, "--samples": options.samples}
+    written = {"--frames": options.frames, "--json": options.json, **tables}
     require_outputs(options, written, [*options.log, config.database.path])
-    if options.table:
-        require_format(options.table, "--table")
+    for option, path in tables.items():
+        if path:
+            require_format(path, option)
 
 
 def _row_writer(
@@ -148,6 +166,18 @@ def _row_writer(
     if path is None:
         return lambda _, __: None
     return stack.enter_context(setpoint_table(path, origin))
+
+
+def _sample_writer(
+    stack: ExitStack, path: Path | None, origin: Mapping[str, str], config: Configuration
+) -> Callable[[Samples, Estimate | None], None]:
+    """Writes the rows of --samples; does nothing where it is not asked for."""
+    if path is None:
+        return lambda _, __: None
+    roles = config.roles()
+    channels = [name for role, name in COVARIATES.items() if role in roles]
+    slip_max = config.estimators.identifiability.slip_max
+    return stack.enter_context(sample_table(path, origin, channels, slip_max))
 
 
 class _SetpointCounts:

@@ -45,6 +45,8 @@ FIELDS = (
     _number("surface_age_s", "since the rail last changed", "s"),
     *(_number(f"mu_max_ax{axle}", f"mu_max of axle {axle}") for axle in _AXLES),
     *(_number(f"lambda_m_ax{axle}", f"lambda_m of axle {axle}") for axle in _AXLES),
+    _number("speed_mps", "vehicle speed", "m/s"),
+    _number("creep_speed_setpoint_mps", "creep speed to control to", "m/s"),
     Field(
         "doubt",
         np.dtype(np.uint8),
@@ -110,6 +112,8 @@ def setpoint_row(outputs: Outputs) -> list[float]:
         outputs.surface_age_s,
         *(point.mu_max for point in axles),
         *(point.lambda_m for point in axles),
+        outputs.speed,
+        outputs.setpoint.creep_speed,
     )
     known = (nan if number is None or not isfinite(number) else number for number in numbers)
     doubt = outputs.doubt

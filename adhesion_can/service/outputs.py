@@ -43,6 +43,7 @@ class Outputs:
         surface_age_s: Time since the last change of the surface, s.
         doubt: Condition that the residual depends on, where the curve cannot explain it.
         family: Name of the most probable curve family; None where none are compared.
+        speed: Vehicle speed, m/s; None where it is not available.
 
     """
 
@@ -55,6 +56,7 @@ class Outputs:
     surface_age_s: float | None = None
     doubt: Doubt = Doubt.NOT_AVAILABLE
     family: str | None = None
+    speed: float | None = None
 
 
 @lru_cache(maxsize=8)
@@ -159,10 +161,11 @@ class OutputBuilder:
                 compute_target_slip(estimate.theta, self._share, self._slip_max),
                 self._axles,
             )
+            self._last_current = replace(self._last_current, speed=speed)
             return self._last_current
         if values is Values.HELD and self._last_current is not None and may_hold:
-            return replace(self._last_current, status=status)
-        return Outputs(status)
+            return replace(self._last_current, status=status, speed=speed)
+        return Outputs(status, speed=speed)
 
 
 def _without_confidence(estimate: Estimate) -> Estimate:

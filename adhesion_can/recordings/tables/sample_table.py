@@ -1,9 +1,9 @@
 """Tables of samples: CSV (gzip too), Parquet or MATLAB, one row a sample.
 
 Columns: `time_s`, `slip`, and `adhesion` or both `longitudinal_force_N` and `normal_load_N`;
-optional `speed_mps`, `axle`, `segment`. Every other numeric column is a covariate by its name, and
-each text of a column of few texts is one as `COLUMN=TEXT`, 1 in its rows and 0 in the others.
-Without `time_s` the rows are independent points and all have the stamp 0.
+optional `speed_mps`, `axle`, `segment`, `slip_std`, `adhesion_std`. Every other numeric column is a
+covariate by its name, and each text of a column of few texts is one as `COLUMN=TEXT`, 1 in its rows
+and 0 in the others. Without `time_s` the rows are independent points and all have the stamp 0.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,9 @@ TIME_LIMIT_S = 9e9
 """Limit of a time, s: beyond it, 285 years, stamps do not fit 64 bits as ns."""
 MOST_TEXTS, LEAST_TEXT_ROWS = 12, 5
 """Texts of a column that groups the rows, and rows of each of them."""
-_KNOWN = frozenset({"time_s", "slip", "adhesion", FORCE, LOAD, "speed_mps", "axle", "segment"})
+_OWN = frozenset({"slip_std", "adhesion_std", "residual", "left_out"})
+"""Columns of `replay --samples` that say something of a row, and are no channels."""
+_KNOWN = _OWN | {"time_s", "slip", "adhesion", FORCE, LOAD, "speed_mps", "axle", "segment"}
 _SUFFIXES = (".csv", ".parquet", ".mat")
 
 
@@ -105,7 +107,7 @@ def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
     segment = texts.pop("segment", None)
     if segment is not None:
         numbers["segment"] = np.unique(np.array(segment), return_inverse=True)[1].astype(np.float64)
-    groups = {name: _groups(name, cells) for name, cells in texts.items()}
+    groups = {name: _groups(name, cells) for name, cells in texts.items() if name not in _OWN}
     for indicators in groups.values():
         numbers |= indicators
     ignored = tuple(name for name, indicators in groups.items() if not indicators)
@@ -180,8 +182,8 @@ def _table(
         speed=speed[good],
         load=load[good],
         load_std=0 * ones[good],
-        slip_var=0 * ones[good],
-        adhesion_var=0 * ones[good],
+        slip_var=_variance(numbers, "slip_std", ones)[good],
+        adhesion_var=_variance(numbers, "adhesion_std", ones)[good],
         slip_common_var=0 * ones[good],
         speed_us=t_us,
         transient_var=0 * ones[good],
@@ -198,6 +200,11 @@ def _table(
         timed=timed,
         notes=columns.notes,
     )
+
+
+def _variance(numbers: Mapping[str, Array], name: str, ones: Array) -> Array:
+    """Square of a column of standard deviations; 0 where there is none."""
+    return np.square(np.nan_to_num(numbers.get(name, 0.0 * ones)))
 
 
 def _why_no_row(numbers: Mapping[str, Array]) -> tuple[str, str]:
