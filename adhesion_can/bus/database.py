@@ -11,6 +11,7 @@ from cantools.database import UnsupportedDatabaseFormatError  # type: ignore[att
 from cantools.database.can import Database, Message, Signal
 from cantools.database.errors import Error as CantoolsError
 
+from adhesion_can.bus.lenient_database import load_without_faulty_messages
 from adhesion_can.errors import DatabaseError
 
 INPUT_MESSAGES = (
@@ -45,12 +46,14 @@ class CanDatabase:
         path: Path of the database file.
         sha256: SHA-256 hash of the file, hex.
         db: Database as cantools parses it.
+        left_out: Sentence for each message that was left out for a fault.
 
     """
 
     path: Path
     sha256: str
     db: Database
+    left_out: tuple[str, ...] = ()
 
     def message(self, name: str) -> Message:
         """The message of that name.
@@ -93,17 +96,18 @@ class CanDatabase:
         return message, signal
 
 
-def load_database(path: Path | None = None) -> CanDatabase:
+def load_database(path: Path | None = None, *, lenient: bool = False) -> CanDatabase:
     """Load a database.
 
     Args:
         path: Path of a file of any format that cantools reads; None: the packaged DBC.
+        lenient: Whether messages with a fault are left out of a DBC, and told; else it is refused.
 
     Raises:
         DatabaseError: The file is missing or is not a database.
 
     """
-    return _load_packaged() if path is None else _load_file(path)
+    return _load_packaged() if path is None else _load_file(path, lenient=lenient)
 
 
 @cache
@@ -112,7 +116,7 @@ def _load_packaged() -> CanDatabase:
     return _load_file(packaged_path())
 
 
-def _load_file(path: Path) -> CanDatabase:
+def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
     """A database from its file; errors as in `load_database`."""
     try:
         content = path.read_bytes()
@@ -120,15 +124,21 @@ def _load_file(path: Path) -> CanDatabase:
         raise DatabaseError(
             str(path), error.strerror or "cannot be read", "check the path"
         ) from error
+    left_out: tuple[str, ...] = ()
     try:
         # Not strict: real databases have overlapping signals, and the layout that we use is checked
         # signal by signal.
-        db = cantools.database.load_file(path, encoding=_encoding(content), strict=False)
+        if lenient and path.suffix.lower() == ".dbc":
+            text = content.decode(_encoding(content) or "cp1252")
+            found, left_out = load_without_faulty_messages(text)
+        else:
+            found = cantools.database.load_file(path, encoding=_encoding(content), strict=False)
     except (UnsupportedDatabaseFormatError, CantoolsError) as error:
         reason = " ".join(str(error).split())[:200]
-        raise DatabaseError(
-            str(path), f"not a CAN database ({reason})", "give a .dbc, .kcd, .arxml or .sym file"
-        ) from error
+        mend = "give a .dbc, .kcd, .arxml or .sym file"
+        if "in message" in reason and not lenient:
+            mend = "mend the message, or say --lenient to leave it out"
+        raise DatabaseError(str(path), f"not a CAN database ({reason})", mend) from error
     except (ValueError, UnicodeError, KeyError, TypeError) as error:
         reason = " ".join(str(error).split())[:200]
         raise DatabaseError(
@@ -136,9 +146,9 @@ def _load_file(path: Path) -> CanDatabase:
             f"not a readable CAN database ({reason})",
             "check the file with 'cantools dump'",
         ) from error
-    if not isinstance(db, Database):
+    if not isinstance(found, Database):
         raise DatabaseError(str(path), "a diagnostics database, not a CAN database", "give a .dbc")
-    return CanDatabase(path, sha256(content).hexdigest(), db)
+    return CanDatabase(path, sha256(content).hexdigest(), found, left_out)
 
 
 def _encoding(content: bytes) -> str | None:

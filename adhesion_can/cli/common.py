@@ -12,6 +12,7 @@ from typing import Any
 
 import can
 
+from adhesion_can.bus.database import CanDatabase
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.files import whole_file
@@ -25,6 +26,20 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
         "--config", type=Path, metavar="F", help="vehicle, database and roles (TOML)"
     )
     group.add_argument("--dbc", type=Path, metavar="F", help="CAN database (default: our own)")
+    add_lenient(group)
+
+
+def add_lenient(group: argparse._ActionsContainer) -> None:
+    """Option --lenient."""
+    group.add_argument(
+        "--lenient", action="store_true", help="leave messages with a fault out of a DBC"
+    )
+
+
+def tell_left_out(database: CanDatabase) -> None:
+    """Say on stderr which messages were left out of a database."""
+    for sentence in database.left_out:
+        print(f"{database.path}: {sentence}", file=sys.stderr)
 
 
 def add_columns(parser: argparse.ArgumentParser) -> None:
@@ -68,7 +83,9 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
 
 def configuration(options: argparse.Namespace) -> Configuration:
     """Configuration that the options name, with the extended model where one is named."""
-    config = load_configuration(options.config, options.dbc)
+    lenient = getattr(options, "lenient", False)
+    config = load_configuration(options.config, options.dbc, lenient=lenient)
+    tell_left_out(config.database)
     stated = getattr(options, "column", [])
     if stated:
         from adhesion_can.recordings.tables.choice import parse_choice  # noqa: PLC0415

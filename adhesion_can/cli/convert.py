@@ -17,8 +17,10 @@ from adhesion_can.bus.database import CanDatabase, load_database
 from adhesion_can.bus.decoder import Decoder
 from adhesion_can.cli.common import (
     add_json,
+    add_lenient,
     require_outputs,
     talk,
+    tell_left_out,
     write_json,
 )
 from adhesion_can.cli.reading import reading
@@ -61,6 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="F",
         help="CAN database: .dbc, .kcd, .arxml or .sym (default: our own)",
     )
+    add_lenient(parser)
     parser.add_argument(
         "--out", type=Path, required=True, metavar="F", help=f"written: {', '.join(SUFFIXES)}"
     )
@@ -86,7 +89,8 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     require_outputs(options, {"--out": options.out, "--json": options.json}, options.log)
     require_format(options.out, "--out")
-    database = load_database(options.dbc)
+    database = load_database(options.dbc, lenient=options.lenient)
+    tell_left_out(database)
     chosen = _SignalFilter(database, options.signals)
     recordings = open_recordings(options.log)
     origin = provenance(

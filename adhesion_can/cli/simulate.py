@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
     settings = _settings(options, config)
-    database = load_database(options.dbc)
+    database = load_database(options.dbc, lenient=options.lenient)
     on_bus = "interface" in options or "channel" in options
     if options.log is None:
         on_bus = on_bus or bus_is_configured()

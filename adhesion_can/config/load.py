@@ -32,12 +32,15 @@ def settings_sections() -> dict[str, tuple[str, ...]]:
     return {name: section_keys(kind) for name, kind in nested_sections(Configuration)}
 
 
-def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Configuration:
+def load_configuration(
+    path: Path | None = None, dbc: Path | None = None, *, lenient: bool = False
+) -> Configuration:
     """Configuration from a TOML file.
 
     Args:
         path: Path of the TOML file; None: the defaults on the packaged database.
         dbc: Path of a database to use instead of the one that the file names.
+        lenient: Whether messages with a fault are left out of the database, else it is refused.
 
     Raises:
         ConfigError: The file cannot be read, or has unknown keys or wrong values.
@@ -46,7 +49,9 @@ def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Con
     """
     if path is None:
         return _complete(
-            Configuration(vehicle=Locomotive(), database=load_database(dbc), choices=())
+            Configuration(
+                vehicle=Locomotive(), database=load_database(dbc, lenient=lenient), choices=()
+            )
         )
     document, sha256 = load_toml(path)
     where = path.name
@@ -55,7 +60,8 @@ def load_configuration(path: Path | None = None, dbc: Path | None = None) -> Con
     reject_unknown_keys(bus, f"{where}: bus", ("database",))
     if named is not None and not isinstance(named, str):
         raise ConfigError(f"{where}: bus.database", "not a path", 'write database = "my.dbc"')
-    database = load_database(dbc or (path.parent / named if named else None))
+    where_from = dbc or (path.parent / named if named else None)
+    database = load_database(where_from, lenient=lenient)
     vehicle = load_vehicle(document.pop("vehicle", {}), where)
     roles = document.pop("roles", None)
     choices = () if roles is None else load_roles(roles, where)

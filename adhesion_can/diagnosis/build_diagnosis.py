@@ -57,6 +57,10 @@ from adhesion_can.diagnosis.shape_result import (
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import Effect
 from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.physics.parameter import Parameter
+
+AT_BOUND = 1e-6
+"""Distance from the end of a parameter's range, as a share of the range, that counts as none."""
 
 
 def build_empty_diagnosis(drives: Sequence[DriveData], untested: Sequence[Untested]) -> Diagnosis:
@@ -114,6 +118,11 @@ def build_diagnosis(
         conditions,
         compare_peaks(extended.model, extended.segment_fits.other_forms, surface, conditions),
     )
+    if model is None and causes:
+        # A verdict that no model file can follow is none.
+        why = "it explains the data, but no curve with a peak can be fitted beside it"
+        untested = [*untested, *(Untested(cause.effect, why) for cause in causes)]
+        causes, verdict = (), Verdict.UNEXPLAINED
     gain = confirmed.gain
     if other_drives and model is not None and model.actives:
         gain = _measure_on_held_out(found, gain, model)
@@ -261,7 +270,7 @@ def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> C
     std = iter(np.sqrt(final.covariance.diagonal())[first : first + candidate.size])
     numbers = iter(final.model.values[place])
     values = tuple(
-        ParameterValue(p.name, next(numbers), float(next(std)), p.unit, p.meaning)
+        _parameter_value(p, next(numbers), float(next(std)))
         if p.free
         else ParameterValue(p.name, candidate.known_value(p), None, p.unit, p.meaning)
         for p in effect.parameters
@@ -274,6 +283,17 @@ def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> C
         values,
         found.p_value(candidate),
         found.selection.rivals(candidate),
+    )
+
+
+def _parameter_value(parameter: Parameter, value: float, std: float) -> ParameterValue:
+    """An estimate, which at the end of its range has no standard deviation."""
+    ends = (parameter.lower, parameter.upper)
+    reach = parameter.upper - parameter.lower
+    at_bound = any(abs(value - end) <= AT_BOUND * reach for end in ends if end != 0.0)
+    known = None if at_bound else std
+    return ParameterValue(
+        parameter.name, value, known, parameter.unit, parameter.meaning, at_bound=at_bound
     )
 
 

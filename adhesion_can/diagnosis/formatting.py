@@ -39,6 +39,8 @@ def sizes(values: Iterable[ParameterValue]) -> str:
 
 def value_text(value: ParameterValue) -> str:
     """A parameter's value with its unit, and its standard deviation where it is estimated."""
+    if value.at_bound:
+        return f"{value.value:.4g} {unit_text(value.unit)}".strip() + " (at its bound)"
     if value.std is None:
         return f"{value.value:.4g} {unit_text(value.unit)}".strip()
     return measured(value.value, value.std, value.unit)

@@ -49,6 +49,8 @@ class ParameterValue:
         std: Standard deviation of the estimate in `unit`; None for the number of an axle.
         unit: Unit of the value.
         meaning: Meaning of the parameter, a clause.
+        at_bound: Whether the estimate is at the end of the parameter's range, where it says no more
+            than that the true value may lie beyond.
 
     """
 
@@ -57,6 +59,7 @@ class ParameterValue:
     std: float | None
     unit: str
     meaning: str
+    at_bound: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +92,9 @@ class Cause:
             "form": self.form,
             "title": self.title,
             "parameters": {
-                v.name: {"value": v.value, "std": v.std, "unit": v.unit} for v in self.parameters
+                v.name: {"value": v.value, "std": v.std, "unit": v.unit}
+                | ({"at_bound": True} if v.at_bound else {})
+                for v in self.parameters
             },
             "p_value": self.p_value,
             "rivals": list(self.rivals),

@@ -27,6 +27,8 @@ LEAST_EXPLAINED = 0.5
 BESIDE_SHAPE = 0.05
 """Share by which an effect beside a shape must lower the cross-validated whitened square: the
 family's own error of form must not get a name, nor a lag that averages noise of the slip."""
+INTERVAL = 1.96
+"""Half the width of a 95 % interval, in standard deviations."""
 MOST_BENT = 0.25
 """Share of what a channel explains by a linear factor that a spline in it may explain besides."""
 OSCILLATION_SIZE = 0.3
@@ -103,6 +105,8 @@ class Findings:
         best = self.selection.best
         if not best.candidates or any(self.p_value(c) > self.alpha for c in best.candidates):
             return ()
+        if not all(self._has_size(place) for place in range(len(best.candidates))):
+            return ()
         return best.candidates if self.explains else ()
 
     @cached_property
@@ -121,6 +125,14 @@ class Findings:
             remaining = best.rmse * (1.0 - strongest.gain)
             by_channel = (best.rmse**2 - remaining**2) / plain.rmse**2
         return explained >= LEAST_EXPLAINED * (explained + by_channel)
+
+    def _has_size(self, place: int) -> bool:
+        """Whether the 95 % interval of an effect's size leaves out 0."""
+        fitted = self.selection.best.fitted
+        model = fitted.model
+        first = model.curves.values.size + sum(c.size for c in model.candidates[:place])
+        std = float(np.sqrt(max(fitted.covariance[first, first], 0.0)))
+        return abs(model.values[place][0]) > INTERVAL * std
 
     def _bends(self, left: ResidualChannel) -> bool:
         """Whether a named channel of the user's is left with much of what it does.
