@@ -125,6 +125,7 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
             str(path), error.strerror or "cannot be read", "check the path"
         ) from error
     left_out: tuple[str, ...] = ()
+    found: object
     try:
         # Not strict: real databases have overlapping signals, and the layout that we use is checked
         # signal by signal.

@@ -163,10 +163,10 @@ def _units(body: Sequence[list[str]], *, decimal_comma: bool) -> tuple[str, ...]
         place for place, cell in enumerate(second) if is_number(cell, decimal_comma=decimal_comma)
     ]
     stated = [first[place].strip() for place in numeric]
-    texts = [text for text in stated if text.lower() not in NO_VALUE and text != "1"]
-    if not texts or any(is_number(text, decimal_comma=decimal_comma) for text in texts):
+    texts = [text for text in stated if text not in {"", "-", "1"}]
+    if not texts or any(text.lower() in NO_VALUE for text in texts):
         return ()
-    if len(texts) < len(stated) and not any(text in {"1", "-"} for text in stated):
+    if any(is_number(text, decimal_comma=decimal_comma) for text in texts):
         return ()
     return tuple(cell.strip().strip("[]()").strip() for cell in first)
 
