@@ -156,6 +156,7 @@ def _load_recording(input_file: InputFile, config: Configuration) -> LoadedInput
         config.vehicle,
         config.sampling.v_min,
         config.estimators.identifiability.slip_max,
+        config.channels,
     )
     problems = describe_problems(recordings, names=[input_file.name])
     for points in _points_of_axles(drive):
@@ -201,7 +202,7 @@ def _load_table(input_file: InputFile, config: Configuration) -> LoadedInput:
     rows = read_table(input_file.path, config.columns)
     slip_max = config.estimators.identifiability.slip_max
     drive = build_drive_data_from_table(
-        input_file.name, rows.samples, rows.segment, slip_max, timed=rows.timed
+        input_file.name, rows.samples, rows.segment, slip_max, timed=rows.timed, units=rows.units
     )
     odd = inspect_samples(rows.samples, table=True, timed=rows.timed)
     problems = require_plausible(str(input_file.path), odd)

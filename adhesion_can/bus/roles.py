@@ -165,7 +165,7 @@ def bind(
     """
     groups: dict[tuple[str, str | None], list[tuple[SignalChoice, Message, Signal]]] = {}
     for choice in choices:
-        if choice.axle > len(wheel_radius):
+        if choice.axle > len(wheel_radius) and choice.role is not Role.CHANNEL:
             raise ConfigError(
                 f"{where}: roles.{choice.name}",
                 f"the vehicle has {len(wheel_radius)} axles",
@@ -233,7 +233,7 @@ def _bind_signal(
     choice: SignalChoice, signal: Signal, plan: MessagePlan, radii: Sequence[float], where: str
 ) -> BoundSignal:
     unit = choice.unit if choice.unit is not None else (signal.unit or "")
-    radius = radii[choice.axle - 1] if choice.axle else None
+    radius = radii[choice.axle - 1] if choice.role.per_axle else None
     factor = to_si(choice.role, unit, radius)
     if factor is None:
         raise ConfigError(

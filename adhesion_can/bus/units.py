@@ -40,6 +40,8 @@ def to_si(role: Role, unit: str, wheel_radius: float | None) -> float | None:
         wheel_radius: Wheel radius of the axle, m; None for roles without axle.
 
     """
+    if role is Role.CHANNEL:
+        return 1.0  # a channel of the user's stays in its own unit
     factor = UNITS[role].get(unit)
     if factor is None and role is Role.WHEEL_SPEED and wheel_radius:
         rim = _LINEAR.get(unit)

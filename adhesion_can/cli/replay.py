@@ -29,7 +29,6 @@ from adhesion_can.estimation.registry import known_estimators
 from adhesion_can.files import whole_file
 from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
-from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
@@ -174,10 +173,8 @@ def _sample_writer(
     """Writes the rows of --samples; does nothing where it is not asked for."""
     if path is None:
         return lambda _, __: None
-    roles = config.roles()
-    channels = [name for role, name in COVARIATES.items() if role in roles]
     slip_max = config.estimators.identifiability.slip_max
-    return stack.enter_context(sample_table(path, origin, channels, slip_max))
+    return stack.enter_context(sample_table(path, origin, config.covariates(), slip_max))
 
 
 class _SetpointCounts:

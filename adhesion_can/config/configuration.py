@@ -24,7 +24,7 @@ from adhesion_can.estimation.registry import (
     known_estimators,
     make_default,
 )
-from adhesion_can.physics.channels import COVARIATES
+from adhesion_can.physics.channels import COVARIATES, UserChannel
 from adhesion_can.physics.instruments import PERFECT
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.vehicle import Locomotive
@@ -82,6 +82,7 @@ class Configuration:
         database: Messages and signals of the bus.
         choices: Signals with their roles; none of them before `load_configuration` has completed
             the defaults.
+        channels: Further signals that may be a cause, section `[channels]`.
         columns: Columns of sample tables that stand for known ones, section `[table]`.
         service: Settings of setpoints and states, section `[service]`.
         sampling: Limits of the formation of samples, section `[sampling]`.
@@ -97,6 +98,7 @@ class Configuration:
     vehicle: Locomotive
     database: CanDatabase
     choices: tuple[SignalChoice, ...]
+    channels: tuple[UserChannel, ...] = ()
     columns: tuple[ColumnChoice, ...] = ()
     service: ServiceSettings = field(default_factory=ServiceSettings)
     sampling: SamplingSettings = field(default_factory=SamplingSettings)
@@ -129,6 +131,12 @@ class Configuration:
     def roles(self) -> set[Role]:
         """Roles that have a signal."""
         return {choice.role for choice in self.choices}
+
+    def covariates(self) -> list[str]:
+        """Names of the covariates that have a signal, those of `[channels]` last."""
+        roles = self.roles()
+        known = [name for role, name in COVARIATES.items() if role in roles]
+        return [*known, *(channel.name for channel in self.channels)]
 
     def missing_for_identification(self) -> list[str]:
         """Inputs that an adhesion coefficient needs and no role gives, by name."""
@@ -173,7 +181,7 @@ class Configuration:
             require_channels,
         )
 
-        given = [COVARIATES[role] for role in self.roles() if role in COVARIATES]
+        given = self.covariates()
         mend = "map its role under [roles], or take the effect out of the model"
         require_channels(self.model, given, f"no role of {self.where}", mend)
         require_axles(self.model, self.vehicle.axles)
@@ -188,6 +196,7 @@ class Configuration:
             self.sensors_as_sent,
             PERFECT if model is None else model.instruments,
             with_travel=model is not None,
+            channels=tuple(channel.name for channel in self.channels),
         )
 
     def make_column_former(self) -> ColumnFormer:

@@ -1,8 +1,8 @@
 """The configuration file: vehicle, database, roles and settings, in TOML.
 
 Every key is known or an error. Sections and keys are those of the dataclasses in `Configuration`;
-only `[vehicle]`, `[roles]` and `[table]` have a spelling of their own. Values are in the units that
-keys name.
+only `[vehicle]`, `[roles]`, `[channels]` and `[table]` have a spelling of their own. Values are in
+the units that keys name.
 """
 
 from dataclasses import replace
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from adhesion_can.bus.database import load_database
 from adhesion_can.bus.roles import OPTIONAL_MESSAGES, packaged_choices
+from adhesion_can.config.channels_section import load_channels
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.config.roles_section import load_roles
 from adhesion_can.config.table_section import load_columns
@@ -24,6 +25,7 @@ from adhesion_can.config.toml_tables import (
 from adhesion_can.config.vehicle_section import load_vehicle
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.registry import DEFAULT
+from adhesion_can.physics.readings import Role
 from adhesion_can.physics.vehicle import Locomotive
 
 
@@ -65,6 +67,7 @@ def load_configuration(
     vehicle = load_vehicle(document.pop("vehicle", {}), where)
     roles = document.pop("roles", None)
     choices = () if roles is None else load_roles(roles, where)
+    channels = load_channels(document.pop("channels", {}), where)
     columns = load_columns(document.pop("table", {}), where)
     estimator = document.pop("estimator", DEFAULT)
     if not isinstance(estimator, str):
@@ -73,13 +76,14 @@ def load_configuration(
     tables = {name: document.pop(name) for name in sections if name in document}
     settings = nested_settings(Configuration, tables, where)
     reject_unknown_keys(
-        document, where, ("bus", "vehicle", "roles", "table", "estimator", *sections)
+        document, where, ("bus", "vehicle", "roles", "channels", "table", "estimator", *sections)
     )
     return _complete(
         Configuration(
             vehicle=vehicle,
             database=database,
-            choices=choices,
+            choices=(*choices, *channels.choices),
+            channels=channels.channels,
             columns=columns,
             estimator=estimator,
             where=where,
@@ -91,7 +95,8 @@ def load_configuration(
 
 def _complete(configuration: Configuration) -> Configuration:
     """Configuration with the default roles where none are given; errors of any part are raised."""
-    if not configuration.choices:
+    given = configuration.choices
+    if all(choice.role is Role.CHANNEL for choice in given):
         messages = {message.name for message in configuration.database.db.messages}
         choices = tuple(
             choice
@@ -99,7 +104,7 @@ def _complete(configuration: Configuration) -> Configuration:
             if choice.axle <= configuration.vehicle.axles
             and (choice.message in messages or choice.message not in OPTIONAL_MESSAGES)
         )
-        configuration = replace(configuration, choices=choices)
+        configuration = replace(configuration, choices=(*choices, *given))
     _ = configuration.messages
     configuration.find_estimator()
     return configuration

@@ -59,47 +59,58 @@ def load_roles(value: object, where: str) -> tuple[SignalChoice, ...]:
         role, axle = _role(name, place)
         if any((choice.role, choice.axle) == (role, axle) for choice in choices):
             raise ConfigError(place, "named twice", "keep one of them")
-        role_table = (
+        given = (
             {"signal": role_value} if isinstance(role_value, str) else table_of(role_value, place)
         )
-        if "signal" not in role_table:
-            raise ConfigError(place, "names no signal", 'write signal = "Message.Signal"')
-        row: _RoleTable = section(_RoleTable, role_table, place)
-        message, dot, signal = row.signal.rpartition(".")
-        if not dot:
-            raise ConfigError(place, f"{row.signal!r} is not Message.Signal", "name both")
-        if row.sign not in (-1, 1):
-            raise ConfigError(f"{place}.sign", f"{row.sign}", "write 1 or -1")
-        if row.protection not in ("", *PROTECTIONS):
-            raise ConfigError(
-                f"{place}.protection",
-                f"{row.protection!r}",
-                f"write one of {', '.join(PROTECTIONS)}",
-            )
-        if row.factor == 0:
-            raise ConfigError(f"{place}.factor", "0 makes every value 0", "write the factor")
-        if row.data_id is not None and not 0 <= row.data_id <= 0xFFFF:
-            raise ConfigError(f"{place}.data_id", f"{row.data_id}", "write 0 to 65535")
-        if not 0 <= row.cycle_ms < 1e6:
-            raise ConfigError(f"{place}.cycle_ms", f"{row.cycle_ms}", "write milliseconds")
-        choices.append(
-            SignalChoice(
-                role,
-                axle,
-                message,
-                signal,
-                channel=row.channel or None,
-                unit=None if row.unit == "?" else row.unit,
-                factor=row.factor,
-                sign=row.sign,
-                offset=row.offset,
-                protection=row.protection or None,  # type: ignore[arg-type]
-                data_id=row.data_id,
-                cycle_us=round(row.cycle_ms * 1000) or None,
-                not_available=row.not_available,
-            )
-        )
+        choices.append(load_choice(role, axle, given, place))
     return tuple(choices)
+
+
+def load_choice(role: Role, axle: int, table: Mapping[str, Any], place: str) -> SignalChoice:
+    """Signal of a role from its table.
+
+    Args:
+        role: Meaning of the signal.
+        axle: Number of the axle or of the channel, from 1; 0 for none.
+        table: Keys of the role.
+        place: Place in the file, for errors.
+
+    Raises:
+        ConfigError: A value is wrong.
+
+    """
+    if "signal" not in table:
+        raise ConfigError(place, "names no signal", 'write signal = "Message.Signal"')
+    row: _RoleTable = section(_RoleTable, table, place)
+    message, dot, signal = row.signal.rpartition(".")
+    if not dot:
+        raise ConfigError(place, f"{row.signal!r} is not Message.Signal", "name both")
+    if row.sign not in (-1, 1):
+        raise ConfigError(f"{place}.sign", f"{row.sign}", "write 1 or -1")
+    if row.protection not in ("", *PROTECTIONS):
+        mend = f"write one of {', '.join(PROTECTIONS)}"
+        raise ConfigError(f"{place}.protection", f"{row.protection!r}", mend)
+    if row.factor == 0:
+        raise ConfigError(f"{place}.factor", "0 makes every value 0", "write the factor")
+    if row.data_id is not None and not 0 <= row.data_id <= 0xFFFF:
+        raise ConfigError(f"{place}.data_id", f"{row.data_id}", "write 0 to 65535")
+    if not 0 <= row.cycle_ms < 1e6:
+        raise ConfigError(f"{place}.cycle_ms", f"{row.cycle_ms}", "write milliseconds")
+    return SignalChoice(
+        role,
+        axle,
+        message,
+        signal,
+        channel=row.channel or None,
+        unit=None if row.unit == "?" else row.unit,
+        factor=row.factor,
+        sign=row.sign,
+        offset=row.offset,
+        protection=row.protection or None,  # type: ignore[arg-type]
+        data_id=row.data_id,
+        cycle_us=round(row.cycle_ms * 1000) or None,
+        not_available=row.not_available,
+    )
 
 
 def _flattened(table: Mapping[str, Any]) -> list[tuple[str, Any]]:
@@ -115,11 +126,12 @@ def _flattened(table: Mapping[str, Any]) -> list[tuple[str, Any]]:
 
 def _role(name: str, place: str) -> tuple[Role, int]:
     base, _, axle = name.partition(".")
-    known = ", ".join(f"{role}.AXLE" if role.per_axle else str(role) for role in Role)
-    try:
-        role = Role(base)
-    except ValueError as error:
-        raise ConfigError(place, "unknown role", f"known: {known}") from error
+    of_roles = [role for role in Role if role is not Role.CHANNEL]
+    known = ", ".join(f"{role}.AXLE" if role.per_axle else str(role) for role in of_roles)
+    role = next((role for role in of_roles if role == base), None)
+    if role is None:
+        mend = f"known: {known}; further signals stand under [channels]"
+        raise ConfigError(place, "unknown role", mend)
     if role.per_axle is not bool(re.fullmatch("[1-9][0-9]{0,3}", axle)):
         mend = f"write {base}.1, {base}.2, .." if role.per_axle else f"write {base}"
         raise ConfigError(place, "axle missing" if role.per_axle else "has no axles", mend)

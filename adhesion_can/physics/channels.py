@@ -48,6 +48,22 @@ class ChannelInfo:
     steps: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class UserChannel:
+    """Channel that the user brought: a column of a table, or a signal under `[channels]`.
+
+    Attributes:
+        name: Name of the column, or that in the configuration.
+        unit: Unit as in reports; '' where none is stated.
+        label: Name in sentences; '' for `name`.
+
+    """
+
+    name: str
+    unit: str = ""
+    label: str = ""
+
+
 def _covariate(name: str, unit: str, label: str, role: Role, *, steps: bool = False) -> ChannelInfo:
     return ChannelInfo(name, unit, label, ChannelOrigin.COVARIATE, role, column=name, steps=steps)
 

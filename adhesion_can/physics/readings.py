@@ -20,6 +20,7 @@ class Role(StrEnum):
     RAIN = "rain"
     GRADIENT = "gradient"  # m/m
     CURVATURE = "curvature"  # 1/m
+    CHANNEL = "channel"  # a signal of the user's, its number in place of an axle's
 
     @property
     def per_axle(self) -> bool:

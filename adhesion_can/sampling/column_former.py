@@ -74,7 +74,8 @@ class ColumnFormer:
         self._speed = ColumnHistory(equations.gap_us(Role.VEHICLE_SPEED), equations.speed_lag_us)
         self._direction = ColumnHistory(0.0)
         self._covariates = {
-            name: ColumnHistory(0.0) for name in (TRAVEL_DIRECTION, *COVARIATES.values())
+            name: ColumnHistory(0.0)
+            for name in (TRAVEL_DIRECTION, *COVARIATES.values(), *equations.channels)
         }
         self.dropped: Counter[str] = Counter()
         """Wheel-speed readings that gave no sample, by reason."""
@@ -93,8 +94,8 @@ class ColumnFormer:
                 self._load[axle].extend(stamps, values)
             elif role is Role.DIRECTION:
                 self._add_direction(stamps, values)
-            elif role in COVARIATES:
-                self._covariates[COVARIATES[role]].extend(stamps, values)
+            elif name := self._equations.covariate(role, axle):
+                self._covariates[name].extend(stamps, values)
 
     def _add_direction(self, stamps: Stamps, values: Array) -> None:
         available = np.isfinite(values)

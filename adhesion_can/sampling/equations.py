@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.kinematics import (
     V_MIN,
@@ -89,6 +90,7 @@ class SampleEquations:
         sensors: Standard deviations of the measurements.
         instruments: Errors of the sensors and of the vehicle's data, corrected in the readings.
         with_travel: Whether samples carry the covariate `TRAVEL_DIRECTION`.
+        channels: Names of the covariates from the user's channels, by their numbers from 1.
 
     """
 
@@ -98,6 +100,17 @@ class SampleEquations:
     sensors: Sensors
     instruments: Instruments = PERFECT
     with_travel: bool = False
+    channels: tuple[str, ...] = ()
+
+    def covariate(self, role: Role, number: int) -> str:
+        """Name of the covariate that a role carries; '' where it carries none.
+
+        Args:
+            role: Meaning of the signal.
+            number: Number of a channel of the user's.
+
+        """
+        return self.channels[number - 1] if role is Role.CHANNEL else COVARIATES.get(role, "")
 
     @cached_property
     def vehicle(self) -> Locomotive:

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.readings import Reading, Role
 from adhesion_can.physics.samples import Sample
@@ -63,6 +62,7 @@ class SampleFormer:
         sensors: Standard deviations of the measurements; None: the defaults.
         instruments: Errors of the sensors and of the vehicle's data, corrected in the readings.
         with_travel: Whether samples carry the covariate `TRAVEL_DIRECTION`.
+        channels: Names of the covariates from the user's channels, by their numbers from 1.
 
     """
 
@@ -75,6 +75,7 @@ class SampleFormer:
         instruments: Instruments = PERFECT,
         *,
         with_travel: bool = False,
+        channels: tuple[str, ...] = (),
     ) -> None:
         self.equations = equations = SampleEquations(
             vehicle,
@@ -83,6 +84,7 @@ class SampleFormer:
             sensors or Sensors(),
             instruments,
             with_travel,
+            channels,
         )
         axles = range(1, vehicle.axles + 1)
         self._wheel = {i: SignalHistory(equations.gap_us(Role.WHEEL_SPEED)) for i in axles}
@@ -126,8 +128,8 @@ class SampleFormer:
                 and self._covariates.get(TRAVEL_DIRECTION) != self._travel
             ):
                 self._set_covariate(TRAVEL_DIRECTION, self._travel, reading.t_us)
-        elif role in COVARIATES:
-            self._set_covariate(COVARIATES[role], reading.value, reading.t_us)
+        elif name := self.equations.covariate(role, axle):
+            self._set_covariate(name, reading.value, reading.t_us)
 
     def _set_covariate(self, name: str, value: float | None, t_us: int) -> None:
         # A new mapping, since the samples formed so far share the old one.

@@ -20,6 +20,7 @@ from adhesion_can.diagnosis.drive.kinematics import (
     SpeedError,
     TableKinematics,
 )
+from adhesion_can.physics.channels import UserChannel
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.kinematics import adhesion_coefficient, creep_speed
 
@@ -76,7 +77,7 @@ class DriveData:
         has_load: Whether the axle load is known.
         independent: Whether the rows are independent points of a sample table, in an arbitrary
             order, and no time series.
-        user_channels: Names of the covariates that the user brought: any of them may be a cause.
+        user_channels: Covariates that the user brought: any of them may be a cause.
 
     """
 
@@ -97,7 +98,7 @@ class DriveData:
     has_speed: bool = True
     has_load: bool = True
     independent: bool = False
-    user_channels: tuple[str, ...] = ()
+    user_channels: tuple[UserChannel, ...] = ()
     _observed: "deque[tuple[Instruments, ContactObservation]]" = field(
         default_factory=lambda: deque(maxlen=KEPT), init=False, repr=False
     )

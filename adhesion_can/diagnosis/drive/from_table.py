@@ -1,11 +1,14 @@
 """Build drive data from the rows of a sample table."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.kinematics import TableKinematics
+from adhesion_can.physics.channels import UserChannel
 from adhesion_can.physics.samples import Samples
 
 PAUSE_S = 1.0
@@ -25,6 +28,7 @@ def build_drive_data_from_table(
     slip_max: float,
     *,
     timed: bool = True,
+    units: Mapping[str, str] | None = None,
 ) -> DriveData:
     """Build drive data from a sample table, whose slip and adhesion are used unchanged.
 
@@ -34,6 +38,7 @@ def build_drive_data_from_table(
         segment: Segment number of each row, shape (n,); None: the table has no such column.
         slip_max: Largest slip ratio that is used.
         timed: Whether the rows have times; without any they are independent points.
+        units: Units of the columns that state one; None: none does.
 
     """
     good = np.abs(samples.slip) <= slip_max
@@ -70,7 +75,7 @@ def build_drive_data_from_table(
         has_speed=bool(np.any(rows.speed != 1.0)),
         has_load=bool(np.any(rows.load != 1.0)),
         independent=independent,
-        user_channels=tuple(covariates),
+        user_channels=tuple(UserChannel(n, (units or {}).get(n, "")) for n in covariates),
     )
 
 

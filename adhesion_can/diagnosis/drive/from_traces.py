@@ -1,7 +1,7 @@
 """Build drive data from the traces of a recording; readings that cannot be used are counted."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from adhesion_can.diagnosis.drive.smoothing import (
     predict_speed_from_efforts,
     smooth_signal,
 )
-from adhesion_can.physics.channels import CHANNEL_BY_NAME, COVARIATES
+from adhesion_can.physics.channels import CHANNEL_BY_NAME, COVARIATES, UserChannel
 from adhesion_can.physics.kinematics import slip_ratio
 from adhesion_can.physics.readings import Direction, Role
 from adhesion_can.physics.vehicle import Locomotive
@@ -32,6 +32,8 @@ LEAST_LOADS_AVAILABLE = 0.5
 """Share of an axle's load readings that must be available for the load to count as measured."""
 MOST_MISSING = 0.05
 """Largest share of missing readings of a channel that is used."""
+FEW_VALUES = 6
+"""Values up to which a channel of the user's counts as a state."""
 
 Traces = Mapping[tuple[Role, int], Trace]
 
@@ -45,7 +47,12 @@ class _AxleSignals(NamedTuple):
 
 
 def build_drive_data_from_traces(
-    name: str, traces: Traces, vehicle: Locomotive, v_min: float, slip_max: float
+    name: str,
+    traces: Traces,
+    vehicle: Locomotive,
+    v_min: float,
+    slip_max: float,
+    channels: Sequence[UserChannel] = (),
 ) -> DriveData:
     """Build the drive data of a recording.
 
@@ -55,6 +62,7 @@ def build_drive_data_from_traces(
         vehicle: Configured vehicle.
         v_min: Speed below which there is no slip ratio, m/s.
         slip_max: Largest slip ratio that is used.
+        channels: Channels of the user, by their numbers from 1.
 
     """
     starts = [trace.t_us[0] for trace in traces.values() if len(trace.t_us)]
@@ -74,13 +82,16 @@ def build_drive_data_from_traces(
     t_s, axles, efforts = (np.concatenate(column) for column in zip(*parts, strict=True))
     direction = signals.compute_direction(t_s)
     travelled = np.interp(t_s, speed.t_s, _integrate_speed(speed))
+    names = {(role, 0): name for role, name in COVARIATES.items()}
+    names |= {(Role.CHANNEL, number): one.name for number, one in enumerate(channels, 1)}
+    covariates = _interpolate_covariates(traces, names, t_s, origin, lost)
     return DriveData(
         name=name,
         t_s=t_s,
         axle=axles,
         place=np.where(direction > 0, axles, vehicle.axles + 1.0 - axles),
         effort=efforts,
-        covariates=_interpolate_covariates(traces, t_s, origin, lost),
+        covariates=covariates,
         radius=signals.radius,
         inertia=vehicle.wheelset_inertia,
         position=travelled - distance_behind_leading_axle(vehicle, axles, direction),
@@ -88,6 +99,7 @@ def build_drive_data_from_traces(
         has_load=len(signals.loads) == len(signals.wheels),
         first_us=origin,
         lost=dict(lost),
+        user_channels=tuple(one for one in channels if one.name in covariates),
     )
 
 
@@ -187,23 +199,36 @@ def _find_usable_rows(
 
 
 def _interpolate_covariates(
-    traces: Traces, t_s: Array, origin: int, lost: Counter[str]
+    traces: Traces,
+    names: Mapping[tuple[Role, int], str],
+    t_s: Array,
+    origin: int,
+    lost: Counter[str],
 ) -> dict[str, Array]:
-    """Further channels at the rows by name; those with too many missing readings are counted."""
+    """Further channels at the rows by name; those with too many missing readings are counted.
+
+    A channel of few values holds until the next reading, and is not interpolated.
+    """
     found = {}
-    for role, name in COVARIATES.items():
-        trace = traces.get((role, 0))
+    for key, name in names.items():
+        trace = traces.get(key)
         if trace is None:
             continue
         stamps, values = _available_readings(trace, origin)
         available = np.isfinite(trace.value)
         if available.mean() < 1.0 - MOST_MISSING or len(stamps) < 2:
             lost[f"channel {name}"] += int((~available).sum())
-        elif CHANNEL_BY_NAME[name].steps:
+        elif _holds(name, values):
             found[name] = values[np.maximum(np.searchsorted(stamps, t_s, side="right") - 1, 0)]
         else:
             found[name] = np.interp(t_s, stamps, values)
     return found
+
+
+def _holds(name: str, values: Array) -> bool:
+    """Whether a channel keeps its value until the next reading."""
+    known = CHANNEL_BY_NAME.get(name)
+    return len(np.unique(values)) <= FEW_VALUES if known is None else known.steps
 
 
 def _direction_changes(direction: Trace | None, origin: int) -> tuple[Array, Array] | None:

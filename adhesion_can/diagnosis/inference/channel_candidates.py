@@ -8,6 +8,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.result import Untested
+from adhesion_can.physics.channels import UserChannel
 from adhesion_can.physics.effects import known_effects
 from adhesion_can.physics.effects.channel_factor import LINEAR, PREFIX, STEP, ChannelFactor
 
@@ -33,10 +34,10 @@ def build_channel_candidates(
     found: list[Candidate] = []
     untested: list[Untested] = []
     of_library = {name for effect in known_effects() for name in effect.requires.covariates}
-    shared = set.intersection(*(set(drive.user_channels) for drive in drives))
-    for name in sorted({name for drive in drives for name in drive.user_channels} - of_library):
-        if name not in shared:
-            lacking = next(drive.name for drive in drives if name not in drive.user_channels)
+    brought = {one.name: one for drive in drives for one in drive.user_channels}
+    for name in sorted(set(brought) - of_library):
+        lacking = next((d.name for d in drives if name not in d.covariates), None)
+        if lacking is not None:
             untested.append(Untested(PREFIX + name, f"{lacking} has no such column"))
             continue
         values = np.concatenate([drive.covariates[name] for drive in drives])
@@ -44,7 +45,7 @@ def build_channel_candidates(
         if why:
             untested.append(Untested(PREFIX + name, why))
         else:
-            found += map(Candidate, _forms(name, values))
+            found += map(Candidate, _forms(brought[name], values))
     return tuple(found), untested
 
 
@@ -70,16 +71,17 @@ def _why_no_cause(values: Array, drives: Sequence[DriveData]) -> str:
     return ""
 
 
-def _forms(name: str, values: Array) -> Iterator[ChannelFactor]:
+def _forms(channel: UserChannel, values: Array) -> Iterator[ChannelFactor]:
     """A linear factor, and a step at each value of a channel that has a few."""
     levels, counts = np.unique(values, return_counts=True)
     few = len(levels) <= MOST_LEVELS
+    texts = channel.name, channel.unit, channel.label
     if len(levels) > 2 or not few:
         middle = float(np.mean(values))
         reach = float(np.abs(values - middle).max())
-        yield ChannelFactor(name, LINEAR, middle, float(np.std(values)), reach)
+        yield ChannelFactor(*texts, LINEAR, middle, float(np.std(values)), reach)
     if few:
         # Of two values the step at one is that at the other.
         for level, count in list(zip(levels, counts, strict=True))[len(levels) == 2 :]:
             if LEAST_LEVEL_ROWS <= count <= len(values) - LEAST_LEVEL_ROWS:
-                yield ChannelFactor(name, STEP, float(level))
+                yield ChannelFactor(*texts, STEP, float(level))

@@ -31,6 +31,8 @@ class ChannelFactor:
 
     Attributes:
         channel: Name of x.
+        unit: Unit of x; '' where none is stated.
+        label: Name of x in sentences; '' for `channel`.
         form: `LINEAR` or `STEP`.
         reference: Value of x at which nothing changes, or that of the step.
         spread: Standard deviation of x in the data.
@@ -39,6 +41,8 @@ class ChannelFactor:
     """
 
     channel: str
+    unit: str = ""
+    label: str = ""
     form: str = LINEAR
     reference: float = 0.0
     spread: float = 1.0
@@ -52,7 +56,7 @@ class ChannelFactor:
     @property
     def title(self) -> str:
         """What happens, a clause."""
-        label = channel_label(self.channel)
+        label = self.label or channel_label(self.channel)
         if self.form == STEP:
             return f"adhesion changes where {label} is {self.reference:g}"
         return f"adhesion changes with {label}"
@@ -60,7 +64,7 @@ class ChannelFactor:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """Slope or gain, and the reference, which is given."""
-        unit = channel_unit(self.channel) or self.channel
+        unit = self.unit or channel_unit(self.channel) or self.channel
         if self.form == STEP:
             size = Parameter(
                 "gain", "1", TYPICAL, LEAST_FACTOR - 1.0, MOST_GAIN, "share of adhesion gained"

@@ -94,7 +94,7 @@ def forms_of_effect(effect_id: str) -> tuple[Effect, ...]:
     """The effects of that id, first form first; () where there is none."""
     channel = effect_id.removeprefix(PREFIX)
     if channel and effect_id.startswith(PREFIX):
-        return ChannelFactor(channel, LINEAR), ChannelFactor(channel, STEP)
+        return ChannelFactor(channel, form=LINEAR), ChannelFactor(channel, form=STEP)
     return tuple(effect for effect in known_effects() if effect.id == effect_id)
 
 

@@ -7,7 +7,7 @@ and 0 in the others. Without `time_s` the rows are independent points and all ha
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +45,7 @@ class Table:
         ignored: Names of the columns of text that are not used.
         timed: Whether the table has the column `time_s`.
         notes: What was recognised of the file, a sentence each.
+        units: Units of the columns that state one.
 
     """
 
@@ -55,6 +56,7 @@ class Table:
     ignored: tuple[str, ...]
     timed: bool = True
     notes: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
@@ -199,6 +201,7 @@ def _table(
         ignored=ignored,
         timed=timed,
         notes=columns.notes,
+        units=columns.units,
     )
 
 
