@@ -223,7 +223,7 @@ class _Analysis:
             rng = np.random.default_rng(seed)
             return tuple(find_residual_channels(prepared.regression, fitted, alpha, rng))
 
-        return Findings(
+        found = Findings(
             prepared=prepared,
             detection=detection,
             selection=selection,
@@ -234,3 +234,4 @@ class _Analysis:
             block_length_s=self.block_length_s,
             alpha=alpha,
         )
+        return found.without_bent_channel

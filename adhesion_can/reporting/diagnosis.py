@@ -35,6 +35,8 @@ APART = 1.1
 """Largest over smallest λ_m of families from which it is said where each has its peak."""
 MUCH_LEFT = 1.5
 """RMSE over the noise floor from which what the plain curve leaves is not called noise."""
+SURE, WORTH_PERCENT = 0.025, 3.0
+"""P-value up to which, and gain from which, what is left is said to go with a channel."""
 SHOWN = 5
 """Rows of evidence that a terminal shows."""
 
@@ -51,7 +53,20 @@ def verdict_sentences(found: Diagnosis) -> list[str]:
     sentences = list(_verdict(found))
     if found.gain is not None:
         sentences.append(gain_sentence(found.gain, found))
-    return sentences
+    return sentences + list(_what_is_left(found))
+
+
+def _what_is_left(found: Diagnosis) -> Iterator[str]:
+    """The channel that goes with most of what the named effects leave; none where it is noise."""
+    if found.verdict is Verdict.UNEXPLAINED:
+        return  # it says so itself
+    left = [c for c in found.channels if c.p_value <= SURE and c.gain_percent >= WORTH_PERCENT]
+    if left:
+        most = max(left, key=lambda channel: channel.gain_percent)
+        yield (
+            f"What is left goes with {channel_label(most.channel)}: a spline in it would take "
+            f"{most.gain_percent:.1f} % off the error ({p_equation(most.p_value)})."
+        )
 
 
 def has_extension(found: Diagnosis) -> bool:

@@ -152,3 +152,14 @@ def test_a_channel_that_one_table_lacks_is_not_tested(tmp_path):
     answer = diagnosed(tmp_path, *paths)
     why = {one["what"]: one["why"] for one in answer.document["untested"]}
     assert "has no such column" in why["channel:x1"]
+
+
+def test_the_terminal_says_what_is_left_and_with_what_it_goes(tmp_path):
+    """Beside a named column another one acts in a way that no factor describes."""
+    rng, t_s, slip, sweep, curve, white = rig(15)
+    x1, x2 = (per_sweep(rng.uniform(-1.0, 1.0, SWEEPS), sweep) for _ in range(2))
+    adhesion = (1.0 + 0.3 * x1) * (1.0 + 0.15 * np.cos(4.0 * x2)) * curve + white
+    path = write_table(tmp_path / "t.csv", table_of(t_s, slip, adhesion, x1=x1, x2=x2))
+    answer = diagnosed(tmp_path, path)
+    assert "channel:x1" in causes(answer), answer.out
+    assert "What is left goes with x2" in " ".join(answer.out.split())

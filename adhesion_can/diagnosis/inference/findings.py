@@ -120,8 +120,6 @@ class Findings:
         strongest = next(significant, None)
         by_channel = 0.0
         if strongest is not None:
-            if self._bends(strongest):
-                return False
             remaining = best.rmse * (1.0 - strongest.gain)
             by_channel = (best.rmse**2 - remaining**2) / plain.rmse**2
         return explained >= LEAST_EXPLAINED * (explained + by_channel)
@@ -134,22 +132,27 @@ class Findings:
         std = float(np.sqrt(max(fitted.covariance[first, first], 0.0)))
         return abs(model.values[place][0]) > INTERVAL * std
 
-    def _bends(self, left: ResidualChannel) -> bool:
-        """Whether a named channel of the user's is left with much of what it does.
+    @property
+    def without_bent_channel(self) -> "Findings":
+        """The findings without a user's channel that is left with much of what it does.
 
         A factor that is linear in it is then not the form of the dependence.
         """
-        best = self.selection.best
-        own = [c for c in best.candidates if c.effect.id == PREFIX + left.channel.name]
-        if not own or left.gain < SECOND_LEAST_GAIN:
-            return False
-        rest = tuple(c for c in best.candidates if c not in own)
-        without = (self.selection.plain, *self.selection.singles)
-        before = next((one.rmse for one in without if one.candidates == rest), None)
-        if before is None:
-            return False
+        significant = (one for one in self.channels_of_best if one.p_value <= self.alpha / 2)
+        left, best = next(significant, None), self.selection.best
+        if left is None or left.gain < SECOND_LEAST_GAIN:
+            return self
+        own = PREFIX + left.channel.name
+        rest = tuple(c for c in best.candidates if c.effect.id != own)
+        smaller = (self.selection.plain, *self.selection.singles)
+        without = next((one for one in smaller if one.candidates == rest), None)
+        if len(rest) == len(best.candidates) or without is None:
+            return self
         remaining = best.rmse**2 * (1.0 - (1.0 - left.gain) ** 2)
-        return remaining > MOST_BENT * (before**2 - best.rmse**2)
+        if remaining <= MOST_BENT * (without.rmse**2 - best.rmse**2):
+            return self
+        selection = replace(self.selection, best=without, indistinguishable=())
+        return replace(self, selection=selection)
 
     @cached_property
     def oscillates(self) -> bool:
