@@ -163,3 +163,15 @@ def test_the_terminal_says_what_is_left_and_with_what_it_goes(tmp_path):
     answer = diagnosed(tmp_path, path)
     assert "channel:x1" in causes(answer), answer.out
     assert "What is left goes with x2" in " ".join(answer.out.split())
+
+
+@pytest.mark.parametrize("seed", [21, 22])
+def test_a_column_is_named_beside_two_effects_of_the_library(tmp_path, seed):
+    rng, t_s, slip, sweep, curve, white = rig(seed)
+    x1, load = (per_sweep(rng.uniform(low, high, SWEEPS), sweep) for low, high in ((-1, 1), (2, 6)))
+    factor = (load / 4.0) ** -0.4 * np.where(slip < 0.0, 0.8, 1.0) * (1.0 + 0.15 * x1)
+    table = table_of(t_s, slip, factor * curve + white, normal_load_N=1e3 * load, x1=x1)
+    found = causes(diagnosed(tmp_path, write_table(tmp_path / "t.csv", table)))
+    assert set(found) == {"load_dependence", "traction_braking_asymmetry", "channel:x1"}
+    slope = found["channel:x1"]["parameters"]["slope"]
+    assert slope["value"] == pytest.approx(0.15 / (1.0 + 0.15 * x1.mean()), abs=0.03)

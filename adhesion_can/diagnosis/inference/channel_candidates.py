@@ -74,7 +74,8 @@ def _why_no_cause(values: Array, drives: Sequence[DriveData]) -> str:
 def _forms(channel: UserChannel, values: Array) -> Iterator[ChannelFactor]:
     """A linear factor, and a step at each value of a channel that has a few."""
     levels, counts = np.unique(values, return_counts=True)
-    few = len(levels) <= MOST_LEVELS
+    # Kinds are numbered; a few readings of a quantity are not.
+    few = len(levels) == 2 or (len(levels) <= MOST_LEVELS and bool((levels % 1.0 == 0.0).all()))
     texts = channel.name, channel.unit, channel.label
     if len(levels) > 2 or not few:
         middle = float(np.mean(values))

@@ -144,7 +144,7 @@ class Findings:
             return self
         own = PREFIX + left.channel.name
         rest = tuple(c for c in best.candidates if c.effect.id != own)
-        smaller = (self.selection.plain, *self.selection.singles)
+        smaller = (self.selection.plain, *self.selection.singles, *self.selection.smaller)
         without = next((one for one in smaller if one.candidates == rest), None)
         if len(rest) == len(best.candidates) or without is None:
             return self

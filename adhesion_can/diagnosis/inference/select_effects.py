@@ -8,7 +8,7 @@ and Nason (Econometrica 79 (2011)), in its simplest form: each one is compared w
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.detect_effects import SignFlipTest, sign_flip_test
 from adhesion_can.diagnosis.inference.model_comparison import (
     LEAST_WHITENED_GAIN,
+    LEVEL,
     ScoredModel,
     gain_p_value,
     is_improvement,
@@ -26,16 +27,17 @@ from adhesion_can.diagnosis.inference.model_comparison import (
 )
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
-from adhesion_can.diagnosis.regression.model import Model
+from adhesion_can.diagnosis.regression.model import Model, remove_effect
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
 from adhesion_can.diagnosis.regression.whitened_regression import (
     FittedModel,
     WhitenedRegression,
     fit_model,
 )
+from adhesion_can.physics.effects.channel_factor import PREFIX
 
-MOST_EFFECTS = 2
-"""Largest number of effects that are selected."""
+MOST_EFFECTS, MOST_CHANNELS = 2, 2
+"""Largest number of effects that are selected, and of channels of the user's beside them."""
 FITTED_SINGLES, PAIRED_SINGLES, PARTNERS = 6, 4, 4
 """Effects fitted in full; those of them that get partners; partners of each that are fitted."""
 FAR_BEHIND = 2.0
@@ -54,6 +56,7 @@ class ModelSelection:
         indistinguishable: Models of the same size that the data cannot call worse than `best`.
         singles: Models with one effect that were fitted, best first.
         test: Sign-flip test of every candidate against the plain model.
+        smaller: Models with one effect less than `best`, where that has more than two.
 
     """
 
@@ -62,6 +65,7 @@ class ModelSelection:
     indistinguishable: tuple[ScoredModel, ...]
     singles: tuple[ScoredModel, ...]
     test: SignFlipTest
+    smaller: tuple[ScoredModel, ...] = ()
 
     def rivals(self, candidate: Candidate) -> tuple[str, ...]:
         """Effect ids that can replace one of the best model's effects."""
@@ -90,7 +94,7 @@ class ModelSelection:
         by_signs = float(self.test.p_value[list(tested).index(candidate)])
         smaller = [
             one
-            for one in (self.plain, *self.singles)
+            for one in (self.plain, *self.singles, *self.smaller)
             if one.candidates_missing_from(self.best) == (candidate,)
         ]
         values = [
@@ -155,7 +159,51 @@ def select_effects(
     best = _prefer_measured_cause(best, [one for one in pool if not is_worse(best, one)])
     best = _prefer_fewest_parameters(best, [one for one in pool if not is_worse(best, one)])
     equal = tuple(one for one in pool if one is not best and not is_worse(best, one))
-    return ModelSelection(plain, best, equal, tuple(singles), test)
+    found = ModelSelection(plain, best, equal, tuple(singles), test)
+    return found if most < MOST_EFFECTS else _with_further_channels(regression, found, candidates)
+
+
+def _with_further_channels(
+    regression: WhitenedRegression, found: ModelSelection, candidates: Sequence[Candidate]
+) -> ModelSelection:
+    """The selection with channels of the user's beside its effects.
+
+    What the library knows to act on a vehicle may act beside what a user brought: the two do not
+    take each other's place.
+    """
+    best = found.best
+    for _ in range(MOST_CHANNELS):
+        channels = [c for c in candidates if c.effect.id.startswith(PREFIX) and best.admits(c)]
+        if not channels or not best.candidates:
+            break
+        proposals = propose_effects(regression, best.fitted.model, channels)[:PARTNERS]
+        fits = _race(regression, [one for one in proposals if one.gain > LEAST_WHITENED_GAIN])
+        if not fits or not is_improvement(best, fits[0], len(candidates)):
+            break
+        best = fits[0]
+    if best is found.best:
+        return found
+    smaller = _fit_smaller(regression, best)
+    while True:
+        # What a channel explains better is no longer an effect's.
+        last = best.candidates[-1]
+        needless = [
+            one
+            for one in smaller
+            if last in one.candidates
+            and gain_p_value(one.fitted, best.fitted) * len(candidates) > LEVEL
+        ]
+        if not needless:
+            return replace(found, best=best, indistinguishable=(), smaller=smaller)
+        least = min(needless, key=lambda one: one.fitted.cross_validated_square)
+        best = replace(least, sign_flip_p_value=best.sign_flip_p_value)
+        smaller = _fit_smaller(regression, best)
+
+
+def _fit_smaller(regression: WhitenedRegression, best: ScoredModel) -> tuple[ScoredModel, ...]:
+    """Models with one effect less."""
+    models = (remove_effect(best.fitted.model, k)[0] for k in range(len(best.candidates)))
+    return tuple(score_model(regression, fit_model(regression, model)) for model in models)
 
 
 def propose_effects(

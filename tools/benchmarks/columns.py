@@ -1,0 +1,117 @@
+"""A user's own column on a tyre rig: sweeps in random order, so that time explains nothing.
+
+x1 is the slip angle under a neutral name. x2 is a factor of our own in the straight-running rows,
+1 + 0.05 x2 with a normal x2 for each sweep. The data are measured ones that are not part of the
+project: `$ADHESION_CAN_REALDATA/tyre_rig_83kPa.csv.gz`.
+"""
+
+import csv
+import gzip
+import io
+import json
+import os
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from _report import over_cores
+from _rows import positive, row_parser, run_rows
+
+NAME = "tyre_rig_83kPa.csv.gz"
+GAP_S, STRAIGHT_DEG = 0.5, 0.5
+FACTOR = 0.05
+COLUMNS = ("slip", "longitudinal_force_N", "normal_load_N", "speed_mps")
+
+
+def read_rig():
+    """Columns of the rig, and the rows of each sweep."""
+    where = os.environ.get("ADHESION_CAN_REALDATA")
+    places = [Path(where)] if where else []
+    places.append(Path(__file__).resolve().parents[3] / "shared" / "realdata")
+    path = next((place / NAME for place in places if (place / NAME).is_file()), None)
+    if path is None:
+        sys.exit(f"columns: {NAME} is in none of {', '.join(map(str, places))}")
+    with gzip.open(path, "rt") as file:
+        rows = list(csv.DictReader(file))
+    columns = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+    cuts = np.flatnonzero(np.diff(columns["time_s"]) > GAP_S) + 1
+    return columns, np.split(np.arange(len(rows)), cuts)
+
+
+def table(rig, sweeps, rng, column):
+    """Columns of a table with the sweeps in random order, and the one that matters."""
+    rows, time_s, own, clock = [], [], [], 0.0
+    for place in rng.permutation(len(sweeps)):
+        sweep = sweeps[place]
+        elapsed = rig["time_s"][sweep] - rig["time_s"][sweep[0]]
+        rows.append(sweep)
+        time_s.append(clock + elapsed)
+        own.append(np.full(len(sweep), rng.normal()))
+        clock += elapsed[-1] + 5.0
+    rows, time_s, own = (np.concatenate(part) for part in (rows, time_s, own))
+    found = {"time_s": time_s, **{name: rig[name][rows] for name in COLUMNS}}
+    if column == "x1":
+        return {**found, "x1": rig["slip_angle_deg"][rows]}
+    found["longitudinal_force_N"] = found["longitudinal_force_N"] * (1.0 + FACTOR * own)
+    straight = np.abs(rig["slip_angle_deg"][rows]) < STRAIGHT_DEG
+    straight &= np.abs(rig["inclination_deg"][rows]) < STRAIGHT_DEG
+    return {name: values[straight] for name, values in {**found, "x2": own}.items()}
+
+
+def named(seed, column, number):
+    """Ids that `diagnose` names in one order."""
+    from adhesion_can.cli.main import main
+
+    rig, sweeps = read_rig()
+    columns = table(rig, sweeps, np.random.default_rng([seed, number]), column)
+    with TemporaryDirectory() as folder:
+        path, answer = Path(folder) / "t.csv", Path(folder) / "d.json"
+        values = np.column_stack(list(columns.values()))
+        np.savetxt(path, values, delimiter=",", header=",".join(columns), comments="", fmt="%.6g")
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            main(["diagnose", str(path), "--json", str(answer)])
+        return [cause["effect"] for cause in json.loads(answer.read_text())["causes"]]
+
+
+def row(column, report, options):
+    found = over_cores(
+        partial(named, options.seed, column), range(options.runs), options.jobs, column
+    )
+    right = sum(f"channel:{column}" in names for names in found)
+    drifts = sum("slow_drift" in names for names in found)
+    share = right / len(found)
+    what = f"{column} named in {right} of {len(found)} orders"
+    report.check(what, f"{100 * share:.0f} %", "95 %", met=share >= 0.95)
+    report.check(f"{column}: time named", f"{drifts} times", "never", met=drifts == 0)
+    others = sorted({name for names in found for name in names} - {f"channel:{column}"})
+    report.write(f"named besides: {', '.join(others) or 'nothing'}")
+
+
+def x1_row(report, options):
+    """The slip angle as a column of a neutral name."""
+    row("x1", report, options)
+
+
+def x2_row(report, options):
+    """A factor of our own, written into the forces."""
+    row("x2", report, options)
+
+
+ROWS = {"x1": x1_row, "x2": x2_row}
+
+
+def main():
+    parser = row_parser("columns", ROWS)
+    count = positive(int)
+    add = parser.add_argument
+    add("--runs", type=count, default=50, metavar="N", help="orders of the sweeps (default 50)")
+    add("--seed", type=count, default=1, metavar="N", help="of all random numbers (default 1)")
+    add("--jobs", type=count, default=os.cpu_count() or 1, metavar="N", help="processes")
+    run_rows(ROWS, parser.parse_args())
+
+
+if __name__ == "__main__":
+    main()
