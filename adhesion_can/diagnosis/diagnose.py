@@ -234,4 +234,4 @@ class _Analysis:
             block_length_s=self.block_length_s,
             alpha=alpha,
         )
-        return found.without_bent_channel
+        return found.without_noise_averages.without_bent_channel

@@ -52,7 +52,7 @@ def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...]
             axles = sorted(set.union(*(set(np.unique(c.axle).tolist()) for c in drives)))
             found += [Candidate(effect, int(axle)) for axle in axles]
         else:
-            found.append(Candidate(effect, least=_least_lag(effect, drives)))
+            found.append(Candidate(effect))
     channels, without = build_channel_candidates(drives)
     return (*found, *channels), [*(Untested(what, why) for what, why in untested.items()), *without]
 
@@ -90,14 +90,6 @@ def _too_coarse(effect: Effect, drives: Sequence[DriveData]) -> str:
                     f"a {parameter.name} of about {parameter.typical:g} {parameter.unit}"
                 )
     return ""
-
-
-def _least_lag(effect: Effect, drives: Sequence[DriveData]) -> float:
-    """Smallest lag of the contact that rows at their distance can carry; 0 for other effects."""
-    unit = effect.parameters[0].unit
-    if not acts_in_contact(effect) or unit not in {"s", "m"}:
-        return 0.0
-    return max(_median_step(drive, along=unit == "m") for drive in drives)
 
 
 def _median_step(drive: DriveData, *, along: bool) -> float:

@@ -9,15 +9,24 @@ import numpy as np
 from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.detect_effects import Detection
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
-from adhesion_can.diagnosis.inference.model_comparison import SECOND_LEAST_GAIN, ScoredModel
+from adhesion_can.diagnosis.inference.model_comparison import (
+    SECOND_LEAST_GAIN,
+    ScoredModel,
+    score_model,
+)
+from adhesion_can.diagnosis.inference.noise_averaging import averages_noise
 from adhesion_can.diagnosis.inference.select_effects import ModelSelection
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import build_channels
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
-from adhesion_can.diagnosis.regression.model import compute_curve_jacobian, evaluate_model
+from adhesion_can.diagnosis.regression.model import (
+    compute_curve_jacobian,
+    evaluate_model,
+    remove_effect,
+)
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
-from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
+from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
 from adhesion_can.physics.effects.channel_factor import PREFIX
 
 NOISELESS = 1e-6
@@ -133,6 +142,28 @@ class Findings:
         return abs(model.values[place][0]) > INTERVAL * std
 
     @property
+    def without_noise_averages(self) -> "Findings":
+        """The findings without a lag of the contact that only averages noise of the slip."""
+        best = self.selection.best
+        for lag in (c for c in best.candidates if c.is_lag):
+            rest = tuple(c for c in best.candidates if c is not lag)
+            without = self._fitted_with(rest)
+            if without is None:
+                model = remove_effect(best.fitted.model, best.candidates.index(lag))[0]
+                regression = self.prepared.regression
+                without = score_model(regression, fit_model(regression, model))
+            if averages_noise(self.prepared.regression, best, lag, without):
+                selection = replace(self.selection, best=without, indistinguishable=())
+                return replace(self, selection=selection)
+        return self
+
+    def _fitted_with(self, candidates: tuple[Candidate, ...]) -> ScoredModel | None:
+        """Fitted model with given effects; None where there is none."""
+        selection = self.selection
+        known = (selection.plain, *selection.singles, *selection.smaller)
+        return next((one for one in known if one.candidates == candidates), None)
+
+    @property
     def without_bent_channel(self) -> "Findings":
         """The findings without a user's channel that is left with much of what it does.
 
@@ -144,8 +175,7 @@ class Findings:
             return self
         own = PREFIX + left.channel.name
         rest = tuple(c for c in best.candidates if c.effect.id != own)
-        smaller = (self.selection.plain, *self.selection.singles, *self.selection.smaller)
-        without = next((one for one in smaller if one.candidates == rest), None)
+        without = self._fitted_with(rest)
         if len(rest) == len(best.candidates) or without is None:
             return self
         remaining = best.rmse**2 * (1.0 - (1.0 - left.gain) ** 2)

@@ -308,15 +308,8 @@ def _race(regression: WhitenedRegression, proposals: Sequence[EffectProposal]) -
     for proposal in proposals:
         fitted = fit_model(regression, proposal.model, hopeless=FAR_BEHIND * best)
         best = min(best, fitted.grams.square)
-        if _can_be_seen(fitted.model):
-            fits.append(score_model(regression, fitted, proposal.p_value))
+        fits.append(score_model(regression, fitted, proposal.p_value))
     return sorted(fits, key=lambda one: one.fitted.cross_validated_square)
-
-
-def _can_be_seen(model: Model) -> bool:
-    """Whether the rows can carry the sizes of all effects."""
-    pairs = zip(model.candidates, model.values, strict=True)
-    return all(abs(values[0]) >= candidate.least for candidate, values in pairs)
 
 
 def _fit_members(

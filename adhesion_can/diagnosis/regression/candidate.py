@@ -22,14 +22,11 @@ class Candidate:
     Attributes:
         effect: Effect of the library.
         axle: Axle number of an effect at one axle; 0 for the others.
-        least: Smallest size that the rows can carry, in the unit of the first parameter: a lag
-            below their distance only averages the noise of the slip. 0 where any size can be seen.
 
     """
 
     effect: Effect
     axle: int = 0
-    least: float = 0.0
 
     @property
     def size(self) -> int:
@@ -62,6 +59,11 @@ class Candidate:
         its noise, and finds a delay of milliseconds where there is none.
         """
         return parameter.lower if acts_in_contact(self.effect) else -parameter.upper
+
+    @property
+    def is_lag(self) -> bool:
+        """Whether the size is a time or a length by which something lags."""
+        return self.free_parameters[0].unit in {"s", "m"}
 
     @property
     def null_values(self) -> tuple[float, ...]:
