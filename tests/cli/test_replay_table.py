@@ -42,7 +42,9 @@ def test_the_csv_is_that_of_the_contract(rows):
         "surface_age_s",
     ]  # fmt: skip
     per_axle = [f"{n}_ax{i}" for n in ("mu_max", "lambda_m") for i in range(1, 7)]
-    assert list(rows[0])[10:] == [*per_axle, "doubt", "family"]
+    assert list(rows[0])[10:] == [
+        *per_axle, "speed_mps", "creep_speed_setpoint_mps", "doubt", "family",
+    ]  # fmt: skip
     assert len(rows) == 250
     assert rows[0]["time_s"] == "1000000.000000"
     assert {row["status"] for row in rows} >= {"INIT", "STALE_INPUT"}

@@ -123,9 +123,14 @@ def test_without_one_usable_row_it_is_an_error_with_the_reason(given, tmp_path):
 
 def test_what_a_bare_table_does_not_identify_is_listed(tmp_path):
     untested = run(tmp_path, columns()).untested
-    for effect in ("wheelset_inertia", "speed_delay"):
-        assert "slip and adhesion" in untested[effect]
-    for effect in ("speed_dependence", "falling_friction", "creep_relaxation"):
+    assert "slip and adhesion" in untested["wheelset_inertia"]
+    for effect in (
+        "speed_delay",
+        "wheel_speed_delay",
+        "speed_dependence",
+        "falling_friction",
+        "creep_relaxation",
+    ):
         assert "speed_mps" in untested[effect]
     assert "load" in untested["load_dependence"]
     assert "one axle" in untested["wheel_radius"]

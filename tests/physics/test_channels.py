@@ -14,7 +14,7 @@ from adhesion_can.physics.channels import (
 from adhesion_can.physics.effects import Contact
 from adhesion_can.physics.readings import PER_AXLE, Role
 
-NO_COVARIATE = {*PER_AXLE, Role.VEHICLE_SPEED, Role.SPEED_SOURCE, Role.DIRECTION}
+NO_COVARIATE = {Role.CHANNEL, *PER_AXLE, Role.VEHICLE_SPEED, Role.SPEED_SOURCE, Role.DIRECTION}
 
 
 def test_names_and_labels_are_there_once():

@@ -52,7 +52,7 @@ def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...]
             axles = sorted(set.union(*(set(np.unique(c.axle).tolist()) for c in drives)))
             found += [Candidate(effect, int(axle)) for axle in axles]
         else:
-            found.append(Candidate(effect))
+            found.append(Candidate(effect, is_lag=_is_lag(effect)))
     channels, without = build_channel_candidates(drives)
     return (*found, *channels), [*(Untested(what, why) for what, why in untested.items()), *without]
 
@@ -90,6 +90,11 @@ def _too_coarse(effect: Effect, drives: Sequence[DriveData]) -> str:
                     f"a {parameter.name} of about {parameter.typical:g} {parameter.unit}"
                 )
     return ""
+
+
+def _is_lag(effect: Effect) -> bool:
+    """Whether the size of an effect is a time or a length by which something lags."""
+    return effect.parameters[0].unit in {"s", "m"} and depends_on_sequence(effect)
 
 
 def _median_step(drive: DriveData, *, along: bool) -> float:

@@ -146,12 +146,10 @@ class Findings:
         """The findings without a lag of the contact that only averages noise of the slip."""
         best = self.selection.best
         for lag in (c for c in best.candidates if c.is_lag):
-            rest = tuple(c for c in best.candidates if c is not lag)
-            without = self._fitted_with(rest)
-            if without is None:
-                model = remove_effect(best.fitted.model, best.candidates.index(lag))[0]
-                regression = self.prepared.regression
-                without = score_model(regression, fit_model(regression, model))
+            # From where it stands beside the lag: a fit of its own may have been given up early.
+            model = remove_effect(best.fitted.model, best.candidates.index(lag))[0]
+            regression = self.prepared.regression
+            without = score_model(regression, fit_model(regression, model))
             if averages_noise(self.prepared.regression, best, lag, without):
                 selection = replace(self.selection, best=without, indistinguishable=())
                 return replace(self, selection=selection)

@@ -22,11 +22,13 @@ class Candidate:
     Attributes:
         effect: Effect of the library.
         axle: Axle number of an effect at one axle; 0 for the others.
+        is_lag: Whether the size is a time or a length by which something lags.
 
     """
 
     effect: Effect
     axle: int = 0
+    is_lag: bool = False
 
     @property
     def size(self) -> int:
@@ -59,11 +61,6 @@ class Candidate:
         its noise, and finds a delay of milliseconds where there is none.
         """
         return parameter.lower if acts_in_contact(self.effect) else -parameter.upper
-
-    @property
-    def is_lag(self) -> bool:
-        """Whether the size is a time or a length by which something lags."""
-        return self.free_parameters[0].unit in {"s", "m"}
 
     @property
     def null_values(self) -> tuple[float, ...]:
