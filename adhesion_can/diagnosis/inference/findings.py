@@ -9,24 +9,16 @@ import numpy as np
 from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.detect_effects import Detection
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
-from adhesion_can.diagnosis.inference.model_comparison import (
-    SECOND_LEAST_GAIN,
-    ScoredModel,
-    score_model,
-)
+from adhesion_can.diagnosis.inference.model_comparison import SECOND_LEAST_GAIN, ScoredModel
 from adhesion_can.diagnosis.inference.noise_averaging import averages_noise
 from adhesion_can.diagnosis.inference.select_effects import ModelSelection
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import build_channels
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
-from adhesion_can.diagnosis.regression.model import (
-    compute_curve_jacobian,
-    evaluate_model,
-    remove_effect,
-)
+from adhesion_can.diagnosis.regression.model import compute_curve_jacobian, evaluate_model
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
-from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
+from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.physics.effects.channel_factor import PREFIX
 
 NOISELESS = 1e-6
@@ -145,14 +137,13 @@ class Findings:
     def without_noise_averages(self) -> "Findings":
         """The findings without a lag of the contact that only averages noise of the slip."""
         best = self.selection.best
-        for lag in (c for c in best.candidates if c.is_lag):
-            # From where it stands beside the lag: a fit of its own may have been given up early.
-            model = remove_effect(best.fitted.model, best.candidates.index(lag))[0]
-            regression = self.prepared.regression
-            without = score_model(regression, fit_model(regression, model))
-            if averages_noise(self.prepared.regression, best, lag, without):
+        lags = tuple(c for c in best.candidates if c.is_lag)
+        groups = [lags, *((lag,) for lag in lags)] if len(lags) > 1 else [lags]
+        for group in groups if lags else ():
+            without = averages_noise(self.prepared.regression, best, group)
+            if without is not None:
                 selection = replace(self.selection, best=without, indistinguishable=())
-                return replace(self, selection=selection)
+                return replace(self, selection=selection).without_noise_averages
         return self
 
     def _fitted_with(self, candidates: tuple[Candidate, ...]) -> ScoredModel | None:

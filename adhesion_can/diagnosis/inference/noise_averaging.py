@@ -5,13 +5,14 @@ Where the curve bends sharply, or is steep, smoothing noisy slips gains by itsel
 either direction of time; what a contact does follows its slip and does not run ahead of it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adhesion_can.diagnosis.inference.model_comparison import ScoredModel
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, score_model
 from adhesion_can.diagnosis.regression.candidate import Candidate
-from adhesion_can.diagnosis.regression.model import Model, remove_effect
+from adhesion_can.diagnosis.regression.model import remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.physics.effects import (
     Change,
@@ -93,29 +94,38 @@ class Reversed:
 
 
 def averages_noise(
-    regression: WhitenedRegression, best: ScoredModel, candidate: Candidate, without: ScoredModel
-) -> bool:
-    """Whether a lag gains about as much backwards in time.
+    regression: WhitenedRegression, best: ScoredModel, lags: Sequence[Candidate]
+) -> ScoredModel | None:
+    """The model without some lags where they gain about as much backwards in time; else None.
+
+    Two lags against each other may smooth without any lag in sum, so they are turned together.
 
     Args:
         regression: Data with weights, filter and blocks.
-        best: Fitted model with the lag.
-        candidate: The lag.
-        without: Fitted model without it.
+        best: Fitted model with the lags.
+        lags: Lags and delays among its effects.
 
     """
     model = best.fitted.model
-    place = model.candidates.index(candidate)
-    if acts_in_contact(candidate.effect):
-        backward = replace(candidate, effect=Reversed(candidate.effect))
-        candidates = (*model.candidates[:place], backward, *model.candidates[place + 1 :])
-        tried = Model(model.curves, candidates, model.values, model.fixed)
-    else:
-        # Between two readings a signal is the mean of both, whichever way it is moved.
-        smaller, _, values = remove_effect(model, place)
-        mirrored = candidate.active(tuple(-value for value in values))
-        tried = replace(smaller, fixed=(*smaller.fixed, mirrored))
-    fitted = fit_model(regression, tried)
-    squares = (one.cross_validated_square for one in (without.fitted, best.fitted, fitted))
+    smaller, backward = model, model
+    for lag in lags:
+        smaller, _, values = remove_effect(smaller, smaller.candidates.index(lag))
+        place = backward.candidates.index(lag)
+        if acts_in_contact(lag.effect):
+            turned = replace(lag, effect=Reversed(lag.effect))
+            candidates = (*backward.candidates[:place], turned, *backward.candidates[place + 1 :])
+            backward = replace(backward, candidates=candidates)
+        else:
+            # Between two readings a signal is the mean of both, whichever way it is moved.
+            backward, _, _ = remove_effect(backward, place)
+            mirrored = lag.active(tuple(-value for value in values))
+            backward = replace(backward, fixed=(*backward.fixed, mirrored))
+    # From where the model stood: a fit of its own may have been given up early.
+    without = score_model(regression, fit_model(regression, smaller))
+    squares = (
+        without.fitted.cross_validated_square,
+        best.fitted.cross_validated_square,
+        fit_model(regression, backward).cross_validated_square,
+    )
     before, forward, back = squares
-    return before - back > BACKWARD * (before - forward)
+    return without if before - back > BACKWARD * (before - forward) else None

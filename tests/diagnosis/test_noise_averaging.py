@@ -1,0 +1,69 @@
+"""A lag that only averages noise of the slip, and one that a contact has."""
+
+import numpy as np
+import pytest
+
+from adhesion_can.api.diagnosis import diagnose
+from adhesion_can.diagnosis.inference.noise_averaging import Reversed
+from adhesion_can.physics.effects import Contact, LagStates, effect_by_id
+from tests.diagnosis.diagnosis_helpers import burckhardt, write_table
+
+STEP_S, SPEED = 0.02, 15.0
+
+
+def table(path, seed, *, length=0.0, slip_noise=0.0):
+    """Sweeps of creep over a contact that follows its slip over a length, m; slips with noise."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(4000) * STEP_S
+    slip = 0.04 * np.sin(2 * np.pi * t / 0.9) * (1 + 0.5 * np.sin(t / 3.0))
+    felt = slip.copy()
+    if length:
+        gone = 1.0 - np.exp(-SPEED * STEP_S / 50 / length)
+        state, felt = slip[0], np.empty_like(slip)
+        for k, wanted in enumerate(slip):
+            for part in np.linspace(slip[max(k - 1, 0)], wanted, 50):
+                state += gone * (part - state)
+            felt[k] = state
+    columns = {
+        "time_s": t,
+        "slip": slip + slip_noise * rng.standard_normal(len(t)),
+        "adhesion": burckhardt(felt) + 0.01 * rng.standard_normal(len(t)),
+        "speed_mps": np.full(len(t), SPEED),
+    }
+    return write_table(path, columns)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_of_the_slip_is_no_relaxation(tmp_path, seed):
+    found = diagnose(table(tmp_path / "t.csv", seed, slip_noise=0.002))
+    assert "creep_relaxation" not in {cause.effect for cause in found.causes}
+
+
+def test_a_contact_that_lags_is_named(tmp_path):
+    """Three of four drives, with noise of the slip besides."""
+    lengths = []
+    for seed in range(4):
+        found = diagnose(table(tmp_path / "t.csv", seed, length=0.8, slip_noise=0.0005))
+        lengths += [
+            cause.parameters[0].value
+            for cause in found.causes
+            if cause.effect == "creep_relaxation"
+        ]
+    assert len(lengths) >= 3
+    assert np.median(lengths) == pytest.approx(0.8, rel=0.15)
+
+
+def test_backwards_in_time_is_the_mirror_image():
+    effect = effect_by_id("creep_relaxation")
+    rng = np.random.default_rng(1)
+    n = 300
+    t = np.cumsum(rng.uniform(0.005, 0.02, n))
+    slip, rows = 0.05 * np.sin(7 * t), np.ones(n)
+    contact = Contact(slip, slip * 10, 10 * rows, 1e5 * rows, t, rows, rows, 0.2 * rows)
+    mirrored = Contact(
+        slip[::-1], slip[::-1] * 10, 10 * rows, 1e5 * rows, -t[::-1], rows, rows, 0.2 * rows
+    )
+    back = Reversed(effect).change(contact, (0.5,), LagStates()).slip
+    forward = effect.change(mirrored, (0.5,), LagStates()).slip
+    np.testing.assert_array_equal(back, forward[::-1])
+    assert not np.allclose(back, effect.change(contact, (0.5,), LagStates()).slip)
