@@ -71,11 +71,13 @@ def fit_jointly(
 
     """
     gram, score = blocks.grams.sum(axis=0), blocks.scores.sum(axis=0)
-    chosen = [k for k in coefficients if gram[k, k] > 0.0]
+    # What errors of the slips add counts here: without it a coefficient may have less than none.
+    whole = gram + blocks.dilution
+    chosen = [k for k in coefficients if whole[k, k] > 0.0]
     own = np.ix_(chosen, chosen)
     precision = [_prior_precision(k, directions, prior_std) * inflation for k in chosen]
     dilution = blocks.dilution[own]
-    seen = gram[own] + dilution + np.diag(precision)
+    seen = whole[own] + np.diag(precision)
     scale = np.sqrt(np.maximum(seen.diagonal(), 1e-300))
     seen = seen / scale / scale[:, None] + 1e-9 * np.eye(len(chosen))
     inverse = np.linalg.inv(_corrected(seen, dilution / scale / scale[:, None]))
@@ -95,6 +97,8 @@ def _corrected(seen: Array, dilution: Array) -> Array:
         dilution: Share of those errors, positive semidefinite, shape (k, k).
 
     """
+    if not len(seen):
+        return seen
     largest = float(scipy.linalg.eigh(dilution, seen, eigvals_only=True)[-1])
     share = min(1.0, (1.0 - LEAST_LEFT) / largest) if largest > 0.0 else 1.0
     return np.asarray(seen - share * dilution)
@@ -186,4 +190,4 @@ def _columns_on_grid(
         name = directions[k - CURVE].name
         factor = present.get(name, 0.0) * (GRID if name == CREEP_SPEED else np.ones(len(GRID)))
         columns.append(factor * level)
-    return np.stack(columns, axis=1)
+    return np.stack(columns, axis=1) if columns else np.zeros((len(GRID), 0))

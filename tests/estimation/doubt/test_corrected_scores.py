@@ -5,7 +5,12 @@ import pytest
 
 from adhesion_can.estimation.doubt.blocks import CURVE, TANGENTS, ReducedBlocks
 from adhesion_can.estimation.doubt.directions import build_directions
-from adhesion_can.estimation.doubt.joint_peak import LEAST_LEFT, fit_jointly
+from adhesion_can.estimation.doubt.joint_peak import (
+    LEAST_LEFT,
+    compute_joint_peak,
+    fit_jointly,
+)
+from adhesion_can.estimation.doubt.pooled_curve import PooledCurve
 
 DIRECTIONS = build_directions(2)
 SIZE = CURVE + len(DIRECTIONS)
@@ -67,3 +72,28 @@ def test_where_the_errors_exceed_the_information_little_is_known(seed):
     assert std > before, "it is known less well"
     assert abs(own @ fit.change) < 6.0 * std
     assert np.abs(fit.change[TANGENTS:]).max() < PRIOR / LEAST_LEFT
+
+
+def test_where_nothing_is_left_of_any_coefficient_there_is_an_answer():
+    """A train that coasts: every corrected diagonal is below 0."""
+    rng = np.random.default_rng(5)
+    blocks = errors_in_variables(rng, 50, 0.2, 0.02, np.zeros(SIZE))
+    whole = blocks.grams[0] + blocks.dilution
+    coasting = ReducedBlocks(-0.2 * whole[None], 1.2 * whole, blocks.scores, 1, np.ones(1), 1.0)
+    for chosen, stds in ((range(TANGENTS), {}), (CHOSEN, STDS)):
+        fit = fit_jointly(coasting, chosen, DIRECTIONS, inflation=1.0, prior_std=stds)
+        assert fit.chosen == list(chosen)
+        assert np.linalg.eigvalsh(fit.covariance).min() > 0.0
+        peak = compute_joint_peak(fit, PooledCurve((0.3, 40.0, 0.1)), DIRECTIONS, {}, 0.1)
+        assert np.isfinite([peak.mu_max, peak.mu_max_std, peak.lambda_m, peak.lambda_m_std]).all()
+
+
+def test_without_any_data_nothing_is_estimated():
+    none = np.zeros((SIZE, SIZE))
+    empty = ReducedBlocks(none[None], none, np.zeros((1, SIZE)), 1, np.ones(1), 1.0)
+    fit = fit_jointly(empty, range(TANGENTS), DIRECTIONS, inflation=1.0, prior_std={})
+    assert fit.chosen == []
+    curve = PooledCurve((0.3, 40.0, 0.1))
+    peak = compute_joint_peak(fit, curve, DIRECTIONS, {}, 0.2)
+    assert peak.mu_max == pytest.approx(curve.mu_max, rel=1e-3)
+    assert peak.mu_max_std == 0.0
