@@ -99,9 +99,13 @@ def _corrected(seen: Array, dilution: Array) -> Array:
     """
     if not len(seen):
         return seen
-    largest = float(scipy.linalg.eigh(dilution, seen, eigvals_only=True)[-1])
-    share = min(1.0, (1.0 - LEAST_LEFT) / largest) if largest > 0.0 else 1.0
-    return np.asarray(seen - share * dilution)
+    try:
+        # Nearly always all of it can be taken off, and this costs little.
+        np.linalg.cholesky((1.0 - LEAST_LEFT) * seen - dilution)
+    except np.linalg.LinAlgError:
+        largest = float(scipy.linalg.eigh(dilution, seen, eigvals_only=True)[-1])
+        return np.asarray(seen - min(1.0, (1.0 - LEAST_LEFT) / largest) * dilution)
+    return np.asarray(seen - dilution)
 
 
 def compute_joint_peak(
