@@ -5,10 +5,10 @@ from collections.abc import Iterable, Sequence
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
 from adhesion_can.api.diagnosis import LoadedInput, explain_empty, list_input_files, load_inputs
 from adhesion_can.api.inputs import RecordingLike, as_paths
+from adhesion_can.config.configuration import Configuration
 from adhesion_can.diagnosis.evaluate import Evaluation
 from adhesion_can.diagnosis.evaluate import evaluate as _evaluate
 from adhesion_can.errors import InputError
-from adhesion_can.estimation.extended.model import ExtendedModel
 
 
 def evaluate(
@@ -31,23 +31,23 @@ def evaluate(
 
     """
     config = as_configuration(configuration, model)
-    if config.model is None:
-        raise InputError("model", "there is none", "give a model or the path of its file")
     files = list_input_files(as_paths(inputs), columns=config.columns)
-    return evaluate_inputs(load_inputs(files, config, lambda _work, _share: None), config.model)
+    return evaluate_inputs(load_inputs(files, config, lambda _work, _share: None), config)
 
 
-def evaluate_inputs(loaded: Sequence[LoadedInput], model: ExtendedModel) -> Evaluation:
+def evaluate_inputs(loaded: Sequence[LoadedInput], config: Configuration) -> Evaluation:
     """Evaluation on loaded inputs.
 
     Raises:
-        InputError: Not one row is usable, or an effect cannot be applied.
+        InputError: There is no model, not one row is usable, or an effect cannot be applied.
 
     """
+    if config.model is None:
+        raise InputError("model", "there is none", "give a model or the path of its file")
     drives = [one.drive for one in loaded]
     if not any(map(len, drives)):
         names = ", ".join(str(one.input_file.path) for one in loaded)
         reason = explain_empty(loaded[0])
         mend = "give a drive in which the vehicle moves and its axles pull or brake"
         raise InputError(names, f"not one usable row: {reason}", mend)
-    return _evaluate(drives, model)
+    return _evaluate(drives, config.model)

@@ -15,7 +15,6 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
-from adhesion_can.config.model_file import read_model
 from adhesion_can.reporting.evaluation import page, render_evaluation
 from adhesion_can.reporting.page import require_extra, write_page
 from adhesion_can.reporting.provenance import provenance
@@ -45,13 +44,12 @@ def run(options: argparse.Namespace) -> int:
     require_outputs(options, written, [*options.inputs, config.database.path])
     if options.html is not None:
         require_extra(str(options.html))
-    model = config.model or read_model(options.model)
     input_files = list_input_files(options.inputs, columns=config.columns)
     with progress("reading", len(input_files), "") as done:
         loaded = load_inputs(
             input_files, config, lambda _work, share: done(share * len(input_files))
         )
-    found = evaluate_inputs(loaded, model)
+    found = evaluate_inputs(loaded, config)
     problems = [problem for one in loaded for problem in one.problems]
     origin = provenance(config, options.inputs)
     write_json(options.json, {**found.to_dict(), "problems": problems, **origin})

@@ -25,6 +25,7 @@ from adhesion_can.diagnosis.plot_data import (
     build_simulation_plots,
     find_plotted_channel,
 )
+from adhesion_can.diagnosis.plot_result import Profile
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import Channel, build_channels
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
@@ -36,7 +37,6 @@ from adhesion_can.diagnosis.result import (
     Evidence,
     Gain,
     ParameterValue,
-    Profile,
     Untested,
     Verdict,
 )
@@ -266,7 +266,7 @@ def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> C
     """A named effect with the parameters of the final fit."""
     effect = candidate.effect
     place = final.model.candidates.index(candidate)
-    first = final.model.curves.values.size + sum(c.size for c in final.model.candidates[:place])
+    first = final.model.first_parameter(place)
     std = iter(np.sqrt(final.covariance.diagonal())[first : first + candidate.size])
     numbers = iter(final.model.values[place])
     values = tuple(

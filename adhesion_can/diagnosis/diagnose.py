@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.diagnosis.build_diagnosis import build_diagnosis, build_empty_diagnosis
 from adhesion_can.diagnosis.drive.drive_data import DriveData
-from adhesion_can.diagnosis.drive.thinning import thin_drive
+from adhesion_can.diagnosis.drive.thinning import RATE_HZ, thin_drive
 from adhesion_can.diagnosis.inference.candidates import (
     build_candidates,
     describe_insufficient_data,
@@ -77,7 +77,7 @@ class DiagnosisSettings:
     """
 
     alpha: float = 0.05
-    rate_hz: float = 16.0
+    rate_hz: float = RATE_HZ
     seed: int = 1
 
 

@@ -17,7 +17,7 @@ from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.thinning import thin_drive
 from adhesion_can.diagnosis.inference.candidates import build_candidates
 from adhesion_can.diagnosis.inference.hold_out_gain import LEAST_RECORDINGS, gain_interval
-from adhesion_can.diagnosis.inference.split_hold_out import HELD_BLOCKS, split_hold_out
+from adhesion_can.diagnosis.inference.split_hold_out import HELD_BLOCKS, number_blocks_of_drives
 from adhesion_can.diagnosis.regression.find_surface_changes import (
     build_regression_data,
     find_surface_changes,
@@ -40,9 +40,6 @@ from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.result_text import html_table
-
-RATE_HZ = 16.0
-"""Rows per second and axle, as a diagnosis takes them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +150,7 @@ def evaluate(drives: Sequence[DriveData], model: ExtendedModel) -> Evaluation:
     used = [drive for drive in drives if len(drive)]
     for drive in used:
         require_effects_apply(model, drive)
-    thin = tuple(thin_drive(drive, RATE_HZ) for drive in used)
+    thin = tuple(thin_drive(drive) for drive in used)
     candidates, _ = build_candidates(used)
     data = build_regression_data(thin, [find_surface_changes(one, candidates) for one in thin])
     residuals = compute_residuals(data, model)
@@ -206,8 +203,7 @@ def compute_residuals(data: RegressionData, model: ExtendedModel) -> ModelResidu
 
     """
     length_s = choose_block_length(data.drives)
-    block = split_hold_out(data.drives, [False] * len(data.drives), length_s)
-    block = np.where(block < 0, -1 - block, block)
+    block = np.concatenate(number_blocks_of_drives(data.drives, length_s))
     prepared = prepare_regression(data, fit_start_curves(data), block, (), length_s)
     effects = model_effects(model)
     curves = _model_curves(model, data.surfaces)

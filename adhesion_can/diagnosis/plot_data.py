@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.plot_result import CurveData, Profile, SimulationPlot
 from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
@@ -16,7 +17,6 @@ from adhesion_can.diagnosis.regression.model import (
     evaluate_model,
 )
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
-from adhesion_can.diagnosis.result import CurveData, Profile, SimulationPlot
 from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.effects import Effect, build_instruments
 

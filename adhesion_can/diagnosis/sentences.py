@@ -8,8 +8,9 @@ import numpy as np
 from adhesion_can.diagnosis.formatting import measured, short, sizes, unit_text
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
+from adhesion_can.diagnosis.plot_result import Profile
 from adhesion_can.diagnosis.regression.channel_splines import Channel
-from adhesion_can.diagnosis.result import Cause, Gain, Profile
+from adhesion_can.diagnosis.result import Cause, Gain
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.effects import Observability, effect_by_id

@@ -11,7 +11,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.message_record import MessageRecord
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
-from adhesion_can.estimation.batch_fit import identify
+from adhesion_can.estimation.batch_fit import BatchResult, identify
 from adhesion_can.offline.compare_noise import NOISY_ROLES, ComparedNoise, compare_noise
 from adhesion_can.offline.extract_samples import SampleExtractor
 from adhesion_can.offline.load_traces import LoadedTraces
@@ -268,13 +268,26 @@ def _check_excitation(result: CheckResult, configuration: Configuration) -> None
     if fitted is None:
         result.failures.append("every sample lies outside the slips that the curve is valid for")
         return
-    sizes = np.abs(result.samples.slip)
-    low, high = np.quantile(sizes, [0.05, 0.98])
-    result.findings.append(
-        f"{len(result.samples)} samples, |slip| from {low:.4f} to {high:.4f} (5 % to 98 %)"
-    )
+    describe_excitation(result.samples, fitted, result.findings, result.limits)
+
+
+def describe_excitation(
+    samples: Samples, fitted: BatchResult, findings: list[str], limits: list[str]
+) -> None:
+    """Add sentences about the slips that were driven and the peaks that they tell.
+
+    Args:
+        samples: Samples, at least one.
+        fitted: Their batch fit.
+        findings: Sentences about what can be estimated.
+        limits: Sentences about what cannot be estimated.
+
+    """
+    low, high = np.quantile(np.abs(samples.slip), [0.05, 0.98])
+    findings.append(f"{len(samples)} samples, |slip| from {low:.4f} to {high:.4f} (5 % to 98 %)")
     known = [s for s in fitted.segments if s.estimate.identifiable.both]
     text = f"{len(known)} of {len(fitted.segments)} segments have an identifiable peak"
-    (result.findings if known else result.limits).append(
-        text if known else f"{text}: the slip never goes far enough beyond it"
-    )
+    if known:
+        findings.append(text)
+    else:
+        limits.append(f"{text}: the slip never goes far enough beyond it")

@@ -9,6 +9,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import identify
+from adhesion_can.offline.check import describe_excitation
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.tables.sample_table import Table
@@ -132,15 +133,7 @@ def _check_excitation(result: TableCheck, table: Table, config: Configuration) -
     if fitted is None:
         result.failures.append("every row lies outside the slips that the curve is valid for")
         return
-    low, high = np.quantile(np.abs(samples.slip), [0.05, 0.98])
-    result.findings.append(
-        f"{len(samples)} samples, |slip| from {low:.4f} to {high:.4f} (5 % to 98 %)"
-    )
     for sign, way in ((1.0, "traction"), (-1.0, "braking")):
         if not np.any(sign * samples.slip > 0.0):
             result.limits.append(f"no {way}: errors of the instruments are part of the curve")
-    known = [s for s in fitted.segments if s.estimate.identifiable.both]
-    text = f"{len(known)} of {len(fitted.segments)} segments have an identifiable peak"
-    (result.findings if known else result.limits).append(
-        text if known else f"{text}: the slip never goes far enough beyond it"
-    )
+    describe_excitation(samples, fitted, result.findings, result.limits)

@@ -48,6 +48,10 @@ class ChannelInfo:
     steps: bool = False
 
 
+FEW_VALUES = 6
+"""Values up to which a channel of the user's counts as a state: it has steps, and holds."""
+
+
 @dataclass(frozen=True, slots=True)
 class UserChannel:
     """Channel that the user brought: a column of a table, or a signal under `[channels]`.

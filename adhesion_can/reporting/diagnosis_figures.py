@@ -7,14 +7,8 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.formatting import short, unit_text
-from adhesion_can.diagnosis.result import (
-    CurveData,
-    FamilyResult,
-    Gain,
-    Profile,
-    SegmentResult,
-    SimulationPlot,
-)
+from adhesion_can.diagnosis.plot_result import CurveData, Profile, SimulationPlot
+from adhesion_can.diagnosis.result import FamilyResult, Gain, SegmentResult
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.estimate import Estimate

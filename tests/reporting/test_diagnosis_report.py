@@ -15,18 +15,16 @@ from hypothesis.extra.numpy import arrays
 
 from adhesion_can.cli.common import finite
 from adhesion_can.diagnosis.formatting import measured
+from adhesion_can.diagnosis.plot_result import CurveData, Profile, SimulationPlot
 from adhesion_can.diagnosis.result import (
     Cause,
     ChannelEvidence,
-    CurveData,
     Diagnosis,
     Evidence,
     Gain,
     InputFile,
     ParameterValue,
-    Profile,
     SegmentResult,
-    SimulationPlot,
     Untested,
     Verdict,
 )

@@ -51,7 +51,7 @@ class Listener:
         self._before = Status.INIT
         self.counts = Driven(0, 0, 0, 0, 0.0)
 
-    def hear(self, due_us, outputs):
+    def add(self, due_us, outputs):
         changed = outputs.status is Status.SURFACE_CHANGE and self._before is not outputs.status
         self._before = outputs.status
         settled = due_us >= SETTLED_S * 1e6
@@ -82,7 +82,7 @@ def driven(task):
     makers = (None,) if rough else (None, Tracker)
     listeners = [Listener(mu_max) for _ in makers]
     cores = [
-        ServiceCore(config, maker, on_setpoint=listener.hear)
+        ServiceCore(config, maker, on_setpoint=listener.add)
         for maker, listener in zip(makers, listeners, strict=True)
     ]
     for frames in run.run():

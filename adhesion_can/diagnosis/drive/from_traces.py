@@ -20,7 +20,7 @@ from adhesion_can.diagnosis.drive.smoothing import (
     predict_speed_from_efforts,
     smooth_signal,
 )
-from adhesion_can.physics.channels import CHANNEL_BY_NAME, COVARIATES, UserChannel
+from adhesion_can.physics.channels import CHANNEL_BY_NAME, COVARIATES, FEW_VALUES, UserChannel
 from adhesion_can.physics.kinematics import slip_ratio
 from adhesion_can.physics.readings import Direction, Role
 from adhesion_can.physics.vehicle import Locomotive
@@ -32,9 +32,6 @@ LEAST_LOADS_AVAILABLE = 0.5
 """Share of an axle's load readings that must be available for the load to count as measured."""
 MOST_MISSING = 0.05
 """Largest share of missing readings of a channel that is used."""
-FEW_VALUES = 6
-"""Values up to which a channel of the user's counts as a state."""
-
 Traces = Mapping[tuple[Role, int], Trace]
 
 

@@ -8,7 +8,11 @@ MANY_ROWS = 40_000
 """A drive with more rows is thinned."""
 
 
-def thin_drive(drive: DriveData, rate_hz: float) -> DriveData:
+RATE_HZ = 16.0
+"""Rows per second and axle that are used for deciding and for an evaluation."""
+
+
+def thin_drive(drive: DriveData, rate_hz: float = RATE_HZ) -> DriveData:
     """Rows of a long drive at a lower rate, axle by axle; a sample table keeps all its rows.
 
     Args:

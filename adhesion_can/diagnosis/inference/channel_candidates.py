@@ -8,12 +8,10 @@ from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.result import Untested
-from adhesion_can.physics.channels import UserChannel
+from adhesion_can.physics.channels import FEW_VALUES, UserChannel
 from adhesion_can.physics.effects import known_effects
 from adhesion_can.physics.effects.channel_factor import LINEAR, PREFIX, STEP, ChannelFactor
 
-MOST_LEVELS = 6
-"""Values up to which a column has a step at each of them."""
 LEAST_LEVEL_ROWS = 5
 """Rows without which a value of a column cannot have a step."""
 COPY = 0.98
@@ -75,7 +73,7 @@ def _forms(channel: UserChannel, values: Array) -> Iterator[ChannelFactor]:
     """A linear factor, and a step at each value of a channel that has a few."""
     levels, counts = np.unique(values, return_counts=True)
     # Kinds are numbered; a few readings of a quantity are not.
-    few = len(levels) == 2 or (len(levels) <= MOST_LEVELS and bool((levels % 1.0 == 0.0).all()))
+    few = len(levels) == 2 or (len(levels) <= FEW_VALUES and bool((levels % 1.0 == 0.0).all()))
     texts = channel.name, channel.unit, channel.label
     if len(levels) > 2 or not few:
         middle = float(np.mean(values))

@@ -128,8 +128,7 @@ class Findings:
     def _has_size(self, place: int) -> bool:
         """Whether the 95 % interval of an effect's size leaves out 0."""
         fitted = self.selection.best.fitted
-        model = fitted.model
-        first = model.curves.values.size + sum(c.size for c in model.candidates[:place])
+        model, first = fitted.model, fitted.model.first_parameter(place)
         std = float(np.sqrt(max(fitted.covariance[first, first], 0.0)))
         return abs(model.values[place][0]) > INTERVAL * std
 

@@ -49,14 +49,29 @@ def split_hold_out(
         Block number of each row of all drives, −1 − number in rows that are held out; shape (n,).
 
     """
-    out, base = [], 0
-    for drive, whole in zip(drives, held_out, strict=True):
-        # Consecutive numbers: pauses are no blocks.
-        number = np.unique(number_blocks(drive.t_s, block_length_s), return_inverse=True)[1]
+    out = []
+    numbers = number_blocks_of_drives(drives, block_length_s)
+    for drive, whole, number in zip(drives, held_out, numbers, strict=True):
         held = np.full(len(number), whole)
-        if not any(held_out) and not drive.independent:
-            held = (number // HELD_BLOCKS) % HELD_EVERY == 1
-        number = number + base
-        base = int(number.max(initial=base - 1)) + 1
+        if not any(held_out) and not drive.independent and len(number):
+            held = ((number - number.min()) // HELD_BLOCKS) % HELD_EVERY == 1
         out.append(np.where(held, -1 - number, number))
     return np.concatenate(out) if out else np.empty(0, dtype=np.int64)
+
+
+def number_blocks_of_drives(
+    drives: Sequence[DriveData], block_length_s: float
+) -> list[NDArray[np.int64]]:
+    """Block number of each row of each drive, from 0 on over all drives; pauses are no blocks.
+
+    Args:
+        drives: All drives.
+        block_length_s: Length of a block, s.
+
+    """
+    out, base = [], 0
+    for drive in drives:
+        number = np.unique(number_blocks(drive.t_s, block_length_s), return_inverse=True)[1] + base
+        base = int(number.max(initial=base - 1)) + 1
+        out.append(number)
+    return out

@@ -217,6 +217,10 @@ class Model:
         """All free parameters: θ surface by surface, then φ effect by effect; shape (p,)."""
         return np.concatenate([self.curves.values.ravel(), *map(np.array, self.values)])
 
+    def first_parameter(self, place: int) -> int:
+        """Index in `parameter_vector` of the first parameter of the effect at one place."""
+        return self.curves.values.size + sum(c.size for c in self.candidates[:place])
+
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the free parameters, in the order of the vector; (p,) each."""

@@ -192,7 +192,7 @@ def _text(path: Path) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        # What spreadsheets write west of the Oder: 'µ' and '°' stand in units.
+        # What spreadsheets write in Western Europe, where units hold 'µ' and '°'.
         return content.decode("cp1252", "replace")
 
 
