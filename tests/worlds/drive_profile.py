@@ -1,14 +1,16 @@
 """A drive as a driver and a line make it: creep, speed, curves, weather, sand and loads.
 
-Creep is prescribed and the speed integrates the force of the bare curve, so neither depends on
-what is hidden: what an effect adds to the force, the train's resistance takes. All that the hidden
-effects feed on varies in every drive, each thing on its own.
+Creep is prescribed and the speed integrates the force of the bare contact, so neither depends on
+an effect that is hidden: what it adds to the force, the train's resistance takes. A resistance does
+not jump, so the contact is that of the drive: its law where it has one, else Burckhardt's curve.
+All that the hidden effects feed on varies in every drive, each thing on its own.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from tests.worlds.contact_laws import ContactLaw
 from tests.worlds.rail import Floats, Ints, Rail, curve, peak
 
 STEP_S = 0.01
@@ -104,15 +106,19 @@ def wander(rng: np.random.Generator, t: Floats, shortest_s: float, longest_s: fl
 
 
 def draw_profile(
-    rng: np.random.Generator, duration_s: float, vehicle: Vehicle, rail: Rail
+    rng: np.random.Generator,
+    duration_s: float,
+    vehicle: Vehicle,
+    rail: Rail,
+    law: ContactLaw | None = None,
 ) -> DriveProfile:
-    """Draw a drive with every kind of phase in it."""
+    """Draw a drive with every kind of phase in it, on a law's contact or the rail's curves."""
     n = LEAD + round(duration_s / STEP_S)
     t = (np.arange(n) - LEAD) * STEP_S
     gradient = 0.006 * wander(rng, t, 40, 160)
     curves = rail.curves[rail.surface_at(t)]
     while True:
-        driven = _phases(rng, t, gradient, vehicle, curves, rail.tops)
+        driven = _phases(rng, t, gradient, vehicle, curves, rail.tops, law)
         if driven is not None:
             v, slip = driven
             break
@@ -142,6 +148,7 @@ def _phases(
     vehicle: Vehicle,
     curves: Floats,
     tops: tuple[float, float] | None,
+    law: ContactLaw | None,
 ) -> tuple[Floats, Floats] | None:
     """Speed (n,) and creep (n, 6) of traction, coasting and braking in turn; None: too few."""
     n = len(t)
@@ -152,9 +159,14 @@ def _phases(
     while row < n:
         end = min(row + length, n)
         wanted = mode * _sweeps(rng, end - row, curves[row:end], tops)
-        force = (curve(curves[row:end], wanted) * vehicle.static_load).sum(axis=1)
-        pull = force / vehicle.mass - 0.015 - 9.81 * gradient[row:end]
-        profile = speed + np.cumsum(pull) * STEP_S
+        adhesion = curve(curves[row:end], wanted)
+        resistance = 0.015 + 9.81 * gradient[row:end]
+        profile = _integrate(speed, adhesion, resistance, vehicle)
+        if law is not None:
+            # The law's force depends on the speed a little: that of the step before is enough.
+            for _ in range(2):
+                adhesion = _signed(law, wanted, profile, vehicle)
+                profile = _integrate(speed, adhesion, resistance, vehicle)
         outside = np.flatnonzero((profile < SPEEDS[0]) | (profile > SPEEDS[1]))
         if len(outside):
             length = round(0.9 * int(outside[0]))
@@ -171,6 +183,18 @@ def _phases(
         length = round(rng.uniform(*span) / STEP_S)
     enough = max(2, min(3, round(t[-1] / 60)))
     return (v, slip) if min(counts.values()) >= enough else None
+
+
+def _integrate(speed: float, adhesion: Floats, resistance: Floats, vehicle: Vehicle) -> Floats:
+    """Speed (n,) from a first one, by adhesion (n, 6) and resistance (n,), m/s²."""
+    pull = (adhesion * vehicle.static_load).sum(axis=1) / vehicle.mass - resistance
+    return np.asarray(speed + np.cumsum(pull) * STEP_S)
+
+
+def _signed(law: ContactLaw, slip: Floats, speed: Floats, vehicle: Vehicle) -> Floats:
+    """Adhesion of a law with the sign of the slip, (n, 6); a speed below the least counts as it."""
+    v = np.maximum(speed, SPEEDS[0])[:, None]
+    return np.asarray(np.sign(slip) * law.adhesion(np.abs(slip), v, vehicle.static_load))
 
 
 def _next_mode(rng: np.random.Generator, mode: int, last: int, speed: float) -> int:

@@ -3,7 +3,7 @@
 The size is searched for: it must raise the residual RMSE, after c1..c3 were fitted anew, by a
 random share above the noise floor. A drive in which the effect's range cannot do so is drawn again.
 Beside a contact that is not Burckhardt's an effect has the size that it would need on the nearest
-curve of Burckhardt's; this curve also makes the drive.
+curve of Burckhardt's; this curve also says how far the creep goes.
 """
 
 from collections.abc import Callable
@@ -93,7 +93,8 @@ class _World:
         self.profile, self.noise = self._drive()
 
     def _drive(self) -> tuple[DriveProfile, Noise]:
-        profile = draw_profile(self.rng, self.duration_s, self.vehicle, self.rail)
+        law = make_law(self.shape[0].form, self.shape[0].parameters) if self.shape else None
+        profile = draw_profile(self.rng, self.duration_s, self.vehicle, self.rail, law)
         of_noise = self.kind.removeprefix("null:")
         correlation_s = float(of_noise) if of_noise in ("1", "5") else 0.0
         return profile, draw_noise(self.rng, len(profile.t) - LEAD, correlation_s)

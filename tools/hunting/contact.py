@@ -16,6 +16,7 @@ INSTRUMENTS = frozenset(
         "wheel_radius",
         "speed_scale",
         "speed_delay",
+        "wheel_speed_delay",
         "effort_delay",
         "effort_bias",
     }

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import copysign
+from math import copysign, expm1
 from typing import NamedTuple
 
 import numpy as np
@@ -31,8 +31,9 @@ UNUSUAL = 2.0
 """Ratio of the usual factor to 1, either way, from which it counts."""
 _SIZES = np.geomspace(1e-3, 0.5, 24)
 """Sizes of the slip ratio among which the usual factor is the largest."""
-LEAST_PULL = 0.01
-"""Mean adhesion from which its sign says traction or braking; below it the last sign holds."""
+LEAST_PULL, PULL_TIME_S = 0.015, 0.1
+"""Mean adhesion from which its sign says traction or braking, and time constant of that mean, s.
+Below it the last sign holds: while coasting, the effort's noise would turn it again and again."""
 
 
 class LatestLagStates(SlipLags):
@@ -131,11 +132,13 @@ class LatestConditions:
     Attributes:
         contact: Latest contact of each axle, one row per axle; slip and creep speed are not used.
         sign: Sign of the slip: 1 in traction, -1 in braking.
+        pull: Mean adhesion of all axles over the last `PULL_TIME_S`.
 
     """
 
     contact: Contact
     sign: float
+    pull: float
 
     @classmethod
     def update(cls, contact: Contact, before: "LatestConditions | None") -> "LatestConditions":
@@ -158,8 +161,11 @@ class LatestConditions:
 
         axle = latest("axle")
         everywhere = np.ones(len(axle))
-        pull = float(contact.adhesion.mean())
-        sign = 1.0 if before is None else before.sign
+        sign, pull = 1.0, float(contact.adhesion.mean())
+        if before is not None:
+            passed = max(float(contact.time_s[-1] - before.contact.time_s[0]), 0.0)
+            sign = before.sign
+            pull = before.pull + (pull - before.pull) * -expm1(-passed / PULL_TIME_S)
         return cls(
             Contact(
                 slip=everywhere,
@@ -173,6 +179,7 @@ class LatestConditions:
                 covariates={n: everywhere * np.mean(c) for n, c in contact.covariates.items()},
             ),
             copysign(1.0, pull) if abs(pull) > LEAST_PULL else sign,
+            pull,
         )
 
     def at_slips(self, sizes: Array) -> Contact:
