@@ -99,7 +99,12 @@ class DoubtingTracker:
             and pooled.lambda_m + lambda_std <= self._monitor.reached
         )
         if not known:
-            return widened
+            if widened.doubt is not Doubt.SHAPE:
+                return widened
+            # What no family knows, a curve whose form is in doubt does not know either.
+            return self._widened(
+                estimate, (mu_std / pooled.mu_max, lambda_std / pooled.lambda_m)
+            )
         # The curve's numbers are as uncertain as its peak.
         level, place = mu_std / pooled.mu_max, lambda_std / pooled.lambda_m
         stds = np.array(theta) * (level, place, hypot(level, place))
@@ -138,10 +143,16 @@ class DoubtingTracker:
             self._peak = key, (peak, theta)
         return self._peak[1]
 
-    def _widened(self, estimate: Estimate) -> Estimate:
-        """Estimate with the standard deviations that the latest assessment leaves it."""
+    def _widened(self, estimate: Estimate, least: tuple[float, float] = (0.0, 0.0)) -> Estimate:
+        """Estimate with the standard deviations that the latest assessment leaves it.
+
+        Args:
+            estimate: Estimate of the tracker.
+            least: Least standard deviations of μ_max and λ_m, as shares of them.
+
+        """
         assessment, limits = self._monitor.assessment, self._limits
-        mu_share, lambda_share = further_std(assessment, estimate)
+        mu_share, lambda_share = np.maximum(further_std(assessment, estimate), least).tolist()
         if assessment.plain is None:
             # Samples near the peak tell its height, whatever the shape, but not its place.
             lambda_share = self._settings.first_lambda_m_std
