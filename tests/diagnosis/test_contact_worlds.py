@@ -101,6 +101,19 @@ def test_a_contact_hides_its_shape_and_an_effect_besides(kind, tmp_path):
     assert "true_contact" not in truth.to_dict()
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_the_train_moves_by_the_force_of_its_law(name):
+    """Newton: force over mass less gradient and resistance, with loads that change by a few %."""
+    world = _World(f"contact:{name}", 3, 0, 60.0)
+    law = make_law(name, world.shape[0].parameters)
+    p, vehicle = world.profile, world.vehicle
+    mu = np.sign(p.slip) * law.adhesion(np.abs(p.slip), p.v[:, None], vehicle.static_load)
+    force = (mu * vehicle.static_load).sum(axis=1)
+    pull = force / vehicle.mass - 0.015 - 9.81 * p.gradient
+    assert np.ptp(force / vehicle.mass) > 0.3
+    assert np.diff(p.v) / 0.01 == pytest.approx(pull[1:], abs=0.01)
+
+
 def test_points_are_those_of_the_law(tmp_path):
     truth = make_world("points:extended", 2, tmp_path / "a.csv")
     slip, adhesion, speed, load = np.loadtxt(tmp_path / "a.csv", delimiter=",", skiprows=1).T

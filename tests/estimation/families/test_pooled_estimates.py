@@ -68,3 +68,21 @@ def test_burckhardts_rail_needs_no_other_family():
         if time_s > 10.0:
             assert estimate.family == "burckhardt"
             assert estimate.doubt is Doubt.NONE
+
+
+def test_a_dip_beyond_the_peak_leaves_its_place_unknown():
+    """No family has two humps: after a minute λ_m is as uncertain as the families are; two drives.
+
+    The Burckhardt curve with the drive's tangents alone would state 8 % of λ_m.
+    """
+    whole = burckhardt(c1=0.455, c2=25.3, c3=0.26)
+
+    def law(s, v):
+        return whole(s, v) - 0.062 * np.exp(-0.5 * ((s - 0.19) / 0.0145) ** 2)
+
+    for seed in range(2):
+        samples = make_samples(law, np.random.default_rng(seed), 60.0, reach=0.24)
+        _, _, estimate = run(samples)[-1]
+        assert estimate.doubt is Doubt.SHAPE
+        assert not estimate.identifiable.lambda_m
+        assert estimate.lambda_m_std > 0.2 * estimate.lambda_m
