@@ -102,9 +102,7 @@ class DoubtingTracker:
             if widened.doubt is not Doubt.SHAPE:
                 return widened
             # What no family knows, a curve whose form is in doubt does not know either.
-            return self._widened(
-                estimate, (mu_std / pooled.mu_max, lambda_std / pooled.lambda_m)
-            )
+            return self._widened(estimate, (mu_std / pooled.mu_max, lambda_std / pooled.lambda_m))
         # The curve's numbers are as uncertain as its peak.
         level, place = mu_std / pooled.mu_max, lambda_std / pooled.lambda_m
         stds = np.array(theta) * (level, place, hypot(level, place))
