@@ -3,7 +3,7 @@
 The defaults are those of `Locomotive` and `Geometry`; only the names are mapped here.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from adhesion_can.config.toml_tables import arguments_from, reject_unknown_keys, table_of, typed
@@ -85,4 +85,28 @@ def _geometry(value: object, axles: int, where: str) -> dict[str, Any] | None:
     if value is None:
         return {} if sum(Geometry().axles_per_bogie) == axles else None
     place = f"{where}.geometry"
-    return arguments_from(Geometry, table_of(value, place), place, GEOMETRY)
+    table = table_of(value, place)
+    given = arguments_from(Geometry, table, place, GEOMETRY)
+    default = Geometry().axles_per_bogie
+    bogies = given.get("axles_per_bogie", default)
+    missing = [key for key in _needed(bogies) if key not in table] if bogies != default else []
+    if missing:
+        # The defaults are lengths and heights of another vehicle.
+        raise ConfigError(
+            place,
+            f"{', '.join(missing)} not given, for bogies of {', '.join(map(str, bogies))} axles",
+            "give them, or leave the section out: then no transfer of load is computed",
+        )
+    return given
+
+
+def _needed(bogies: Sequence[int]) -> list[str]:
+    """Keys of the lengths and heights on which the transfer of load depends."""
+    several, of_axles = len(bogies) > 1, max(bogies, default=0) > 1
+    needed = {
+        "pivot_distance_m": several,
+        "axle_spacing_m": of_axles,
+        "coupler_height_m": True,
+        "traction_height_m": several and of_axles,
+    }
+    return [key for key, is_needed in needed.items() if is_needed]

@@ -18,6 +18,7 @@ from adhesion_can.offline.load_traces import LoadedTraces
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.physics.readings import Role, role_name
 from adhesion_can.physics.samples import Samples
+from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.column_former import Readings
 
 RATE_TOLERANCE = 0.1
@@ -170,6 +171,7 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
     _check_messages(result)
     _check_signals(result)
     _check_axles(result, configuration)
+    _check_vehicle(result, configuration.vehicle)
     _check_excitation(result, configuration)
     result.warnings.extend(one.warning for one in result.noise if one.warning)
     return result
@@ -210,6 +212,24 @@ def _check_messages(result: CheckResult) -> None:
     if result.clamped:
         result.failures.append(
             f"{result.clamped} frames are stamped before the one in front of them"
+        )
+
+
+def _check_vehicle(result: CheckResult, vehicle: Locomotive) -> None:
+    """Which data of another vehicle than the default one were not given."""
+    default = Locomotive()
+    if vehicle == default:
+        return
+    places = (
+        ("wheel_radius_m", default.wheel_radius[0], vehicle.wheel_radius),
+        ("axle_load_N", default.axle_load[0], vehicle.axle_load),
+        ("wheelset_inertia_kgm2", default.wheelset_inertia, (vehicle.wheelset_inertia,)),
+    )
+    kept = [f"{key} = {value:g}" for key, value, own in places if set(own) == {value}]
+    if kept:
+        result.warnings.append(
+            f"{', '.join(kept)}: of the default locomotive, a heavy Co-Co; write your vehicle's "
+            "own into [vehicle]"
         )
 
 

@@ -204,7 +204,7 @@ def own_messages(bench, t_us, _v, omega, measured):
     yield bench.frame("TractiveEffort1", t_us)
 
 
-THREE_AXLES = "[vehicle]\naxles = 3\ngeometry = { axles_per_bogie = [3] }\n"
+THREE_AXLES = "[vehicle]\naxles = 3\n"
 
 
 def test_the_offset_is_written_at_the_role_of_the_vehicle_speed(tmp_path):

@@ -165,7 +165,17 @@ BAD_VEHICLES = {
     "load_std = nan": ("vehicle",),
     "wheel_radius = 0.6": ("vehicle.wheel_radius", "unknown key", "wheel_radius_m"),
     "geometry = 5": ("vehicle.geometry", "table"),
-    "geometry.axles_per_bogie = [2, 2]": ("vehicle", "6"),
+    "axles = 4\ngeometry.axles_per_bogie = [2, 2]": (
+        "vehicle.geometry",
+        "pivot_distance_m, axle_spacing_m, coupler_height_m, traction_height_m not given",
+        "leave the section out",
+    ),
+    "axles = 2\ngeometry.axles_per_bogie = [2]": (
+        "vehicle.geometry",
+        "axle_spacing_m, coupler_height_m not given",
+    ),
+    "geometry = { axles_per_bogie = [2, 2], pivot_distance_m = 9, axle_spacing_m = 2, "
+    "coupler_height_m = 1, traction_height_m = 0.5 }": ("vehicle", "6"),
     "geometry.axles_per_bogie = 3": ("vehicle.geometry.axles_per_bogie", "list"),
     "geometry.axles_per_bogie = [-3, 9]": ("vehicle",),
     "geometry.pivot_distance_m = 0": ("vehicle",),

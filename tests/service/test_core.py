@@ -601,7 +601,7 @@ def test_arbitrary_but_sealed_drives_put_no_nan_on_the_bus(seed):
 
 def test_axles_without_signals_have_no_setpoint(tmp_path):
     path = tmp_path / "four.toml"
-    path.write_text("[vehicle]\naxles = 4\n[vehicle.geometry]\naxles_per_bogie = [2, 2]\n")
+    path.write_text("[vehicle]\naxles = 4\n")
     core = ServiceCore(load_configuration(path), FixedEstimator)
     sent = run(core, Bench().drive(0, 100_000))
     assert last(sent, 0x204, 4)["MuMax_Ax4"] == pytest.approx(0.373, abs=2e-5)
