@@ -88,7 +88,8 @@ def identify(
         paths = _paths(slip)
         where = ", ".join(map(str, paths))
         if are_tables(paths, config):
-            samples, labels, _, _ = load_table_samples(paths, config)
+            loaded = load_table_samples(paths, config)
+            samples, labels = loaded.samples, loaded.labels
         else:
             recordings = as_recordings(slip)  # type: ignore[arg-type]  # `_paths` has checked it
             samples = load_recording_samples(recordings, config).samples

@@ -15,6 +15,7 @@ from adhesion_can.config.configuration import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.correction import (
     correct_samples,
+    mean_factor,
     remove_instrument_errors,
     require_columns,
 )
@@ -36,6 +37,7 @@ class LoadedSamples(NamedTuple):
         labels: Number of each sample's segment, shape (n,); None where it is to be found.
         problems: Sentences about what was passed over.
         left_out: Number of samples to which the extended model could not be applied, by reason.
+        factor: Factor of the adhesion by the effects of the extended model, mean of the samples.
 
     """
 
@@ -43,6 +45,7 @@ class LoadedSamples(NamedTuple):
     labels: NDArray[np.int64] | None
     problems: list[str]
     left_out: Counter[str]
+    factor: float = 1.0
 
 
 def are_tables(paths: Sequence[Path], config: Configuration) -> bool:
@@ -87,10 +90,12 @@ def load_recording_samples(
     samples, _ = extract_samples(blocks, config, name)
     odd = require_plausible(name, inspect_samples(samples, table=False))
     left_out: Counter[str] = Counter()
+    factor = 1.0
     if config.model is not None:
         result = correct_samples(samples, config.model, config.vehicle.axles)
+        factor = mean_factor(samples.select(result.kept), result.samples)
         samples, left_out = result.samples, result.left_out
-    return LoadedSamples(samples, None, [*describe_problems(recordings), *odd], left_out)
+    return LoadedSamples(samples, None, [*describe_problems(recordings), *odd], left_out, factor)
 
 
 def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSamples:
@@ -111,31 +116,36 @@ def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSa
         problems += require_plausible(name, odd)
         problems += describe_table(name, one, config.estimators.identifiability.slip_max)
     left_out: Counter[str] = Counter()
+    factor = 1.0
     if config.model is not None:
         model = config.model
-        tables = [
+        parts = [
             _without_effects(t, model, str(path), left_out)
             for path, t in zip(paths, tables, strict=True)
         ]
+        tables = [table for table, _ in parts]
+        rows = [len(table.samples) for table in tables]
+        factor = float(np.average([own for _, own in parts], weights=np.maximum(rows, 1)))
     samples = Samples.concatenate([t.samples for t in tables])
     if len(tables) == 1 and tables[0].segment is None:
-        return LoadedSamples(samples, None, problems, left_out)
+        return LoadedSamples(samples, None, problems, left_out, factor)
     # Each table, and each segment of one, is a segment of its own.
     labels, base = [], 0
     for t in tables:
         own = t.segment if t.segment is not None else np.zeros(len(t.samples), dtype=np.int64)
         labels.append(own + base)
         base += int(own.max(initial=0)) + 1
-    return LoadedSamples(samples, np.concatenate(labels), problems, left_out)
+    return LoadedSamples(samples, np.concatenate(labels), problems, left_out, factor)
 
 
 def _without_effects(
     table: Table, model: ExtendedModel, where: str, left_out: Counter[str]
-) -> Table:
-    """Rows of a table with the model's effects removed; a table is a drive of its own."""
+) -> tuple[Table, float]:
+    """Rows of a table without the model's effects, and their mean factor: a drive of its own."""
     require_columns(model, table.samples, where)
     samples = remove_instrument_errors(table.samples, model.instruments, where)
     result = correct_samples(samples, model, int(samples.axle.max(initial=1)))
     left_out.update(result.left_out)
     segment = None if table.segment is None else table.segment[result.kept]
-    return replace(table, samples=result.samples, segment=segment)
+    factor = mean_factor(samples.select(result.kept), result.samples)
+    return replace(table, samples=result.samples, segment=segment), factor

@@ -246,6 +246,7 @@ class MessagePlan:
         self.name = message.name
         self.frame_id = message.frame_id
         self.is_extended = message.is_extended_frame
+        self.is_j1939 = message.is_extended_frame and message.protocol == PROTOCOL
         self.size = message.length
         self.signals = {s.name: SignalPlan.from_signal(s, message.length) for s in message.signals}
         self.multiplexed = {

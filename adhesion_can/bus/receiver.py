@@ -6,6 +6,7 @@ would do. `Receiver.accept` is the reference; `accept_block` gives the same for 
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import partial
 from math import isfinite
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from adhesion_can.bus.acceptance import DecodedFrame, accept_frame
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import Frame
+from adhesion_can.bus.j1939 import IdFilter, Senders, group_mask
 from adhesion_can.bus.message_record import MessageRecord
 from adhesion_can.bus.receiver_columns import ReceivedBlock, RecordsById, receive_block
 from adhesion_can.bus.rejection import Rejection
@@ -39,11 +41,20 @@ class Receiver:
         for record in self.records:
             plan = record.message.plan
             self._by_id.setdefault((plan.frame_id, plan.is_extended), []).append(record)
+        plans = (record.message.plan for record in self.records)
+        self.senders = Senders(plan.frame_id for plan in plans if plan.is_j1939)
+        """Senders of J1939 messages."""
 
     @property
-    def ids(self) -> list[tuple[int, bool]]:
-        """(id, extended) of every message to receive."""
-        return list(self._by_id)
+    def ids(self) -> list[IdFilter]:
+        """Filters of every message to receive."""
+        found = []
+        for number, is_extended in self._by_id:
+            if is_extended and self.senders.covers(number):
+                found.append(IdFilter(number, is_extended, group_mask(number)))
+            else:
+                found.append(IdFilter.exact(number, is_extended))
+        return found
 
     @property
     def rejected(self) -> int:
@@ -86,12 +97,18 @@ class Receiver:
             t_us: Time stamps in place of the block's own, µs, not descending, shape (n,).
 
         """
+        if self.senders:
+            keys = self.senders.translate_keys(block.key, block.is_data)
+            block = replace(block, key=keys)
         return receive_block(self._by_id, block, t_us)
 
     def _record(self, frame: Frame) -> MessageRecord | None:
         if not frame.is_data:
             return None
-        for record in self._by_id.get((frame.arbitration_id, frame.is_extended), ()):
+        number = frame.arbitration_id
+        if frame.is_extended and self.senders:
+            number = self.senders.translate(number)
+        for record in self._by_id.get((number, frame.is_extended), ()):
             # Some formats know no channels: there a frame may be any bus's.
             if record.message.channel in (None, frame.channel) or not frame.channel:
                 return record

@@ -1,7 +1,7 @@
 """`identify`: one batch fit, its standard errors, and whether the peak is identifiable."""
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,9 @@ from adhesion_can.reporting.curves import render_curves
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 from adhesion_can.result_text import plus_minus
+
+WORTH_TELLING = 0.02
+"""Deviation from 1 from which a mean factor of the adhesion is told."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
             "not one usable sample (a moving vehicle, slip within the curve's range)",
             "; ".join(left_out_lines(left_out)) or "see the result of 'adhesion-can check'",
         )
-    extension = {} if config.model is None else _extension_json(config.model, left_out)
+    extension = {} if config.model is None else _extension_json(config.model, loaded)
     write_json(
         options.json,
         {
@@ -83,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
         },
     )
     if talk(options):
-        _print(result, [*problems, *left_out_lines(left_out)], config.model)
+        _print(result, [*problems, *left_out_lines(left_out)], config.model, loaded.factor)
         for part in render_curves(result):
             console().print(part, markup=False)
     return 0
@@ -97,18 +100,21 @@ def _load(paths: Sequence[Path], config: Configuration) -> LoadedSamples:
         return load_recording_samples(recordings, config, watched)
 
 
-def _extension_json(model: ExtendedModel, left_out: Mapping[str, int]) -> dict[str, Any]:
+def _extension_json(model: ExtendedModel, loaded: LoadedSamples) -> dict[str, Any]:
     """Curve that was fitted, and the effects that were removed before."""
     document = model.to_dict()
     return {
         "curve": "base curve of the extended model",
         "effects": document["effects"],
         "splines": document["splines"],
-        "left_out_by_model": dict(left_out),
+        "mean_factor": loaded.factor,
+        "left_out_by_model": dict(loaded.left_out),
     }
 
 
-def _print(result: BatchResult, problems: list[str], model: ExtendedModel | None) -> None:
+def _print(
+    result: BatchResult, problems: list[str], model: ExtendedModel | None, factor: float
+) -> None:
     out = console()
     rows = [
         (f"{s.from_us / 1e6:.1f} .. {s.to_us / 1e6:.1f}", *_cells(s.estimate))
@@ -122,6 +128,11 @@ def _print(result: BatchResult, problems: list[str], model: ExtendedModel | None
         effects = ", ".join(model.names) or "no effects"
         where = model.where
         out.print(f"Base curve of the extended model {where}: without {effects}.", markup=False)
+        if abs(factor - 1.0) > WORTH_TELLING:
+            out.print(
+                f"In these data its effects multiply the adhesion by {factor:.3g} on average: "
+                f"mu_max is {factor * result.whole.mu_max:.4f} there."
+            )
     if len(result.segments) > 1:
         out.print(
             f"The curve changed {len(result.segments) - 1} times: one for all does not "

@@ -135,7 +135,11 @@ def diagnose(
     elif shaped is not None:
         found = shaped
     diagnosis = build_diagnosis(
-        used, found, confirmed, [*untested, *find_untestable(used)], other_drives=any(held_out)
+        used,
+        found,
+        confirmed,
+        [*untested, *found.implausible, *find_untestable(used)],
+        other_drives=any(held_out),
     )
     show("done", 1.0)
     return diagnosis

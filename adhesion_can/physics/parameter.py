@@ -1,6 +1,27 @@
 """One number of an effect or of a curve family, with unit, range and meaning."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
+
+
+class Wheelset(NamedTuple):
+    """Data of a vehicle's wheelset.
+
+    Attributes:
+        load: Mean load, N.
+        radius: Mean wheel radius, m.
+        inertia: Configured inertia at the wheel, kg·m².
+
+    """
+
+    load: float
+    radius: float
+    inertia: float
+
+
+PlausibleRange = Callable[[Wheelset], tuple[float, float]]
+"""Smallest and largest value that a vehicle with such a wheelset may have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +37,8 @@ class Parameter:
         meaning: Meaning in one line.
         axle: Whether the value is the number of an axle; the diagnosis tries each axle.
         given: Whether `typical` is the value in a diagnosis, which does not estimate it.
+        plausible: Range beyond which no vehicle has the value: a fit that ends there names no
+            cause. None: from `lower` to `upper`.
 
     """
 
@@ -27,6 +50,7 @@ class Parameter:
     meaning: str
     axle: bool = False
     given: bool = False
+    plausible: PlausibleRange | None = None
 
     @property
     def free(self) -> bool:

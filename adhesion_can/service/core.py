@@ -137,9 +137,9 @@ class ServiceCore:
         return self._now_us
 
     @property
-    def ids(self) -> list[tuple[int, bool]]:
-        """Ids of all input and output messages, each with whether it has 29 bits."""
-        return [*self.receiver.ids, *self.messages.ids]
+    def ids(self) -> list[IdFilter]:
+        """Filters of all input and output messages."""
+        return [*self.receiver.ids, *(IdFilter.exact(*one) for one in self.messages.ids)]
 
     @property
     def next_due_us(self) -> int | None:

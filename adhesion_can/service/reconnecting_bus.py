@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable
 
 import can
 
+from adhesion_can.bus.j1939 import IdFilter
+
 PAUSES_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Pause before each attempt to open a lost bus again, s; the last one repeats."""
 BUS_LOST_CODES = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
@@ -20,7 +22,7 @@ class ReconnectingBus:
 
     Args:
         open_bus: Opener of the bus; called at once, and again after each loss.
-        ids: Ids to receive, each with whether it has 29 bits; all others are filtered out.
+        ids: Identifiers to receive; all others are filtered out.
         notify: Callback with a line for the operator.
         clock: Monotonic clock, s.
         sleep: Function that waits for a time, s.
@@ -30,7 +32,7 @@ class ReconnectingBus:
     def __init__(
         self,
         open_bus: Callable[[], can.BusABC],
-        ids: Iterable[tuple[int, bool]],
+        ids: Iterable[IdFilter],
         notify: Callable[[str], None] = lambda _: None,
         *,
         clock: Callable[[], float] = time.monotonic,
@@ -44,8 +46,7 @@ class ReconnectingBus:
         """Number of times that the bus came back."""
         self._open_bus = open_bus
         self._filters: can.typechecking.CanFilters = [
-            {"can_id": number, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
-            for number, extended in ids
+            {"can_id": one.number, "can_mask": one.mask, "extended": one.is_extended} for one in ids
         ]
         self._notify = notify
         self._clock = clock

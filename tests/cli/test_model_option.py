@@ -151,6 +151,28 @@ def test_identify_of_a_table_without_what_its_rig_got_wrong(tmp_path):
     assert len(result["segments"]) == 1
 
 
+def test_the_level_in_the_data_is_told_beside_the_base_curves(tmp_path, capsys):
+    """A tyre's loads of 3 kN: the power law's base curve is that at 100 kN, far below."""
+    rng = np.random.default_rng(3)
+    n = 2000
+    slip, load = rng.uniform(-0.15, 0.15, n), rng.uniform(2e3, 4e3, n)
+    mu = np.sign(slip) * (BASE[0] * -np.expm1(-BASE[1] * np.abs(slip)) - BASE[2] * np.abs(slip))
+    adhesion = mu * (load / 1e5) ** -0.25 + 0.002 * rng.standard_normal(n)
+    table_of(
+        tmp_path / "t.csv",
+        time_s=np.arange(n) * 0.01, slip=slip, adhesion=adhesion, normal_load_N=load,
+    )  # fmt: skip
+    power = active("load_dependence", 0.25, form="power")
+    write_model(ExtendedModel(BASE, effects=(power,)), tmp_path / "m.toml")
+    arguments = ["identify", str(tmp_path / "t.csv"), "--json", str(tmp_path / "r.json")]
+    assert main([*arguments, "--model", str(tmp_path / "m.toml")]) == 0
+    result = json.loads((tmp_path / "r.json").read_text())
+    assert result["mean_factor"] == pytest.approx(0.03**-0.25, rel=0.02)
+    assert result["mu_max"]["value"] == pytest.approx(HEIGHT, rel=0.01)
+    said = capsys.readouterr().out
+    assert f"mu_max is {result['mean_factor'] * result['mu_max']['value']:.4f} there" in said
+
+
 def test_a_model_that_asks_for_what_is_not_there(files, tmp_path, capsys):
     log_file = files / "a.log"
     assert "none.such" in fails(capsys, "replay", log_file, "--model", tmp_path / "none.such")

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from adhesion_can.physics.effects import (
     build_instruments,
     known_effects,
 )
+from adhesion_can.physics.parameter import Wheelset
 
 LEAST_ROWS, LEAST_BLOCKS = 400, 9
 """Rows that decide, and blocks of time, without which there is no diagnosis."""
@@ -43,6 +45,7 @@ def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...]
     """Effects that the recordings can be tested for, and the others with the reason."""
     found: list[Candidate] = []
     untested: dict[str, str] = {}
+    wheelset = _mean_wheelset(drives)
     for effect in known_effects():
         why = _missing(effect, drives)
         if why:
@@ -52,9 +55,26 @@ def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...]
             axles = sorted(set.union(*(set(np.unique(c.axle).tolist()) for c in drives)))
             found += [Candidate(effect, int(axle)) for axle in axles]
         else:
-            found.append(Candidate(effect, is_lag=_is_lag(effect)))
+            found.append(
+                Candidate(effect, is_lag=_is_lag(effect), plausible=_plausible(effect, wheelset))
+            )
     channels, without = build_channel_candidates(drives)
     return (*found, *channels), [*(Untested(what, why) for what, why in untested.items()), *without]
+
+
+def _mean_wheelset(drives: Sequence[DriveData]) -> Wheelset:
+    """Mean data of the wheelsets of some drives."""
+    return Wheelset(
+        load=float(np.mean(np.concatenate([drive.observe().load for drive in drives]))),
+        radius=float(np.mean(np.concatenate([drive.radius for drive in drives]))),
+        inertia=float(np.mean([drive.inertia for drive in drives])),
+    )
+
+
+def _plausible(effect: Effect, wheelset: Wheelset) -> tuple[float, float]:
+    """Smallest and largest size of an effect that a vehicle may have."""
+    size = effect.parameters[0]
+    return (-inf, inf) if size.plausible is None else size.plausible(wheelset)
 
 
 def _missing(effect: Effect, drives: Sequence[DriveData]) -> str:

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from adhesion_can.diagnosis.formatting import unit_text
 from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.detect_effects import Detection
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
@@ -19,6 +20,7 @@ from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equatio
 from adhesion_can.diagnosis.regression.model import compute_curve_jacobian, evaluate_model
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
+from adhesion_can.diagnosis.result import Untested
 from adhesion_can.physics.effects.channel_factor import PREFIX
 
 NOISELESS = 1e-6
@@ -131,6 +133,21 @@ class Findings:
         model, first = fitted.model, fitted.model.first_parameter(place)
         std = float(np.sqrt(max(fitted.covariance[first, first], 0.0)))
         return abs(model.values[place][0]) > INTERVAL * std
+
+    @property
+    def implausible(self) -> list[Untested]:
+        """Effects that fit better than any that is named, of a size that no vehicle has."""
+        found = []
+        for one in self.selection.implausible:
+            (candidate,), ((value, *_),) = one.candidates, one.fitted.model.values
+            size, (low, high) = candidate.free_parameters[0], candidate.plausible
+            unit = unit_text(size.unit)
+            why = (
+                f"its {size.name} would be {value:.3g} {unit}, and no such vehicle has less than "
+                f"{low:.3g} or more than {high:.3g} {unit}"
+            )
+            found.append(Untested(candidate.effect.id, why))
+        return found
 
     @property
     def without_noise_averages(self) -> "Findings":

@@ -56,6 +56,13 @@ class ScoredModel:
         """Whether one of its effects depends on time alone."""
         return any(c.effect.observability.drift for c in self.candidates)
 
+    @property
+    def is_plausible(self) -> bool:
+        """Whether a vehicle may have every size."""
+        model = self.fitted.model
+        pairs = zip(model.candidates, model.values, strict=True)
+        return all(c.plausible[0] <= values[0] <= c.plausible[1] for c, values in pairs)
+
     def admits(self, candidate: Candidate) -> bool:
         """Whether an effect can stand beside those of the model.
 

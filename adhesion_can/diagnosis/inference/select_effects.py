@@ -57,6 +57,8 @@ class ModelSelection:
         singles: Models with one effect that were fitted, best first.
         test: Sign-flip test of every candidate against the plain model.
         smaller: Models with one effect less than `best`, where that has more than two.
+        implausible: Models with one effect that fitted better than any of `singles`, of a size that
+            no vehicle has.
 
     """
 
@@ -66,6 +68,7 @@ class ModelSelection:
     singles: tuple[ScoredModel, ...]
     test: SignFlipTest
     smaller: tuple[ScoredModel, ...] = ()
+    implausible: tuple[ScoredModel, ...] = ()
 
     def rivals(self, candidate: Candidate) -> tuple[str, ...]:
         """Effect ids that can replace one of the best model's effects."""
@@ -145,21 +148,29 @@ def select_effects(
     plain = score_model(regression, prepared.plain)
     if not candidates or most < 1:
         return ModelSelection(plain, plain, (), (), test)
-    singles = _fit_singles(regression, prepared.plain, candidates)
+    fitted = _fit_singles(regression, prepared.plain, candidates)
+    singles = [one for one in fitted if one.is_plausible]
+    # A size that no vehicle has is no explanation, however well it fits.
+    implausible = tuple(
+        one
+        for one in fitted[: fitted.index(singles[0]) if singles else None]
+        if is_improvement(plain, one, len(candidates))
+    )
     if not singles or not is_improvement(plain, singles[0], len(candidates)):
-        return ModelSelection(plain, plain, (), tuple(singles), test)
+        return ModelSelection(plain, plain, (), tuple(singles), test, implausible=implausible)
     best, pool = singles[0], singles
     pairs: list[ScoredModel] = []
     if most > 1:
         square = plain.fitted.cross_validated_square
-        pairs = _fit_pairs(regression, square, singles, candidates)
+        fitted = _fit_pairs(regression, square, singles, candidates)
+        pairs = [one for one in fitted if one.is_plausible]
     if pairs and is_improvement(best, pairs[0], len(candidates)):
         best, pool = pairs[0], pairs
         singles += _fit_members(regression, prepared.plain, best, singles)
     best = _prefer_measured_cause(best, [one for one in pool if not is_worse(best, one)])
     best = _prefer_fewest_parameters(best, [one for one in pool if not is_worse(best, one)])
     equal = tuple(one for one in pool if one is not best and not is_worse(best, one))
-    found = ModelSelection(plain, best, equal, tuple(singles), test)
+    found = ModelSelection(plain, best, equal, tuple(singles), test, implausible=implausible)
     return found if most < MOST_EFFECTS else _with_further_channels(regression, found, candidates)
 
 

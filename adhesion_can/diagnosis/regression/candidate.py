@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -23,12 +24,14 @@ class Candidate:
         effect: Effect of the library.
         axle: Axle number of an effect at one axle; 0 for the others.
         is_lag: Whether the size is a time or a length by which something lags.
+        plausible: Smallest and largest size that the vehicle may have.
 
     """
 
     effect: Effect
     axle: int = 0
     is_lag: bool = False
+    plausible: tuple[float, float] = (-inf, inf)
 
     @property
     def size(self) -> int:

@@ -171,6 +171,18 @@ def correct_samples(samples: Samples, model: ExtendedModel, axles: int) -> Corre
     return remove_effects(samples, actives, origin_us, axles, SlipLags(), usual or 1.0)
 
 
+def mean_factor(before: Samples, after: Samples) -> float:
+    """Factor of the adhesion by effects that were removed, mean of samples; 1 without any.
+
+    Args:
+        before: Samples as measured.
+        after: The same samples without the effects.
+
+    """
+    base = float(np.abs(after.adhesion).sum())
+    return float(np.abs(before.adhesion).sum()) / base if base > 0.0 else 1.0
+
+
 def find_usual_factor(
     samples: Samples, actives: tuple[ActiveEffect, ...], origin_us: int, axles: int
 ) -> float | None:

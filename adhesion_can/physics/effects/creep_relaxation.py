@@ -9,9 +9,17 @@ from adhesion_can.physics.effects.base import (
     Requirements,
 )
 from adhesion_can.physics.effects.lag_states import LagStates
-from adhesion_can.physics.parameter import Parameter
+from adhesion_can.physics.parameter import Parameter, Wheelset
 
 _SHORTEST = 1e-6  # m; no contact is as short, and a length of 0 is a rate that is not finite
+
+LONGEST = 3.0
+"""Longest relaxation length, m. That of a wheel on a rail is some contact lengths, of centimetres;
+that of a tyre up to its circumference (Pacejka, ch. 7)."""
+
+
+def _plausible(_wheelset: Wheelset) -> tuple[float, float]:
+    return 0.0, LONGEST
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +30,15 @@ class CreepRelaxation:
     form: str = ""
     title: str = "the contact follows the slip over a relaxation length"
     parameters: tuple[Parameter, ...] = (
-        Parameter("length", "m", 0.5, 0.0, 10.0, "way over which the contact follows"),
+        Parameter(
+            "length",
+            "m",
+            0.5,
+            0.0,
+            10.0,
+            "way over which the contact follows",
+            plausible=_plausible,
+        ),
     )
     literature: str = "Pacejka, Tire and Vehicle Dynamics, 3rd ed. 2012, ch. 7; Kalker 1990"
     requires: Requirements = Requirements(speed=True)

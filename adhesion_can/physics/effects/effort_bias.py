@@ -4,7 +4,16 @@ from dataclasses import dataclass, replace
 
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
 from adhesion_can.physics.instruments import Instruments
-from adhesion_can.physics.parameter import Parameter
+from adhesion_can.physics.parameter import Parameter, Wheelset
+
+LARGEST_SHARE = 0.25
+"""Largest bias as a share of the load: an inverter's torque is off by a few per cent of the rated
+one, which is worth a third of the load (see `estimation/doubt/settings.py`)."""
+
+
+def _plausible(wheelset: Wheelset) -> tuple[float, float]:
+    largest = LARGEST_SHARE * wheelset.load
+    return -largest, largest
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +24,9 @@ class EffortBias:
     form: str = ""
     title: str = "the tractive effort has a zero error"
     parameters: tuple[Parameter, ...] = (
-        Parameter("bias", "N", 3000.0, -50e3, 50e3, "by how much it reads high"),
+        Parameter(
+            "bias", "N", 3000.0, -50e3, 50e3, "by how much it reads high", plausible=_plausible
+        ),
     )
     literature: str = "Kiencke and Nielsen, Automotive Control Systems, 2nd ed. 2005"
     requires: Requirements = Requirements()
