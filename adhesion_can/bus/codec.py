@@ -14,6 +14,8 @@ import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
+from adhesion_can.bus.j1939 import is_j1939
+
 Raw = NDArray[np.int64] | NDArray[np.uint64]
 """Raw values; uint64 for an unsigned signal of 64 bits alone."""
 
@@ -246,7 +248,7 @@ class MessagePlan:
         self.name = message.name
         self.frame_id = message.frame_id
         self.is_extended = message.is_extended_frame
-        self.is_j1939 = message.is_extended_frame and message.protocol == PROTOCOL
+        self.is_j1939 = is_j1939(message)
         self.size = message.length
         self.signals = {s.name: SignalPlan.from_signal(s, message.length) for s in message.signals}
         self.multiplexed = {

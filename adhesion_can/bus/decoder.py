@@ -6,6 +6,7 @@ Values equal those of cantools' `decode_message`. Frames pass the checks of `acc
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,6 +18,14 @@ from adhesion_can.bus.acceptance_columns import DecodedRows, accept_rows
 from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.database import CanDatabase, e2e_data_id
 from adhesion_can.bus.id_codes import UNSEEN, KeyCodes
+from adhesion_can.bus.j1939 import (
+    NULL_ADDRESS,
+    SERVICE_GROUPS,
+    Senders,
+    is_j1939,
+    parameter_group,
+    source_address,
+)
 from adhesion_can.bus.rejection import REJECTIONS, Rejection
 from adhesion_can.bus.signal_columns import MessageSignals, SignalColumn
 
@@ -143,6 +152,9 @@ class Decoder:
             for key, message in by_key.items()
         }
         self._codes = KeyCodes(self._messages)
+        self._in_database = len(self._messages)
+        self._wanted = wanted
+        self._senders = Senders(m.frame_id for m in by_key.values() if is_j1939(m))
 
     def decode(self, block: Block) -> list[MessageColumns]:
         """Columns of each message in a block, in the order of the database.
@@ -177,10 +189,40 @@ class Decoder:
             begin += count
             if code == UNSEEN:
                 self.report.unknown_beyond += count
-            elif count and code > len(self._messages):
+            elif count and code > self._in_database and not self._knows(self._codes.keys[code]):
                 self.report.unknown[_id_of(self._codes.keys[code])] += count
             elif count:
                 yield self._codes.keys[code], rows if data is None else data[rows]
+
+    def name_of(self, number: int, *, is_extended: bool) -> str:
+        """What an id that a J1939 database lacks is for; '' where that is not known."""
+        if not (is_extended and self._senders):
+            return ""
+        name = SERVICE_GROUPS.get(parameter_group(number), "")
+        return f"J1939 {name}" if name else ""
+
+    def _knows(self, key: int) -> bool:
+        """Whether an id is that of another sender of a J1939 message; it then has its decoder."""
+        number, is_extended = _id_of(key)
+        if key in self._messages or not (is_extended and self._senders):
+            return key in self._messages
+        named = self._senders.find(number)
+        if named is None:
+            return False
+        message = copy(self._messages[named | EXTENDED].message)
+        message.frame_id = number
+        sender = source_address(number)
+        first = self._senders.heard.setdefault(named, sender) == sender
+        own = message.name
+        if not (first and source_address(named) == NULL_ADDRESS):
+            message.name = f"{own}@{number:X}"
+        wanted = self._wanted
+
+        def is_wanted(_message: str, signal: str) -> bool:
+            return wanted is None or wanted(own, signal)
+
+        self._messages[key] = _MessageDecoder(message, is_wanted, self.report.undecodable)
+        return True
 
     def _count_kinds(self, block: Block) -> None:
         kinds = np.bincount(block.kind, minlength=len(Kind)).tolist()

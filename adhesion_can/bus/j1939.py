@@ -9,12 +9,13 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
+from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED
 
-PROTOCOL = "j1939"
-"""Protocol of a J1939 message in cantools, from the attribute `VFrameFormat` of its DBC."""
+NULL_ADDRESS = 0xFE
+"""Source address of no sender: a database that has it means any."""
 BROADCAST_FORMAT = 240
 """PDU format from which a group has no destination."""
 SERVICE_GROUPS = {
@@ -45,6 +46,11 @@ class IdFilter(NamedTuple):
     def exact(cls, number: int, is_extended: bool) -> "IdFilter":
         """Filter of one identifier."""
         return cls(number, is_extended, 0x1FFFFFFF if is_extended else 0x7FF)
+
+
+def is_j1939(message: Message) -> bool:
+    """Whether a database says that a message is one of J1939, as `VFrameFormat` in a DBC."""
+    return message.is_extended_frame and message.protocol == "j1939"
 
 
 def group_mask(frame_id: int) -> int:
@@ -80,26 +86,31 @@ class Senders:
             group: number for number in known if groups.count(group := parameter_group(number)) == 1
         }
         self.heard: dict[int, int] = {}
-        """Identifier that is listened to, by the one in the database."""
+        """Source address that is listened to, by the identifier in the database."""
         self.others: dict[int, set[int]] = {}
-        """Identifiers of further senders of a group, by the one in the database."""
+        """Source addresses of further senders of a group, by the identifier in the database."""
 
     def __bool__(self) -> bool:
         return bool(self._named)
 
+    def find(self, frame_id: int) -> int | None:
+        """The database's identifier of a group, whoever sends it; None where there is none."""
+        return self._named.get(parameter_group(frame_id))
+
     def covers(self, frame_id: int) -> bool:
         """Whether a message is known by its group, whoever sends it."""
-        return self._named.get(parameter_group(frame_id)) == frame_id
+        return self.find(frame_id) == frame_id
 
     def translate(self, frame_id: int) -> int:
         """The database's identifier for one of 29 bits from the bus; itself where there is none."""
-        named = self._named.get(parameter_group(frame_id))
+        named = self.find(frame_id)
         if named is None:
             return frame_id
-        if frame_id == named:
+        sender = source_address(frame_id)
+        if sender == source_address(named):
             self._switch(named)
-        elif self.heard.setdefault(named, frame_id) != frame_id:
-            self.others.setdefault(named, set()).add(frame_id)
+        elif self.heard.setdefault(named, sender) != sender:
+            self.others.setdefault(named, set()).add(sender)
             return frame_id
         return named
 
@@ -115,30 +126,31 @@ class Senders:
         """
         out = keys.copy()
         for named in self._named.values():
-            mask = group_mask(named) | EXTENDED
+            mask, own = group_mask(named) | EXTENDED, source_address(named)
             same = is_data & ((keys & np.uint32(mask)) == np.uint32((named | EXTENDED) & mask))
             rows = np.flatnonzero(same)
             if not len(rows):
                 continue
-            own = keys[rows] == np.uint32(named | EXTENDED)
-            # Rows before the named sender is heard may be those of another one.
-            before = rows[: int(np.argmax(own))] if own.any() else rows
-            if self.heard.get(named) == named:
-                before = before[:0]
-            if len(before):
-                first = int(keys[before[0]]) & ~EXTENDED
-                listened = self.heard.setdefault(named, first)
-                out[before[keys[before] == np.uint32(listened | EXTENDED)]] = named | EXTENDED
-            if own.any():
+            senders = keys[rows] & np.uint32(0xFF)
+            by_named = senders == own
+            taken = by_named.copy()
+            # Until the named sender is heard, the first that is.
+            end = int(np.argmax(by_named)) if by_named.any() else len(rows)
+            if end and self.heard.get(named) != own:
+                listened = self.heard.setdefault(named, int(senders[0]))
+                taken[:end] = senders[:end] == listened
+            if by_named.any():
                 self._switch(named)
-            heard = {int(key) & ~EXTENDED for key in np.unique(keys[rows])}
-            if further := heard - {self.heard[named], named}:
+            out[rows[taken]] = named | EXTENDED
+            further = {*np.unique(senders).tolist()} - {self.heard[named], own}
+            if further:
                 self.others.setdefault(named, set()).update(further)
         return out
 
     def _switch(self, named: int) -> None:
         """Listen to the sender that the database names, from now on."""
-        before = self.heard.get(named, named)
-        if before != named:
+        own = source_address(named)
+        before = self.heard.get(named, own)
+        if before != own:
             self.others.setdefault(named, set()).add(before)
-        self.heard[named] = named
+        self.heard[named] = own

@@ -258,7 +258,12 @@ class _Conversion:
                 for (name, number, extended), count in report.counts.items()
             ],
             "unknown": [
-                {"id": number, "extended": extended, "frames": count}
+                {
+                    "id": number,
+                    "extended": extended,
+                    "frames": count,
+                    "name": self._decoder.name_of(number, is_extended=extended),
+                }
                 for (number, extended), count in unknown
             ],
             "unknown_beyond": report.unknown_beyond,
@@ -333,7 +338,10 @@ def _print(document: Mapping[str, Any]) -> None:
     columns = ("message", "frames", "decoded", "rejected", "lost")
     out.print(table("Messages", columns, rows))
     unknown = Counter(
-        {id_text(one["id"], one["extended"]): one["frames"] for one in document["unknown"]}
+        {
+            f"{id_text(one['id'], one['extended'])} {one['name']}".strip(): one["frames"]
+            for one in document["unknown"]
+        }
     )
     unknown["further ids"] = document["unknown_beyond"]
     for head, counts in (

@@ -8,6 +8,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.bus.block import Block
+from adhesion_can.bus.j1939 import parameter_group, source_address
 from adhesion_can.bus.message_record import MessageRecord
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
@@ -169,6 +170,7 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
         noise=compare_noise(traces, configuration),
     )
     _check_messages(result)
+    _check_senders(result)
     _check_signals(result)
     _check_axles(result, configuration)
     _check_vehicle(result, configuration.vehicle)
@@ -213,6 +215,21 @@ def _check_messages(result: CheckResult) -> None:
         result.failures.append(
             f"{result.clamped} frames are stamped before the one in front of them"
         )
+
+
+def _check_senders(result: CheckResult) -> None:
+    """Whose J1939 messages were taken, where that is not the sender of the database."""
+    names = {r.message.plan.frame_id: r.message.plan.name for r in result.receiver.records}
+    senders = result.receiver.senders
+    for named, heard in senders.heard.items():
+        others = ", ".join(f"{k:#04x}" for k in sorted(senders.others.get(named, ())))
+        further = f"; also sent, and not used: by {others}" if others else ""
+        if heard != source_address(named) or others:
+            result.warnings.append(
+                f"{names[named]}: parameter group {parameter_group(named)} is taken from source "
+                f"address {heard:#04x}, the database has "
+                f"{source_address(named):#04x}{further}"
+            )
 
 
 def _check_vehicle(result: CheckResult, vehicle: Locomotive) -> None:

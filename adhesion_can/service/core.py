@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from adhesion_can.bus.frame import Frame
+from adhesion_can.bus.j1939 import IdFilter
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.rejection import Rejection
 from adhesion_can.config import Configuration

@@ -134,8 +134,8 @@ def test_the_report_tells_what_became_of_every_frame_and_line(log, tmp_path, cap
         },
     ]
     assert document["unknown"] == [
-        {"id": 0x7A0, "extended": False, "frames": 1},
-        {"id": 0x18FEF100, "extended": True, "frames": 1},
+        {"id": 0x7A0, "extended": False, "frames": 1, "name": ""},
+        {"id": 0x18FEF100, "extended": True, "frames": 1, "name": ""},
     ]
     assert document["version"] == __version__
     assert document["inputs"] == [

@@ -6,6 +6,7 @@ import can
 import numpy as np
 import pytest
 
+from adhesion_can.bus.j1939 import IdFilter
 from adhesion_can.service.reconnecting_bus import PAUSES_S, ReconnectingBus
 
 MESSAGE = can.Message(arbitration_id=0x101, data=b"12345678", is_extended_id=False)
@@ -53,10 +54,13 @@ class FakeBus:
             raise self.close_error
 
 
+IDS = (IdFilter.exact(0x101, False),)
+
+
 class Bench:
     """A reconnecting bus whose opener gives one after another what it has: buses and errors."""
 
-    def __init__(self, *buses, ids=((0x101, False),)):
+    def __init__(self, *buses, ids=IDS):
         self.buses = list(buses)
         self.clock = FakeClock()
         self.attempts_s = []
@@ -85,7 +89,7 @@ DOWN = can.CanOperationError("down")
 
 def test_frames_pass_with_the_wanted_ids_as_filters():
     fake = FakeBus()
-    bench = Bench(fake, ids=((0x101, False), (0x18FF0001, True)))
+    bench = Bench(fake, ids=(IdFilter.exact(0x101, False), IdFilter.exact(0x18FF0001, True)))
     assert bench.bus.receive(0.03) is MESSAGE
     assert fake.timeouts == [0.03]
     assert bench.bus.send(MESSAGE)

@@ -122,6 +122,13 @@ class SignalKinematics:
         """Error of the vehicle speed that all axles share."""
         return SpeedError(self._signals.speed.std, self._signals.speed.window_s)
 
+    @property
+    def cycle_s(self) -> float:
+        """Longest time between two readings of a signal, s, median of each signal."""
+        s = self._signals
+        stamps = [s.speed.t_s, *(one.t_s for one in (*s.wheels.values(), *s.effort.values()))]
+        return max((float(np.median(np.diff(t))) for t in stamps if len(t) > 1), default=0.0)
+
     def select_rows(self, kept: RowSelection) -> "SignalKinematics":
         """Kinematics at some of the rows."""
         return SignalKinematics(self._axles[kept], self._t_s[kept], self._signals)
@@ -168,6 +175,13 @@ class TableKinematics:
     def __init__(self, axles: NDArray[np.int64], t_s: Array, columns: Array) -> None:
         self._axles, self._t_s, self._columns = axles, t_s, columns
         self.high_pass: Mapping[int, list[tuple[Array, Array]]] = {}
+
+    @property
+    def cycle_s(self) -> float:
+        """Time between two rows of an axle, s, median."""
+        step = np.diff(self._t_s)
+        follows = (step > 0.0) & (np.diff(self._axles) == 0)
+        return float(np.median(step[follows])) if follows.any() else 0.0
 
     def select_rows(self, kept: RowSelection) -> "TableKinematics":
         """Kinematics at some of the rows."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFind
 from adhesion_can.diagnosis.inference.detect_effects import Detection
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.model_comparison import SECOND_LEAST_GAIN, ScoredModel
-from adhesion_can.diagnosis.inference.noise_averaging import averages_noise
+from adhesion_can.diagnosis.inference.noise_averaging import averages_noise, without_short_delays
 from adhesion_can.diagnosis.inference.select_effects import ModelSelection
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.regression.candidate import Candidate
@@ -151,12 +151,16 @@ class Findings:
 
     @property
     def without_noise_averages(self) -> "Findings":
-        """The findings without a lag of the contact that only averages noise of the slip."""
-        best = self.selection.best
+        """The findings without lags that average noise, and delays too short to be told."""
+        best, regression = self.selection.best, self.prepared.regression
         lags = tuple(c for c in best.candidates if c.is_lag)
         groups = [lags, *((lag,) for lag in lags)] if len(lags) > 1 else [lags]
-        for group in groups if lags else ():
-            without = averages_noise(self.prepared.regression, best, group)
+        tests = [
+            partial(without_short_delays, regression, best, lags),
+            *(partial(averages_noise, regression, best, group) for group in groups),
+        ]
+        for test in tests if lags else ():
+            without = test()
             if without is not None:
                 selection = replace(self.selection, best=without, indistinguishable=())
                 return replace(self, selection=selection).without_noise_averages

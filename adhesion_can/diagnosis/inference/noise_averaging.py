@@ -1,8 +1,11 @@
-"""Whether a lag or a delay only averages noise of the slip.
+"""Whether a lag or a delay only averages noise of the slip, or is shorter than the signals tell.
 
 A lag smooths the slips with which the curve is entered, and a delay interpolates between readings.
 Where the curve bends sharply, or is steep, smoothing noisy slips gains by itself. It does so in
 either direction of time; what a contact does follows its slip and does not run ahead of it.
+
+A signal says when it was read to half its cycle: what a sender holds, filters and stamps within
+that time is not known, and neither is how fast the vehicle speed changed between two readings.
 """
 
 from collections.abc import Sequence
@@ -24,6 +27,8 @@ from adhesion_can.physics.effects import (
 )
 from adhesion_can.physics.effects.base import Observability, Requirements
 
+LEAST_DELAY = 0.5
+"""Least delay of a signal that is named, in cycles of the slowest one."""
 BACKWARD = 0.3
 """Share of a lag's gain from which the same lag backwards in time makes it an average of noise."""
 
@@ -129,3 +134,25 @@ def averages_noise(
     )
     before, forward, back = squares
     return without if before - back > BACKWARD * (before - forward) else None
+
+
+def without_short_delays(
+    regression: WhitenedRegression, best: ScoredModel, lags: Sequence[Candidate]
+) -> ScoredModel | None:
+    """The model without delays shorter than the signals tell; None where there is none.
+
+    Args:
+        regression: Data with weights, filter and blocks.
+        best: Fitted model with the lags.
+        lags: Lags and delays among its effects.
+
+    """
+    model = best.fitted.model
+    least = LEAST_DELAY * max(drive.kinematics.cycle_s for drive in regression.data.drives)
+    for lag in lags:
+        place = model.candidates.index(lag)
+        if not acts_in_contact(lag.effect) and abs(model.values[place][0]) < least:
+            model, _, _ = remove_effect(model, place)
+    if model is best.fitted.model:
+        return None
+    return score_model(regression, fit_model(regression, model))

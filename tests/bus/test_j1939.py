@@ -1,0 +1,137 @@
+"""J1939: one parameter group from whatever sender and with whatever priority."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adhesion_can.bus.block import EXTENDED, Block
+from adhesion_can.bus.database import load_database
+from adhesion_can.bus.decoder import Decoder
+from adhesion_can.bus.frame import Frame
+from adhesion_can.bus.j1939 import Senders, group_mask, parameter_group, source_address
+from adhesion_can.bus.receiver import Receiver
+from adhesion_can.config import load_configuration
+
+DBC = """
+BO_ 2565866750 EBC2: 8 X
+ SG_ FrontAxleSpeed : 0|16@1+ (0.00390625,0) [0|250.996] "km/h" X
+
+BO_ 2364540158 EEC1: 8 X
+ SG_ EngineSpeed : 24|16@1+ (0.125,0) [0|8031.875] "rpm" X
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";
+BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
+BA_ "VFrameFormat" BO_ 2565866750 3;
+BA_ "VFrameFormat" BO_ 2364540158 3;
+"""
+EBC2, EEC1 = 0x18EFFFFE & 0, 0x0CF004FE
+
+
+@pytest.fixture
+def dbc(tmp_path):
+    path = tmp_path / "truck.dbc"
+    path.write_text(DBC.replace("2565866750", str(0x18FEBFFE | 1 << 31)))
+    path.write_text(path.read_text().replace("2364540158", str(EEC1 | 1 << 31)))
+    return path
+
+
+def test_groups_of_the_standard():
+    """SAE J1939-71: EEC1 61444, EBC2 65215; J1939-21: a request goes to a destination."""
+    assert parameter_group(0x0CF00400) == 61444
+    assert parameter_group(0x18FEBF0B) == 65215
+    assert parameter_group(0x18EA0021) == parameter_group(0x18EAFF03) == 0xEA00
+    assert source_address(0x18FEBF0B) == 0x0B
+    assert group_mask(0x18FEBF0B) == 0x3FFFF00
+    assert group_mask(0x18EAFF03) == 0x3FF0000
+
+
+def test_the_named_sender_is_preferred_and_until_then_the_first():
+    senders = Senders([0x0CF00400])
+    assert senders.translate(0x0CF0040F) == 0x0CF00400
+    assert senders.translate(0x18F0040F) == 0x0CF00400  # the same sender with another priority
+    assert senders.translate(0x0CF00427) == 0x0CF00427
+    assert senders.translate(0x0CF00400) == 0x0CF00400
+    assert senders.translate(0x0CF0040F) == 0x0CF0040F
+    assert senders.heard == {0x0CF00400: 0x00}
+    assert senders.others == {0x0CF00400: {0x0F, 0x27}}
+
+
+def test_two_messages_of_one_group_are_matched_to_the_bit():
+    senders = Senders([0x0CF00400, 0x0CF0040F])
+    assert not senders
+    assert senders.translate(0x0CF00427) == 0x0CF00427
+
+
+IDS = [
+    0x0CF00400,
+    0x18F00400,
+    0x0CF0040F,
+    0x18F0040F,
+    0x0CF00427,
+    0x18FEBF0B,
+    0x18FEBFFE,
+    0x123,
+    0x18EA0021,
+]
+
+
+@given(
+    rows=st.lists(st.tuples(st.sampled_from(IDS), st.booleans()), max_size=30),
+    cut=st.integers(0, 30),
+)
+@settings(deadline=None)
+def test_a_block_gives_what_its_frames_give_one_by_one(rows, cut):
+    one, many = Senders([0x0CF00400, 0x18FEBFFE]), Senders([0x0CF00400, 0x18FEBFFE])
+    expected = [one.translate(number) if is_data else number for number, is_data in rows]
+    found = []
+    for part in (rows[:cut], rows[cut:]):
+        keys = np.array([number | EXTENDED for number, _ in part], dtype=np.uint32)
+        is_data = np.array([data for _, data in part], dtype=np.bool_)
+        found += (many.translate_keys(keys, is_data) & ~np.uint32(EXTENDED)).tolist()
+    assert found == expected
+    assert many.heard == one.heard
+    assert many.others == one.others
+
+
+def frames_of(*senders):
+    """EEC1 at 1500 rpm, twice from each sender, 10 ms apart."""
+    payload = (0xFFFFFF | (12000 << 24) | (0xFFFFFF << 40)).to_bytes(8, "little")
+    order = list(itertools.chain(*([number] * 2 for number in senders)))
+    return [Frame(10_000 * k, number, payload, is_extended=True) for k, number in enumerate(order)]
+
+
+def test_the_receiver_takes_any_sender_and_check_says_which(dbc, tmp_path):
+    config = tmp_path / "c.toml"
+    config.write_text(
+        f'[bus]\ndatabase = "{dbc.name}"\n[roles]\nvehicle_speed = "EBC2.FrontAxleSpeed"\n'
+        'wheel_speed.1 = { signal = "EEC1.EngineSpeed", unit = "rpm" }\n'
+    )
+    configuration = load_configuration(config)
+    single, block = Receiver(configuration.messages), Receiver(configuration.messages)
+    frames = frames_of(0x0CF00400, 0x0CF00427)
+    readings = [single.accept(frame) for frame in frames]
+    assert [bool(one) for one in readings] == [True, True, False, False]
+    found = block.accept_block(Block.from_frames(frames), np.array([f.t_us for f in frames]))
+    ((_, values),) = found.readings.values()
+    assert values == pytest.approx([1500 * 2 * np.pi / 60] * 2)
+    assert found.foreign == 2
+    assert {(f.number, f.mask) for f in block.ids} == {
+        (0x18FEBFFE, 0x3FFFF00),
+        (EEC1, 0x3FFFF00),
+    }
+
+
+def test_convert_names_each_sender(dbc):
+    decoder = Decoder(load_database(dbc))
+    decoded = decoder.decode(Block.from_frames(frames_of(0x0CF00400, 0x0CF00427)))
+    names = {columns.message.name: len(columns) for columns in decoded}
+    assert names == {"EEC1": 2, "EEC1@CF00427": 2}
+    assert decoder.report.unknown == {}
+    assert decoder.name_of(0x18EEFF03, is_extended=True) == "J1939 address claimed"
+    assert decoder.name_of(0x1CEBFF00, is_extended=True) == "J1939 transport protocol, data"
+    assert decoder.name_of(0x18FEF100, is_extended=True) == ""
+    assert decoder.name_of(0x123, is_extended=False) == ""
+    wanted = Decoder(load_database(dbc), lambda message, _: message == "EBC2")
+    assert wanted.decode(Block.from_frames(frames_of(0x0CF00400))) == []
