@@ -30,8 +30,16 @@ from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import open_recordings
-from adhesion_can.reporting.export import SUFFIXES, Writer, open_recording, require_format
+from adhesion_can.reporting.export import (
+    SUFFIXES,
+    Rows,
+    Writer,
+    open_recording,
+    open_table,
+    require_format,
+)
 from adhesion_can.reporting.export.messages import MessageRows, id_text
+from adhesion_can.reporting.export.raster import Raster, parse_raster
 from adhesion_can.reporting.provenance import provenance, texts
 from adhesion_can.reporting.text import console, table
 
@@ -82,6 +90,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="only the frames of this bus (default: all); formats that number their buses have "
         "can0, can1, ..",
     )
+    parser.add_argument(
+        "--raster",
+        metavar="TIME",
+        help="one row each so often, such as 10ms, with every signal as it was last: a plain table "
+        "(default: a row a frame)",
+    )
     add_json(parser)
 
 
@@ -96,15 +110,19 @@ def run(options: argparse.Namespace) -> int:
     origin = provenance(
         Configuration(vehicle=Locomotive(), database=database, choices=()), options.log
     )
-    conversion = _Conversion(database, chosen if options.signals else None, options.channel)
-    with (
-        reading("converting", recordings) as watched,
-        open_recording(options.out, texts(origin)) as writer,
-    ):
-        for file, recording in enumerate(recordings):
-            for block in watched(recording.blocks()):
-                conversion.process(block, file, writer)
-        conversion.require_decoded(", ".join(map(str, options.log)))
+    given = database, chosen if options.signals else None, options.channel
+    if options.raster is None:
+        conversion = _Conversion(*given)
+        with (
+            reading("converting", recordings) as watched,
+            open_recording(options.out, texts(origin)) as writer,
+        ):
+            for file, recording in enumerate(recordings):
+                for block in watched(recording.blocks()):
+                    conversion.process(block, file, writer)
+            conversion.require_decoded(", ".join(map(str, options.log)))
+    else:
+        conversion = _convert_to_raster(options, given, recordings, texts(origin))
     document = conversion.as_json(recordings)
     if options.out.suffix.lower() == ".mf4" and conversion.runs_back(recordings):
         document["problems"].append(_NOT_RISING)
@@ -113,6 +131,32 @@ def run(options: argparse.Namespace) -> int:
     if talk(options):
         _print(document)
     return 0
+
+
+def _convert_to_raster(
+    options: argparse.Namespace,
+    given: tuple[CanDatabase, "_SignalFilter | None", str | None],
+    recordings: Sequence[Recording],
+    origin: Mapping[str, str],
+) -> "_Conversion":
+    """Write a table of even times; the recordings are read twice, first for its columns."""
+    raster, first = Raster(parse_raster(options.raster)), _Conversion(*given)
+    with reading("looking for signals", recordings) as watched:
+        for file, recording in enumerate(recordings):
+            for block in watched(recording.blocks()):
+                raster.expect(*first.decode(block, file))
+    first.require_decoded(", ".join(map(str, options.log)))
+    second = _Conversion(*given)
+    again = open_recordings(options.log)
+    with (
+        reading("converting", again) as watched,
+        open_table(options.out, raster.fields, origin, name="raster") as table,
+    ):
+        for file, recording in enumerate(again):
+            for block in watched(recording.blocks()):
+                _, rows = second.decode(block, file)
+                table.write(*raster.add(rows))
+    return first
 
 
 class _SignalFilter:
@@ -176,12 +220,20 @@ class _Conversion:
         self._early_files: list[int] = []
 
     def process(self, block: Block, file: int, writer: Writer) -> None:
-        """The next rows of the recordings, of which they are the `file`-th."""
+        """Write the next rows of the recordings, of which they are the `file`-th."""
         if not len(block):
             return
         if self._first_ns is None:
+            writer.begin(int(block.t_ns[0]))
+        _, rows = self.decode(block, file)
+        writer.write(rows)
+
+    def decode(self, block: Block, file: int) -> tuple[list[Message], list[Rows]]:
+        """Messages and rows of a block of the `file`-th recording; the block is counted."""
+        if not len(block):
+            return [], []
+        if self._first_ns is None:
             self._first_ns = int(block.t_ns[0])
-            writer.begin(self._first_ns)
         elif file != self._file and block.t_ns[0] < self._last_ns:
             self._early_files.append(file)
         self._file, self._last_ns = file, int(block.t_ns[-1])
@@ -194,7 +246,8 @@ class _Conversion:
             key = message.name, message.frame_id, message.is_extended_frame
             channels = self._received_on.setdefault(key, set())
             channels.update(block.channels[place] for place in np.flatnonzero(buses).tolist())
-        writer.write(self._rows.build(decoded))
+        kept = [columns for columns in decoded if (columns.outcome == 0).any()]
+        return [columns.message for columns in kept], self._rows.build(decoded)
 
     def _select_channel(self, block: Block, name: str) -> Block:
         for place, other in enumerate(block.channels):
