@@ -5,6 +5,7 @@ from another one, with another priority. Groups whose PDU format is below 240 go
 whose address stands in the identifier as well (SAE J1939-21).
 """
 
+from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -81,9 +82,9 @@ class Senders:
 
     def __init__(self, ids: Iterable[int]) -> None:
         known = set(ids)
-        groups = [parameter_group(number) for number in known]
+        members = Counter(map(parameter_group, known))
         self._named = {
-            group: number for number in known if groups.count(group := parameter_group(number)) == 1
+            group: number for number in known if members[group := parameter_group(number)] == 1
         }
         self.heard: dict[int, int] = {}
         """Source address that is listened to, by the identifier in the database."""
