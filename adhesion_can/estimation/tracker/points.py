@@ -9,6 +9,8 @@ from adhesion_can.physics.samples import Samples
 
 ADHESION_MAX = 5.0
 """Largest adhesion of a usable sample; larger ones are faults."""
+TELLING = 8.0
+"""Slip from which an update tells surfaces apart, in standard deviations of its error."""
 COASTING_S = 0.1
 """Time constant of the means by which an axle is coasting, s."""
 COASTING_AGE_S = 0.5
@@ -47,6 +49,16 @@ def carries_information(
     """
     far = SURE * SURE
     return np.asarray((slip * slip >= far * slip_var) | (adhesion * adhesion > far * adhesion_var))
+
+
+def shows_surface(samples: Samples) -> bool:
+    """Whether the slips of an update are sure enough to tell one surface from another.
+
+    Where they are not, all that the samples show is the slope at zero, through errors that axles
+    share and that a curve of another slope explains in part.
+    """
+    squares = samples.slip * samples.slip
+    return bool(np.median(squares) >= TELLING**2 * np.median(samples.slip_total_var))
 
 
 NEVER_US = -(1 << 60)

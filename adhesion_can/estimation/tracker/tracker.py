@@ -44,6 +44,7 @@ from adhesion_can.estimation.tracker.points import (
     OutlierGate,
     build_points,
     is_valid,
+    shows_surface,
 )
 from adhesion_can.estimation.tracker.posterior import (
     Curves,
@@ -209,7 +210,7 @@ class Tracker:
             return 1.0, True
         if self._settling > 0.0:
             return 0.0, self._settle(evidence, first_us)
-        if self._memories.dof < self._limits.samples:
+        if self._memories.dof < self._limits.samples or not shows_surface(samples):
             return 0.0, False
         self._hypotheses.add(evidence, first_us)
         factors = self._log_factors(self._memories.dof)
