@@ -49,6 +49,20 @@ class SpeedError(NamedTuple):
     window_s: float
 
 
+def median_step(t_s: Array, axles: NDArray[np.int64], speed: Array | float = 1.0) -> float:
+    """Median time between rows of an axle that follow each other; 0 where none do.
+
+    Args:
+        t_s: Times of the rows, s, shape (n,).
+        axles: Axle number of each row, shape (n,).
+        speed: Vehicle speed from row to row, m/s, shape (n - 1,): the median is that of the way, m.
+
+    """
+    step = np.diff(t_s)
+    follows = (step > 0.0) & (np.diff(axles) == 0)
+    return float(np.median((step * speed)[follows])) if follows.any() else 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class SmoothedSignals:
     """Smoothed signals of one recording.
@@ -179,9 +193,7 @@ class TableKinematics:
     @property
     def cycle_s(self) -> float:
         """Time between two rows of an axle, s, median."""
-        step = np.diff(self._t_s)
-        follows = (step > 0.0) & (np.diff(self._axles) == 0)
-        return float(np.median(step[follows])) if follows.any() else 0.0
+        return median_step(self._t_s, self._axles)
 
     def select_rows(self, kept: RowSelection) -> "TableKinematics":
         """Kinematics at some of the rows."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.drive.kinematics import median_step
 from adhesion_can.diagnosis.inference.channel_candidates import build_channel_candidates
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.result import Untested
@@ -119,13 +120,8 @@ def _is_lag(effect: Effect) -> bool:
 
 def _median_step(drive: DriveData, *, along: bool) -> float:
     """Median distance of rows that follow each other, m, or time between them, s."""
-    step = np.diff(drive.time_s)
-    follows = (step > 0.0) & (np.diff(drive.axle) == 0)
-    if not follows.any():
-        return 0.0
-    if along:
-        step = step * drive.observe().speed[1:]
-    return float(np.median(step[follows]))
+    speed = drive.observe().speed[1:] if along else 1.0
+    return median_step(drive.time_s, drive.axle, speed)
 
 
 def _missing_rows(effect: Effect, drives: Sequence[DriveData]) -> str:

@@ -9,6 +9,7 @@ and Nason (Econometrica 79 (2011)), in its simplest form: each one is compared w
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from math import inf
 from typing import NamedTuple
 
@@ -153,7 +154,7 @@ def select_effects(
     # A size that no vehicle has is no explanation, however well it fits.
     implausible = tuple(
         one
-        for one in fitted[: fitted.index(singles[0]) if singles else None]
+        for one in takewhile(lambda one: not one.is_plausible, fitted)
         if is_improvement(plain, one, len(candidates))
     )
     if not singles or not is_improvement(plain, singles[0], len(candidates)):
