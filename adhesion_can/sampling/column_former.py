@@ -185,9 +185,11 @@ class ColumnFormer:
         equations = self._equations
         waiting = [int(wheel.t_us[0]) for wheel in self._wheel.values() if len(wheel.t_us)]
         oldest = equations.oldest_needed_us(waiting, now_us)
-        histories = (self._speed, self._direction, *self._effort.values(), *self._load.values())
+        histories = (self._speed, self._direction, *self._load.values())
         for history in (*histories, *self._covariates.values()):
             history.forget_before(oldest)
+        for history in self._effort.values():
+            history.forget_before(oldest - equations.load_age_us)
 
     # ------------------------------------------------------------------------------- an axle
 
@@ -205,9 +207,15 @@ class ColumnFormer:
         needed = np.where(lost | gap, ready, due.after(bracketed))
         slow = v.value < equations.settings.v_min
         whole = ~(lost | gap) & np.isfinite(v.value) & np.isfinite(effort.value) & ~slow
-        load = self._load[axle].held_at(t)
-        load_std = np.zeros(len(t))
-        unmeasured = np.flatnonzero(whole & ~np.isfinite(load))
+        load_us, load = self._load[axle].held_at(t)
+        load_std, load_shift = np.zeros(len(t)), np.zeros(len(t))
+        measured = np.isfinite(load)
+        if measured.any():
+            load_shift[measured] = self._transfer_between(
+                axle, load_us[measured], t[measured], self._travel(needed[measured], due)
+            )
+            load += load_shift
+        unmeasured = np.flatnonzero(whole & ~measured)
         if len(unmeasured):
             estimate = self._estimate_load(
                 axle, t[unmeasured], effort.value[unmeasured], bracketed[unmeasured], due
@@ -253,6 +261,7 @@ class ColumnFormer:
                 load=load[k],
                 acceleration_change=later - earlier,
                 effort_step_std=effort.step_std[k],
+                load_shift=load_shift[k],
             ),
             load_std=load_std[k],
             speed_us=v.bracket_end_us[k],
@@ -297,15 +306,32 @@ class ColumnFormer:
             std[missing] = transfer_std[missing]
             pending &= ~missing
             shift += np.where(pending, share * other.value, 0.0)
-        stamp = due.t_us[np.minimum(needed, len(due.t_us) - 1)] if len(due.t_us) else needed
-        place = self._direction.before(stamp)
-        travel = (
-            np.where(place >= 0, self._direction.value[place], 1.0)
-            if len(self._direction.t_us)
-            else np.ones(size)
-        )
+        travel = self._travel(needed, due)
         load[pending] = static + travel[pending] * shift[pending]
         return load, std, needed
+
+    def _transfer_between(self, axle: int, since_us: Stamps, t_us: Stamps, travel: Array) -> Array:
+        """Load transferred to an axle between stamps by the efforts whose readings are known."""
+        shift = np.zeros(len(t_us))
+        if self._equations.transfer is None:
+            return shift
+        # Loads are measured less often than wheel speeds.
+        began = np.flatnonzero(np.diff(since_us, prepend=since_us[0] - 1))
+        length = np.diff(began, append=len(since_us))
+        for share, history in zip(
+            self._equations.transfer[axle - 1], self._effort.values(), strict=True
+        ):
+            _, before = history.held_at(since_us[began])
+            change = history.held_at(t_us)[1] - np.repeat(before, length)
+            shift += np.where(np.isfinite(change), share * change, 0.0)
+        return travel * shift
+
+    def _travel(self, collection: NDArray[np.int64], due: _Due) -> Array:
+        """Direction of travel known at collections by number: 1 forwards or unknown, -1 else."""
+        if not (len(self._direction.t_us) and len(due.t_us)):
+            return np.ones(len(collection))
+        place = self._direction.before(due.t_us[np.minimum(collection, len(due.t_us) - 1)])
+        return np.where(place >= 0, self._direction.value[place], 1.0)
 
 
 _NO_SAMPLES = Samples.from_rows([])

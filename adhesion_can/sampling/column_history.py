@@ -100,13 +100,16 @@ class ColumnHistory:
             share=np.where(exact, 1.0, share),
         )
 
-    def held_at(self, t_us: Stamps) -> Array:
-        """Last values at or before stamps, NaN where they are older than the gap allowed."""
+    def held_at(self, t_us: Stamps) -> tuple[Stamps, Array]:
+        """Stamps and values of the last readings at or before stamps.
+
+        The value is NaN where the reading is older than the gap allowed.
+        """
         before = np.searchsorted(self.t_us, t_us, side="right") - 1
         if not len(self.t_us):
-            return np.full(len(t_us), np.nan)
+            return t_us, np.full(len(t_us), np.nan)
         fresh = (before >= 0) & (t_us - self.t_us[before] <= self.max_gap_us)
-        return np.where(fresh, self.value[before], np.nan)
+        return self.t_us[before], np.where(fresh, self.value[before], np.nan)
 
     def before(self, t_us: Stamps) -> NDArray[np.int64]:
         """Index of the last reading stamped before each stamp; -1 where there is none."""

@@ -168,6 +168,11 @@ class SampleEquations:
         return rows
 
     @cached_property
+    def load_age_us(self) -> int:
+        """Greatest age of a measured load, µs; readings of the effort are kept for as long."""
+        return round(self.gap_us(Role.AXLE_LOAD))
+
+    @cached_property
     def radius(self) -> Array:
         """Wheel radius of each axle, m, shape (axles,)."""
         return np.array(self.vehicle.wheel_radius)
@@ -190,14 +195,17 @@ class SampleEquations:
         by_step = np.where(
             rows.effort_step_std > 4 * noise.effort_std / sqrt(2.0), rows.effort_step_std, 0.0
         )
+        adhesion = adhesion_coefficient(rows.effort, load, rows.wheel_accel, inertia, r)
+        # The body takes tenths of a second to pitch: half of the transfer is its standard deviation.
+        by_load = adhesion * rows.load_shift / 2
         return Derived(
             slip=slip_ratio(omega, v, r, self.settings.v_min),
-            adhesion=adhesion_coefficient(rows.effort, load, rows.wheel_accel, inertia, r),
+            adhesion=adhesion,
             creep_speed=creep_speed(omega, v, r),
             slip_var=by_wheel**2,
             slip_common_var=by_vehicle**2,
             adhesion_var=(noise.effort_std**2 + 2 * by_difference**2) / (load * load),
-            transient_var=(by_change**2 + by_step**2) / (load * load),
+            transient_var=(by_change**2 + by_step**2 + by_load**2) / (load * load),
         )
 
 
@@ -211,10 +219,12 @@ class Measured(NamedTuple):
         span: Time span of the central difference, s, shape (n,).
         speed: Vehicle speed, m/s, shape (n,).
         effort: Effort of the axle, N, shape (n,).
-        load: Wheelset load, N, shape (n,).
+        load: Wheelset load, N, shape (n,), with `load_shift` in it.
         acceleration_change: Difference of dω/dt after and before the stamp, rad/s², shape (n,).
         effort_step_std: Standard deviation of an effort that stepped between its readings, N,
             shape (n,).
+        load_shift: Load transferred since the load was measured, N, shape (n,); 0 for a load that
+            was not measured.
 
     """
 
@@ -227,6 +237,7 @@ class Measured(NamedTuple):
     load: Array
     acceleration_change: Array
     effort_step_std: Array
+    load_shift: Array
 
 
 class Derived(NamedTuple):

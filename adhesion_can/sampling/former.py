@@ -34,7 +34,8 @@ class _Row(NamedTuple):
 
     `acceleration_change` is the difference of dω/dt after and before the stamp, rad/s²;
     `effort_step_std` the standard deviation of an effort that stepped somewhere between its two
-    readings, N; `speed_share` the place between the two vehicle speeds around the stamp, 0..1.
+    readings, N; `speed_share` the place between the two vehicle speeds around the stamp, 0..1;
+    `load_shift` the load transferred since the load was measured, N.
     """
 
     t_us: int
@@ -50,6 +51,7 @@ class _Row(NamedTuple):
     acceleration_change: float
     effort_step_std: float
     speed_share: float
+    load_shift: float
 
 
 class SampleFormer:
@@ -93,6 +95,7 @@ class SampleFormer:
         self._speed = SignalHistory(equations.gap_us(Role.VEHICLE_SPEED))
         self._next = dict.fromkeys(axles, 1)
         self._travel = 1.0
+        self._efforts_by_stamp: dict[int, list[float | None]] = {}
         self._covariates: dict[str, float] = {}
         self._history: list[tuple[int, dict[str, float]]] = []
         self.dropped: Counter[str] = Counter()
@@ -169,6 +172,7 @@ class SampleFormer:
                 k += 1
             self._next[axle] = k - wheel.forget_before(wheel.times[k - 1]) if wheel.times else k
         samples = self._samples(sorted(formed))
+        self._efforts_by_stamp.clear()
         self._forget(now_us)
         return samples
 
@@ -180,8 +184,10 @@ class SampleFormer:
             if len(wheel.times) >= self._next[axle]
         ]
         oldest = self.equations.oldest_needed_us(waiting, now_us)
-        for history in (self._speed, *self._effort.values(), *self._load.values()):
+        for history in (self._speed, *self._load.values()):
             history.forget_before(oldest)
+        for history in self._effort.values():
+            history.forget_before(oldest - self.equations.load_age_us)
         gone = bisect_right(self._history, oldest, key=lambda entry: entry[0]) - 1
         del self._history[: max(gone, 0)]
 
@@ -208,7 +214,7 @@ class SampleFormer:
         loaded = self._load_at(axle, t, effort)
         if isinstance(loaded, Waiting):
             return WAITING
-        load, load_std = loaded
+        load, load_std, load_shift = loaded
         if (
             load
             < self.equations.settings.min_load_share * self.equations.vehicle.axle_load[axle - 1]
@@ -230,6 +236,7 @@ class SampleFormer:
             later - earlier,
             self._effort[axle].step_std(t),
             self._speed.share_at(t),
+            load_shift,
         )
 
     def _samples(self, rows: list[_Row]) -> list[Sample]:
@@ -239,9 +246,9 @@ class SampleFormer:
         columns = np.array(rows, dtype=np.float64)
         axle = columns[:, 1].astype(np.int64)
         _, _, omega, accel, span, speed, effort, load, *_ = columns.T
-        acceleration_change, step_std = columns.T[10:12]
+        change, step_std, _, shift = columns.T[10:14]
         derived = self.equations.derive(
-            Measured(axle, omega, accel, span, speed, effort, load, acceleration_change, step_std)
+            Measured(axle, omega, accel, span, speed, effort, load, change, step_std, shift)
         )
         values = zip(*(column.tolist() for column in derived), strict=True)
         return [
@@ -273,15 +280,17 @@ class SampleFormer:
             ) in zip(rows, values, strict=True)
         ]
 
-    def _load_at(self, axle: int, t_us: int, effort: float) -> tuple[float, float] | Waiting:
-        """Load of an axle and the standard deviation of what was not measured, N."""
+    def _load_at(self, axle: int, t_us: int, effort: float) -> tuple[float, float, float] | Waiting:
+        """Load, standard deviation of what was not measured, and transfer since it was, N."""
         measured = self._load[axle].held_at(t_us)
         if measured is not None:
-            return measured, 0.0
+            stamp, load = measured
+            shift = self._transfer_between(axle, stamp, t_us)
+            return load + shift, 0.0, shift
         static = self.equations.vehicle.axle_load[axle - 1]
         load_std = self.equations.vehicle.load_std * static
         if self.equations.transfer is None:
-            return static, load_std
+            return static, load_std, 0.0
         row = self.equations.transfer[axle - 1]
         shift = 0.0
         for j, share in enumerate(row, start=1):
@@ -291,9 +300,30 @@ class SampleFormer:
                 return WAITING
             if other is None or isinstance(other, Waiting):
                 # Another axle's effort is unknown: no transfer, but its whole size as doubt.
-                return static, hypot(load_std, effort * sum(row))
+                return static, hypot(load_std, effort * sum(row)), 0.0
             shift += share * other
-        return static + self._travel * shift, load_std
+        return static + self._travel * shift, load_std, 0.0
+
+    def _transfer_between(self, axle: int, since_us: int, t_us: int) -> float:
+        """Load transferred to an axle between two stamps by the efforts whose readings are known.
+
+        By the last readings before each stamp: all of them are here, whatever the sample waits for.
+        """
+        if self.equations.transfer is None:
+            return 0.0
+        shift = 0.0
+        both = zip(self._held_efforts(since_us), self._held_efforts(t_us), strict=True)
+        for share, (before, now) in zip(self.equations.transfer[axle - 1], both, strict=True):
+            if before is not None and now is not None:
+                shift += share * (now - before)
+        return self._travel * shift
+
+    def _held_efforts(self, t_us: int) -> list[float | None]:
+        """Last efforts of all axles at a stamp, N; None where there is none."""
+        if t_us not in self._efforts_by_stamp:
+            held = [history.held_at(t_us) for history in self._effort.values()]
+            self._efforts_by_stamp[t_us] = [one and one[1] for one in held]
+        return self._efforts_by_stamp[t_us]
 
 
 def common_load_std(loads: np.ndarray, load_std: np.ndarray) -> float:

@@ -76,9 +76,13 @@ class SignalHistory:
         share = (t_us - times[after - 1]) / (times[after] - times[after - 1])
         return abs(right - left) * sqrt(share * (1.0 - share))
 
-    def held_at(self, t_us: int) -> float | None:
-        """Last value at or before a stamp, unless it is older than the gap allowed."""
+    def held_at(self, t_us: int) -> tuple[int, float] | None:
+        """Stamp and value of the last reading at or before a stamp.
+
+        None where it is older than the gap allowed or has no value.
+        """
         before = bisect_right(self.times, t_us) - 1
         if before < 0 or t_us - self.times[before] > self.max_gap_us:
             return None
-        return self.values[before]
+        value = self.values[before]
+        return None if value is None else (self.times[before], value)

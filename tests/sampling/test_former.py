@@ -75,6 +75,23 @@ def between(track, t, gap):
     return float(np.interp(t, times[k - 1 : k + 1], values[k - 1 : k + 1]))
 
 
+def held(track, t, gap):
+    """Last value at or before t; None where it is not available or older than the gap."""
+    times, values = track
+    last = np.searchsorted(times, t, side="right") - 1
+    return values[last] if last >= 0 and t - times[last] <= gap else None
+
+
+def transfer_since(matrix_row, efforts, since, t, gap):
+    """Load transferred between two times, by the efforts known at both."""
+    moved = 0.0
+    for share, track in zip(matrix_row, efforts, strict=True):
+        before, now = held(track, since, gap), held(track, t, gap)
+        if before is not None and now is not None:
+            moved += share * (now - before)
+    return moved
+
+
 def batch(readings, vehicle, *, v_min=1.0, min_share=0.1, travel=1.0):
     """{(t, axle): (slip, adhesion, creep, v, load, load_std)} of all samples there can be."""
     gap = {role: GAP_CYCLES * us for role, us in CYCLES.items()}
@@ -100,6 +117,10 @@ def batch(readings, vehicle, *, v_min=1.0, min_share=0.1, travel=1.0):
             last = np.searchsorted(load_times, t, side="right") - 1
             if last >= 0 and t - load_times[last] <= gap[N] and loads[last] is not None:
                 load, load_std = loads[last], 0.0
+                if matrix is not None:
+                    since = load_times[last]
+                    moved = transfer_since(matrix[axle - 1], effort.values(), since, t, gap[F])
+                    load += travel * moved
             elif matrix is not None:
                 all_efforts = [between(effort[j], t, gap[F]) for j in range(1, 7)]
                 if None in all_efforts:
@@ -234,6 +255,35 @@ def test_unmeasured_loads_move_with_the_effort_and_turn_round_in_reverse(directi
     compare(samples, expected)
     assert max(abs(s.load - VEHICLE.axle_load[s.axle - 1]) for s in samples) > 5e3
     assert all(s.load_std == pytest.approx(0.02 * VEHICLE.axle_load[s.axle - 1]) for s in samples)
+
+
+@pytest.mark.parametrize(("direction", "travel"), [(Direction.FORWARD, 1), (Direction.REVERSE, -1)])
+def test_measured_loads_move_on_with_the_effort_until_the_next_reading(direction, travel):
+    rng = np.random.default_rng(11)
+    readings = [Reading(0, Role.DIRECTION, 0, float(direction)), *drive(rng, VEHICLE)]
+    samples = formed_by(SampleFormer(VEHICLE, CYCLES), readings)
+    compare(samples, batch(readings, VEHICLE, travel=travel))
+    rigid = replace(VEHICLE, geometry=None)
+    held_still = {(s.t_us, s.axle): s for s in formed_by(SampleFormer(rigid, CYCLES), readings)}
+    measured = [s for s in samples if s.load_std == 0.0]
+    moved = [(s, s.load - held_still[s.t_us, s.axle].load) for s in measured]
+    assert max(abs(shift) for _, shift in moved) > 3e3
+    for s, shift in moved:
+        half = (s.adhesion * shift / 2 / s.load) ** 2
+        rest = held_still[s.t_us, s.axle].transient_var
+        assert s.transient_var == pytest.approx(rest * (1 - shift / s.load) ** 2 + half, abs=1e-12)
+
+
+def test_loads_measured_once_an_effort_stands_are_taken_as_they_are():
+    rng = np.random.default_rng(12)
+    readings = [replace(r, value=5e4) if r.role is F else r for r in drive(rng, VEHICLE)]
+    rigid = replace(VEHICLE, geometry=None)
+    with_transfer, without = (
+        [s for s in formed_by(SampleFormer(v, CYCLES), readings) if s.load_std == 0.0]
+        for v in (VEHICLE, rigid)
+    )
+    assert with_transfer == without
+    assert len(with_transfer) > 100
 
 
 def test_reverse_survives_a_direction_that_is_not_available():

@@ -1,7 +1,5 @@
 """Estimator whose samples carry the noise that they show, in place of the configured one."""
 
-from dataclasses import replace
-
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.noise.noise_factors import RunningNoise
 from adhesion_can.estimation.noise.settings import NoiseSettings
@@ -20,9 +18,7 @@ class NoiseScaledEstimator:
 
     def __init__(self, inner: Estimator, settings: NoiseSettings) -> None:
         self._inner = inner
-        # A smaller noise than configured raises the evidence for a change of the surface, and the
-        # service's rate of false alarms holds for the errors that the configuration allows.
-        self._noise = RunningNoise(replace(settings, smallest=1.0))
+        self._noise = RunningNoise(settings)
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
         """Process samples, as `Estimator.update` defines it."""

@@ -14,8 +14,7 @@ class NoiseSettings:
             one, s. Larger: the configuration is believed for longer.
         memory_s: Time over which the noise is estimated, s. Larger: less scatter, and slower.
         largest: Largest factor on a configured standard deviation, at least 1.
-        smallest: Smallest factor on a configured standard deviation in a batch fit, above 0 and at
-            most 1. Online it is 1.
+        smallest: Smallest factor on a configured standard deviation, above 0 and at most 1.
 
     """
 
