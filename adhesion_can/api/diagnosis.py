@@ -9,16 +9,20 @@ import numpy as np
 from adhesion_can.api.configuration import ConfigurationLike, as_configuration
 from adhesion_can.api.inputs import RecordingLike, as_paths, describe_table, require_plausible
 from adhesion_can.config.configuration import Configuration
-from adhesion_can.diagnosis.diagnose import ShowProgress
+from adhesion_can.diagnosis.diagnose import DiagnosisSettings, ShowProgress
 from adhesion_can.diagnosis.diagnose import diagnose as _diagnose
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.from_table import build_drive_data_from_table
 from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
+from adhesion_can.diagnosis.regression.model import compute_factor
 from adhesion_can.diagnosis.result import Diagnosis, InputFile
 from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.offline.plausibility import Points, inspect_points, inspect_samples
+from adhesion_can.physics.effects import ActiveEffect
+from adhesion_can.physics.effects.expression import ExpressionError
+from adhesion_can.physics.effects.formula import Formula, parse_formula
 from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.recordings.tables.choice import ColumnChoice
@@ -46,6 +50,7 @@ def diagnose(
     holdout: RecordingLike | Iterable[RecordingLike] = (),
     *,
     configuration: ConfigurationLike = None,
+    formulas: Iterable[str] = (),
     show: ShowProgress | None = None,
 ) -> Diagnosis:
     """What the simulation gets wrong, why, the extended model, and its gain on held-out data.
@@ -54,20 +59,24 @@ def diagnose(
         inputs: Recordings or tables of samples, or their paths.
         holdout: Data for the gain alone; without any, blocks of the inputs are held out.
         configuration: Vehicle, database, roles and settings.
+        formulas: Formulas that are tested as effects are, such as
+            '1 + a * max(wind - b, 0) where a=0.1, b=5'.
         show: Callback with the work in progress and the share that is done.
 
     Returns:
         Diagnosis; its `model` is what `replay` and `simulate` take as `model`.
 
     Raises:
-        InputError: A file is missing or given twice, or not one row is usable.
+        InputError: A file is missing or given twice, not one row is usable, or a formula cannot be
+            read or does not apply.
         ConfigError: The roles do not suffice to form adhesion.
 
     """
     config = as_configuration(configuration)
     files = list_input_files(as_paths(inputs), as_paths(holdout), config.columns)
     progress = show or _show_nothing
-    return diagnose_inputs(load_inputs(files, config, progress), progress)
+    asked = read_formulas(formulas)
+    return diagnose_inputs(load_inputs(files, config, progress), progress, asked)
 
 
 def _show_nothing(_work: str, _share: float) -> None:
@@ -211,17 +220,64 @@ def _load_table(input_file: InputFile, config: Configuration) -> LoadedInput:
     )
 
 
-def diagnose_inputs(loaded: Sequence[LoadedInput], show: ShowProgress) -> Diagnosis:
+def read_formulas(texts: Iterable[str]) -> tuple[Formula, ...]:
+    """Formulas as a user writes them.
+
+    Raises:
+        InputError: A formula cannot be read.
+
+    """
+    found = []
+    for text in texts:
+        try:
+            found.append(parse_formula(text))
+        except ExpressionError as error:
+            mend = "write it as '1 + a * max(wind - b, 0) where a=0.1, b=5', the size first"
+            raise InputError(f"formula {text!r}", str(error), mend) from error
+    return tuple(found)
+
+
+def _require_formula_applies(formula: Formula, drive: DriveData) -> None:
+    """InputError where a formula lacks a channel, or nothing switches it off."""
+    where = f"formula {formula.expression!r}"
+    lacking = formula.requires.lacks(drive.covariates)
+    lacking = lacking or ("speed" if formula.requires.speed and not drive.has_speed else "")
+    lacking = lacking or ("load" if formula.requires.load and not drive.has_load else "")
+    if lacking:
+        there = ", ".join(("slip", *drive.covariates))
+        what = f"{drive.name} has no {lacking}"
+        raise InputError(
+            where, what, f"known there: {there}; speed and load where they are measured"
+        )
+    values = (0.0, *(p.typical for p in formula.parameters[1:]))
+    factor = compute_factor(drive, ActiveEffect(formula, values))
+    if not np.isfinite(factor).all():
+        what = f"it is no number in {int((~np.isfinite(factor)).sum())} rows of {drive.name}"
+        raise InputError(where, what, "mend the expression, or begin at other constants")
+    if np.ptp(factor) > 1e-9:
+        size = formula.parameters[0].name
+        what = f"with {size} = 0 the factor still varies"
+        raise InputError(where, what, "name first the constant that switches it off")
+
+
+def diagnose_inputs(
+    loaded: Sequence[LoadedInput], show: ShowProgress, formulas: tuple[Formula, ...] = ()
+) -> Diagnosis:
     """Diagnosis of loaded inputs.
 
     Args:
         loaded: Inputs, those that are held out included.
         show: Callback with the work in progress and the share that is done.
+        formulas: Formulas that are tested as effects are.
 
     Raises:
-        InputError: Not one row is usable.
+        InputError: Not one row is usable, or a formula does not apply to them.
 
     """
+    for formula in formulas:
+        for read in loaded:
+            if len(read.drive):
+                _require_formula_applies(formula, read.drive)
     parts = [
         [read for read in loaded if read.input_file.held_out is held] for held in (False, True)
     ]
@@ -233,7 +289,7 @@ def diagnose_inputs(loaded: Sequence[LoadedInput], show: ShowProgress) -> Diagno
                 "give a drive in which the vehicle moves and its axles pull or brake",
             )
     drives, holdout = ([read.drive for read in part] for part in parts)
-    found = _diagnose(drives, holdout, show=show)
+    found = _diagnose(drives, holdout, DiagnosisSettings(formulas=formulas), show=show)
     return replace(found, input_files=tuple(one.input_file for one in loaded))
 
 

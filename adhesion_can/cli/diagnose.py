@@ -11,7 +11,13 @@ from typing import Any
 
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from adhesion_can.api.diagnosis import diagnose_inputs, explain_empty, list_input_files, load_inputs
+from adhesion_can.api.diagnosis import (
+    diagnose_inputs,
+    explain_empty,
+    list_input_files,
+    load_inputs,
+    read_formulas,
+)
 from adhesion_can.cli.common import (
     add_columns,
     add_configuration,
@@ -60,6 +66,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MODEL.toml",
         help="write the extended model, for --model of run, replay, identify and simulate",
     )
+    parser.add_argument(
+        "--formula",
+        action="append",
+        default=[],
+        metavar="TEXT",
+        help="test a formula of your own as effects are tested: the factor of the adhesion, and "
+        "where its constants begin, the size first: '1 + a * max(wind - b, 0) where a=0.1, b=5'",
+    )
     add_columns(parser)
     add_json(parser)
     add_configuration(parser)
@@ -69,10 +83,11 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
     _require_outputs(options, config)
+    formulas = read_formulas(options.formula)
     input_files = list_input_files(options.inputs, options.holdout, config.columns)
     with _progress() as show:
         loaded = load_inputs(input_files, config, show)
-        found = diagnose_inputs(loaded, show)
+        found = diagnose_inputs(loaded, show, formulas)
     command = build_command_line(options)
     problems = [problem for read in loaded for problem in read.problems]
     problems += [
@@ -103,6 +118,8 @@ def build_command_line(options: argparse.Namespace) -> str:
     arguments = ["adhesion-can", "diagnose", *map(_quote_argument, options.inputs)]
     if options.holdout:
         arguments += ["--holdout", *map(_quote_argument, options.holdout)]
+    for text in options.formula:
+        arguments += ["--formula", text]
     for text in options.column:
         arguments += ["--column", text]
     for name in ("html", "extended", "json", "config", "dbc"):

@@ -3,7 +3,7 @@
 [base]                      # c1, c2, c3; covariance
 [curve]                     # family, covariance, peak_std, where the base curve is not Burckhardt's
 [curve.parameters]          # its numbers by name
-[[effect]]                  # id, form, covariance; its numbers by name below
+[[effect]]                  # id, form or expression, covariance; its numbers by name below
 [effect.parameters]
 [[spline]]                  # channel, kind, knots, coefficients
 [provenance]                # texts
@@ -34,10 +34,12 @@ from adhesion_can.physics.effects import (
     known_effects,
 )
 from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.physics.effects.expression import ExpressionError
+from adhesion_can.physics.effects.formula import FORMULA, Formula, formula_of
 
 _KEYS = ("base", "curve", "effect", "spline", "provenance")
 _CURVE_KEYS = ("family", "parameters", "covariance", "peak_std")
-_EFFECT_KEYS = ("id", "form", "parameters", "covariance")
+_EFFECT_KEYS = ("id", "form", "expression", "parameters", "covariance")
 _MATRIX = tuple[tuple[float, ...], ...]
 
 
@@ -187,15 +189,38 @@ def _definition(table: dict[str, Any], where: str) -> Effect:
         raise ConfigError(f"{where}.id", "missing", "write the id of the effect")
     name = typed(table["id"], str, f"{where}.id")
     form = typed(table.get("form", ""), str, f"{where}.form")
+    if name == FORMULA:
+        return _formula(table, where)
+    if "expression" in table:
+        raise ConfigError(
+            f"{where}.expression", f"{name} has none", f"write id = {_text(FORMULA)}, or leave it"
+        )
     forms = forms_of_effect(name)
     if not forms:
-        known = ", ".join(dict.fromkeys(effect.id for effect in known_effects()))
+        known = ", ".join((*dict.fromkeys(effect.id for effect in known_effects()), FORMULA))
         raise ConfigError(f"{where}.id", f"no effect {name!r}", f"known: {known}")
     for effect in forms:
         if effect.form == form:
             return effect
     known = ", ".join(repr(effect.form) for effect in forms)
     raise ConfigError(f"{where}.form", f"{name} has no form {form!r}", f"known: {known}")
+
+
+def _formula(table: dict[str, Any], where: str) -> Formula:
+    """Formula with the names of the constants under `parameters`."""
+    key = f"{where}.expression"
+    mend = "write the factor of the adhesion, as '1 + a * max(wind - b, 0)'"
+    if "expression" not in table:
+        raise ConfigError(key, "missing", mend)
+    expression = typed(table["expression"], str, key)
+    given = table_of(table.get("parameters", {}), f"{where}.parameters")
+    constants = {
+        name: typed(value, float, f"{where}.parameters.{name}") for name, value in given.items()
+    }
+    try:
+        return formula_of(expression, constants)
+    except ExpressionError as error:
+        raise ConfigError(key, str(error), mend) from error
 
 
 def _spline(table: dict[str, Any], where: str) -> Empirical:
@@ -234,10 +259,11 @@ def model_text(model: ExtendedModel) -> str:
         effect = active.effect
         lines += ["", "[[effect]]", f"# {effect.title}", f"id = {_text(effect.id)}"]
         if effect.form:
-            lines.append(f"form = {_text(effect.form)}")
+            key = "expression" if effect.id == FORMULA else "form"
+            lines.append(f"{key} = {_text(effect.form)}")
         lines += [*_matrix(covariance), "[effect.parameters]"]
         lines += [
-            f"{p.name} = {_number(value)}  # {p.unit}; {p.meaning}"
+            f"{p.name} = {_number(value)}  # {p.unit and p.unit + '; '}{p.meaning}"
             for p, value in zip(effect.parameters, active.values, strict=True)
         ]
     for spline in model.splines:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 
 import numpy as np
 
@@ -283,6 +284,7 @@ def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> C
         values,
         found.p_value(candidate),
         found.selection.rivals(candidate),
+        found.selection.formulas.get(effect.id, ()),
     )
 
 
@@ -290,7 +292,8 @@ def _parameter_value(parameter: Parameter, value: float, std: float) -> Paramete
     """An estimate, which at the end of its range has no standard deviation."""
     ends = (parameter.lower, parameter.upper)
     reach = parameter.upper - parameter.lower
-    at_bound = any(abs(value - end) <= AT_BOUND * reach for end in ends if end != 0.0)
+    known_ends = (end for end in ends if end != 0.0 and isfinite(end))
+    at_bound = isfinite(reach) and any(abs(value - end) <= AT_BOUND * reach for end in known_ends)
     known = None if at_bound else std
     return ParameterValue(
         parameter.name, value, known, parameter.unit, parameter.meaning, at_bound=at_bound

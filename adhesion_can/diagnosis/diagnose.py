@@ -40,6 +40,7 @@ from adhesion_can.diagnosis.inference.find_residual_channels import (
 )
 from adhesion_can.diagnosis.inference.findings import NOISELESS, Findings
 from adhesion_can.diagnosis.inference.judge_surface_changes import explains_without_changes
+from adhesion_can.diagnosis.inference.propose_formula import with_formula
 from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS, select_effects
 from adhesion_can.diagnosis.inference.signal_faults import (
     find_largest_oscillation,
@@ -59,6 +60,7 @@ from adhesion_can.diagnosis.regression.prepare_regression import (
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.diagnosis.result import Diagnosis, Untested
+from adhesion_can.physics.effects.formula import Formula
 
 ShowProgress = Callable[[str, float], None]
 """Callback with the name of the work in progress and the share that is done."""
@@ -73,12 +75,14 @@ class DiagnosisSettings:
             worth naming, which makes false findings rarer than this.
         rate_hz: Rows per second and axle that are used for deciding.
         seed: Seed of the random signs.
+        formulas: Formulas of the user's, tested as effects are.
 
     """
 
     alpha: float = 0.05
     rate_hz: float = RATE_HZ
     seed: int = 1
+    formulas: tuple[Formula, ...] = ()
 
 
 def _silent(_work: str, _share: float) -> None:
@@ -103,6 +107,7 @@ def diagnose(
     settings = settings or DiagnosisSettings()
     used = [drive for drive in (*drives, *holdout) if len(drive)]
     candidates, untested = build_candidates(used) if used else ((), [])
+    candidates = (*candidates, *map(Candidate, settings.formulas))
     thin = tuple(thin_drive(drive, settings.rate_hz) for drive in used)
     block_length_s = choose_block_length(thin) if thin else 1.0
     # Step 1
@@ -238,4 +243,4 @@ class _Analysis:
             block_length_s=self.block_length_s,
             alpha=alpha,
         )
-        return found.without_noise_averages.without_bent_channel
+        return with_formula(found.without_noise_averages).without_bent_channel

@@ -235,10 +235,10 @@ def require_effects_apply(model: ExtendedModel, drive: DriveData) -> None:
     for active in model_effects(model):
         effect, requires = active.effect, active.effect.requires
         what = f"{effect.id} of the model"
-        lacking = requires.covariates and not set(requires.covariates) & set(drive.covariates)
+        lacking = requires.lacks(drive.covariates)
         if lacking:
             raise InputError(
-                drive.name, f"{what} needs {' or '.join(requires.covariates)}",
+                drive.name, f"{what} needs {lacking}",
                 "add the column or the signal, or take the effect out of the model",
             )  # fmt: skip
         if requires.wheel_speed and drive.table:

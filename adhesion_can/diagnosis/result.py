@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.plot_result import CurveData, Profile, SimulationPlot
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.physics.effects.channel_factor import PREFIX
+from adhesion_can.physics.effects.formula import FORMULA
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.result_text import html_table, plus_minus
 
@@ -75,6 +77,7 @@ class Cause:
         parameters: Parameters with their estimates.
         p_value: P-value, all effects counted.
         rivals: Ids of effects that the data cannot distinguish from the named one.
+        other_formulas: Formulas that the data cannot distinguish from the named one, as text.
 
     """
 
@@ -85,9 +88,12 @@ class Cause:
     parameters: tuple[ParameterValue, ...]
     p_value: float
     rivals: tuple[str, ...]
+    other_formulas: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Fields of `diagnosis.json`."""
+        has_form = self.effect == FORMULA or self.effect.startswith(PREFIX)
+        of_formula = {"other_formulas": list(self.other_formulas)} if has_form else {}
         return {
             "effect": self.effect,
             "form": self.form,
@@ -99,6 +105,7 @@ class Cause:
             },
             "p_value": self.p_value,
             "rivals": list(self.rivals),
+            **of_formula,
         }
 
 

@@ -27,6 +27,7 @@ from adhesion_can.diagnosis.result import (
     Verdict,
 )
 from adhesion_can.physics.channels import channel_label
+from adhesion_can.physics.effects.formula import FORMULA
 from adhesion_can.reporting.text import table
 
 ABOUT_AS_GOOD = 0.05
@@ -92,7 +93,8 @@ def _verdict(found: Diagnosis) -> Iterator[str]:
 
 
 def _cause_sentence(cause: Cause) -> str:
-    name = effect_name(cause.effect, cause.form)
+    # The title of a formula is its form.
+    name = effect_name(cause.effect, "" if cause.effect == FORMULA else cause.form)
     sentence = (
         f"{cause.title} ({name}: {sizes(cause.parameters)}). {p_value_sentence(cause.p_value)}"
     )
@@ -100,6 +102,8 @@ def _cause_sentence(cause: Cause) -> str:
 
 
 def _rivals(cause: Cause) -> str:
+    if cause.other_formulas:
+        return f"Formulas that fit as well: {'; '.join(cause.other_formulas)}."
     if not cause.rivals:
         return ""
     rivals = " or ".join(f"{rival} ({title(rival)})" for rival in cause.rivals)

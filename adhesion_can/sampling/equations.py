@@ -196,7 +196,7 @@ class SampleEquations:
             rows.effort_step_std > 4 * noise.effort_std / sqrt(2.0), rows.effort_step_std, 0.0
         )
         adhesion = adhesion_coefficient(rows.effort, load, rows.wheel_accel, inertia, r)
-        # The body takes tenths of a second to pitch: half of the transfer is its standard deviation.
+        # A body takes tenths of a second to pitch: half of the transfer is its standard deviation.
         by_load = adhesion * rows.load_shift / 2
         return Derived(
             slip=slip_ratio(omega, v, r, self.settings.v_min),

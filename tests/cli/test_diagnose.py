@@ -61,8 +61,8 @@ def engine(monkeypatch):
     """Stands for the engine: says what it is told to, and keeps what it was asked."""
     asked = SimpleNamespace(answer=named(), drives=None, holdout=None, stages=[])
 
-    def diagnose(drives, holdout, show):
-        asked.drives, asked.holdout = list(drives), list(holdout)
+    def diagnose(drives, holdout, settings, show):
+        asked.drives, asked.holdout, asked.settings = list(drives), list(holdout), settings
         show("effects", 0.5)
         counts = {drive.name: len(drive) for drive in (*drives, *holdout)}
         return replace(asked.answer, samples=counts)

@@ -166,7 +166,7 @@ class Findings:
                 return replace(self, selection=selection).without_noise_averages
         return self
 
-    def _fitted_with(self, candidates: tuple[Candidate, ...]) -> ScoredModel | None:
+    def fitted_with(self, candidates: tuple[Candidate, ...]) -> ScoredModel | None:
         """Fitted model with given effects; None where there is none."""
         selection = self.selection
         known = (selection.plain, *selection.singles, *selection.smaller)
@@ -184,7 +184,7 @@ class Findings:
             return self
         own = PREFIX + left.channel.name
         rest = tuple(c for c in best.candidates if c.effect.id != own)
-        without = self._fitted_with(rest)
+        without = self.fitted_with(rest)
         if len(rest) == len(best.candidates) or without is None:
             return self
         remaining = best.rmse**2 * (1.0 - (1.0 - left.gain) ** 2)

@@ -7,8 +7,8 @@ than the best one form a confidence set, in the sense of the Model Confidence Se
 and Nason (Econometrica 79 (2011)), in its simplest form: each one is compared with the best alone.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from math import inf
 from typing import NamedTuple
@@ -60,6 +60,8 @@ class ModelSelection:
         smaller: Models with one effect less than `best`, where that has more than two.
         implausible: Models with one effect that fitted better than any of `singles`, of a size that
             no vehicle has.
+        formulas: Formulas that describe the data as well as an effect of `best`, as text, by its
+            id.
 
     """
 
@@ -70,6 +72,7 @@ class ModelSelection:
     test: SignFlipTest
     smaller: tuple[ScoredModel, ...] = ()
     implausible: tuple[ScoredModel, ...] = ()
+    formulas: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def rivals(self, candidate: Candidate) -> tuple[str, ...]:
         """Effect ids that can replace one of the best model's effects."""
@@ -95,14 +98,17 @@ class ModelSelection:
             tested: Effects that were tested.
 
         """
-        by_signs = float(self.test.p_value[list(tested).index(candidate)])
+        # A formula was proposed for what the tested effects left.
+        by_signs = (
+            [float(self.test.p_value[list(tested).index(candidate)])] if candidate in tested else []
+        )
         smaller = [
             one
             for one in (self.plain, *self.singles, *self.smaller)
             if one.candidates_missing_from(self.best) == (candidate,)
         ]
         values = [
-            by_signs,
+            *by_signs,
             *(gain_p_value(one.fitted, self.best.fitted) * len(tested) for one in smaller),
         ]
         if self.best.candidates[-1] == candidate:
@@ -195,18 +201,33 @@ def _with_further_channels(
         best = fits[0]
     if best is found.best:
         return found
+    best, smaller = drop_needless(regression, best, len(candidates))
+    return replace(found, best=best, indistinguishable=(), smaller=smaller)
+
+
+def drop_needless(
+    regression: WhitenedRegression, best: ScoredModel, tested: int
+) -> tuple[ScoredModel, tuple[ScoredModel, ...]]:
+    """A model without the effects that gain nothing beside its last one, and those one smaller.
+
+    What a channel explains better is no longer an effect's.
+
+    Args:
+        regression: Data with weights, filter and blocks.
+        best: Fitted model whose last effect is a channel's.
+        tested: Number of effects tested.
+
+    """
     smaller = _fit_smaller(regression, best)
     while True:
-        # What a channel explains better is no longer an effect's.
         last = best.candidates[-1]
         needless = [
             one
             for one in smaller
-            if last in one.candidates
-            and gain_p_value(one.fitted, best.fitted) * len(candidates) > LEVEL
+            if last in one.candidates and gain_p_value(one.fitted, best.fitted) * tested > LEVEL
         ]
         if not needless:
-            return replace(found, best=best, indistinguishable=(), smaller=smaller)
+            return best, smaller
         least = min(needless, key=lambda one: one.fitted.cross_validated_square)
         best = replace(least, sign_flip_p_value=best.sign_flip_p_value)
         smaller = _fit_smaller(regression, best)

@@ -160,6 +160,11 @@ def _apply_effects(
     return observed.adhesion, change.slip, factor, observed.speed, load
 
 
+def compute_factor(drive: DriveData, active: ActiveEffect) -> Array:
+    """Factor of the adhesion by one effect in the rows of a drive, shape (n,)."""
+    return _apply_effects(drive, [active], None)[2]
+
+
 def compute_curve_jacobian(
     data: RegressionData, curves: SegmentCurves, evaluation: Evaluation
 ) -> Array:

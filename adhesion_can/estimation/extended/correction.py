@@ -52,9 +52,9 @@ def require_channels(
     """
     present = set(available)
     for active in model.in_contact:
-        needs = active.effect.requires.covariates
-        if needs and present.isdisjoint(needs):
-            what = f"{active.effect.id} needs {' or '.join(needs)}, which {source} does not give"
+        lacking = active.effect.requires.lacks(present)
+        if lacking:
+            what = f"{active.effect.id} needs {lacking}, which {source} does not give"
             raise ConfigError(model.where, what, mend)
 
 
@@ -331,16 +331,20 @@ def _has_channels(
     if not kept.all():
         left_out["speed or load not finite"] += int((~kept).sum())
     for active in actives:
-        needs = active.effect.requires.covariates
+        requires = active.effect.requires
+        needs = requires.covariates
         if not needs:
             continue
-        columns = [samples.covariates[name] for name in needs if name in samples.covariates]
-        known = np.zeros(len(samples), dtype=np.bool_)
-        for column in columns:
-            known |= np.isfinite(column)
+        none = np.zeros(len(samples), dtype=np.bool_)
+        columns = [
+            np.isfinite(samples.covariates[name]) if name in samples.covariates else none
+            for name in needs
+        ]
+        known = (np.all if requires.each_covariate else np.any)(columns, axis=0)
         missing = int((kept & ~known).sum())
         if missing:
-            left_out[f"{' or '.join(needs)} not available"] += missing
+            word = " and " if requires.each_covariate else " or "
+            left_out[f"{word.join(needs)} not available"] += missing
             kept &= known
     return kept
 

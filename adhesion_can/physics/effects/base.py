@@ -5,7 +5,7 @@ multiplies the adhesion of the curve: μ = factor · curve(slip). An effect of t
 what the readings mean. Simulation, estimation and diagnosis use the same definition.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -21,6 +21,7 @@ class Requirements:
 
     Attributes:
         covariates: Names of channels of which at least one must be recorded and vary; () for none.
+        each_covariate: Whether all of `covariates` are required, not one of them.
         wheel_speed: Whether the wheel speeds are required; a sample table has slip and
             adhesion alone.
         several_axles: Whether data of more than one axle are required.
@@ -34,6 +35,14 @@ class Requirements:
     several_axles: bool = False
     speed: bool = False
     load: bool = False
+    each_covariate: bool = False
+
+    def lacks(self, present: Collection[str]) -> str:
+        """Covariates that are required and not present, in words; '' where none is."""
+        missing = [name for name in self.covariates if name not in present]
+        if self.each_covariate:
+            return " and ".join(missing)
+        return " or ".join(self.covariates) if len(missing) == len(self.covariates) else ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,179 @@
+"""Arithmetic expressions over channels and constants, read from text and evaluated on arrays.
+
+Numbers, + − * / **, parentheses, and the functions of `FUNCTIONS`. A name in quotes is a channel,
+as it must be where the name is not one word, or is that of a constant. Nothing else is accepted,
+and nothing is executed.
+"""
+
+import ast
+import keyword
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from adhesion_can.arrays import Array
+
+Value = Array | float
+Lag = Callable[[str, Array, float], Array]
+"""First-order lag of an array, by a name that is its own, with its time constant, s."""
+
+LAG = "lag"
+"""Function of a value and a time constant, s: the value, lagging by a first order."""
+FUNCTIONS: Mapping[str, tuple[int, Callable[..., Value]]] = {
+    "exp": (1, np.exp),
+    "log": (1, np.log),
+    "sqrt": (1, np.sqrt),
+    "tanh": (1, np.tanh),
+    "abs": (1, np.abs),
+    "min": (2, np.minimum),
+    "max": (2, np.maximum),
+}
+"""Functions by name, with their number of arguments; `LAG` besides."""
+_OPERATORS: Mapping[type[ast.operator], Callable[[Value, Value], Value]] = {
+    ast.Add: lambda a, b: a + b,
+    ast.Sub: lambda a, b: a - b,
+    ast.Mult: lambda a, b: a * b,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+}
+_LONGEST = 500
+"""Most characters of an expression: a longer one is no formula that a reader would follow."""
+
+
+class ExpressionError(ValueError):
+    """An expression that cannot be read, with the part that is wrong."""
+
+
+@dataclass(frozen=True)
+class Expression:
+    """An expression that was read without an error.
+
+    Attributes:
+        text: Text of the expression.
+
+    """
+
+    text: str
+
+    def __post_init__(self) -> None:
+        if len(self.text) > _LONGEST:
+            raise ExpressionError(f"longer than {_LONGEST} characters")
+        for node in self._operands():
+            _require_known(node)
+
+    @cached_property
+    def _tree(self) -> ast.expr:
+        try:
+            return ast.parse(self.text.strip(), mode="eval").body
+        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+            raise ExpressionError(f"{self.text!r} is no expression") from error
+
+    def _operands(self) -> Iterator[ast.expr]:
+        """All parts but the names of functions."""
+        waiting = [self._tree]
+        while waiting:
+            node = waiting.pop()
+            yield node
+            waiting += [
+                child
+                for child in ast.iter_child_nodes(node)
+                if isinstance(child, ast.expr)
+                and not (isinstance(node, ast.Call) and child is node.func)
+            ]
+
+    @cached_property
+    def names(self) -> tuple[tuple[str, bool], ...]:
+        """Names in the text, each once and in its order, and whether they stand in quotes."""
+        found = []
+        for node in sorted(self._operands(), key=lambda node: (node.lineno, node.col_offset)):
+            match node:
+                case ast.Name(id=name):
+                    found.append((name, False))
+                case ast.Constant(value=str() as name):
+                    found.append((name, True))
+        return tuple(dict.fromkeys(found))
+
+    @cached_property
+    def lags(self) -> bool:
+        """Whether a part of it lags, so that earlier values count."""
+        return any(isinstance(node, ast.Call) for node in self._lagging())
+
+    def _lagging(self) -> Iterator[ast.expr]:
+        calls = (node for node in self._operands() if isinstance(node, ast.Call))
+        return (node for node in calls if isinstance(node.func, ast.Name) and node.func.id == LAG)
+
+    def evaluate(
+        self, channels: Mapping[str, Array], constants: Mapping[str, float], lag: Lag
+    ) -> Value:
+        """Value of the expression.
+
+        What is not defined, as the logarithm of a negative number, is NaN or infinite.
+
+        Args:
+            channels: Values of the channels, shape (n,) each.
+            constants: Values of the constants.
+            lag: First-order lag.
+
+        """
+        with np.errstate(all="ignore"):
+            return self._value(self._tree, channels, {**channels, **constants}, lag)
+
+    def _value(
+        self,
+        node: ast.expr,
+        channels: Mapping[str, Array],
+        words: Mapping[str, Value],
+        lag: Lag,
+    ) -> Value:
+        def of(part: ast.expr) -> Value:
+            return self._value(part, channels, words, lag)
+
+        found: Value
+        match node:
+            case ast.Constant(value=str() as name):
+                found = channels[name]
+            case ast.Name(id=name):
+                found = words[name]
+            case ast.Constant(value=int() | float() as number):
+                found = float(number)
+            case ast.UnaryOp(op=op, operand=operand):
+                found = -of(operand) if isinstance(op, ast.USub) else of(operand)
+            case ast.BinOp(left=left, op=op, right=right):
+                found = _OPERATORS[type(op)](of(left), of(right))
+            case ast.Call(func=ast.Name(id=name), args=[target, time]) if name == LAG:
+                found = lag(ast.unparse(node), np.asarray(of(target)), float(of(time)))
+            case ast.Call(func=ast.Name(id=name), args=arguments):
+                found = FUNCTIONS[name][1](*map(of, arguments))
+            case _:
+                raise ExpressionError(f"{ast.unparse(node)!r} is not known here")
+        return found
+
+
+def _require_known(node: ast.expr) -> None:
+    """ExpressionError where a part is not one of those that are allowed."""
+    match node:
+        case ast.Name() | ast.Constant(value=str()):
+            return
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            return
+        case ast.BinOp(op=op) if type(op) in _OPERATORS:
+            return
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd()):
+            return
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+            wanted = 2 if name == LAG else FUNCTIONS.get(name, (0, None))[0]
+            if not wanted:
+                known = ", ".join((*FUNCTIONS, LAG))
+                raise ExpressionError(f"no function {name!r}; known: {known}")
+            if len(arguments) != wanted:
+                raise ExpressionError(f"{name} takes {wanted} values, not {len(arguments)}")
+            return
+    raise ExpressionError(f"{ast.unparse(node)!r}: only numbers, names, + - * / ** and functions")
+
+
+def channel_text(name: str, constants: Collection[str]) -> str:
+    """Name of a channel as an expression with these constants has it."""
+    is_word = name.isidentifier() and not keyword.iskeyword(name)
+    return name if is_word and name not in (*FUNCTIONS, LAG, *constants) else repr(name)
