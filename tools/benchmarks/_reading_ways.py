@@ -7,11 +7,11 @@ from pathlib import Path
 
 import _ladder_data as data
 from _passes import SPEND_S
+from _peer_environment import BUILD, peer_python
 from _reading_speed import Way, run_process
 from _report import aside
 
 HERE = Path(__file__).resolve().parent
-BUILD = HERE.parents[1] / "build"
 DBC = HERE.parents[1] / "dbc" / "adhesion.dbc"
 PEERS = ("python-can", "cantools", "asammdf")
 
@@ -26,18 +26,9 @@ def ours(way, path):
 
 def _peers(report):
     """Words that start a peer's way; None where they cannot be had, which is reported."""
-    folder = BUILD / "peers"
-    python, stamp = folder / "bin" / "python", folder / "installed"
-    if not stamp.exists():
-        aside(f"installing {', '.join(PEERS)} into {folder} (once)")
-        pip = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check", *PEERS]
-        for words in ([sys.executable, "-m", "venv", "--clear", str(folder)], pip):
-            done = subprocess.run(words, capture_output=True, text=True, check=False)
-            if done.returncode:
-                reason = (done.stderr or done.stdout).strip().splitlines()[-1:]
-                report.write(f"no peers: {' '.join(words)} failed: {' '.join(reason)}")
-                return None
-        stamp.touch()
+    python = peer_python("peers", PEERS, report)
+    if python is None:
+        return None
     # -E -s: what is installed for us is not theirs.
     words = (str(python), "-E", "-s", str(HERE / "_peers.py"))
     versions = run_process((*words, "versions"))["versions"]
