@@ -14,6 +14,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.j1939 import Senders, group_mask, parameter_group, source_address
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import load_configuration
+from adhesion_can.offline.check import check
 
 DBC = """
 BO_ 2565866750 EBC2: 8 X
@@ -26,7 +27,7 @@ BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
 BA_ "VFrameFormat" BO_ 2565866750 3;
 BA_ "VFrameFormat" BO_ 2364540158 3;
 """
-EBC2, EEC1 = 0x18EFFFFE & 0, 0x0CF004FE
+EEC1 = 0x0CF004FE
 
 
 @pytest.fixture
@@ -121,6 +122,25 @@ def test_the_receiver_takes_any_sender_and_check_says_which(dbc, tmp_path):
         (0x18FEBFFE, 0x3FFFF00),
         (EEC1, 0x3FFFF00),
     }
+
+
+@pytest.mark.parametrize("marked", [True, False])
+def test_check_says_that_a_database_is_not_marked_as_one_of_j1939(dbc, tmp_path, marked):
+    if not marked:
+        text = dbc.read_text()
+        dbc.write_text("\n".join(line for line in text.splitlines() if "VFrameFormat" not in line))
+    config = tmp_path / "c.toml"
+    config.write_text(
+        f'[bus]\ndatabase = "{dbc.name}"\n[roles]\nvehicle_speed = "EBC2.FrontAxleSpeed"\n'
+        'wheel_speed.1 = { signal = "EEC1.EngineSpeed", unit = "rpm" }\n'
+    )
+    found = check([Block.from_frames(frames_of(0x0CF00400))], load_configuration(config))
+    hints = [text for text in found.warnings if "VFrameFormat" in text]
+    if marked:
+        assert not hints
+    else:
+        (hint,) = hints
+        assert hint.startswith("EEC1 (0xcf004fe): 0xcf00400 has its parameter group 61444")
 
 
 def test_convert_names_each_sender(dbc):
