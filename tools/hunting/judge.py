@@ -1,5 +1,6 @@
 """What a diagnosis is worth beside the truth. The rules are here and nowhere else."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,8 @@ from plan import find_group
 
 Record = dict[str, Any]
 CONTACT_GROUPS = ("contact", "contact+", "points")
+FUNCTIONS = {"exp", "log", "sqrt", "tanh", "abs", "min", "max", "lag"}
+"""Words of a formula that are neither a channel nor a constant."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,14 @@ def judge_record(record: Record) -> JudgedRecord:
     )
 
 
+def _is_factor_of(channel: str, cause: Record) -> bool:
+    """Whether a cause is a factor in one channel, or a formula that depends on it alone."""
+    if cause["effect"] != "formula":
+        return bool(cause["effect"] == f"channel:{channel}")
+    words = set(re.findall(r"[A-Za-z_]\w*", cause["form"]))
+    return words - set(cause["parameters"]) - FUNCTIONS == {channel}
+
+
 def _outcome(record: Record, diagnosis: Record) -> tuple[str, tuple[str, ...]]:
     if find_group(record["kind"]) in CONTACT_GROUPS:
         return contact_outcome(record, diagnosis)
@@ -90,8 +101,9 @@ def _outcome(record: Record, diagnosis: Record) -> tuple[str, tuple[str, ...]]:
     verdict, channel = diagnosis["verdict"], diagnosis["channel"]
     if find_group(record["kind"]) in ("null", "out"):
         wanted = record["truth"]["channel"]
-        if wanted is not None and set(names) == {f"channel:{wanted}"}:
-            return "unexplained", names  # a factor in the right column is an answer as well
+        # A factor in the right column is an answer as well, and so is a formula in it alone.
+        if wanted is not None and causes and all(_is_factor_of(wanted, one) for one in causes):
+            return "unexplained", names
         if names or verdict == "named":
             return "wrong", names
         if verdict == "nothing_found":
