@@ -22,6 +22,7 @@ from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.physics.effects.formula import formula_of
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.readings import Direction, Reading, Role
@@ -481,6 +482,57 @@ def test_no_covariance_adds_no_doubt():
     np.testing.assert_allclose(
         estimate.covariance.diagonal()[1:], [1.0, 1e-6 * (estimate.mu_max / HEIGHT) ** 2]
     )
+
+
+def warm_and_wet(w, slip, k, _axle):
+    """Two channels in one law."""
+    wet = np.maximum(w.humidity[k] - 70.0, 0.0) * (w.warmth[k] - 5.0)
+    return slip, 1.0 + 4e-4 * wet
+
+
+def formula_model():
+    text = "1 + a * max(relative_humidity_percent - b, 0) * (rail_temperature_degC - 5)"
+    return ExtendedModel(
+        BASE, effects=(ActiveEffect(formula_of(text, {"a": 1e-3, "b": 60.0}), (4e-4, 70.0)),)
+    )
+
+
+def test_a_formula_over_two_channels_follows_the_present_peak():
+    w, adhesion = world_of(warm_and_wet)
+    now, base, estimator = followed(w.batches(adhesion), formula_model())
+    (mu_max, _), _ = present_peaks(w, warm_and_wet)
+    assert base.mu_max == pytest.approx(HEIGHT, rel=0.005)
+    assert now.mu_max == pytest.approx(mu_max, rel=0.007)
+    assert not sum(estimator.left_out.values())
+
+
+def test_a_formula_needs_each_of_its_channels():
+    w, adhesion = world_of(warm_and_wet, seconds=2.0)
+    batches = []
+    for number, s in enumerate(w.batches(adhesion)):
+        one = {"rail_temperature_degC": s.covariates["rail_temperature_degC"]}
+        batches.append(replace(s, covariates=one) if number % 2 else s)
+    _, _, estimator = followed(batches, formula_model())
+    why = "relative_humidity_percent and rail_temperature_degC not available"
+    assert estimator.left_out == {why: 10 * 60}
+    with pytest.raises(ConfigError, match="needs relative_humidity_percent, which the bus"):
+        require_channels(formula_model(), ["rail_temperature_degC"], "the bus", "map it")
+
+
+def test_a_missing_channel_beside_one_that_steps_is_no_fault():
+    """Sand is switched while the humidity is not available: the samples are left out, no more."""
+    w, adhesion = world_of(humidity, seconds=3.0)
+    batches = []
+    for number, s in enumerate(w.batches(adhesion)):
+        lacking = {k: v for k, v in s.covariates.items() if k != "relative_humidity_percent"}
+        batches.append(replace(s, covariates=lacking) if 10 <= number < 20 else s)
+    steps = {float(s.covariates["sanding_active"][0]) for s in batches[10:20]}
+    assert len(steps) == 2
+    effects = tuple(
+        ActiveEffect(effect_by_id(name), NAMED[name][2]) for name in ("humidity", "sanding")
+    )
+    _, _, estimator = followed(batches, ExtendedModel(BASE, effects=effects))
+    assert estimator.left_out == {"relative_humidity_percent not available": 10 * 60}
 
 
 def test_samples_without_a_covariate_are_left_out_and_counted():

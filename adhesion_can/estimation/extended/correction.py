@@ -195,7 +195,7 @@ def find_usual_factor(
         axles: Number of axles of the vehicle.
 
     """
-    known = _has_channels(samples, actives, Counter())
+    known = have_channels(samples, actives, Counter())
     if not known.any():
         return None
     contact = build_contact(samples.select(known), origin_us, axles)
@@ -247,7 +247,7 @@ def remove_effects(
 
     """
     left_out: Counter[str] = Counter()
-    kept = _has_channels(samples, actives, left_out)
+    kept = have_channels(samples, actives, left_out)
     if not kept.all():
         samples = samples.select(kept)
     if not len(samples):
@@ -323,7 +323,7 @@ def _with_slip_errors(
     )
 
 
-def _has_channels(
+def have_channels(
     samples: Samples, actives: tuple[ActiveEffect, ...], left_out: Counter[str]
 ) -> NDArray[np.bool_]:
     """Whether a sample has all channels on which the effects depend, shape (n,)."""

@@ -11,6 +11,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.extended.correction import (
     build_contact,
+    have_channels,
     remove_effects,
     scale_to_usual,
 )
@@ -127,15 +128,19 @@ class ExtendedEstimator:
             before: Values of the signals before the step, by name.
 
         """
+        known = have_channels(samples, self._actives, Counter())
+        if not known.any():
+            return samples
         steady = SteadyLagStates(self._lags.states)
-        now = build_contact(samples, int(samples.t_us[0]), self._axles)
-        held = {name: np.full(len(samples), value) for name, value in before.items()}
+        now = build_contact(samples.select(known), int(samples.t_us[0]), self._axles)
+        held = {name: np.full(len(now.slip), value) for name, value in before.items()}
         then = replace(now, covariates={**now.covariates, **held})
         new, old = (
             compute_change(self._actives, contact, steady).factor for contact in (now, then)
         )
-        further = (old / new - 1.0) * samples.adhesion
-        return replace(samples, transient_var=samples.transient_var + further * further)
+        var = samples.transient_var.copy()
+        var[known] += ((old / new - 1.0) * now.adhesion) ** 2
+        return replace(samples, transient_var=var)
 
     def _with_effects(self, base: Estimate, conditions: LatestConditions, fresh: int) -> Estimate:
         """Estimate of the curve in the latest conditions."""
