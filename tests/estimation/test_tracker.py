@@ -24,6 +24,7 @@ from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.states import Status
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
+from adhesion_can.simulation.sensors import NoiseSettings
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=25)
 DRY, WET, GREASY = (surface.theta for surface in RAIL)
@@ -664,19 +665,41 @@ def test_a_switch_between_large_updates_is_known_at_once_and_stays_known(before,
                 assert abs(e.mu_max - top) < min(5 * e.mu_max_std, 0.02 * top), (seed, k)
 
 
+def changes_declared(scenario, seconds, seed, noise=1.0, estimator=Tracker):
+    """Changes of the surface that the service declares on a drive over one rail."""
+    config, said, usual = load_configuration(), [], NoiseSettings()
+    scaled = replace(
+        usual,
+        wheel_speed=noise * usual.wheel_speed,
+        vehicle_speed=noise * usual.vehicle_speed,
+        effort=noise * usual.effort,
+    )
+    how = RunSettings(scenario, seconds, seed=seed, noise=scaled)
+    core = ServiceCore(config, estimator, on_setpoint=lambda _, out: said.append(out))
+    for frames in Simulation(how, config.database).run():
+        for frame in frames:
+            core.feed(frame)
+    changed = [out.status is Status.SURFACE_CHANGE for out in said]
+    return sum(now and not before for before, now in pairwise(changed))
+
+
 def test_a_slow_train_on_one_rail_changes_no_surface():
     """Three drives of 25 s at 3.6 m/s, coasting between traction and braking: one change at most.
 
     Without the rule for slips that are not sure it was seven.
     """
     scenario = replace(scenario_by_name("sweep"), speed=3.6, speed_swing=0.1)
-    config, declared = load_configuration(), 0
-    for seed in (1, 2, 3):
-        said = []
-        core = ServiceCore(config, Tracker, on_setpoint=lambda _, out, to=said: to.append(out))
-        for frames in Simulation(RunSettings(scenario, 25.0, seed=seed), config.database).run():
-            for frame in frames:
-                core.feed(frame)
-        changed = [out.status is Status.SURFACE_CHANGE for out in said]
-        declared += sum(now and not before for before, now in pairwise(changed))
-    assert declared <= 1
+    assert sum(changes_declared(scenario, 25.0, seed) for seed in (1, 2, 3)) <= 1
+
+
+@pytest.mark.parametrize("noise", [0.2, 0.35, 3.0])
+def test_noise_that_is_not_the_configured_one_is_no_change_at_the_start(noise):
+    """Six starts of 3 s each; a change was declared in five with a fifth of the noise."""
+    scenario = scenario_by_name("sweep")
+    assert sum(changes_declared(scenario, 3.0, seed, noise, None) for seed in range(6)) == 0
+
+
+def test_loads_between_their_readings_are_no_other_surface():
+    """Two drives of 45 s, half of the noise: none; seven and nine where loads were held still."""
+    scenario = replace(scenario_by_name("sweep"), speed=8.0)
+    assert sum(changes_declared(scenario, 45.0, seed, 0.5, None) for seed in (1, 2)) == 0

@@ -74,6 +74,9 @@ MIN_EFFECTIVE_CURVES = 16.0
 """Least effective number of curves that describe a distribution."""
 MAX_NOISE_SAMPLES = 20.0
 """Largest weight of the noise estimate on a new surface, samples: noise is the sensors'."""
+NOISE_KNOWN_US = 2_000_000
+"""Time after the first sample of all from which the noise of the samples is known, µs: before that
+what the sensors do cannot be told from another surface."""
 COMMON_ERROR_THRESHOLD = 0.006
 """(c2 σ)² of the slip's error by the vehicle speed, from which `common_shift` is worth it."""
 PRIVATE_ERROR_THRESHOLD = 0.001
@@ -113,7 +116,7 @@ class Tracker:
         self._load_var = 0.0
         self._sign = 1.0
         self._now_us: int | None = None
-        self._since_us = 0
+        self._since_us = self._begun_us = 0
         self._settling = 0.0
         self._current: Estimate | None = None
         self.variance_inflation = 1.0
@@ -146,7 +149,7 @@ class Tracker:
         given_var = float(np.mean(samples.adhesion_var))
         noise = NoisePrior(given_var, 4.0) if given_var > 0.0 else self._memories.noise
         self._memories.restart(np.zeros(LENGTH), noise)
-        self._since_us = int(samples.t_us[0])
+        self._since_us = self._begun_us = int(samples.t_us[0])
         return self._estimate(0.0)
 
     def _add(self, samples: Samples, current: Estimate) -> float:
@@ -210,7 +213,8 @@ class Tracker:
             return 1.0, True
         if self._settling > 0.0:
             return 0.0, self._settle(evidence, first_us)
-        if self._memories.dof < self._limits.samples or not shows_surface(samples):
+        too_early = first_us - self._begun_us < NOISE_KNOWN_US
+        if too_early or self._memories.dof < self._limits.samples or not shows_surface(samples):
             return 0.0, False
         self._hypotheses.add(evidence, first_us)
         factors = self._log_factors(self._memories.dof)
