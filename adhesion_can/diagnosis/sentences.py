@@ -16,6 +16,7 @@ from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.effects import Observability, effect_by_id
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 from adhesion_can.physics.effects.curve_shape import OBSERVABILITY as SHAPE_OBSERVABILITY
+from adhesion_can.physics.effects.formula import FORMULA
 
 
 def separation_sentence(effect: str, rivals: Sequence[str]) -> str:
@@ -32,6 +33,8 @@ class _Shown(NamedTuple):
 
 
 def _observability(effect: str) -> _Shown:
+    if effect == FORMULA:
+        return _Shown(effect, Observability(excitation="the channels of the formula"))
     known = SHAPE_OBSERVABILITY if effect == CURVE_SHAPE else effect_by_id(effect).observability
     return _Shown(effect, known)
 

@@ -211,10 +211,7 @@ class ColumnFormer:
         load_std, load_shift = np.zeros(len(t)), np.zeros(len(t))
         measured = np.isfinite(load)
         if measured.any():
-            load_shift[measured] = self._transfer_between(
-                axle, load_us[measured], t[measured], self._travel(needed[measured], due)
-            )
-            load += load_shift
+            load_shift[measured] = self._transfer_between(axle, load_us[measured], t[measured])
         unmeasured = np.flatnonzero(whole & ~measured)
         if len(unmeasured):
             estimate = self._estimate_load(
@@ -310,7 +307,7 @@ class ColumnFormer:
         load[pending] = static + travel[pending] * shift[pending]
         return load, std, needed
 
-    def _transfer_between(self, axle: int, since_us: Stamps, t_us: Stamps, travel: Array) -> Array:
+    def _transfer_between(self, axle: int, since_us: Stamps, t_us: Stamps) -> Array:
         """Load transferred to an axle between stamps by the efforts whose readings are known."""
         shift = np.zeros(len(t_us))
         if self._equations.transfer is None:
@@ -324,7 +321,7 @@ class ColumnFormer:
             _, before = history.held_at(since_us[began])
             change = history.held_at(t_us)[1] - np.repeat(before, length)
             shift += np.where(np.isfinite(change), share * change, 0.0)
-        return travel * shift
+        return shift
 
     def _travel(self, collection: NDArray[np.int64], due: _Due) -> Array:
         """Direction of travel known at collections by number: 1 forwards or unknown, -1 else."""

@@ -196,8 +196,8 @@ class SampleEquations:
             rows.effort_step_std > 4 * noise.effort_std / sqrt(2.0), rows.effort_step_std, 0.0
         )
         adhesion = adhesion_coefficient(rows.effort, load, rows.wheel_accel, inertia, r)
-        # A body takes tenths of a second to pitch: half of the transfer is its standard deviation.
-        by_load = adhesion * rows.load_shift / 2
+        # A load signal may follow the effort at once, late, or not at all between its readings.
+        by_load = adhesion * rows.load_shift
         return Derived(
             slip=slip_ratio(omega, v, r, self.settings.v_min),
             adhesion=adhesion,
@@ -219,12 +219,12 @@ class Measured(NamedTuple):
         span: Time span of the central difference, s, shape (n,).
         speed: Vehicle speed, m/s, shape (n,).
         effort: Effort of the axle, N, shape (n,).
-        load: Wheelset load, N, shape (n,), with `load_shift` in it.
+        load: Wheelset load, N, shape (n,).
         acceleration_change: Difference of dω/dt after and before the stamp, rad/s², shape (n,).
         effort_step_std: Standard deviation of an effort that stepped between its readings, N,
             shape (n,).
-        load_shift: Load transferred since the load was measured, N, shape (n,); 0 for a load that
-            was not measured.
+        load_shift: Load that the efforts have transferred since the load was measured, N, shape
+            (n,); 0 for a load that was not measured.
 
     """
 

@@ -285,8 +285,7 @@ class SampleFormer:
         measured = self._load[axle].held_at(t_us)
         if measured is not None:
             stamp, load = measured
-            shift = self._transfer_between(axle, stamp, t_us)
-            return load + shift, 0.0, shift
+            return load, 0.0, self._transfer_between(axle, stamp, t_us)
         static = self.equations.vehicle.axle_load[axle - 1]
         load_std = self.equations.vehicle.load_std * static
         if self.equations.transfer is None:
@@ -316,7 +315,7 @@ class SampleFormer:
         for share, (before, now) in zip(self.equations.transfer[axle - 1], both, strict=True):
             if before is not None and now is not None:
                 shift += share * (now - before)
-        return self._travel * shift
+        return shift
 
     def _held_efforts(self, t_us: int) -> list[float | None]:
         """Last efforts of all axles at a stamp, N; None where there is none."""

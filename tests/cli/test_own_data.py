@@ -54,19 +54,20 @@ def commands():
 
 def test_the_page_runs_as_it_stands(folder, capsys):
     ran = [words for words in commands() if "drive.log" not in words]
-    assert [words[0] for words in ran] == ["check", "diagnose", "evaluate"]
+    assert [words[0] for words in ran] == ["check", "diagnose", "diagnose", "evaluate"]
+    assert "--formula" in ran[2]
     # With slip against force, which the page's first command does not mention, check says so.
     assert main(ran[0]) == 1
     out = " ".join(capsys.readouterr().out.split())
     assert "opposite signs" in out
     assert "sign=-1" in out
-    for words in ran[1:]:
-        assert main([*words, "--json", f"{words[0]}.json"]) == 0
-    found = json.loads((folder / "diagnose.json").read_text())
+    for place, words in enumerate(ran[1:], start=1):
+        assert main([*words, "--json", f"{place}.json"]) == 0
+    found = json.loads((folder / "1.json").read_text())
     assert [cause["effect"] for cause in found["causes"]] == ["channel:tyre pressure"]
     slope = found["causes"][0]["parameters"]["slope"]
     assert slope["value"] == pytest.approx(-0.004, abs=0.0005)
-    evaluated = json.loads((folder / "evaluate.json").read_text())
+    evaluated = json.loads((folder / "3.json").read_text())
     assert evaluated["total"]["as_written"]["interval"][0] > 10.0
 
 

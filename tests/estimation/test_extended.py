@@ -669,8 +669,7 @@ CYCLES = {
     Role.AXLE_LOAD: 200_000,
     Role.DIRECTION: 20_000,
 }
-VEHICLE = Locomotive(geometry=None)
-"""Its loads stay what they are under effort."""
+VEHICLE = Locomotive()
 NONE = {"radius": {}, "inertia": 0.0, "scale": 0.0, "late_v": 0.0, "bias": 0.0, "late_f": 0.0}
 
 
