@@ -75,7 +75,7 @@ MIN_EFFECTIVE_CURVES = 16.0
 MAX_NOISE_SAMPLES = 20.0
 """Largest weight of the noise estimate on a new surface, samples: noise is the sensors'."""
 NOISE_KNOWN_US = 2_000_000
-"""Time after the first sample of all from which the noise of the samples is known, µs: before that
+"""Time after the first sample of all from which the noise of the slips is known, µs: before that
 what the sensors do cannot be told from another surface."""
 COMMON_ERROR_THRESHOLD = 0.006
 """(c2 σ)² of the slip's error by the vehicle speed, from which `common_shift` is worth it."""
@@ -213,7 +213,7 @@ class Tracker:
             return 1.0, True
         if self._settling > 0.0:
             return 0.0, self._settle(evidence, first_us)
-        too_early = first_us - self._begun_us < NOISE_KNOWN_US
+        too_early = first_us - self._begun_us < NOISE_KNOWN_US and samples.slip_common_var.any()
         if too_early or self._memories.dof < self._limits.samples or not shows_surface(samples):
             return 0.0, False
         self._hypotheses.add(evidence, first_us)
