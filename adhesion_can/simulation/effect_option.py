@@ -107,9 +107,9 @@ def _parse_number(text: str, parameter: Parameter, where: str, axles: int = 0) -
 def _require_some_adhesion(active: ActiveEffect, vehicle: Locomotive, where: str) -> None:
     """Raise an InputError where nothing of the adhesion is left in calm surroundings."""
     covariates = DEFAULT_CONDITIONS.covariates(gradient=0.0)
-    required = active.effect.requires.covariates
-    if required and covariates.keys().isdisjoint(required):
-        what = f"{active.effect.id} needs {' or '.join(required)}, which is not simulated"
+    lacking = active.effect.requires.lacks(covariates)
+    if lacking:
+        what = f"{active.effect.id} needs {lacking}, which is not simulated"
         raise InputError(where, what, "take another effect")
     loads = np.array(vehicle.axle_load)
     axle = np.arange(1.0, vehicle.axles + 1)

@@ -1,6 +1,7 @@
 """Formulas for what no effect describes: found with their constants, told with their rivals."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,8 +54,7 @@ def test_a_straight_line_needs_no_formula(tmp_path):
         line = 0.02 * (wind - wind.mean())
         noise = mechanism.noise * np.random.default_rng(seed).standard_normal(len(wind))
         columns["adhesion"] = (1.0 + line) * mechanism.curve + noise
-        plain = type(mechanism)("", (), columns, line, mechanism.curve, mechanism.noise)
-        cause, _ = found_in(tmp_path, plain)
+        cause, _ = found_in(tmp_path, replace(mechanism, columns=columns))
         assert cause["effect"] == "channel:wind"
 
 
@@ -92,6 +92,20 @@ def test_a_formula_of_the_users_competes(tmp_path):
     start = cause["parameters"]["start"]
     assert start["value"] == pytest.approx(mechanism.constants[0], abs=4 * start["std"])
     assert "--formula" in answer.document["command"]
+
+
+def test_beside_a_formula_of_the_users_none_is_proposed(tmp_path):
+    """A second law, in the other column, is told as what is left: a model has one formula."""
+    mechanism = make_mechanism(8000, "threshold", size=SIZE)
+    columns = dict(mechanism.columns)
+    salt = columns["salt"] - columns["salt"].mean()
+    columns["adhesion"] = columns["adhesion"] * (1.0 + 0.1 * (salt / salt.std()) ** 2)
+    both = replace(mechanism, columns=columns)
+    text = "1 + size * max(wind - start, 0) where size=0.01, start=4"
+    answer = diagnosed(tmp_path, write_mechanism(both, tmp_path / "t.csv"), "--formula", text)
+    formulas = [c["form"] for c in answer.document["causes"] if c["effect"] == "formula"]
+    assert len(formulas) <= 1
+    assert "salt" in answer.out
 
 
 @pytest.mark.parametrize(

@@ -16,15 +16,7 @@ MOST_TERMS = 5
 FOLDS = 5
 
 
-def follow(target, step_s, time_s):
-    out, state, share = np.empty(len(target)), target[0], 1.0 - np.exp(-step_s / time_s)
-    for row, wanted in enumerate(target):
-        state += share * (wanted - state)
-        out[row] = state
-    return out
-
-
-def terms(x, y, step_s):
+def terms(x, y, lagging):
     """Library of terms: (kind, values), the constants of each kind on a grid."""
     low, span = x.min(), np.ptp(x)
     yield "line", x
@@ -37,8 +29,8 @@ def terms(x, y, step_s):
         yield "saturation", 1.0 - np.exp(-(x - low) / (width * span))
     for place in (0.3, 0.4, 0.5, 0.6, 0.7):
         yield "threshold", np.maximum(x - low - place * span, 0.0)
-    for time_s in (2.0, 4.0, 8.0, 12.0):
-        yield "lag", follow(x, step_s, time_s)
+    for values in lagging:
+        yield "lag", values
     yield "product", x * y
 
 
@@ -79,8 +71,8 @@ def active(matrix, target, fits):
 
 def kinds(path, fits):
     table = np.load(path)
-    t_s, strong = table["time_s"], table["strong"]
-    library = list(terms(table["wind"], table["salt"], float(t_s[1] - t_s[0])))
+    strong = table["strong"]
+    library = list(terms(table["wind"], table["salt"], table["lagging"]))
     matrix = np.column_stack([values for _, values in library])[strong]
     matrix = (matrix - matrix.mean(axis=0)) / matrix.std(axis=0)
     target = table["factor"][strong]

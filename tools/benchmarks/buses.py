@@ -6,13 +6,12 @@ Missions of two buses, a row a second, that are not part of the project: `ztbus`
 
 import io
 import json
-import os
-import sys
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from _real_data import real_data
 from _report import over_cores
 from _rows import add_seed_and_jobs, positive, row_parser, run_rows
 
@@ -25,13 +24,7 @@ BLOCK_S = 60.0
 
 def missions():
     """Files of all missions, by bus."""
-    where = os.environ.get("ADHESION_CAN_REALDATA")
-    places = [Path(where)] if where else []
-    places.append(Path(__file__).resolve().parents[3] / "shared" / "realdata")
-    found = [sorted((place / "ztbus").glob("*.csv.gz")) for place in places]
-    paths = next((some for some in found if some), None)
-    if paths is None:
-        sys.exit(f"buses: no ztbus/*.csv.gz in {', '.join(map(str, places))}")
+    paths = real_data("ztbus/*.csv.gz")
     return {bus: [path for path in paths if path.name.startswith(bus)] for bus in BUSES}
 
 

@@ -10,13 +10,13 @@ import gzip
 import io
 import json
 import os
-import sys
 from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from _real_data import real_data
 from _report import over_cores
 from _rows import positive, row_parser, run_rows
 
@@ -28,12 +28,7 @@ COLUMNS = ("slip", "longitudinal_force_N", "normal_load_N", "speed_mps")
 
 def read_rig():
     """Columns of the rig, and the rows of each sweep."""
-    where = os.environ.get("ADHESION_CAN_REALDATA")
-    places = [Path(where)] if where else []
-    places.append(Path(__file__).resolve().parents[3] / "shared" / "realdata")
-    path = next((place / NAME for place in places if (place / NAME).is_file()), None)
-    if path is None:
-        sys.exit(f"columns: {NAME} is in none of {', '.join(map(str, places))}")
+    (path,) = real_data(NAME)
     with gzip.open(path, "rt") as file:
         rows = list(csv.DictReader(file))
     columns = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}

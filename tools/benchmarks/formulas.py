@@ -20,13 +20,15 @@ from _peer_environment import peer_python
 from _report import Report, aside, over_cores
 from _rows import positive, random_parser
 
-from tests.worlds.mechanisms import KINDS, make_mechanism, write_mechanism
+from tests.worlds.mechanisms import KINDS, follow, make_mechanism, write_mechanism
 
 HERE = Path(__file__).resolve().parent
 NOTHING = "nothing"
 """Kind of a table without a mechanism: whoever names nothing is right."""
 LEAST_RATIO = 3.0
 """Size of a dependence over its error from which its form counts."""
+LAGS_S = (2.0, 4.0, 8.0, 12.0)
+"""Time constants of the lags that pysindy may use, s."""
 LEAST_CURVE = 0.05
 """Adhesion of the curve below which a row says nothing about a factor."""
 
@@ -61,7 +63,7 @@ def answer(task):
     np.savez(
         Path(folder) / f"{seed}.npz",
         kind=kind,
-        time_s=columns["time_s"],
+        lagging=[follow(columns["wind"], time_s) for time_s in LAGS_S],
         wind=columns["wind"],
         salt=columns["salt"],
         factor=np.where(strong, columns["adhesion"], 0.0) / np.where(strong, mechanism.curve, 1.0),

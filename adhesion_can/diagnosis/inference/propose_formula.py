@@ -5,7 +5,7 @@ be better than all with fewer by more than chance allows, all formulas counted; 
 are told as rivals. A formula beside which the residual still depends on the channel is none.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -46,23 +46,30 @@ def with_formula(found: Findings) -> Findings:
     """The findings with a formula for a channel that matters; as they are where there is none.
 
     A formula takes the place of a factor that is linear in a user's channel, where that is not the
-    form of the dependence; else it is added to what was selected.
+    form of the dependence; else it is added to what was selected. Beside a formula of the user's
+    none is proposed: a model has one.
     """
     best = found.selection.best
+    if any(candidate.effect.id == FORMULA for candidate in best.candidates):
+        return found
     of_channels = [c for c in best.candidates if c.effect.id.startswith(PREFIX)]
     # The one with the largest part left to a spline first: another may have stood for its bend.
     left_to = {PREFIX + one.channel.name: one.gain for one in found.channels_of_best}
-    for candidate in sorted(of_channels, key=lambda c: -left_to.get(c.effect.id, 0.0)):
+    linear = [c for c in of_channels if c.effect.form == LINEAR]
+    left = _left_over(found)
+    if not linear and left is None:
+        return found
+    channels = _possible_channels(found)
+    for candidate in sorted(linear, key=lambda c: -left_to.get(c.effect.id, 0.0)):
         without = found.fitted_with(tuple(c for c in best.candidates if c is not candidate))
-        channel = _channel(found, candidate.effect.id.removeprefix(PREFIX))
-        if candidate.effect.form == LINEAR and without is not None and channel is not None:
-            found = _extended(found, channel, without, best) or found
+        name = candidate.effect.id.removeprefix(PREFIX)
+        if without is not None and name in channels:
+            found = _extended(found, name, channels, without, best) or found
             if found.selection.best is not best:
                 return found
-    left = _left_over(found)
     if left is None or PREFIX + left.channel.name in {c.effect.id for c in of_channels}:
         return found
-    return _extended(found, left.channel, best, None) or found
+    return _extended(found, left.channel.name, channels, best, None) or found
 
 
 def _left_over(found: Findings) -> ResidualChannel | None:
@@ -90,29 +97,35 @@ def _is_possible(channel: Channel) -> bool:
     return channel.name in FORMULA_CHANNELS
 
 
-def _channel(found: Findings, name: str) -> Channel | None:
-    return next((one for one in _possible_channels(found) if one.name == name), None)
-
-
-def _possible_channels(found: Findings) -> list[Channel]:
+def _possible_channels(found: Findings) -> dict[str, FormulaChannel]:
+    """Channels on which a formula may depend, by their names in reports."""
     regression, best = found.prepared.regression, found.selection.best.fitted.model
     channels = build_channels(regression.data, regression.evaluate_corrected(best))
-    return [channel for channel in channels if _is_possible(channel)]
+    return {
+        one.name: FormulaChannel(model_channel(one.name), one.unit, one.values)
+        for one in channels
+        if _is_possible(one)
+    }
 
 
 def _extended(
-    found: Findings, channel: Channel, rest: ScoredModel, straight: ScoredModel | None
+    found: Findings,
+    channel: str,
+    channels: Mapping[str, FormulaChannel],
+    rest: ScoredModel,
+    straight: ScoredModel | None,
 ) -> Findings | None:
     """The findings with a formula in a channel beside other effects; None without one.
 
     Args:
         found: Findings of steps 2 to 6.
-        channel: Channel on which the formula depends.
+        channel: Name of the channel on which the formula depends.
+        channels: Channels on which a formula may depend, by name.
         rest: Model without the channel.
         straight: Model with a factor that is linear in the channel; None: it is to be fitted.
 
     """
-    fits = _fit_formulas(found, channel, rest)
+    fits = _fit_formulas(found, channel, channels, rest)
     fits = [one for one in fits if straight is None or _kind(one) != STRAIGHT]
     fits += [] if straight is None else [straight]
     chosen, rivals = _choose(fits)
@@ -124,13 +137,13 @@ def _extended(
             return bent
     # The straight line stays; what else it might be is told.
     others = tuple(_text(one) for one in (chosen, *rivals) if one is not straight)
-    known = {**found.selection.formulas, PREFIX + channel.name: others}
+    known = {**found.selection.formulas, PREFIX + channel: others}
     return replace(found, selection=replace(found.selection, formulas=known))
 
 
 def _with_chosen(
     found: Findings,
-    channel: Channel,
+    channel: str,
     rest: ScoredModel,
     chosen: ScoredModel,
     rivals: Sequence[ScoredModel],
@@ -152,14 +165,14 @@ def _with_chosen(
     return extended if _describes(extended, channel, rest) else None
 
 
-def _fit_formulas(found: Findings, channel: Channel, rest: ScoredModel) -> list[ScoredModel]:
+def _fit_formulas(
+    found: Findings, channel: str, channels: Mapping[str, FormulaChannel], rest: ScoredModel
+) -> list[ScoredModel]:
     """Fitted models with one formula each beside other effects, the most promising of each form."""
     regression = found.prepared.regression
     sequence = not any(drive.independent for drive in regression.data.drives)
-    others = [one for one in _possible_channels(found) if one.name != channel.name]
-    candidates = build_formulas(
-        _formula_channel(channel), [_formula_channel(one) for one in others], sequence=sequence
-    )
+    others = [one for name, one in channels.items() if name != channel]
+    candidates = build_formulas(channels[channel], others, sequence=sequence)
     forms: dict[str, int] = {}
     fits = []
     for proposal in propose_effects(regression, rest.fitted.model, candidates):
@@ -170,10 +183,6 @@ def _fit_formulas(found: Findings, channel: Channel, rest: ScoredModel) -> list[
         fitted = fit_model(regression, proposal.model)
         fits.append(score_model(regression, fitted, proposal.p_value))
     return fits
-
-
-def _formula_channel(channel: Channel) -> FormulaChannel:
-    return FormulaChannel(model_channel(channel.name), channel.unit, channel.values)
 
 
 def _choose(fits: Sequence[ScoredModel]) -> tuple[ScoredModel | None, list[ScoredModel]]:
@@ -204,10 +213,10 @@ def _is_beaten(one: ScoredModel, best: ScoredModel, tested: int) -> bool:
     return gain_p_value(one.fitted, best.fitted) * tested <= LEVEL
 
 
-def _describes(extended: Findings, channel: Channel, rest: ScoredModel) -> bool:
+def _describes(extended: Findings, channel: str, rest: ScoredModel) -> bool:
     """Whether a formula leaves little of what its channel does."""
     best = extended.selection.best
-    own = (one for one in extended.channels_of_best if one.channel.name == channel.name)
+    own = (one for one in extended.channels_of_best if one.channel.name == channel)
     left = next(own, None)
     if left is None or (left.p_value > extended.alpha / 2 and left.gain < SECOND_LEAST_GAIN):
         return True
@@ -215,12 +224,9 @@ def _describes(extended: Findings, channel: Channel, rest: ScoredModel) -> bool:
     return remaining <= MOST_LEFT * (rest.rmse**2 - best.rmse**2)
 
 
-def _kind_of(effect: object) -> str:
-    return effect.kind if isinstance(effect, Formula) else STRAIGHT
-
-
 def _kind(one: ScoredModel) -> str:
-    return _kind_of(one.candidates[-1].effect)
+    effect = one.candidates[-1].effect
+    return effect.kind if isinstance(effect, Formula) else STRAIGHT
 
 
 def _is_straight(one: ScoredModel) -> bool:

@@ -95,15 +95,6 @@ class Expression:
                     found.append((name, True))
         return tuple(dict.fromkeys(found))
 
-    @cached_property
-    def lags(self) -> bool:
-        """Whether a part of it lags, so that earlier values count."""
-        return any(isinstance(node, ast.Call) for node in self._lagging())
-
-    def _lagging(self) -> Iterator[ast.expr]:
-        calls = (node for node in self._operands() if isinstance(node, ast.Call))
-        return (node for node in calls if isinstance(node.func, ast.Name) and node.func.id == LAG)
-
     def evaluate(
         self, channels: Mapping[str, Array], constants: Mapping[str, float], lag: Lag
     ) -> Value:
