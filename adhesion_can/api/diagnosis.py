@@ -20,6 +20,7 @@ from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.offline.plausibility import Points, inspect_points, inspect_samples
+from adhesion_can.offline.rim_speed import inspect_rim_speeds, slips_of_traces
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.expression import ExpressionError
 from adhesion_can.physics.effects.formula import Formula, parse_formula
@@ -159,15 +160,18 @@ def load_inputs(
 def _load_recording(input_file: InputFile, config: Configuration) -> LoadedInput:
     recordings = open_recordings([input_file.path])
     received = load_traces(blocks_in_sequence(recordings), config, str(input_file.path))
+    traces, v_min = received.traces(), config.sampling.v_min
+    slips = slips_of_traces(traces, config.vehicle, v_min)
+    odd = require_plausible(str(input_file.path), inspect_rim_speeds(slips))
     drive = build_drive_data_from_traces(
         input_file.name,
-        received.traces(),
+        traces,
         config.vehicle,
-        config.sampling.v_min,
+        v_min,
         config.estimators.identifiability.slip_max,
         config.channels,
     )
-    problems = describe_problems(recordings, names=[input_file.name])
+    problems = describe_problems(recordings, names=[input_file.name]) + odd
     for points in _points_of_axles(drive):
         problems += require_plausible(str(input_file.path), inspect_points(points))
     return LoadedInput(

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from adhesion_can.errors import InputError
-from adhesion_can.offline.plausibility import Finding
+from adhesion_can.offline.finding import Finding
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import open_recordings
 from adhesion_can.recordings.tables.sample_table import Table

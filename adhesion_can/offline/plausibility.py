@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.offline.consistency import inspect_acceleration, inspect_delay
+from adhesion_can.offline.finding import Finding
+from adhesion_can.offline.rim_speed import inspect_rim_speeds, known_ratio, slips_of_samples
 from adhesion_can.physics.samples import Samples
 
 CLEAR_SLIP, CLEAR_ADHESION = 0.002, 0.02
@@ -19,34 +21,19 @@ MOST_OPPOSITE = 0.8
 SLIP_LIMIT, ADHESION_LIMIT, LEAST_ADHESION = 1.5, 3.0, 0.003
 """Sizes of slip (95 % of the rows) and adhesion (99 %) beyond which, and size of the adhesion below
 which, the numbers are of another unit. Racing tyres reach 2."""
+MOST_LINEAR, LEAST_SLOPE, MOST_BEND = 0.3, 0.5, 1.6
+"""Slip up to which a contact may be linear, least slope of one, and slope at small slips over that
+at larger ones below which a curve is linear."""
 LEAST_LOAD_N = 50.0
 """Median load below which no vehicle that is measured stands on a wheel."""
+LEAST_USED = 0.02
+"""Largest adhesion that a measured wheel uses at least."""
 LOAD_UNITS = {"kg": 9.81, "kN": 1e3, "t": 9807.0}
 """Newtons in the units in which loads are written."""
 FAST, TOO_FAST = 45.0, 140.0
 """Median speeds, m/s, that are more often km/h, and that no vehicle reaches."""
 LEAST_REPEATED, LEAST_STUCK = 0.01, 50
 """Share of repeated stamps, and rows at one value, that are told."""
-
-
-class Finding(NamedTuple):
-    """Something odd about the data.
-
-    Attributes:
-        what: What was seen, with numbers.
-        mend: What to do about it.
-        fatal: Whether no honest answer is possible.
-
-    """
-
-    what: str
-    mend: str
-    fatal: bool = True
-
-    @property
-    def sentence(self) -> str:
-        """Both in one line."""
-        return f"{self.what}: {self.mend}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +74,8 @@ def inspect_points(points: Points) -> list[Finding]:
         *_stamps(points),
         *_stuck(points),
     ]
+    if not any(one.fatal for one in found):
+        found += _motion(points)
     return [one._replace(what=prefix + one.what) for one in found]
 
 
@@ -101,7 +90,8 @@ def inspect_samples(samples: Samples, *, table: bool, timed: bool = True) -> lis
     """
     axles = np.unique(samples.axle)
     if not table:
-        return [one for axle in axles for one in inspect_points(_points_of(samples, int(axle)))]
+        of_axles = [one for k in axles for one in inspect_points(_points_of(samples, int(k)))]
+        return [*inspect_rim_speeds(slips_of_samples(samples)), *of_axles]
     return inspect_points(
         Points(
             samples.slip,
@@ -124,11 +114,30 @@ def _points_of(samples: Samples, axle: int) -> Points:
 def _slip_size(points: Points) -> Iterator[Finding]:
     size = float(np.quantile(np.abs(points.slip), 0.95))
     if size <= SLIP_LIMIT:
+        if points.table and size > MOST_LINEAR:
+            yield from _slip_slope(points, size)
         return
+    if not points.table and known_ratio(points.slip) is not None:
+        return  # told as a ratio of the speeds
     mend = "check the wheel radius and the units of wheel and vehicle speed"
     if points.table:
         mend = "a ratio is wanted; for percent say --column slip=slip,unit=percent"
     yield Finding(f"the slip reaches {size:.4g}", mend)
+
+
+def _slip_slope(points: Points, size: float) -> Iterator[Finding]:
+    """Adhesion that rises in proportion to large slips, as no contact has it."""
+    absolute = np.abs(points.slip)
+    low, high = (_slope(points, rows) for rows in (absolute <= size / 3, absolute > size / 3))
+    if 0.0 < high <= low <= min(LEAST_SLOPE, MOST_BEND * high):
+        what = f"the adhesion rises in proportion to the slip up to {size:.3g}, by {low:.2g} of it"
+        yield Finding(what, "if the slip is in percent, say --column slip=slip,unit=percent")
+
+
+def _slope(points: Points, rows: NDArray[np.bool_]) -> float:
+    """Adhesion over slip by least squares through the origin."""
+    square = float(points.slip[rows] @ points.slip[rows])
+    return float(points.slip[rows] @ points.adhesion[rows]) / square if square > 0 else 0.0
 
 
 def _adhesion_size(points: Points) -> Iterator[Finding]:
@@ -137,9 +146,12 @@ def _adhesion_size(points: Points) -> Iterator[Finding]:
     if size > ADHESION_LIMIT:
         mend = "check the axle load and the unit of the tractive effort"
         if points.table and by_force:
-            unit = next((u for u, n in LOAD_UNITS.items() if size / n < ADHESION_LIMIT / 2), "t")
+            fits = (LEAST_USED < size / n < ADHESION_LIMIT for n in LOAD_UNITS.values())
+            units = [u for u, fit in zip(LOAD_UNITS, fits, strict=True) if fit] or ["t"]
             name = "normal_load_N"
-            mend = f"if the load is in {unit}, say --column {name}={name},unit={unit}"
+            others = "".join(f"; if it is in {other}, unit={other}" for other in units[1:])
+            mend = f"if the load is in {units[0]}, say --column {name}={name},unit={units[0]}"
+            mend += others
         elif points.table:
             mend = "if it is in percent, say --column adhesion=adhesion,unit=percent"
         yield Finding(f"the adhesion reaches {size:.4g}", mend)
@@ -189,6 +201,14 @@ def _speed(points: Points) -> Iterator[Finding]:
             mend = "if the column is in km/h, say --column speed_mps=speed_mps,unit=km/h"
         what = f"the speed is about {middle:.0f} m/s, {3.6 * middle:.0f} km/h"
         yield Finding(what, mend, fatal=middle > TOO_FAST)
+
+
+def _motion(points: Points) -> Iterator[Finding]:
+    if points.t_us is None or not points.table or np.any(np.diff(points.t_us) < 0):
+        return
+    yield from inspect_delay(points.t_us, points.slip, points.adhesion)
+    if points.speed is not None and float(np.median(points.speed)) <= FAST:
+        yield from inspect_acceleration(points.t_us, points.speed, points.adhesion)
 
 
 def _stamps(points: Points) -> Iterator[Finding]:

@@ -69,6 +69,38 @@ def test_a_fault_is_one_sentence_with_its_mend(kind, seed):
     assert finding.mend
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_slips_in_percent_are_seen_where_none_exceeds_one(seed):
+    """A vehicle that never uses much adhesion: its percents look like ratios, but are linear."""
+    rng = np.random.default_rng(seed)
+    slip = 0.004 * rng.standard_normal(N)
+    adhesion = 15.0 * slip + 0.01 * rng.standard_normal(N)
+    measured = slip + 0.001 * rng.standard_normal(N)
+    assert inspect_points(Points(measured, adhesion)) == []
+    (finding,) = inspect_points(Points(100.0 * measured, adhesion))
+    assert "slip=slip,unit=percent" in finding.mend
+    assert finding.fatal
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_large_slips_of_a_real_contact_are_no_percent(seed):
+    """A model car with slips to 0.9, and a locked wheel on ice."""
+    rng = np.random.default_rng(seed)
+    slip = rng.uniform(-0.9, 0.9, N)
+    for peak, steepness in ((0.8, 15.0), (0.05, 300.0), (0.03, 50.0)):
+        size = np.abs(slip)
+        adhesion = np.sign(slip) * peak * (1.0 - np.exp(-steepness * size))
+        adhesion += 0.005 * rng.standard_normal(N)
+        assert inspect_points(Points(slip, adhesion)) == []
+
+
+def test_a_load_that_may_be_of_two_units_is_told_with_both():
+    (finding,) = inspect_points(points(adhesion=lambda x: 1000 * x / 2, load=lambda x: x / 1000))
+    assert "unit=kN" in finding.mend
+    (finding,) = inspect_points(points(adhesion=lambda x: 7000 * x, load=lambda x: x / 7000))
+    assert "unit=kN; if it is in t, unit=t" in finding.mend
+
+
 @pytest.mark.parametrize("kind", FATAL)
 def test_of_a_recording_no_columns_are_named(kind):
     changes, _ = FATAL[kind]

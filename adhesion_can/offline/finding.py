@@ -1,0 +1,23 @@
+"""Something odd about data, found before anything is fitted."""
+
+from typing import NamedTuple
+
+
+class Finding(NamedTuple):
+    """Something odd about the data.
+
+    Attributes:
+        what: What was seen, with numbers.
+        mend: What to do about it.
+        fatal: Whether no honest answer is possible.
+
+    """
+
+    what: str
+    mend: str
+    fatal: bool = True
+
+    @property
+    def sentence(self) -> str:
+        """Both in one line."""
+        return f"{self.what}: {self.mend}"
