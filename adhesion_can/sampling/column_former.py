@@ -28,6 +28,7 @@ from adhesion_can.sampling.equations import (
     Measured,
     SampleEquations,
 )
+from adhesion_can.sampling.load_transfer import NO_READING, LoadTransfer
 
 Signal = tuple[Role, int]
 """A role and its axle, 0 where it has none."""
@@ -42,6 +43,7 @@ class _Formed(NamedTuple):
     t_us: Stamps
     measured: Measured
     load_std: Array
+    load_us: Stamps
     speed_us: Stamps
     speed_share: Array
 
@@ -73,6 +75,7 @@ class ColumnFormer:
         self._load = {i: ColumnHistory(equations.gap_us(Role.AXLE_LOAD)) for i in axles}
         self._speed = ColumnHistory(equations.gap_us(Role.VEHICLE_SPEED), equations.speed_lag_us)
         self._direction = ColumnHistory(0.0)
+        self._transfer = LoadTransfer(equations, self._effort, self._load, self._direction)
         self._covariates = {
             name: ColumnHistory(0.0)
             for name in (TRAVEL_DIRECTION, *COVARIATES.values(), *equations.channels)
@@ -152,6 +155,11 @@ class ColumnFormer:
         collection, t_us = collection[order], t_us[order]
         columns = (np.concatenate(c)[order] for c in zip(*(p.measured for p in parts), strict=True))
         measured = Measured(*columns)
+        if len(due_us):
+            self._transfer.learn(int(due_us[-1]))
+        load_us = np.concatenate([part.load_us for part in parts])[order]
+        load, transfer_std = self._transfer.follow(measured.axle, t_us, measured.load, load_us)
+        measured = measured._replace(load=load, transfer_std=transfer_std)
         samples = Samples(
             t_us=t_us,
             axle=measured.axle,
@@ -185,11 +193,11 @@ class ColumnFormer:
         equations = self._equations
         waiting = [int(wheel.t_us[0]) for wheel in self._wheel.values() if len(wheel.t_us)]
         oldest = equations.oldest_needed_us(waiting, now_us)
-        histories = (self._speed, self._direction, *self._load.values())
-        for history in (*histories, *self._covariates.values()):
+        for history in (self._speed, *self._covariates.values()):
             history.forget_before(oldest)
-        for history in self._effort.values():
+        for history in (self._direction, *self._load.values(), *self._effort.values()):
             history.forget_before(oldest - equations.load_age_us)
+        self._transfer.forget_before(oldest)
 
     # ------------------------------------------------------------------------------- an axle
 
@@ -208,11 +216,9 @@ class ColumnFormer:
         slow = v.value < equations.settings.v_min
         whole = ~(lost | gap) & np.isfinite(v.value) & np.isfinite(effort.value) & ~slow
         load_us, load = self._load[axle].held_at(t)
-        load_std, load_shift = np.zeros(len(t)), np.zeros(len(t))
-        measured = np.isfinite(load)
-        if measured.any():
-            load_shift[measured] = self._transfer_between(axle, load_us[measured], t[measured])
-        unmeasured = np.flatnonzero(whole & ~measured)
+        load_std = np.zeros(len(t))
+        load_us = np.where(np.isfinite(load), load_us, NO_READING)
+        unmeasured = np.flatnonzero(whole & (load_us == NO_READING))
         if len(unmeasured):
             estimate = self._estimate_load(
                 axle, t[unmeasured], effort.value[unmeasured], bracketed[unmeasured], due
@@ -258,9 +264,10 @@ class ColumnFormer:
                 load=load[k],
                 acceleration_change=later - earlier,
                 effort_step_std=effort.step_std[k],
-                load_shift=load_shift[k],
+                transfer_std=np.zeros(len(k)),
             ),
             load_std=load_std[k],
+            load_us=load_us[k],
             speed_us=v.bracket_end_us[k],
             speed_share=v.share[k],
         )
@@ -306,22 +313,6 @@ class ColumnFormer:
         travel = self._travel(needed, due)
         load[pending] = static + travel[pending] * shift[pending]
         return load, std, needed
-
-    def _transfer_between(self, axle: int, since_us: Stamps, t_us: Stamps) -> Array:
-        """Load transferred to an axle between stamps by the efforts whose readings are known."""
-        shift = np.zeros(len(t_us))
-        if self._equations.transfer is None:
-            return shift
-        # Loads are measured less often than wheel speeds.
-        began = np.flatnonzero(np.diff(since_us, prepend=since_us[0] - 1))
-        length = np.diff(began, append=len(since_us))
-        for share, history in zip(
-            self._equations.transfer[axle - 1], self._effort.values(), strict=True
-        ):
-            _, before = history.held_at(since_us[began])
-            change = history.held_at(t_us)[1] - np.repeat(before, length)
-            shift += np.where(np.isfinite(change), share * change, 0.0)
-        return shift
 
     def _travel(self, collection: NDArray[np.int64], due: _Due) -> Array:
         """Direction of travel known at collections by number: 1 forwards or unknown, -1 else."""

@@ -169,8 +169,8 @@ class SampleEquations:
 
     @cached_property
     def load_age_us(self) -> int:
-        """Greatest age of a measured load, µs; readings of the effort are kept for as long."""
-        return round(self.gap_us(Role.AXLE_LOAD))
+        """Greatest age of what measured loads need: the load before, and its effort; µs."""
+        return round(self.gap_us(Role.AXLE_LOAD)) + max(self.effort_lag_us, 0)
 
     @cached_property
     def radius(self) -> Array:
@@ -196,8 +196,7 @@ class SampleEquations:
             rows.effort_step_std > 4 * noise.effort_std / sqrt(2.0), rows.effort_step_std, 0.0
         )
         adhesion = adhesion_coefficient(rows.effort, load, rows.wheel_accel, inertia, r)
-        # A load signal may follow the effort at once, late, or not at all between its readings.
-        by_load = adhesion * rows.load_shift
+        by_load = adhesion * rows.transfer_std
         return Derived(
             slip=slip_ratio(omega, v, r, self.settings.v_min),
             adhesion=adhesion,
@@ -223,7 +222,7 @@ class Measured(NamedTuple):
         acceleration_change: Difference of dω/dt after and before the stamp, rad/s², shape (n,).
         effort_step_std: Standard deviation of an effort that stepped between its readings, N,
             shape (n,).
-        load_shift: Load that the efforts have transferred since the load was measured, N, shape
+        transfer_std: Standard deviation of what was transferred since the load was read, N, shape
             (n,); 0 for a load that was not measured.
 
     """
@@ -237,7 +236,7 @@ class Measured(NamedTuple):
     load: Array
     acceleration_change: Array
     effort_step_std: Array
-    load_shift: Array
+    transfer_std: Array
 
 
 class Derived(NamedTuple):

@@ -26,6 +26,7 @@ from adhesion_can.sampling.equations import (
     SamplingSettings,
     Sensors,
 )
+from adhesion_can.sampling.load_transfer import ReadingTransfer
 from adhesion_can.sampling.signal_history import WAITING, SignalHistory, Waiting
 
 
@@ -35,7 +36,7 @@ class _Row(NamedTuple):
     `acceleration_change` is the difference of dω/dt after and before the stamp, rad/s²;
     `effort_step_std` the standard deviation of an effort that stepped somewhere between its two
     readings, N; `speed_share` the place between the two vehicle speeds around the stamp, 0..1;
-    `load_shift` the load transferred since the load was measured, N.
+    `transferred` the load that the efforts have moved to the axle since its load was read, N.
     """
 
     t_us: int
@@ -51,7 +52,7 @@ class _Row(NamedTuple):
     acceleration_change: float
     effort_step_std: float
     speed_share: float
-    load_shift: float
+    transferred: float
 
 
 class SampleFormer:
@@ -95,7 +96,7 @@ class SampleFormer:
         self._speed = SignalHistory(equations.gap_us(Role.VEHICLE_SPEED))
         self._next = dict.fromkeys(axles, 1)
         self._travel = 1.0
-        self._efforts_by_stamp: dict[int, list[float | None]] = {}
+        self._transfer = ReadingTransfer(equations, self._effort, self._load)
         self._covariates: dict[str, float] = {}
         self._history: list[tuple[int, dict[str, float]]] = []
         self.dropped: Counter[str] = Counter()
@@ -126,6 +127,7 @@ class SampleFormer:
             self._load[axle].add(reading.t_us, reading.value)
         elif role is Role.DIRECTION and reading.value is not None:
             self._travel = TRAVEL_BY_DIRECTION.get(int(reading.value), self._travel)
+            self._transfer.turn(reading.t_us, self._travel)
             if (
                 self.equations.with_travel
                 and self._covariates.get(TRAVEL_DIRECTION) != self._travel
@@ -171,8 +173,8 @@ class SampleFormer:
                     self.dropped[str(outcome)] += 1
                 k += 1
             self._next[axle] = k - wheel.forget_before(wheel.times[k - 1]) if wheel.times else k
+        self._transfer.learn(now_us)
         samples = self._samples(sorted(formed))
-        self._efforts_by_stamp.clear()
         self._forget(now_us)
         return samples
 
@@ -184,10 +186,9 @@ class SampleFormer:
             if len(wheel.times) >= self._next[axle]
         ]
         oldest = self.equations.oldest_needed_us(waiting, now_us)
-        for history in (self._speed, *self._load.values()):
-            history.forget_before(oldest)
-        for history in self._effort.values():
-            history.forget_before(oldest - self.equations.load_age_us)
+        self._speed.forget_before(oldest)
+        # With the efforts and the loads.
+        self._transfer.forget_before(oldest)
         gone = bisect_right(self._history, oldest, key=lambda entry: entry[0]) - 1
         del self._history[: max(gone, 0)]
 
@@ -214,7 +215,7 @@ class SampleFormer:
         loaded = self._load_at(axle, t, effort)
         if isinstance(loaded, Waiting):
             return WAITING
-        load, load_std, load_shift = loaded
+        load, load_std, transferred = loaded
         if (
             load
             < self.equations.settings.min_load_share * self.equations.vehicle.axle_load[axle - 1]
@@ -236,7 +237,7 @@ class SampleFormer:
             later - earlier,
             self._effort[axle].step_std(t),
             self._speed.share_at(t),
-            load_shift,
+            transferred,
         )
 
     def _samples(self, rows: list[_Row]) -> list[Sample]:
@@ -246,9 +247,12 @@ class SampleFormer:
         columns = np.array(rows, dtype=np.float64)
         axle = columns[:, 1].astype(np.int64)
         _, _, omega, accel, span, speed, effort, load, *_ = columns.T
-        change, step_std, _, shift = columns.T[10:14]
+        change, step_std, _, transferred = columns.T[10:14]
+        gain, missed = self._transfer.gain.at(np.array([row.t_us for row in rows]))
+        load = load + gain * transferred
+        transfer_std = np.abs(transferred) * missed
         derived = self.equations.derive(
-            Measured(axle, omega, accel, span, speed, effort, load, change, step_std, shift)
+            Measured(axle, omega, accel, span, speed, effort, load, change, step_std, transfer_std)
         )
         values = zip(*(column.tolist() for column in derived), strict=True)
         return [
@@ -259,7 +263,7 @@ class SampleFormer:
                 adhesion=adhesion,
                 creep_speed=creep,
                 speed=row.speed,
-                load=row.load,
+                load=own_load,
                 load_std=row.load_std,
                 slip_var=slip_var,
                 adhesion_var=adhesion_var,
@@ -269,7 +273,7 @@ class SampleFormer:
                 speed_share=row.speed_share,
                 covariates=self._covariates_at(row.t_us),
             )
-            for row, (
+            for row, own_load, (
                 slip,
                 adhesion,
                 creep,
@@ -277,7 +281,7 @@ class SampleFormer:
                 common_var,
                 adhesion_var,
                 transient_var,
-            ) in zip(rows, values, strict=True)
+            ) in zip(rows, load.tolist(), values, strict=True)
         ]
 
     def _load_at(self, axle: int, t_us: int, effort: float) -> tuple[float, float, float] | Waiting:
@@ -285,7 +289,7 @@ class SampleFormer:
         measured = self._load[axle].held_at(t_us)
         if measured is not None:
             stamp, load = measured
-            return load, 0.0, self._transfer_between(axle, stamp, t_us)
+            return load, 0.0, self._transfer.since(axle, stamp, t_us)
         static = self.equations.vehicle.axle_load[axle - 1]
         load_std = self.equations.vehicle.load_std * static
         if self.equations.transfer is None:
@@ -302,27 +306,6 @@ class SampleFormer:
                 return static, hypot(load_std, effort * sum(row)), 0.0
             shift += share * other
         return static + self._travel * shift, load_std, 0.0
-
-    def _transfer_between(self, axle: int, since_us: int, t_us: int) -> float:
-        """Load transferred to an axle between two stamps by the efforts whose readings are known.
-
-        By the last readings before each stamp: all of them are here, whatever the sample waits for.
-        """
-        if self.equations.transfer is None:
-            return 0.0
-        shift = 0.0
-        both = zip(self._held_efforts(since_us), self._held_efforts(t_us), strict=True)
-        for share, (before, now) in zip(self.equations.transfer[axle - 1], both, strict=True):
-            if before is not None and now is not None:
-                shift += share * (now - before)
-        return shift
-
-    def _held_efforts(self, t_us: int) -> list[float | None]:
-        """Last efforts of all axles at a stamp, N; None where there is none."""
-        if t_us not in self._efforts_by_stamp:
-            held = [history.held_at(t_us) for history in self._effort.values()]
-            self._efforts_by_stamp[t_us] = [one and one[1] for one in held]
-        return self._efforts_by_stamp[t_us]
 
 
 def common_load_std(loads: np.ndarray, load_std: np.ndarray) -> float:
