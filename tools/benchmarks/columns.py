@@ -20,6 +20,8 @@ from _real_data import real_data
 from _report import over_cores
 from _rows import positive, row_parser, run_rows
 
+from adhesion_can.physics.effects.formula import formula_of
+
 NAME = "tyre_rig_83kPa.csv.gz"
 GAP_S, STRAIGHT_DEG = 0.5, 0.5
 FACTOR = 0.05
@@ -57,7 +59,7 @@ def table(rig, sweeps, rng, column):
 
 
 def named(seed, column, number):
-    """Ids that `diagnose` names in one order."""
+    """Ids that `diagnose` names in one order, and channels of its formula."""
     from adhesion_can.cli.main import main
 
     rig, sweeps = read_rig()
@@ -68,7 +70,16 @@ def named(seed, column, number):
         np.savetxt(path, values, delimiter=",", header=",".join(columns), comments="", fmt="%.6g")
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
             main(["diagnose", str(path), "--json", str(answer)])
-        return [cause["effect"] for cause in json.loads(answer.read_text())["causes"]]
+        causes = json.loads(answer.read_text())["causes"]
+    return [name for cause in causes for name in causes_named(cause)]
+
+
+def causes_named(cause):
+    """Id of a cause; of a formula the channels on which it depends, as if each was named."""
+    if cause["effect"] != "formula":
+        return [cause["effect"]]
+    values = {name: one["value"] for name, one in cause["parameters"].items()}
+    return [f"channel:{name}" for name in formula_of(cause["form"], values).channels]
 
 
 def row(column, report, options):

@@ -1,6 +1,6 @@
 """Step 7, confirm on hold-out: only what predicts the held-out data better becomes a finding.
 
-Held-out data select nothing. But a finding that makes their prediction worse is dropped.
+Held-out data select nothing. But a finding whose gain on them may be none is dropped.
 """
 
 from dataclasses import dataclass
@@ -16,6 +16,11 @@ from adhesion_can.diagnosis.regression.model import Model
 from adhesion_can.diagnosis.result import Gain, Untested
 from adhesion_can.diagnosis.sentences import name_with_wave
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
+
+
+CLEAR_GAIN = 5.0
+"""Gain of another shape, %, that counts although its interval holds 0: some parts of a drive show
+nothing of a shape, which widens the interval."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +55,7 @@ def confirm_on_hold_out(found: Findings, *, other_drives: bool) -> ConfirmedFind
     rejected: list[Untested] = []
     if found.named or found.shape is not None:
         gain = _compute_gain(found, best, None, other_drives=other_drives)
-        if gain.percent > 0.0:
+        if is_significant(gain) or (found.shape is not None and gain.percent >= CLEAR_GAIN):
             return ConfirmedFindings(found.named, None, gain, (), found.shape)
         rejected += [_reject(CURVE_SHAPE)] * (found.shape is not None)
         rejected += [_reject(candidate.effect.id) for candidate in found.named]
@@ -67,8 +72,8 @@ def confirm_on_hold_out(found: Findings, *, other_drives: bool) -> ConfirmedFind
 def is_significant(gain: Gain) -> bool:
     """Whether a gain is positive, with its interval where there is one.
 
-    A spline is flexible: on noise with a memory of a second two drives in twenty had one that
-    gained something, and its interval contained 0.
+    What is found in noise often gains something: in sixty drives without an effect six findings
+    did, five with 0 in the interval. Of 101 that were there three had it, all of them shapes.
     """
     low = gain.interval[0]
     return gain.percent > 0.0 and (low > 0.0 or low == -np.inf)
