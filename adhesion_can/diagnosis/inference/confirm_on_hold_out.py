@@ -17,7 +17,6 @@ from adhesion_can.diagnosis.result import Gain, Untested
 from adhesion_can.diagnosis.sentences import name_with_wave
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 
-
 CLEAR_GAIN = 5.0
 """Gain of another shape, %, that counts although its interval holds 0: some parts of a drive show
 nothing of a shape, which widens the interval."""
