@@ -116,6 +116,19 @@ def test_a_measured_column_is_preferred_to_mere_time(tmp_path):
     assert "slow_drift" not in causes(answer)
 
 
+@pytest.mark.parametrize("seed", [20, 21, 22])
+def test_a_column_in_steps_that_goes_with_time_is_named_with_time_as_its_rival(tmp_path, seed):
+    """Three blocks of a test plan: what a smooth drift fits better may still be the column."""
+    rng, t_s, slip, sweep, curve, white = rig(seed)
+    angle = -2.4 * (sweep // 8) + 0.02 * rng.standard_normal(ROWS)
+    adhesion = (1.0 + 0.01 * angle - 0.001 * t_s) * curve + white
+    answer = diagnosed(
+        tmp_path, write_table(tmp_path / "t.csv", table_of(t_s, slip, adhesion, angle=angle))
+    )
+    assert "slow_drift" not in causes(answer), answer.out
+    assert "slow_drift" in causes(answer)["channel:angle"]["rivals"]
+
+
 def test_another_measurement_of_the_force_is_no_cause(tmp_path):
     rng, t_s, slip, sweep, curve, white = rig(11)
     adhesion = (1.0 + 0.05 * per_sweep(rng.normal(size=SWEEPS), sweep)) * curve + white

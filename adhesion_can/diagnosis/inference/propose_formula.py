@@ -154,12 +154,16 @@ def _with_chosen(
     if not is_improvement(rest, chosen, tested):
         return None
     best, smaller = drop_needless(found.prepared.regression, chosen, tested)
+    known = found.selection.all_rivals()
+    # A formula in the place of a straight line has the line's rivals.
+    known[FORMULA] = known.pop(PREFIX + channel, ())
     selection = replace(
         found.selection,
         best=best,
         indistinguishable=(),
         smaller=(*smaller, rest),
         formulas={FORMULA: tuple(map(_text, rivals))},
+        known_rivals=known,
     )
     extended = replace(found, selection=selection)
     return extended if _describes(extended, channel, rest) else None

@@ -43,6 +43,8 @@ FITTED_SINGLES, PAIRED_SINGLES, PARTNERS = 6, 4, 4
 """Effects fitted in full; those of them that get partners; partners of each that are fitted."""
 FAR_BEHIND = 2.0
 """Sum of squares over the least one so far, beyond which a fit is given up early."""
+DRIFT_SHARE = 0.7
+"""Share of what a mere drift explains, from which a channel of the user's stands in its place."""
 MOST_CHORDS = 10.0
 """Largest first step of a size, in chords."""
 
@@ -62,6 +64,7 @@ class ModelSelection:
             no vehicle has.
         formulas: Formulas that describe the data as well as an effect of `best`, as text, by its
             id.
+        known_rivals: Rivals of effects of `best` that were found before it was extended, by id.
 
     """
 
@@ -73,6 +76,7 @@ class ModelSelection:
     smaller: tuple[ScoredModel, ...] = ()
     implausible: tuple[ScoredModel, ...] = ()
     formulas: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    known_rivals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def rivals(self, candidate: Candidate) -> tuple[str, ...]:
         """Effect ids that can replace one of the best model's effects."""
@@ -84,7 +88,12 @@ class ModelSelection:
             for effect in other.ids - others
             if effect != candidate.effect.id
         }
-        return tuple(sorted(found))
+        known = set(self.known_rivals.get(candidate.effect.id, ())) - self.best.ids
+        return tuple(sorted(found | known))
+
+    def all_rivals(self) -> dict[str, tuple[str, ...]]:
+        """Rivals of every effect of the best model, by id."""
+        return {one.effect.id: self.rivals(one) for one in self.best.candidates}
 
     def p_value(self, candidate: Candidate, tested: Sequence[Candidate]) -> float:
         """P-value of a selected effect, all effects counted.
@@ -175,8 +184,12 @@ def select_effects(
         best, pool = pairs[0], pairs
         singles += _fit_members(regression, prepared.plain, best, singles)
     best = _prefer_measured_cause(best, [one for one in pool if not is_worse(best, one)])
+    measured = _channel_for_drift(best, pool, [plain, *singles])
+    drift = () if measured is None else (best,)
+    best = measured or best
     best = _prefer_fewest_parameters(best, [one for one in pool if not is_worse(best, one)])
-    equal = tuple(one for one in pool if one is not best and not is_worse(best, one))
+    equal = tuple(one for one in pool if one not in (best, *drift) and not is_worse(best, one))
+    equal += drift
     found = ModelSelection(plain, best, equal, tuple(singles), test, implausible=implausible)
     return found if most < MOST_EFFECTS else _with_further_channels(regression, found, candidates)
 
@@ -202,7 +215,8 @@ def _with_further_channels(
     if best is found.best:
         return found
     best, smaller = drop_needless(regression, best, len(candidates))
-    return replace(found, best=best, indistinguishable=(), smaller=smaller)
+    known = found.all_rivals()
+    return replace(found, best=best, indistinguishable=(), smaller=smaller, known_rivals=known)
 
 
 def drop_needless(
@@ -370,6 +384,34 @@ def _prefer_measured_cause(best: ScoredModel, equal: Sequence[ScoredModel]) -> S
     if not best.drifts:
         return best
     return next((one for one in equal if not one.drifts), best)
+
+
+def _channel_for_drift(
+    best: ScoredModel, pool: Sequence[ScoredModel], smaller: Sequence[ScoredModel]
+) -> ScoredModel | None:
+    """The model with a channel of the user's in place of a mere drift; None where none does.
+
+    What varies along with the time is the better explanation of most of a drift, although a drift
+    that is smooth where the channel steps may fit better. The drift stays its rival.
+
+    Args:
+        best: Selected model.
+        pool: Models of the same size, best first.
+        smaller: Models with an effect less.
+
+    """
+    rest = {c for c in best.candidates if not c.effect.observability.drift}
+    without = next((one for one in smaller if set(one.candidates) == rest), None)
+    if not best.drifts or without is None:
+        return None
+    square = without.fitted.cross_validated_square
+    least = DRIFT_SHARE * (square - best.fitted.cross_validated_square)
+    for one in pool:
+        added = set(one.candidates) - rest
+        by_channel = len(added) == 1 and next(iter(added)).effect.id.startswith(PREFIX)
+        if by_channel and square - one.fitted.cross_validated_square >= least:
+            return one
+    return None
 
 
 def _prefer_fewest_parameters(best: ScoredModel, equal: Sequence[ScoredModel]) -> ScoredModel:
