@@ -28,8 +28,8 @@ BEFORE, AFTER, MEASURED = "#d55e00", "#0b5fa5", "#8a95a3"
 PLAIN, EXTENDED = "plain curve (before)", "extended (after)"
 FAMILY_COLOURS = (BEFORE, AFTER, "#009e73", "#cc79a7", "#b8860b")
 """Colours of the families, Burckhardt's first."""
-MOST_POINTS = 3000
-"""Largest number of points of a scatter plot."""
+MOST_POINTS, FEW_POINTS = 3000, 1000
+"""Largest number of points of a scatter plot, and number below which they are drawn larger."""
 
 
 def gain_figure(gain: Gain) -> Figure:
@@ -173,6 +173,21 @@ def profile_figure(profile: Profile) -> Figure:
     return Figure(caption, data, layout, 380)
 
 
+def _cloud(slip: Array, mu: Array) -> Trace:
+    """The data as points, of which few are drawn larger."""
+    every = max(-(-len(slip) // MOST_POINTS), 1)
+    few = len(slip) < FEW_POINTS
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": "data",
+        "x": slip[::every],
+        "y": mu[::every],
+        "marker": {"color": MEASURED, "size": 5 if few else 3, "opacity": 0.8 if few else 0.4},
+        "hoverinfo": "skip",
+    }
+
+
 def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -> Figure:
     """Curve and data of one surface: as measured and, where extended, with the effects out."""
     clouds = [(surface.base, _BEFORE, curves.slip, curves.adhesion)]
@@ -183,17 +198,7 @@ def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -
     end = 1.02 * max(float(np.nanmax(slip, initial=0.0)) for _, _, slip, _ in clouds)
     grid = np.linspace(0.0, end or 0.2, 201)
     for row, (estimate, style, slip, mu) in enumerate(clouds):
-        every = max(-(-len(slip) // MOST_POINTS), 1)
-        cloud = {
-            "type": "scatter",
-            "mode": "markers",
-            "name": "data",
-            "showlegend": row == 0,
-            "x": slip[::every],
-            "y": mu[::every],
-            "marker": {"color": MEASURED, "size": 3, "opacity": 0.4},
-            "hoverinfo": "skip",
-        }
+        cloud = _cloud(slip, mu) | {"showlegend": row == 0}
         x, y = grid, adhesion(grid, *estimate.theta)
         if row and curves.shape is not None:
             x, y = curves.shape
@@ -223,18 +228,7 @@ def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -
 
 def family_figure(families: Sequence[FamilyResult], curves: CurveData) -> Figure:
     """Curves of all families side by side, with the data as measured."""
-    every = max(-(-len(curves.slip) // MOST_POINTS), 1)
-    data: list[Trace] = [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "name": "data",
-            "x": curves.slip[::every],
-            "y": curves.adhesion[::every],
-            "marker": {"color": MEASURED, "size": 3, "opacity": 0.4},
-            "hoverinfo": "skip",
-        }
-    ]
+    data: list[Trace] = [_cloud(curves.slip, curves.adhesion)]
     for family, colour in zip(families, FAMILY_COLOURS, strict=False):
         style = _style(family.title, colour, 2.6 if family.chosen else 1.4)
         if not family.chosen:
