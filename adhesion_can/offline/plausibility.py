@@ -129,7 +129,7 @@ def _slip_slope(points: Points, size: float) -> Iterator[Finding]:
     """Adhesion that rises in proportion to large slips, as no contact has it."""
     absolute = np.abs(points.slip)
     low, high = (_slope(points, rows) for rows in (absolute <= size / 3, absolute > size / 3))
-    if 0.0 < high <= low <= min(LEAST_SLOPE, MOST_BEND * high):
+    if min(low, high) > 0.0 and low <= min(LEAST_SLOPE, MOST_BEND * high):
         what = f"the adhesion rises in proportion to the slip up to {size:.3g}, by {low:.2g} of it"
         yield Finding(what, "if the slip is in percent, say --column slip=slip,unit=percent")
 
