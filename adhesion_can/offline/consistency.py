@@ -21,6 +21,8 @@ LEAST_SHIFT = 2
 """Least shift that is told, rows: half a row more or less is the instants of sampling."""
 LEAST_CORRELATION = 0.7
 """Correlation of force and slip, at the best shift, below which nothing is said."""
+LONGEST_S = 0.5
+"""Longest delay with which the rest of an answer may still be true: `diagnose` tests it."""
 MOST_LEFT = 0.85
 """Share of the unexplained variance that the best shift may leave of that without a shift."""
 SPAN_ROWS = 5
@@ -62,7 +64,7 @@ def inspect_delay(t_us: NDArray[np.int64], slip: Array, adhesion: Array) -> Iter
         f"the {late} comes {abs(best) * step_us / 1e6:.3g} s after the {early}: their correlation "
         f"is {fits[best]:.2f} so, and {fits[0]:.2f} as the rows stand",
         "shift one of them in time",
-        fatal=False,
+        fatal=abs(best) * step_us / 1e6 > LONGEST_S,
     )
 
 

@@ -37,7 +37,8 @@ def test_a_late_column_is_told_with_its_delay(seed, late_s):
     (finding,) = inspect_delay(t_us, slip, adhesion)
     late, early = ("force", "slip") if late_s > 0 else ("slip", "force")
     assert f"the {late} comes {abs(late_s):.3g} s after the {early}" in finding.what
-    assert not finding.fatal
+    # What `diagnose` can test is told; beyond it no answer is honest.
+    assert finding.fatal is (abs(late_s) > 0.5)
 
 
 def test_gaps_between_rows_are_no_delay():
