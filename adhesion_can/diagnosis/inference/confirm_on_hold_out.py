@@ -72,7 +72,7 @@ def is_significant(gain: Gain) -> bool:
     """Whether a gain is positive, with its interval where there is one.
 
     What is found in noise often gains something: in sixty drives without an effect six findings
-    did, five with 0 in the interval. Of 101 that were there three had it, all of them shapes.
+    did, five with 0 in the interval. Of 128 that were there three had it, all of them shapes.
     """
     low = gain.interval[0]
     return gain.percent > 0.0 and (low > 0.0 or low == -np.inf)
