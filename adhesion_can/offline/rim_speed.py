@@ -1,7 +1,7 @@
 """Rim speed beside vehicle speed: reversed wheel speeds, wrong units, diameters for radii."""
 
 from collections.abc import Iterable, Mapping
-from math import pi
+from math import inf, pi
 
 import numpy as np
 
@@ -85,24 +85,17 @@ def slips_of_traces(
         v_min: Speed below which there is no slip ratio, m/s.
 
     """
-    speed = _available(traces.get((Role.VEHICLE_SPEED, 0)))
+    speed = traces.get((Role.VEHICLE_SPEED, 0))
     found = {}
     for axle in range(1, vehicle.axles + 1):
-        t, omega = _available(traces.get((Role.WHEEL_SPEED, axle)))
-        if len(t) and len(speed[0]):
-            v = np.interp(t, *speed)
-            fast = v >= v_min
-            radius = vehicle.wheel_radius[axle - 1]
-            found[axle] = slip_ratio(omega[fast], v[fast], radius, v_min)
+        wheel = traces.get((Role.WHEEL_SPEED, axle))
+        if speed is None or wheel is None:
+            continue
+        v = speed.at(wheel.t_us, inf)
+        known = np.isfinite(wheel.value) & (v >= v_min)
+        radius = vehicle.wheel_radius[axle - 1]
+        found[axle] = slip_ratio(wheel.value[known], v[known], radius, v_min)
     return found
-
-
-def _available(trace: Trace | None) -> tuple[Array, Array]:
-    """Stamps, µs, and values of the readings that are available."""
-    if trace is None:
-        return np.empty(0), np.empty(0)
-    good = np.isfinite(trace.value)
-    return trace.t_us[good].astype(np.float64), trace.value[good]
 
 
 def _name(axles: Iterable[int]) -> str:

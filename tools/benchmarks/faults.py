@@ -128,6 +128,11 @@ def a_role(wrong, key):
     return lambda rng: _roles(wrong, key, (int(rng.integers(1, 7)),))
 
 
+def misread(says, config):
+    """A drive without a fault that is read by a configuration that has one."""
+    return Fault("drive", as_given, says, config=config)
+
+
 KN = 'unit = "kN"'
 OPPOSITE = r"slip and force have opposite signs"
 REVERSED = r"rim runs at -1 times .*change sign of wheel_speed"
@@ -155,45 +160,23 @@ FAULTS = {
     "bus: force in kN": Fault("bus", times(FORCE, 1e-3), rf"{FORCE}={FORCE},unit=kN"),
     "bus: speed in km/h": Fault("bus", times("speed_mps", 3.6), r"speed_mps=speed_mps,unit=km/h"),
     "bus: force late": Fault("bus", late_column(FORCE, 2.0, 5.0), effect="effort_delay"),
-    "drive: wheel speeds reversed": Fault(
-        "drive",
-        as_given,
-        REVERSED,
-        config=roles("wheel_speed", "sign = -1"),
+    "drive: wheel speeds reversed": misread(REVERSED, roles("wheel_speed", "sign = -1")),
+    "drive: a wheel speed reversed": misread(REVERSED, a_role("wheel_speed", "sign = -1")),
+    "drive: efforts reversed": misread(OPPOSITE, roles("tractive_effort", "sign = -1")),
+    "drive: an effort reversed": misread(
+        rf"axle \d: {OPPOSITE}", a_role("tractive_effort", "sign = -1")
     ),
-    "drive: a wheel speed reversed": Fault(
-        "drive",
-        as_given,
-        REVERSED,
-        config=a_role("wheel_speed", "sign = -1"),
+    "drive: speed in km/h": misread(
+        r"rim runs at .*vehicle_speed: it may be in km/h", roles("vehicle_speed", "factor = 3.6")
     ),
-    "drive: efforts reversed": Fault(
-        "drive", as_given, OPPOSITE, config=roles("tractive_effort", "sign = -1")
+    "drive: wheel speeds in rpm": misread(
+        r"rim runs at .*wheel_speed: it may be in rad/s", roles("wheel_speed", 'unit = "rpm"')
     ),
-    "drive: an effort reversed": Fault(
-        "drive", as_given, rf"axle \d: {OPPOSITE}", config=a_role("tractive_effort", "sign = -1")
-    ),
-    "drive: speed in km/h": Fault(
-        "drive",
-        as_given,
-        r"rim runs at .*vehicle_speed: it may be in km/h",
-        config=roles("vehicle_speed", "factor = 3.6"),
-    ),
-    "drive: wheel speeds in rpm": Fault(
-        "drive",
-        as_given,
-        r"rim runs at .*wheel_speed: it may be in rad/s",
-        config=roles("wheel_speed", 'unit = "rpm"'),
-    ),
-    "drive: efforts in kN": Fault(
-        "drive", as_given, r"unit of the tractive effort", config=roles("tractive_effort", KN)
-    ),
-    "drive: loads in kN": Fault("drive", as_given, r"axle load", config=roles("axle_load", KN)),
-    "drive: diameters for radii": Fault(
-        "drive",
-        as_given,
+    "drive: efforts in kN": misread(r"unit of the tractive effort", roles("tractive_effort", KN)),
+    "drive: loads in kN": misread(r"axle load", roles("axle_load", KN)),
+    "drive: diameters for radii": misread(
         r"rim runs at .*wheel radius: it may be a diameter",
-        config=lambda _rng: "[vehicle]\nwheel_radius_m = 1.25\n",
+        lambda _rng: "[vehicle]\nwheel_radius_m = 1.25\n",
     ),
     "drive: wheel speeds late": Fault(
         "drive", late_signal("wheel_speed", 0.06, 0.3), effect="wheel_speed_delay"
