@@ -327,14 +327,16 @@ def test_a_slip_uses_the_share_that_is_asked_for(tools):
 
 def test_the_summary_counts_coverage_and_wide_claims(tools):
     runs = [
-        (0.01, 0.01, True, True, 0.0001),
-        (0.03, 0.01, True, False, 0.0001),
-        (-0.05, 0.05, True, False, 0.0004),
-        (0.0, np.inf, False, False, 0.0002),
+        (0.01, 0.01, True, True, 0.0001, 0.01, 0.01),
+        (0.03, 0.01, True, False, 0.0001, 0.03, 0.03),
+        (-0.05, 0.05, True, False, 0.0004, -0.05, 0.01),
+        (0.0, np.inf, False, False, 0.0002, 0.0, 0.02),
     ]
     found = tools.prepeak.summarise(runs, 0.03)
     assert found["coverage"] == 0.75
     assert found["low_excitation"] == 0.75
     assert found["known_but_wide"] == 1
+    assert found["exact_coverage"] == 0.75
+    assert found["exact_rmse"] == pytest.approx(found["rmse"])
     assert found["local_bound"] == pytest.approx(np.sqrt(0.0002))
     assert found["rmse"] == pytest.approx(np.sqrt((0.01**2 + 0.03**2 + 0.05**2) / 4))

@@ -242,30 +242,26 @@ def test_many_curves_are_the_posterior_of_the_dense_grid(name):
         told, true = summary(ours, weights), summary(exact, grid_weights)
         width = (true[4] - true[2]) / 3.29
         which = slice(2, 4) if name in HEAVY_TAILS else slice(0, 5)
-        # In ten other seeds up to 0.15, and 0.27 far below the peak.
-        near = 0.4 if name == "far below the peak" else 0.25
-        np.testing.assert_allclose(told[which], true[which], atol=near * width)
+        # In four other seeds up to 0.21, far below the peak.
+        np.testing.assert_allclose(told[which], true[which], atol=0.25 * width)
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_as_many_curves_as_in_service_come_near_the_posterior(name):
-    """The mean over twenty draws, since a single one has an error of 0.02 to 0.1 of its own.
-
-    Where the slips hold next to no information the draws are 0.1 off: bounds of five standard
-    errors.
-    """
+    """The mean over twenty draws, since a single one has an error of 0.02 to 0.09 of its own."""
     grid, grid_weights = grid_posterior(name)
     away = []
     for size in range(SIZE, SIZE + 20 * 8, 8):  # the number of curves is the seed of their draw
         curves, weights = drawn(name, size)
-        assert effective_size(weights) > size / 16
+        assert effective_size(weights) > size / 3
         for ours, exact in ((curves.mu_max, grid.mu_max), (curves.lambda_m, grid.lambda_m)):
             for value, share in zip(summary(ours, weights)[2:], (0.05, 0.5, 0.95), strict=True):
                 # Below it, and up to it: many curves may end at the largest slip of the model.
                 below, upto = (grid_weights[rows].sum() for rows in (exact < value, exact <= value))
                 away.append(max(below - share, 0.0) + min(upto - share, 0.0))
     away = np.array(away).reshape(20, 6)
-    assert np.abs(away.mean(axis=0)).max() < (0.2 if name == "far below the peak" else 0.1)
+    # In four other seeds up to 0.037.
+    assert np.abs(away.mean(axis=0)).max() < 0.06
 
 
 @pytest.mark.parametrize("n", [100, 10_000, 1_000_000])

@@ -1,4 +1,8 @@
-"""μ_max while the wheels have used only a part of it: error beside the least possible, coverage."""
+"""μ_max while the wheels have used only a part of it: error beside the least possible, coverage.
+
+The mean of the exact posterior has the least error of all estimators that know the prior and the
+noise, but not which share of μ_max was used.
+"""
 
 import sys
 from functools import partial
@@ -10,7 +14,9 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(1, str(ROOT))
 
 from _data import POOLED, feed, points  # noqa: E402  after the path
+from _exact_posterior import exact_posterior  # noqa: E402
 from _prepeak_bound import (  # noqa: E402
+    LARGEST_SLIP,
     components,
     draw_surface,
     local_variance,
@@ -35,7 +41,10 @@ BOUND_DRAWS = 100
 
 
 def estimate_once(options, task):
-    """Error and std of ln μ_max, whether it and the peak are identifiable, the local bound."""
+    """Error and std of ln μ_max, whether it and the peak are identifiable, the local bound.
+
+    Then error and std of the exact posterior's mean.
+    """
     used, run = task
     rng = np.random.default_rng([options["seed"], run])
     parts = components(PriorSettings())
@@ -46,13 +55,16 @@ def estimate_once(options, task):
     top = slip_at_use(theta, used)
     samples = points(rng, theta, options["noise_std"], options["samples"], slip_max=top)
     *_, last = feed(Tracker(), samples)
-    truth = np.exp(log_peak(phi))
+    truth, noise_std = log_peak(phi), options["noise_std"]
+    exact = exact_posterior(samples.slip, samples.adhesion, noise_std, parts, LARGEST_SLIP, truth)
     return (
-        np.log(max(last.mu_max, 1e-6) / truth),
+        np.log(max(last.mu_max, 1e-6)) - truth,
         last.mu_max_std / last.mu_max if last.mu_max > 0 else np.inf,
         last.identifiable.mu_max,
         last.identifiable.both,
-        local_variance(phi, scale, used, options["samples"], options["noise_std"]),
+        local_variance(phi, scale, used, options["samples"], noise_std),
+        exact.mean - truth,
+        exact.std,
     )
 
 
@@ -63,7 +75,9 @@ def summarise(found, largest_std):
         found: What `estimate_once` gave for each run.
         largest_std: Largest relative standard deviation that the settings allow.
     """
-    error, std, known, tracking, local = (np.array(column) for column in zip(*found, strict=True))
+    error, std, known, tracking, local, best, best_std = (
+        np.array(column) for column in zip(*found, strict=True)
+    )
     covered = np.abs(error) <= NINETY_FIVE * std
     return {
         "rmse": float(np.sqrt(np.mean(error**2))),
@@ -72,6 +86,8 @@ def summarise(found, largest_std):
         "local_bound": float(np.sqrt(np.mean(local))),
         "coverage": float(covered.mean()),
         "low_excitation": float(1.0 - np.mean(tracking.astype(bool))),
+        "exact_rmse": float(np.sqrt(np.mean(best**2))),
+        "exact_coverage": float(np.mean(np.abs(best) <= NINETY_FIVE * best_std)),
         "known_but_wide": int(np.sum(known.astype(bool) & (std > largest_std))),
     }
 
@@ -103,10 +119,14 @@ def measure(report, options):
         report.write(
             f"used {used:.0%}: RMSE {100 * own['rmse']:.2f}, bias {100 * own['bias']:+.2f}; bound "
             f"of van Trees {100 * least:.2f}, local {100 * local:.2f}; standard deviation of the "
-            f"posterior {100 * own['stated']:.2f}; LOW_EXCITATION {own['low_excitation']:.0%}"
+            f"posterior {100 * own['stated']:.2f}; LOW_EXCITATION {own['low_excitation']:.0%}; the "
+            f"exact posterior: RMSE {100 * own['exact_rmse']:.2f}, {own['exact_rmse'] / local:.2f} "
+            f"of the local bound, coverage {own['exact_coverage']:.1%}"
         )
         what = f"used {used:.0%}: RMSE over the local bound"
         report.at_most(what, own["rmse"] / local, LARGEST_RATIO, ".2f")
+        what = f"used {used:.0%}: RMSE over that of the exact posterior's mean"
+        report.at_most(what, own["rmse"] / own["exact_rmse"], LARGEST_RATIO, ".2f")
         low, high = COVERAGE
         report.check(
             f"used {used:.0%}: coverage of ±{NINETY_FIVE} std",

@@ -77,6 +77,11 @@ MAX_NOISE_SAMPLES = 20.0
 NOISE_KNOWN_US = 2_000_000
 """Time after the first sample of all from which the noise of the slips is known, µs: before that
 what the sensors do cannot be told from another surface."""
+NOT_REACHED = 0.57
+"""Error of μ_max beside the posterior's standard deviation while the peak is not reached, which
+makes that 1.15 times as large. The posterior takes the slips as chosen whatever the surface; but
+who drives below the peak stops where the surface is about to give way. At 50 to 95 % of μ_max the
+exact posterior's ±1.96 standard deviations hold 91 to 94 % (`tools/bench prepeak`)."""
 COMMON_ERROR_THRESHOLD = 0.006
 """(c2 σ)² of the slip's error by the vehicle speed, from which `common_shift` is worth it."""
 PRIVATE_ERROR_THRESHOLD = 0.001
@@ -274,9 +279,12 @@ class Tracker:
         mu_max, lambda_m, theta = self._median_curve(curves, shares)
         mu_lag, lambda_lag = self._memories.lag()
         load_std = mu_max * sqrt(self._load_var)
-        extra_std = hypot(load_std, mu_lag)
         mean, covariance = compute_moments(curves, weights)
         mu_var, lambda_var = covariance.diagonal()[3:].tolist()
+        reached = _reach(self._memories.histogram, self._limits.reach, self._limits.slip_max)
+        if reached < lambda_m:
+            mu_lag = hypot(mu_lag, NOT_REACHED * sqrt(mu_var))
+        extra_std = hypot(load_std, mu_lag)
         mu_std, lambda_std = hypot(sqrt(mu_var), mu_lag), hypot(sqrt(lambda_var), lambda_lag)
         covariance = covariance[:3, :3]
         identifiable = Identifiable(mu_max=False, lambda_m=False)
@@ -285,7 +293,9 @@ class Tracker:
             extra_std = lambda_lag = inf
         else:
             falls = float(mean[2]) > FALL_SIGNIFICANCE * sqrt(covariance[2, 2])
-            identifiable = self._identifiable(mu_std / mu_max, lambda_m, lambda_std, falls=falls)
+            identifiable = self._identifiable(
+                mu_std / mu_max, (lambda_m, lambda_std), reached, falls=falls
+            )
         return Estimate(
             c1=theta[0],
             c2=theta[1],
@@ -335,23 +345,23 @@ class Tracker:
         return curves, changed * weights
 
     def _identifiable(
-        self, mu_max_std: float, lambda_m: float, lambda_m_std: float, *, falls: bool
+        self, mu_max_std: float, lambda_m: tuple[float, float], reached: float, *, falls: bool
     ) -> Identifiable:
         """Whether data, not the prior, determine the peak: reached, with a significant fall beyond.
 
         Args:
             mu_max_std: Relative standard deviation of μ_max, 1.
-            lambda_m: Slip ratio λ_m of the peak.
-            lambda_m_std: Standard deviation of λ_m, 1.
+            lambda_m: Slip ratio λ_m of the peak and its standard deviation, 1.
+            reached: Slip ratio that the share `reach` of the samples exceeds.
             falls: Whether the fall beyond the peak is significant.
 
         """
         settings = self._limits
         if self._memories.dof < settings.samples:
             return Identifiable(mu_max=False, lambda_m=False)
-        reached = _reach(self._memories.histogram, settings.reach, settings.slip_max)
-        farthest = lambda_m + 2.0 * lambda_m_std
-        narrow = falls and lambda_m_std <= settings.lambda_m_std * lambda_m
+        slip, slip_std = lambda_m
+        farthest = slip + 2.0 * slip_std
+        narrow = falls and slip_std <= settings.lambda_m_std * slip
         return Identifiable(
             mu_max=mu_max_std <= settings.mu_max_std
             and reached >= settings.mu_max_reach * farthest,
