@@ -16,6 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import scipy
 from _real_data import real_data
 from _report import over_cores
 from _rows import positive, row_parser, run_rows
@@ -104,6 +105,51 @@ def x1_row(report, options):
 def x2_row(report, options):
     """A factor of our own, written into the forces."""
     row("x2", report, options)
+    six = [power_of_sweeps(options.seed, number) for number in range(options.runs)]
+    t, power = np.median(six, axis=0)[0], np.mean(six, axis=0)[1]
+    report.write(
+        f"bound: a regression of the straight sweeps' levels on load and x2, which knows that a "
+        f"level is 1 + {FACTOR} x2 and a power of the load, has t = {t:.1f} (median) and finds x2 "
+        f"in {100 * power:.0f} % at a level of 5 %"
+    )
+
+
+def power_of_sweeps(seed, number):
+    """Noncentral t of x2 in a regression of the straight sweeps' levels, and its power at 5 %."""
+    rig, sweeps = read_rig()
+    columns = table(rig, sweeps, np.random.default_rng([seed, number]), "x2")
+    sweep = np.concatenate([[0], np.cumsum(np.diff(columns["time_s"]) > GAP_S)])
+    forces = columns["longitudinal_force_N"] / (1.0 + FACTOR * columns["x2"])
+    load = columns["normal_load_N"]
+    levels = sweep_levels(columns["slip"], forces / load, load, sweep)
+    x2, log_load = (
+        np.bincount(sweep, values) / np.bincount(sweep) for values in (columns["x2"], np.log(load))
+    )
+    known = np.column_stack([np.ones_like(log_load), log_load])
+    free = x2 - known @ np.linalg.lstsq(known, x2, rcond=None)[0]
+    scatter = levels - known @ np.linalg.lstsq(known, levels, rcond=None)[0]
+    freedom = len(levels) - 3
+    std = np.sqrt(scatter @ scatter / (freedom + 1))
+    t = FACTOR * np.sqrt(free @ free) / std
+    limit = scipy.stats.t.ppf(0.975, freedom)
+    distribution = scipy.stats.nct(freedom, t)
+    return t, distribution.sf(limit) + distribution.cdf(-limit)
+
+
+def sweep_levels(slip, adhesion, load, sweep):
+    """Logarithm of each sweep's adhesion over that of one curve with powers of the load."""
+    size, log_load = np.abs(slip), np.log(load / load.mean())
+    number = sweep.max() + 1
+
+    def curve(values):
+        c1, c2, c3, by_load, rise_by_load = values[:5]
+        rise = -np.expm1(-c2 * np.exp(rise_by_load * log_load) * size)
+        factor = np.exp(by_load * log_load + np.append(values[5:], 0.0)[sweep])
+        return np.sign(slip) * (c1 * rise - c3 * size) * factor
+
+    start = [1.2, 25.0, 1.0, 0.0, 0.0] + [0.0] * (number - 1)
+    found = scipy.optimize.least_squares(lambda v: curve(v) - adhesion, start).x
+    return np.append(found[5:], 0.0)
 
 
 ROWS = {"x1": x1_row, "x2": x2_row}

@@ -1,7 +1,7 @@
 """Samples of a surface in bins of slip and speed: sums that are additive over time.
 
-Any curve family can be fitted to the bins at any time, without the samples. Within a bin the curve
-is nearly straight, so that the mean adhesion belongs to the mean slip.
+Any curve family can be fitted to the bins at any time, without the samples. A steep curve bends
+within a bin: the slips' scatter there is kept, too.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ SPEED_STEP = 3.0
 SPEEDS = 40
 """Number of speed bins; the last one holds all that is faster."""
 SLIPS = len(SLIP_EDGES) + 1
-COUNT, SLIP, ADHESION, SPEED, LOAD, SLIP_VAR, ADHESION_VAR = range(7)
+COUNT, SLIP, ADHESION, SPEED, LOAD, SLIP_VAR, ADHESION_VAR, SLIP_SQUARE = range(8)
 """Rows of the sums."""
 
 
@@ -32,8 +32,8 @@ class BinnedSamples:
 
     Attributes:
         place: Numbers of the bins that hold samples, ascending, shape (n,).
-        sums: Number of samples, then the sums of slip, adhesion, speed, load, variance of the slip
-            and variance of the adhesion at a known slip; shape (7, n).
+        sums: Number of samples, then the sums of slip, adhesion, speed, load, variance of the slip,
+            variance of the adhesion at a known slip, and square of the slip; shape (8, n).
 
     """
 
@@ -61,12 +61,13 @@ class BinnedSamples:
             samples.load,
             samples.slip_total_var,
             noise_std * noise_std + samples.transient_var,
+            size * size,
         )
         sums = [np.bincount(member, column, len(place)) for column in columns]
         return cls(place, np.asarray(sums, dtype=np.float64).reshape(len(columns), -1))
 
 
-EMPTY = BinnedSamples(np.empty(0, dtype=np.int64), np.empty((ADHESION_VAR + 1, 0)))
+EMPTY = BinnedSamples(np.empty(0, dtype=np.int64), np.empty((SLIP_SQUARE + 1, 0)))
 """No samples."""
 
 

@@ -5,7 +5,8 @@ more of them come from where more samples are. By Tweedie's formula the mean tru
 one is s + p (ln q)'(s), with the variance p of the error and the density q of the measured slips
 (Efron, Journal of the American Statistical Association 106 (2011)); to put it in place of the
 measured slip is regression calibration (Carroll et al., Measurement Error in Nonlinear Models,
-2006). What is left scatters about it with the variance p, over which the curve is averaged.
+2006). What is left scatters about it with the variance p, and the slips of a bin about their mean:
+over both the curve is averaged.
 """
 
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from adhesion_can.estimation.families.binned_samples import (
     LOAD,
     SLIP,
     SLIP_EDGES,
+    SLIP_SQUARE,
     SLIP_VAR,
     SLIPS,
     SPEED,
@@ -66,19 +68,21 @@ def build_points(binned: BinnedSamples, theta: CurveParameters) -> CurvePoints:
 
     """
     count = binned.sums[COUNT]
-    slip, adhesion, speed, load, var, own = (
-        binned.sums[row] / count for row in (SLIP, ADHESION, SPEED, LOAD, SLIP_VAR, ADHESION_VAR)
+    rows_of_means = (SLIP, ADHESION, SPEED, LOAD, SLIP_VAR, ADHESION_VAR, SLIP_SQUARE)
+    slip, adhesion, speed, load, var, own, square = (
+        binned.sums[row] / count for row in rows_of_means
     )
     true_slip = slip + var * _density_slope(binned, slip)
-    std = np.sqrt(var)
+    # About their mean the true slips scatter by the bin's width, and by the errors of the measured.
+    scatter = np.sqrt(np.maximum(square - slip * slip, 0.0) + var)
     c1, c2, c3 = theta
     slope = c1 * c2 * np.exp(-c2 * slip) - c3
-    good = (slip > LEAST_SLIPS * std) & (count >= FEWEST) & (true_slip > 0.3 * slip)
+    good = (slip > LEAST_SLIPS * np.sqrt(var)) & (count >= FEWEST) & (true_slip > 0.3 * slip)
     rows = np.flatnonzero(good).astype(np.int64)
     return CurvePoints(
         rows,
         true_slip[rows],
-        np.minimum(std, 0.9 * true_slip)[rows],
+        np.minimum(scatter, 0.9 * true_slip)[rows],
         adhesion[rows],
         (count / (own + slope * slope * var))[rows],
         Conditions(speed[rows], load[rows]),
