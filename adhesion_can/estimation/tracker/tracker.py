@@ -77,9 +77,9 @@ MAX_NOISE_SAMPLES = 20.0
 NOISE_KNOWN_US = 2_000_000
 """Time after the first sample of all from which the noise of the slips is known, µs: before that
 what the sensors do cannot be told from another surface."""
-NOT_REACHED = 0.57
+NOT_REACHED = 0.46
 """Error of μ_max beside the posterior's standard deviation while the peak is not reached, which
-makes that 1.15 times as large. The posterior takes the slips as chosen whatever the surface; but
+makes that 1.1 times as large. The posterior takes the slips as chosen whatever the surface; but
 who drives below the peak stops where the surface is about to give way. At 50 to 95 % of μ_max the
 exact posterior's ±1.96 standard deviations hold 91 to 94 % (`tools/bench prepeak`)."""
 COMMON_ERROR_THRESHOLD = 0.006
