@@ -48,7 +48,7 @@ def add_columns(parser: argparse.ArgumentParser) -> None:
         "--column",
         action="append",
         default=[],
-        metavar="NAME=COLUMN[,unit=U][,sign=-1]",
+        metavar="NAME=COLUMN[,unit=U][,sign=-1][,late_s=T]",
         help="what a column of a TABLE is, as slip=kappa,unit=percent; several times",
     )
 

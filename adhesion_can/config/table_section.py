@@ -15,12 +15,14 @@ class _ColumnTable:
         column: Heading of the column, without its unit.
         unit: Unit of its values; '?' for the unit that the file states, or else the known one.
         sign: 1, or -1 where the column counts the other way.
+        late_s: Time by which the column is late, s; negative where it is early.
 
     """
 
     column: str
     unit: str = "?"
     sign: int = 1
+    late_s: float = 0.0
 
 
 def load_columns(value: object, where: str) -> tuple[ColumnChoice, ...]:
@@ -28,7 +30,7 @@ def load_columns(value: object, where: str) -> tuple[ColumnChoice, ...]:
 
     Args:
         value: TOML table: a known name and the heading that stands for it, or a table of heading,
-            unit and sign.
+            unit, sign and delay.
         where: File, for errors.
 
     Raises:
@@ -44,7 +46,7 @@ def load_columns(value: object, where: str) -> tuple[ColumnChoice, ...]:
         row: _ColumnTable = section(_ColumnTable, inner, place)
         try:
             unit = None if row.unit == "?" else row.unit
-            choices.append(ColumnChoice(name, row.column, unit, row.sign))
+            choices.append(ColumnChoice(name, row.column, unit, row.sign, row.late_s))
         except ValueError as error:
             raise ConfigError(place, str(error), "mend the value") from error
     return tuple(choices)

@@ -60,11 +60,13 @@ def inspect_delay(t_us: NDArray[np.int64], slip: Array, adhesion: Array) -> Iter
     if 1.0 - fits[best] ** 2 > MOST_LEFT * (1.0 - max(fits[0], 0.0) ** 2):
         return
     late, early = ("force", "slip") if best > 0 else ("slip", "force")
+    by = abs(best) * step_us / 1e6
     yield Finding(
-        f"the {late} comes {abs(best) * step_us / 1e6:.3g} s after the {early}: their correlation "
-        f"is {fits[best]:.2f} so, and {fits[0]:.2f} as the rows stand",
-        "shift one of them in time",
-        fatal=abs(best) * step_us / 1e6 > LONGEST_S,
+        f"the {late} comes {by:.3g} s after the {early}: their correlation is {fits[best]:.2f} so, "
+        f"and {fits[0]:.2f} as the rows stand",
+        f"put the one that is late back in time; in a table --column NAME=COLUMN,late_s={by:.3g} "
+        f"of the {late}, or late_s=-{by:.3g} of the {early}",
+        fatal=by > LONGEST_S,
     )
 
 

@@ -128,6 +128,8 @@ def test_a_chosen_column_that_is_not_there_lists_those_that_are(tmp_path):
         ("slip=kappa,percent", "unknown key"),
         ("slip=kappa,unit=knots", "unit 'knots'"),
         ("slip=kappa,sign=2", "sign '2'"),
+        ("slip=kappa,late_s=soon", "late_s 'soon'"),
+        ("slip=kappa,late_s=inf", "late_s inf"),
         ("x=y,unit=V", "none is known"),
     ],
 )
@@ -139,10 +141,11 @@ def test_what_is_no_choice_is_an_error(text, says):
 def test_the_configuration_file_names_columns(tmp_path):
     path = tmp_path / "rig.toml"
     path.write_text(
-        '[table]\nslip = { column = "kappa", unit = "%", sign = -1 }\nadhesion = "mu"\n'
+        '[table]\nslip = { column = "kappa", unit = "%", sign = -1, late_s = 0.1 }\n'
+        'adhesion = "mu"\n'
     )
     columns = load_configuration(path).columns
-    assert columns == (ColumnChoice("slip", "kappa", "%", -1), ColumnChoice("adhesion", "mu"))
+    assert columns == (ColumnChoice("slip", "kappa", "%", -1, 0.1), ColumnChoice("adhesion", "mu"))
     for text, says in (
         ('slip = { unit = "%" }', "names no column"),
         ('slip = { column = "k", unit = "knots" }', "unit 'knots'"),

@@ -1,7 +1,8 @@
-"""Which column of a table is what: names, units and signs that a user states."""
+"""Which column of a table is what: names, units, signs and delays that a user states."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 
 import numpy as np
 
@@ -36,6 +37,7 @@ class ColumnChoice:
         column: Heading of the column in the file, without its unit.
         unit: Unit of the values in the file; None: as the file states it, else that of `name`.
         sign: 1, or −1 where the column counts the other way.
+        late_s: Time by which the column is late, s; negative where it is early.
 
     """
 
@@ -43,10 +45,13 @@ class ColumnChoice:
     column: str
     unit: str | None = None
     sign: int = 1
+    late_s: float = 0.0
 
     def __post_init__(self) -> None:
         if self.sign not in (-1, 1):
             raise ValueError(f"sign {self.sign}: write 1 or -1")
+        if not isfinite(self.late_s):
+            raise ValueError(f"late_s {self.late_s}: write a number of seconds")
         units = COLUMN_UNITS.get(self.name)
         if self.unit is not None and (units is None or self.unit not in units):
             known = "none is known" if units is None else f"known: {_listed(units)}"
@@ -60,7 +65,7 @@ def parse_choice(text: str) -> ColumnChoice:
         InputError: The text is no such choice.
 
     """
-    where, mend = f"--column {text}", "write NAME=COLUMN[,unit=UNIT][,sign=-1]"
+    where, mend = f"--column {text}", "write NAME=COLUMN[,unit=UNIT][,sign=-1][,late_s=SECONDS]"
     first, *others = text.split(",")
     name, equals, column = (part.strip() for part in first.partition("="))
     if not (equals and name and column):
@@ -68,13 +73,18 @@ def parse_choice(text: str) -> ColumnChoice:
     given: dict[str, str] = {}
     for other in others:
         key, _, value = (part.strip() for part in other.partition("="))
-        if key not in {"unit", "sign"}:
+        if key not in {"unit", "sign", "late_s"}:
             raise InputError(where, f"unknown key {key!r}", mend)
         given[key] = value
     if given.get("sign", "1") not in {"1", "+1", "-1"}:
         raise InputError(where, f"sign {given['sign']!r}", "write sign=1 or sign=-1")
     try:
-        return ColumnChoice(name, column, given.get("unit"), int(given.get("sign", "1")))
+        late_s = float(given.get("late_s", "0"))
+    except ValueError:
+        raise InputError(where, f"late_s {given['late_s']!r} is no number", mend) from None
+    try:
+        sign = int(given.get("sign", "1"))
+        return ColumnChoice(name, column, given.get("unit"), sign, late_s)
     except ValueError as error:
         raise InputError(where, str(error), mend) from error
 

@@ -21,6 +21,7 @@ from adhesion_can.recordings.tables.columns import Column, Columns
 from adhesion_can.recordings.tables.csv_file import read_csv, read_heading
 from adhesion_can.recordings.tables.mat_file import read_mat
 from adhesion_can.recordings.tables.parquet_file import read_parquet
+from adhesion_can.recordings.tables.shift import shift_columns
 
 FORCE, LOAD = "longitudinal_force_N", "normal_load_N"
 TIME_LIMIT_S = 9e9
@@ -95,7 +96,7 @@ def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
 
     Args:
         path: Path of the file.
-        choices: Columns that stand for known ones, with their units and signs.
+        choices: Columns that stand for known ones, with their units, signs and delays.
 
     Raises:
         TableError: The file cannot be read, or lacks a required column.
@@ -103,6 +104,7 @@ def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
     """
     reader = {".parquet": read_parquet, ".mat": read_mat}.get(_suffix(path), read_csv)
     columns = apply_choices(reader(path), choices, str(path))
+    columns = shift_columns(columns, choices, str(path))
     _require_columns(columns.values, str(path))
     numbers = {name: c for name, c in columns.values.items() if not isinstance(c, tuple)}
     texts = {name: c for name, c in columns.values.items() if isinstance(c, tuple)}
