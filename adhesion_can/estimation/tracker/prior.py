@@ -58,8 +58,6 @@ class Prior:
         self._precision = self._inverse**2
         self._pull = self._precision * self._centre
         self._square = (self._pull * self._centre).sum(axis=1)
-        self.shape_summary = (log(settings.wide_theta[2]), 0.7 * settings.wide_std[2])
-        """Centre and scale of a logistic density that covers ln s."""
 
     def log_density(self, phi: Array) -> Array:
         """Log density at points (ln c1, ln c2, ln s), shape (n,) from (n, 3)."""
