@@ -77,11 +77,11 @@ MAX_NOISE_SAMPLES = 20.0
 NOISE_KNOWN_US = 2_000_000
 """Time after the first sample of all from which the noise of the slips is known, µs: before that
 what the sensors do cannot be told from another surface."""
-NOT_REACHED = 0.46
+NOT_REACHED = 0.32
 """Error of μ_max beside the posterior's standard deviation while the peak is not reached, which
-makes that 1.1 times as large. The posterior takes the slips as chosen whatever the surface; but
-who drives below the peak stops where the surface is about to give way. At 50 to 95 % of μ_max the
-exact posterior's ±1.96 standard deviations hold 91 to 94 % (`tools/bench prepeak`)."""
+makes that 1.05 times as large. The posterior takes the slips as chosen whatever the surface; but
+who drives below the peak stops where the surface is about to give way. At 90 and 95 % of μ_max the
+exact posterior's ±1.96 standard deviations hold 90.5 to 93.5 % (`tools/bench prepeak`)."""
 COMMON_ERROR_THRESHOLD = 0.006
 """(c2 σ)² of the slip's error by the vehicle speed, from which `common_shift` is worth it."""
 PRIVATE_ERROR_THRESHOLD = 0.001
