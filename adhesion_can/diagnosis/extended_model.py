@@ -49,7 +49,7 @@ def build_spline(residual_channel: ResidualChannel) -> Empirical | None:
     if not name or channel.period:
         return None
     knots = tuple(map(float, channel.knots))
-    coefficients = residual_channel.coefficients[-residual_channel.basis.shape[1] :]
+    coefficients = residual_channel.spline_coefficients
     if channel.levels is not None or len(coefficients) != len(knots) - 4:
         return None
     spline = Empirical(name, "factor", knots, tuple(map(float, coefficients)))

@@ -30,6 +30,8 @@ CELLS_PER_M = 4
 """Rows within a quarter of a metre see the same phase of every tested wave."""
 FLIPS = 999
 """Number of random sign patterns for waves."""
+SLIP = "slip"
+"""Name of the channel that the curves are functions of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,17 @@ class ResidualChannel:
     def spline_change(self) -> Array:
         """Change of the predicted adhesion by the spline alone, shape (n,)."""
         return np.asarray(self.basis @ self.coefficients[self.jacobian.shape[1] :])
+
+    @property
+    def spline_coefficients(self) -> Array:
+        """Coefficients of `basis` beside the curves of the model, shape (columns,).
+
+        Curve and spline are both functions of the slip. Fitted together they may be far from what
+        is measured, and only their product near it: there the spline has the whole change.
+        """
+        if self.channel.name != SLIP:
+            return self.coefficients[-self.basis.shape[1] :]
+        return np.asarray(np.linalg.lstsq(self.basis, self.prediction_change, rcond=None)[0])
 
 
 def find_residual_channels(
