@@ -19,6 +19,7 @@ from adhesion_can.diagnosis.extended_model import (
 from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import ConfirmedFindings
 from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.one_speed import find_rivals_at_one_speed, is_at_one_speed
 from adhesion_can.diagnosis.peak_spread import compare_peaks, fit_other_forms
 from adhesion_can.diagnosis.plot_data import (
     build_curve_data,
@@ -283,9 +284,18 @@ def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> C
         effect.literature,
         values,
         found.p_value(candidate),
-        found.selection.rivals(candidate),
+        _find_rivals(found, candidate, values[0].value),
         found.selection.formulas.get(effect.id, ()),
     )
+
+
+def _find_rivals(found: Findings, candidate: Candidate, size: float) -> tuple[str, ...]:
+    """Ids of the effects that the data cannot distinguish from a named one."""
+    rivals = set(found.selection.rivals(candidate))
+    if is_at_one_speed(found.prepared.regression.data.drives):
+        known = found.selection.best.ids
+        rivals |= find_rivals_at_one_speed(candidate, size, found.prepared.candidates) - known
+    return tuple(sorted(rivals))
 
 
 def _parameter_value(parameter: Parameter, value: float, std: float) -> ParameterValue:

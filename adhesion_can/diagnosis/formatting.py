@@ -25,6 +25,13 @@ def title(effect: str) -> str:
     return next((known.title for known in forms_of_effect(effect)), effect)
 
 
+def rival_title(effect: str) -> str:
+    """Title of an effect whose sign is not known, a clause: a signal comes late or early."""
+    known = next(iter(forms_of_effect(effect)), None)
+    below = "" if known is None else known.observability.below.partition(":")[0]
+    return f"{title(effect)}, or {below}" if below else title(effect)
+
+
 def unit_text(unit: str) -> str:
     """A unit as it stands behind a number; empty for a pure number."""
     return (

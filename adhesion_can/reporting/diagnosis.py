@@ -11,9 +11,9 @@ from adhesion_can.diagnosis.formatting import (
     fixed,
     p_equation,
     p_text,
+    rival_title,
     short,
     sizes,
-    title,
     unit_text,
     value_text,
 )
@@ -106,7 +106,7 @@ def _rivals(cause: Cause) -> str:
         return f"Formulas that fit as well: {'; '.join(cause.other_formulas)}."
     if not cause.rivals:
         return ""
-    rivals = " or ".join(f"{rival} ({title(rival)})" for rival in cause.rivals)
+    rivals = " or ".join(f"{rival} ({rival_title(rival)})" for rival in cause.rivals)
     return f"These data cannot distinguish it from {rivals}."
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from adhesion_can.diagnosis.formatting import effect_name, measured, short, title
+from adhesion_can.diagnosis.formatting import effect_name, measured, rival_title, short
 from adhesion_can.diagnosis.result import Diagnosis, FamilyResult, SegmentResult
 from adhesion_can.estimation.extended.model import BaseCurve, ExtendedModel
 from adhesion_can.physics.channels import channel_label
@@ -209,7 +209,7 @@ def _needed(found: Diagnosis) -> Parts:
         return [Text(needed or "There are no rivals: nothing needs to be separated.")]
     return [
         Text("Effects that these data cannot distinguish from the named one:"),
-        Items([f"{rival}: {title(rival)}" for rival in rivals]),
+        Items([f"{rival}: {rival_title(rival)}" for rival in rivals]),
         Text(needed or "No manoeuvre or signal is known that would separate them."),
     ]
 

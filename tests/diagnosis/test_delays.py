@@ -109,3 +109,74 @@ def test_only_differences_between_the_delays_count():
     assert (all_late.speed_lag, all_late.effort_lag) == (0.0, 0.0)
     wheel = Instruments(wheel_speed_delay=0.1)
     assert (wheel.speed_lag, wheel.effort_lag) == (-0.1, -0.1)
+
+
+def rig(path, seed, speeds, by=0.0, length=0.0, period_s=6.0):
+    """Table of a rig whose force is late, or follows over a length, at one speed after another."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(4000) * STEP_S
+    speed = np.repeat(speeds, len(t) // len(speeds))
+    slip = 0.06 * np.sin(2.0 * np.pi * t / period_s) * (0.7 + 0.3 * np.sin(t / 3.0))
+    followed = slip.copy()
+    for row in range(1, len(t)) if length else ():
+        share = 1.0 - np.exp(-speed[row] * STEP_S / length)
+        between = 0.5 * (slip[row - 1] + slip[row])
+        followed[row] = followed[row - 1] + share * (between - followed[row - 1])
+    force = np.interp(t - by, t, burckhardt(followed)) + 0.01 * rng.standard_normal(len(t))
+    columns = {
+        "time_s": t,
+        "slip": slip + 0.0005 * rng.standard_normal(len(t)),
+        "adhesion": force,
+        "speed_mps": speed,
+    }
+    return write_table(path, columns)
+
+
+LAGS = {"creep_relaxation", "effort_delay", "wheel_speed_delay"}
+
+
+def lag_of(path):
+    """The lag or delay that is named, with its size and its rivals."""
+    (cause,) = (one for one in diagnose_files(path).causes if one.effect in LAGS)
+    return cause.effect, cause.parameters[0].value, set(cause.rivals)
+
+
+@pytest.mark.parametrize("lag", [{"by": 0.1}, {"length": 1.0}])
+def test_at_one_speed_a_delay_and_a_relaxation_are_rivals(tmp_path, lag):
+    for seed in range(2):
+        named, _, rivals = lag_of(rig(tmp_path / "t.csv", seed, [10.0], **lag))
+        assert {named} | rivals == LAGS
+
+
+def test_a_force_that_is_early_is_no_relaxation(tmp_path):
+    for seed in range(2):
+        named, size, rivals = lag_of(rig(tmp_path / "t.csv", seed, [10.0], by=-0.1))
+        assert {named} | rivals == LAGS - {"creep_relaxation"}
+        assert abs(size) == pytest.approx(0.1, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("expected", "lag"),
+    [
+        ("effort_delay", {"by": 0.1}),
+        ("effort_delay", {"by": -0.1}),
+        ("creep_relaxation", {"length": 1.0}),
+    ],
+)
+def test_several_speeds_separate_a_delay_and_a_relaxation(tmp_path, expected, lag):
+    for seed in range(2):
+        path = rig(tmp_path / "t.csv", seed, [5.0, 10.0, 20.0, 8.0], **lag)
+        named, size, rivals = lag_of(path)
+        assert named == expected
+        assert size == pytest.approx(*lag.values(), rel=0.1)
+        assert not {"creep_relaxation", "effort_delay"} <= {named} | rivals
+
+
+@pytest.mark.parametrize("speeds", [[10.0], [5.0, 10.0, 20.0, 8.0]])
+def test_an_early_force_in_quick_sweeps_is_no_average_of_noise(tmp_path, speeds):
+    """A relaxation that runs backwards in time, of any length, would explain it too."""
+    for seed in (1, 2):
+        path = rig(tmp_path / "t.csv", seed, speeds, by=-0.1, period_s=1.7)
+        named, size, _ = lag_of(path)
+        assert named in {"effort_delay", "wheel_speed_delay"}
+        assert abs(size) == pytest.approx(0.1, rel=0.05)

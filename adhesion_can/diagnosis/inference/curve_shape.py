@@ -23,6 +23,7 @@ from adhesion_can.diagnosis.inference.model_comparison import (
     is_worse,
     score_model,
 )
+from adhesion_can.diagnosis.inference.one_speed import is_at_one_speed
 from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS
 from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
 from adhesion_can.diagnosis.regression.model import Model
@@ -48,9 +49,6 @@ on the weights of the latter, for the family to be tried in their place."""
 FIRST_ITERATIONS = 30
 MOST_LEFT = 0.25
 """Largest share that a family leaves of what a slip spline explains on Burckhardt's curve."""
-SPEED_RANGE = 0.2
-"""Range of the speeds (5 to 95 % of the rows), as a share of their median, below which a fall with
-creep speed cannot be separated from one with slip."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,10 +254,7 @@ def _find_rivals(shaped: "Findings", burckhardt: ScoredModel, best: ScoredModel)
     rivals: set[str] = set()
     if burckhardt.candidates and not is_worse(best, burckhardt):
         rivals |= burckhardt.ids - best.ids
-    speed = np.concatenate(
-        [drive.observe().speed for drive in shaped.prepared.regression.data.drives]
-    )
-    low, middle, high = np.quantile(speed, [0.05, 0.5, 0.95])
-    if high - low < SPEED_RANGE * middle and FALLING_FRICTION not in best.ids:
+    drives = shaped.prepared.regression.data.drives
+    if FALLING_FRICTION not in best.ids and is_at_one_speed(drives):
         rivals.add(FALLING_FRICTION)
     return tuple(sorted(rivals))

@@ -115,16 +115,14 @@ def averages_noise(
     smaller, backward = model, model
     for lag in lags:
         smaller, _, values = remove_effect(smaller, smaller.candidates.index(lag))
-        place = backward.candidates.index(lag)
+        # Of the same size: a lag whose size is free could run ahead as far as a signal is early.
+        backward, _, _ = remove_effect(backward, backward.candidates.index(lag))
         if acts_in_contact(lag.effect):
-            turned = replace(lag, effect=Reversed(lag.effect))
-            candidates = (*backward.candidates[:place], turned, *backward.candidates[place + 1 :])
-            backward = replace(backward, candidates=candidates)
+            turned = replace(lag, effect=Reversed(lag.effect)).active(values)
         else:
             # Between two readings a signal is the mean of both, whichever way it is moved.
-            backward, _, _ = remove_effect(backward, place)
-            mirrored = lag.active(tuple(-value for value in values))
-            backward = replace(backward, fixed=(*backward.fixed, mirrored))
+            turned = lag.active(tuple(-value for value in values))
+        backward = replace(backward, fixed=(*backward.fixed, turned))
     # From where the model stood: a fit of its own may have been given up early.
     without = score_model(regression, fit_model(regression, smaller))
     squares = (

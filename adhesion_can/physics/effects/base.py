@@ -52,11 +52,14 @@ class Separation:
     Attributes:
         rival: Id of the other effect.
         manoeuvre: Drive in which the two differ, a noun phrase.
+        one_speed_signs: Signs of the effect's size, -1 and 1, with which the two are alike at a
+            steady speed.
 
     """
 
     rival: str
     manoeuvre: str
+    one_speed_signs: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

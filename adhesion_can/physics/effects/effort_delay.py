@@ -28,6 +28,7 @@ class EffortDelay:
                 "creep_relaxation",
                 "the same creep sweep at a third and at three times the speed: a delay stays "
                 "the same in seconds, a relaxation length in metres",
+                one_speed_signs=(1,),
             ),
         ),
     )

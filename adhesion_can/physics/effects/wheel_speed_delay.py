@@ -28,6 +28,13 @@ class WheelSpeedDelay:
                 "effort_delay",
                 "quick changes of the vehicle speed at a steady effort, as over a crest: only the "
                 "wheel speeds' delay shows there",
+                one_speed_signs=(-1, 1),
+            ),
+            Separation(
+                "creep_relaxation",
+                "the same creep sweep at a third and at three times the speed: a delay stays "
+                "the same in seconds, a relaxation length in metres",
+                one_speed_signs=(-1,),
             ),
         ),
     )
