@@ -67,3 +67,28 @@ def test_backwards_in_time_is_the_mirror_image():
     forward = effect.change(mirrored, (0.5,), LagStates()).slip
     np.testing.assert_array_equal(back, forward[::-1])
     assert not np.allclose(back, effect.change(contact, (0.5,), LagStates()).slip)
+
+
+def delayed(path, seed, noise):
+    """Table whose adhesion is 0.6 cycles late: a sender may hold it for half a cycle unknown."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(3000) * STEP_S
+    slip = 0.04 * np.sin(2 * np.pi * t / 2.1) * (1 + 0.5 * np.sin(t / 3.0))
+    late = burckhardt(np.interp(t - 0.6 * STEP_S, t, slip))
+    columns = {
+        "time_s": t,
+        "slip": slip,
+        "adhesion": late + noise * rng.standard_normal(len(t)),
+        "speed_mps": 12.0 + 4.0 * np.sin(t / 5.0),
+    }
+    return write_table(path, columns)
+
+
+def test_a_delay_has_to_be_longer_than_half_a_cycle_for_certain(tmp_path):
+    delays = {"effort_delay", "wheel_speed_delay", "speed_delay"}
+    for seed in range(4):
+        clear = diagnose(delayed(tmp_path / "t.csv", seed, 0.005))
+        assert [cause.effect for cause in clear.causes] == ["effort_delay"]
+        noisy = diagnose(delayed(tmp_path / "t.csv", seed, 0.04))
+        named = [cause.parameters[0] for cause in noisy.causes if cause.effect in delays]
+        assert all(one.value - 1.96 * one.std >= 0.5 * STEP_S for one in named)

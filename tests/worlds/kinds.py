@@ -19,7 +19,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "speed_dependence": (0.0, 3.0),
     "load_dependence": (0.0, 1.1e-11),
     "falling_friction": (0.0, 2.0),
-    "wheelset_inertia": (-200.0, 5000.0),
+    "wheelset_inertia": (-200.0, 3000.0),  # of 25 t on 1.25 m, J / r² below a third of the mass
     "wheel_radius": (-0.05, 0.05),
     "speed_scale": (-0.05, 0.05),
     "speed_delay": (0.0, 1.0),

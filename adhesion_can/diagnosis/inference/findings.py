@@ -11,7 +11,11 @@ from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFind
 from adhesion_can.diagnosis.inference.detect_effects import Detection
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.model_comparison import SECOND_LEAST_GAIN, ScoredModel
-from adhesion_can.diagnosis.inference.noise_averaging import averages_noise, without_short_delays
+from adhesion_can.diagnosis.inference.noise_averaging import (
+    INTERVAL,
+    averages_noise,
+    without_short_delays,
+)
 from adhesion_can.diagnosis.inference.select_effects import ModelSelection
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.regression.candidate import Candidate
@@ -30,8 +34,6 @@ LEAST_EXPLAINED = 0.5
 BESIDE_SHAPE = 0.05
 """Share by which an effect beside a shape must lower the cross-validated whitened square: the
 family's own error of form must not get a name, nor a lag that averages noise of the slip."""
-INTERVAL = 1.96
-"""Half the width of a 95 % interval, in standard deviations."""
 MOST_BENT = 0.25
 """Share of what a channel explains by a linear factor that a spline in it may explain besides."""
 OSCILLATION_SIZE = 0.3

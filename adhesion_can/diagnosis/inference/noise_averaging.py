@@ -29,6 +29,8 @@ from adhesion_can.physics.effects.base import Observability, Requirements
 
 LEAST_DELAY = 0.5
 """Least delay of a signal that is named, in cycles of the slowest one."""
+INTERVAL = 1.96
+"""Half the width of a 95 % interval, in standard deviations."""
 BACKWARD = 0.3
 """Share of a lag's gain from which the same lag backwards in time makes it an average of noise."""
 
@@ -137,7 +139,7 @@ def averages_noise(
 def without_short_delays(
     regression: WhitenedRegression, best: ScoredModel, lags: Sequence[Candidate]
 ) -> ScoredModel | None:
-    """The model without delays shorter than the signals tell; None where there is none.
+    """The model without delays that may be shorter than the signals tell; None: there is none.
 
     Args:
         regression: Data with weights, filter and blocks.
@@ -145,12 +147,15 @@ def without_short_delays(
         lags: Lags and delays among its effects.
 
     """
-    model = best.fitted.model
+    fitted = best.fitted.model
+    std = np.sqrt(best.fitted.covariance.diagonal())
     least = LEAST_DELAY * max(drive.kinematics.cycle_s for drive in regression.data.drives)
+    kept = fitted
     for lag in lags:
-        place = model.candidates.index(lag)
-        if not acts_in_contact(lag.effect) and abs(model.values[place][0]) < least:
-            model, _, _ = remove_effect(model, place)
-    if model is best.fitted.model:
+        place = fitted.candidates.index(lag)
+        sure = abs(fitted.values[place][0]) - INTERVAL * std[fitted.first_parameter(place)]
+        if not acts_in_contact(lag.effect) and sure < least:
+            kept, _, _ = remove_effect(kept, kept.candidates.index(lag))
+    if kept is fitted:
         return None
-    return score_model(regression, fit_model(regression, model))
+    return score_model(regression, fit_model(regression, kept))
