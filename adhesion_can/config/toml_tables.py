@@ -15,6 +15,9 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hint
 
 from adhesion_can.errors import ConfigError
 
+LARGEST_FILE = 4 << 20
+"""Size of a file that is read, bytes; a configuration of 64 axles has 50 KiB."""
+
 
 class TomlFile(NamedTuple):
     """Content of a TOML file.
@@ -37,8 +40,19 @@ def load_toml(path: Path) -> TomlFile:
 
     """
     try:
-        content = path.read_bytes()
+        with path.open("rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
+            raise ConfigError(
+                str(path),
+                f"larger than {LARGEST_FILE >> 20} MiB",
+                "check that it is the right file",
+            )
         document = tomllib.loads(content.decode("utf-8"))
+    except RecursionError as error:
+        raise ConfigError(
+            str(path), "values nested too deeply", "no key of ours has lists within lists of lists"
+        ) from error
     except OSError as error:
         raise ConfigError(
             str(path), error.strerror or "cannot be read", "check the path"

@@ -8,7 +8,7 @@ from typing import Any
 
 from adhesion_can.config.toml_tables import arguments_from, reject_unknown_keys, table_of, typed
 from adhesion_can.errors import ConfigError
-from adhesion_can.physics.vehicle import Geometry, Locomotive
+from adhesion_can.physics.vehicle import MOST_AXLES, Geometry, Locomotive
 
 PER_AXLE: Mapping[str, str] = {"wheel_radius_m": "wheel_radius", "axle_load_N": "axle_load"}
 """Field of `Locomotive` by key, for values that are given once for all axles or once for each."""
@@ -61,6 +61,10 @@ def load_vehicle(value: object, where: str) -> Locomotive:
     if len(set(stated.values())) > 1:
         raise ConfigError(place, "lists of different length", "give one value for each axle")
     axles = next(iter(stated.values()), default.axles)
+    if not 1 <= axles <= MOST_AXLES:
+        raise ConfigError(
+            f"{place}.axles", f"{axles} axles", f"a vehicle here has 1 to {MOST_AXLES}"
+        )
     single = {key: table[key] for key in WHOLE_VEHICLE if key in table}
     geometry = _geometry(table.get("geometry"), axles, place)
     per_axle: dict[str, Any] = {

@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 
 from adhesion_can.arrays import Array
 
+MOST_AXLES = 64
+"""Largest number of axles of a vehicle here; several coupled ones are several services."""
 GRAVITY = 9.80665
 """Standard gravity, m/s²."""
 

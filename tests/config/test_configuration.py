@@ -157,6 +157,8 @@ BAD_VEHICLES = {
     "axles = -2": ("vehicle",),
     "axles = 4.0": ("vehicle.axles", "whole number"),
     "axles = true": ("vehicle.axles",),
+    "axles = 1000000000": ("vehicle.axles", "1 to 64"),
+    f"axle_load_N = {[1e5] * 65}": ("vehicle.axles", "1 to 64"),
     "train_mass_kg = 0": ("vehicle", "positive"),
     "axle_load_N = -1": ("vehicle", "positive"),
     "wheelset_inertia_kgm2 = -1": ("vehicle", "inertia"),
@@ -184,9 +186,14 @@ BAD_VEHICLES = {
 }
 
 
-@pytest.mark.parametrize(("lines", "parts"), BAD_VEHICLES.items(), ids=BAD_VEHICLES.keys())
+@pytest.mark.parametrize(("lines", "parts"), BAD_VEHICLES.items(), ids=lambda case: str(case)[:40])
 def test_a_vehicle_that_cannot_be_is_refused(tmp_path, lines, parts):
     refused(tmp_path, f"[vehicle]\n{lines}\n", *parts)
+
+
+def test_a_file_from_a_stranger_cannot_take_all_memory_nor_the_stack(tmp_path):
+    refused(tmp_path, "x = " + 5000 * "[" + 5000 * "]", "nested too deeply")
+    refused(tmp_path, "#" * (5 << 20), "larger than 4 MiB")
 
 
 def test_the_known_keys_of_the_vehicle_name_the_geometry_too(tmp_path):

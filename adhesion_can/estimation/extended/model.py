@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import inf, isfinite
+from operator import gt
 from types import MappingProxyType
 from typing import Any
 
@@ -20,7 +21,19 @@ from adhesion_can.result_text import html_table
 
 Matrix = tuple[tuple[float, ...], ...]
 
+LARGEST_BASE = (10.0, 1e5, 1e3)
+"""Largest c1, c2 and c3 of a base curve: tyres reach c1 = 1.5, the stiffest contacts c2 = 1000."""
+
 _NOTHING: Mapping[str, str] = MappingProxyType({})
+
+
+def _require_base(base: CurveParameters) -> None:
+    c1, c2, c3 = base
+    if not (all(map(isfinite, base)) and c3 >= 0 and c1 * c2 > c3 and min(c1, c2) > 0):
+        raise ValueError("c1 and c2 must be positive, c3 not negative and below c1 c2")
+    if any(map(gt, base, LARGEST_BASE)):
+        largest = ", ".join(f"{value:g}" for value in LARGEST_BASE)
+        raise ValueError(f"no contact has a c1, c2 or c3 above {largest}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +84,7 @@ class ExtendedModel:
     sha256: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        c1, c2, c3 = self.base
-        if not (all(map(isfinite, self.base)) and c3 >= 0 and c1 * c2 > c3 and min(c1, c2) > 0):
-            raise ValueError("c1 and c2 must be positive, c3 not negative and below c1 c2")
+        _require_base(self.base)
         require_covariance(self.base_covariance, 3)
         if self.curve is not None and not all(0.0 <= std < inf for std in self.curve.peak_std):
             raise ValueError("peak_std must be finite and not negative")
