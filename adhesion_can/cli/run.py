@@ -31,7 +31,7 @@ from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
-from adhesion_can.service.live import LiveService, wall_clock
+from adhesion_can.service.live import LiveService
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 
@@ -86,7 +86,9 @@ def run(options: argparse.Namespace) -> int:
             signal.signal(number, stop)
         # Said last: who waits for it may send a signal at once.
         narrator.print(f"listening on {bus.channel_info}; Ctrl-C ends")
-        until = None if options.duration is None else wall_clock() + round(options.duration * 1e6)
+        until = (
+            None if options.duration is None else service.clock() + round(options.duration * 1e6)
+        )
         service.run(until)
     if options.state and core.estimate is not None:
         write_json(str(options.state), {**core.estimate.to_dict(), **provenance(config)})
@@ -98,7 +100,8 @@ def run(options: argparse.Namespace) -> int:
         "echoes": counts.echoes,
         "foreign_outputs": counts.foreign_outputs,
         "reopened": bus.reopened,
-        "clock_offset_s": counts.clock_offset_us / 1e6,
+        "clock_offset_s": service.stamps.offset_us / 1e6,
+        "clock_steps": service.stamps.steps,
         "frames_rejected": core.receiver.rejected,
         "frames_lost": core.receiver.lost + core.counts.receive_drops,
         "frames_clamped": core.counts.clamped,

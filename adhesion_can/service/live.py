@@ -10,7 +10,6 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import can
 import numpy as np
 
 from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark, to_us
@@ -18,8 +17,9 @@ from adhesion_can.recordings.candump import format_frame, format_mark
 from adhesion_can.recordings.recording import from_message, to_message
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.echoes import EchoFilter
-from adhesion_can.service.receive_queue import ReceiveQueue
+from adhesion_can.service.receive_queue import Received, ReceiveQueue
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
+from adhesion_can.service.stamp_clock import StampClock
 
 GRACE_US = 2_000
 """Time after a due time until which frames stamped before it are waited for, µs."""
@@ -27,13 +27,15 @@ IDLE_S = 0.1
 """Longest wait for a frame, s, so that a request to stop is seen soon."""
 BEHIND_US = 10_000
 """Age of a received frame beyond which others are likely to wait behind it, µs."""
-CLOCK_TOLERANCE_US = 1_000_000
-"""Offset from this host's clock, µs, beyond which stamps come from another one and are shifted."""
 
 
-def wall_clock() -> int:
-    """Clock of this host, µs since the epoch, as SocketCAN stamps frames."""
-    return time.time_ns() // 1000
+def start_clock() -> Callable[[], int]:
+    """Clock of this host, µs since the epoch: the wall clock's time now, going on evenly.
+
+    Nobody sets it: what is due in 20 ms is due in 20 ms, whatever happens to the wall clock.
+    """
+    offset_ns = time.time_ns() - time.monotonic_ns()
+    return lambda: (time.monotonic_ns() + offset_ns) // 1000
 
 
 @dataclass(slots=True)
@@ -44,14 +46,12 @@ class LiveCounts:
         received: Number of frames received.
         echoes: Number of echoes of our own frames, as some interfaces return them.
         foreign_outputs: Number of frames with our ids that another sender sent.
-        clock_offset_us: Offset added to the stamps of the bus, µs.
 
     """
 
     received: int = 0
     echoes: int = 0
     foreign_outputs: int = 0
-    clock_offset_us: int = 0
 
 
 class LiveService:
@@ -60,7 +60,7 @@ class LiveService:
     Args:
         core: Fresh core.
         bus: Bus that delivers the ids of the core's inputs and outputs.
-        clock: Clock of the bus's stamps, µs.
+        clock: Clock of this host, which nobody sets, µs; None starts one.
         write_log: Callback with each line of the service's own log.
         dry_run: Whether to receive and identify, but to send nothing.
         notify: Callback with a line for the operator.
@@ -72,7 +72,7 @@ class LiveService:
         core: ServiceCore,
         bus: ReconnectingBus,
         *,
-        clock: Callable[[], int] = wall_clock,
+        clock: Callable[[], int] | None = None,
         write_log: Callable[[str], object] | None = None,
         dry_run: bool = False,
         notify: Callable[[str], None] = lambda _: None,
@@ -80,15 +80,15 @@ class LiveService:
         self.core = core
         self.bus = bus
         self.counts = LiveCounts()
-        self._queue = ReceiveQueue(bus, self._is_late)
+        self.clock = clock or start_clock()
+        self.stamps = StampClock(notify)
+        self._queue = ReceiveQueue(bus, self._is_late, self.clock)
         self._echoes = EchoFilter()
-        self._clock = clock
         self._write_log = write_log
         self._dry_run = dry_run
         self._notify = notify
         self._stop = threading.Event()
         self._loop_times_s: deque[float] = deque(maxlen=1000)
-        self._synchronised = False
 
     def stop(self) -> None:
         """Ask the loop to end; safe from a signal handler or another thread."""
@@ -97,7 +97,7 @@ class LiveService:
     def run(self, until_us: int | None = None) -> None:
         """Run until `stop` is called, or until the clock passes `until_us`; then close the bus."""
         try:
-            while not self._stop.is_set() and (until_us is None or self._clock() < until_us):
+            while not self._stop.is_set() and (until_us is None or self.clock() < until_us):
                 self._step()
         finally:
             self.bus.shutdown()
@@ -107,19 +107,21 @@ class LiveService:
         due_us = self.core.next_due_us
         wait_s = IDLE_S
         if due_us is not None:
-            wait_s = min(max((due_us + GRACE_US - self._clock()) / 1e6, 0.0), IDLE_S)
-        message = self._queue.get(wait_s)
+            wait_s = min(max((due_us + GRACE_US - self.clock()) / 1e6, 0.0), IDLE_S)
+        received = self._queue.get(wait_s)
         self.core.counts.receive_drops = self._queue.dropped
-        if message is not None:
-            self._handle(message)
-        elif due_us is not None and self._clock() >= due_us + GRACE_US:
+        if received is not None:
+            self._handle(received)
+        elif due_us is not None and self.clock() >= due_us + GRACE_US:
             self._log(format_mark(Mark(due_us, ADVANCE)))
             self._send(self.core.advance(due_us))
 
-    def _handle(self, message: can.Message) -> None:
+    def _handle(self, received: Received) -> None:
         began = time.perf_counter()
         self.counts.received += 1
-        frame = self._with_host_stamp(from_message(message))
+        frame = from_message(received.message)
+        t_us = self.stamps.to_host(frame.t_us, received.time_us, awaited=received.awaited)
+        frame = frame._replace(t_us=t_us)
         if (frame.arbitration_id, frame.is_extended) in self.core.messages.ids:
             self._handle_own_id(frame)
             return
@@ -135,7 +137,7 @@ class LiveService:
     def _handle_own_id(self, frame: Frame) -> None:
         """Handle a frame with an id of ours: an echo of our own frame, or a second service's."""
         # By its stamp, not by the clock: a loop that is behind sees an echo late.
-        if self._echoes.is_echo(frame, min(self._clock(), frame.t_us)):
+        if self._echoes.is_echo(frame, min(self.clock(), frame.t_us)):
             self.counts.echoes += 1
             return
         if not self.counts.foreign_outputs:
@@ -153,22 +155,12 @@ class LiveService:
         for frame in frames:
             self._log(format_frame(frame))
             if not self._dry_run and self.bus.send(to_message(frame)):
-                self._echoes.add_sent(frame, self._clock())
+                self._echoes.add_sent(frame, self.clock())
 
     def _log(self, line: str) -> None:
         if self._write_log is not None:
             self._write_log(line)
 
-    def _with_host_stamp(self, frame: Frame) -> Frame:
-        """The frame with its stamp on this host's clock; the first frame decides on the offset."""
-        if not self._synchronised:
-            self._synchronised = True
-            offset = self._clock() - frame.t_us
-            if abs(offset) > CLOCK_TOLERANCE_US:
-                self.counts.clock_offset_us = offset
-                self._notify(f"the bus stamps by another clock: {offset / 1e6:+.3f} s are added")
-        return frame._replace(t_us=frame.t_us + self.counts.clock_offset_us)
-
-    def _is_late(self, message: can.Message) -> bool:
-        stamp_us = to_us(message.timestamp) + self.counts.clock_offset_us
-        return self._clock() - stamp_us > BEHIND_US
+    def _is_late(self, received: Received) -> bool:
+        stamp_us = to_us(received.message.timestamp) + self.stamps.offset_us
+        return self.stamps.usable and received.time_us - stamp_us > BEHIND_US

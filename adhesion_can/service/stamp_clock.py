@@ -1,0 +1,95 @@
+"""Stamps of a bus on the clock of this host.
+
+The host's clock here is monotonic: it goes on evenly while the wall clock is set. Stamps come from
+another clock (the wall clock, an adapter's, another host's), which may step, drift, stand still or
+jump to and fro. How far the two are apart is told by frames that came while they were waited for,
+which are as old as the way through the driver, and by frames from the future, which do not exist.
+"""
+
+from collections import deque
+from collections.abc import Callable
+
+TOLERANCE_US = 1_000
+"""Difference of the clocks that is left alone, µs: the way through the driver takes as long."""
+STEP_US = 20_000
+"""Difference from which a clock has stepped, and has not drifted, µs."""
+FRAMES = 8
+"""Frames that must agree before the offset is changed: this host may be late for some, and the
+stamp of one may be wrong."""
+MOST_CHANGES, CHANGES_US = 20, 10_000_000
+"""Number of changes of the offset within a time, µs, from which the stamps are no longer used: a
+clock that is set slowly needs five."""
+
+
+class StampClock:
+    """Brings stamps of a bus to the host's clock.
+
+    Stamps of the wall clock stay as they are while both clocks agree to a millisecond.
+
+    Args:
+        notify: Callback with a line for the operator.
+
+    """
+
+    def __init__(self, notify: Callable[[str], None] = lambda _: None) -> None:
+        self.offset_us = 0
+        """Offset added to the stamps, µs."""
+        self.steps = 0
+        """Number of steps of the bus's clock against the host's."""
+        self.usable = True
+        """Whether the stamps are used; else a frame has the time of its arrival."""
+        self._notify = notify
+        self._started = False
+        self._ages_us: deque[int] = deque(maxlen=FRAMES)
+        self._changes_us: deque[int] = deque(maxlen=MOST_CHANGES)
+
+    def to_host(self, stamp_us: int, received_us: int, *, awaited: bool) -> int:
+        """Time of a frame on the host's clock, µs; not after its arrival.
+
+        Args:
+            stamp_us: Stamp of the frame, µs.
+            received_us: Time at which it was received, on the host's clock, µs.
+            awaited: Whether it came while it was waited for, and not from a queue.
+
+        """
+        if not self._started:
+            self._start(received_us - stamp_us)
+        if not self.usable:
+            return received_us
+        age_us = received_us - (stamp_us + self.offset_us)
+        if awaited or age_us < -TOLERANCE_US:
+            self._ages_us.append(age_us)
+            self._compare(received_us)
+        return min(stamp_us + self.offset_us, received_us)
+
+    def _start(self, offset_us: int) -> None:
+        self._started = True
+        if abs(offset_us) > STEP_US:
+            self.offset_us = offset_us
+            self._notify(f"the bus stamps by another clock: {offset_us / 1e6:+.3f} s are added")
+
+    def _compare(self, received_us: int) -> None:
+        """Change the offset where all of the last frames ask for it, by the least of them."""
+        if len(self._ages_us) < FRAMES:
+            return
+        if min(self._ages_us) > TOLERANCE_US:
+            self._change(min(self._ages_us), received_us)
+        elif max(self._ages_us) < -TOLERANCE_US:
+            self._change(max(self._ages_us), received_us)
+
+    def _change(self, by_us: int, received_us: int) -> None:
+        self.offset_us += by_us
+        self._ages_us.clear()
+        self._changes_us.append(received_us)
+        if received_us - self._changes_us[0] < CHANGES_US and len(self._changes_us) == MOST_CHANGES:
+            self.usable = False
+            self._notify(
+                "the stamps of the bus jump or stand still: from now on a frame has the time of "
+                "its arrival"
+            )
+        elif abs(by_us) > STEP_US:
+            self.steps += 1
+            self._notify(
+                f"the clock of the bus's stamps was set by {-by_us / 1e6:+.3f} s; the time here "
+                "goes on evenly"
+            )
