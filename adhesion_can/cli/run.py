@@ -1,11 +1,13 @@
 """`run`: the service on a bus."""
 
 import argparse
-import json
 import signal
 import sys
+import time
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -31,9 +33,17 @@ from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.kept_state import (
+    LARGEST_TEXT,
+    KeptState,
+    StateError,
+    fingerprint,
+    state_from_text,
+)
 from adhesion_can.service.live import LiveService
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
+from adhesion_can.service.state_keeper import StateKeeper
 
 QUIET_US = 1_000_000
 """Shortest time between two lines about the same status, µs."""
@@ -49,7 +59,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--log", type=Path, metavar="F", help="write what was received and sent, for replay"
     )
     parser.add_argument(
-        "--state", type=Path, metavar="F", help="begin from the estimate kept there, and keep it"
+        "--state",
+        type=Path,
+        metavar="F",
+        help="begin with the surfaces that are kept there, and keep those that are identified",
     )
     parser.add_argument("--dry-run", action="store_true", help="listen and identify, send nothing")
     parser.add_argument("--duration", type=float, metavar="S", help="end after so long")
@@ -64,12 +77,19 @@ def run(options: argparse.Namespace) -> int:
     config = configuration(options)
     written = {"--log": options.log, "--state": options.state, "--json": options.json}
     require_outputs(options, written, [config.database.path])
-    if options.state:
-        config = _resumed(config, options.state)
     narrator = _Narrator(sys.stderr)
-    core = ServiceCore(config, on_setpoint=narrator.print_setpoint)
-    bus = ReconnectingBus(bus_opener(options), core.ids, narrator.print)
+    observers = [narrator.print_setpoint]
+    keeper = None
+    if options.state:
+        state = _read_state(config, options.state, narrator.print)
+        config = _resumed(config, state)
+        keeper = StateKeeper(options.state, state, config.service.state_interval_s, narrator.print)
+        observers.append(keeper.observe)
+    core = ServiceCore(config, on_setpoint=partial(_tell_all, observers))
     with ExitStack() as stack:
+        if keeper is not None:
+            stack.callback(keeper.close)
+        bus = ReconnectingBus(bus_opener(options), core.ids, narrator.print)
         log = stack.enter_context(whole_file(options.log, keep_part=True)) if options.log else None
         service = LiveService(
             core,
@@ -90,8 +110,6 @@ def run(options: argparse.Namespace) -> int:
             None if options.duration is None else service.clock() + round(options.duration * 1e6)
         )
         service.run(until)
-    if options.state and core.estimate is not None:
-        write_json(str(options.state), {**core.estimate.to_dict(), **provenance(config)})
     counts = service.counts
     document = {
         "received": counts.received,
@@ -121,37 +139,58 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _resumed(config: Configuration, path: Path) -> Configuration:
-    """Configuration that begins from a kept estimate; nothing of it is sent before new data.
+def _read_state(config: Configuration, path: Path, notify: Callable[[str], None]) -> KeptState:
+    """Kept state; an empty one where there is none, or where it is refused.
 
-    For the tracker it is a surface that may come again, if it was identifiable; a search begins
-    there.
+    A file that is refused stays beside the new one, with the suffix .refused.
 
     Raises:
-        InputError: The file exists and is no kept estimate.
+        InputError: The file cannot be read or moved.
 
     """
+    empty = KeptState(fingerprint(config))
     if not path.exists():
-        return config
+        return empty
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
-        c1, c2, c3 = (float(kept[name]["value"]) for name in ("c1", "c2", "c3"))
-        # A curve in doubt is none of a surface that may come again.
-        known = all(kept["identifiable"].values()) and kept.get("doubt", "none") == "none"
-        settings = config.estimators
-        search = settings.evolution
-        theta0 = tuple(np.clip((c1, c2, c3), search.lower, search.upper).tolist())
-        surfaces = ((c1, c2, c3),) if known and c1 * c2 > c3 > 0 else ()
-        settings = replace(
-            settings,
-            evolution=replace(search, theta0=theta0),
-            tracker=replace(settings.tracker, known_surfaces=surfaces),
-        )
-        return replace(config, estimators=settings)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            text = file.read(LARGEST_TEXT + 1)
+        now_us = time.time_ns() // 1000
+        return state_from_text(text, empty.vehicle, now_us, config.service.state_age_s)
+    except StateError as error:
+        refused = path.with_name(path.name + ".refused")
+        path.replace(refused)
+        notify(f"--state {path} is not used: {error}; begins cold, it is {refused.name} now")
+        return empty
+    except OSError as error:
         raise InputError(
-            f"--state {path}", f"not a kept estimate ({error})", "delete it to begin afresh"
+            f"--state {path}", error.strerror or "cannot be read", "name another file"
         ) from error
+
+
+def _resumed(config: Configuration, state: KeptState) -> Configuration:
+    """Configuration that knows the surfaces of a state; nothing is sent of them before new data.
+
+    For the tracker they are surfaces that may come again; a search begins at the latest one.
+    """
+    if not state.curves:
+        return config
+    settings = config.estimators
+    search = settings.evolution
+    theta0 = tuple(np.clip(state.curves[-1], search.lower, search.upper).tolist())
+    surfaces = tuple(curve for curve in state.curves if curve[2] > 0)
+    settings = replace(
+        settings,
+        evolution=replace(search, theta0=theta0),
+        tracker=replace(settings.tracker, known_surfaces=surfaces),
+    )
+    return replace(config, estimators=settings)
+
+
+def _tell_all(
+    observers: Sequence[Callable[[int, Outputs], None]], t_us: int, outputs: Outputs
+) -> None:
+    for observer in observers:
+        observer(t_us, outputs)
 
 
 class _Narrator:

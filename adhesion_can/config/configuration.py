@@ -54,6 +54,8 @@ class ServiceSettings:
         change_s: Longest time for which the status SURFACE_CHANGE is shown after a change, s.
         estimate_s: Age of the latest sample beyond which the status is LOW_EXCITATION, s.
         restart_s: Gap between two stamps beyond which the service starts anew, s.
+        state_interval_s: Interval at which `run --state` writes what was learned, s.
+        state_age_s: Age of a kept surface beyond which it is not used, s.
 
     """
 
@@ -62,12 +64,15 @@ class ServiceSettings:
     change_s: float = 5.0
     estimate_s: float = 2.0
     restart_s: float = 60.0
+    state_interval_s: float = 10.0
+    state_age_s: float = 86_400.0
 
     def __post_init__(self) -> None:
         if not 0 < self.target_share <= 1:
             raise ValueError("target_share must be in 0..1")
-        if not (min(self.hold_s, self.change_s, self.estimate_s) >= 0 and self.restart_s > 0):
-            raise ValueError("times must not be negative")
+        times = (self.hold_s, self.change_s, self.estimate_s, self.state_age_s)
+        if not (min(times) >= 0 and self.restart_s > 0 and self.state_interval_s >= 1):
+            raise ValueError("times must not be negative, and state_interval_s is at least 1")
 
 
 @dataclass(frozen=True, kw_only=True)

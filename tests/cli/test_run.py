@@ -57,19 +57,17 @@ def test_run_in_this_process_keeps_log_state_and_json(tmp_path):
     assert document["received"] > 0.5 * len(fed) > 400
     assert document["sent"] > 400
     assert document["samples"] > 200
-    kept = json.loads(files["state.json"].read_text())
-    assert kept["samples"] > 200
     assert main(["replay", str(files["run.log"]), "--frames", str(tmp_path / "again.log")]) == 0
 
 
-@pytest.mark.parametrize("content", ["{", "[]", '{"c1": 3}', '{"c1": {"value": NaN}}'])
-def test_a_state_that_is_none_is_an_error(tmp_path, capsys, content):
-    (tmp_path / "state.json").write_text(content)
-    code = main(["run", "-i", "virtual", "-c", "x", "--state", str(tmp_path / "state.json")])
-    assert code == 2
+def test_a_state_that_is_none_is_told_put_aside_and_the_service_begins_cold(tmp_path, capsys):
+    state = tmp_path / "state.json"
+    state.write_text('{"c1": 3}')
+    main(["run", "-i", "virtual", "-c", "x", "--duration", "0.2", "--state", str(state)])
     err = capsys.readouterr().err
-    assert "not a kept estimate" in err
-    assert err.count("\n") == 1
+    assert "is not used: it is no state of adhesion-can; begins cold" in err
+    assert (tmp_path / "state.json.refused").read_text() == '{"c1": 3}'
+    assert not state.exists()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -1,0 +1,171 @@
+"""What a service has learned, kept in a file: the surfaces that it has identified.
+
+The file is JSON with a version, the vehicle that it belongs to, and a checksum over all of it. What
+is damaged, of another vehicle or of another version is refused with a reason; surfaces that are too
+old are left out.
+"""
+
+import json
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from math import isfinite
+from typing import Any, NamedTuple
+
+from adhesion_can.config import Configuration
+from adhesion_can.physics.burckhardt import CurveParameters
+from adhesion_can.physics.doubt import Doubt
+from adhesion_can.service.outputs import Outputs
+from adhesion_can.service.states import Status
+
+FORMAT, VERSION = "adhesion-can state", 1
+MOST_SURFACES = 8
+"""Number of surfaces that are kept, the latest ones."""
+LARGEST_TEXT = 1 << 20
+"""Size of a state file that is read, bytes; one of 8 surfaces has 2 KiB."""
+SAME_SURFACE_US = 500_000
+"""Change of the time since when a surface is there, µs, that makes no other surface of it."""
+
+
+class StateError(ValueError):
+    """A state that cannot be used; the message says why."""
+
+
+class KeptSurface(NamedTuple):
+    """A surface that was identified.
+
+    Attributes:
+        theta: Parameters (c1, c2, c3) of its curve.
+        since_us: Time at which the drive came upon it, µs since the epoch.
+        seen_us: Time at which it was seen last, µs since the epoch.
+
+    """
+
+    theta: CurveParameters
+    since_us: int
+    seen_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class KeptState:
+    """What a service has learned.
+
+    Attributes:
+        vehicle: Fingerprint of the vehicle that it belongs to.
+        surfaces: Surfaces that were identified, the latest one last.
+
+    """
+
+    vehicle: str
+    surfaces: tuple[KeptSurface, ...] = ()
+
+    @property
+    def curves(self) -> tuple[CurveParameters, ...]:
+        """Parameters (c1, c2, c3) of the surfaces."""
+        return tuple(surface.theta for surface in self.surfaces)
+
+    def with_outputs(self, t_us: int, outputs: Outputs) -> "KeptState":
+        """The state after a setpoint.
+
+        Only what was sent with confidence is learned: TRACKING, no doubt, both of the peak known.
+
+        Args:
+            t_us: Due time of the setpoint, µs.
+            outputs: What was sent.
+
+        """
+        stds = (outputs.mu_max_std, outputs.lambda_m_std)
+        known = all(std is not None and isfinite(std) for std in stds)
+        doubtful = outputs.doubt not in (Doubt.NONE, Doubt.NOT_AVAILABLE)
+        if outputs.status is not Status.TRACKING or outputs.theta is None or doubtful or not known:
+            return self
+        since_us = t_us - round((outputs.surface_age_s or 0.0) * 1e6)
+        surfaces = self.surfaces
+        if surfaces and abs(surfaces[-1].since_us - since_us) < SAME_SURFACE_US:
+            surfaces = surfaces[:-1]
+        surfaces = (*surfaces, KeptSurface(outputs.theta, since_us, t_us))
+        return replace(self, surfaces=surfaces[-MOST_SURFACES:])
+
+
+def fingerprint(configuration: Configuration) -> str:
+    """Hash of what curves depend on: the vehicle's data, the signals and the extended model."""
+    model = configuration.model
+    parts = (
+        repr(configuration.vehicle),
+        repr(configuration.choices),
+        configuration.database.sha256,
+        "" if model is None else model.sha256,
+    )
+    return sha256("\n".join(parts).encode()).hexdigest()
+
+
+def state_to_text(state: KeptState) -> str:
+    """Text of a state's file."""
+    surfaces = [
+        {"c1": c1, "c2": c2, "c3": c3, "since_us": since_us, "seen_us": seen_us}
+        for (c1, c2, c3), since_us, seen_us in state.surfaces
+    ]
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "vehicle": state.vehicle,
+        "surfaces": surfaces,
+    }
+    return json.dumps({**document, "sha256": _checksum(document)}, indent=1) + "\n"
+
+
+def state_from_text(text: str, vehicle: str, now_us: int, most_age_s: float) -> KeptState:
+    """State from the text of its file, without surfaces that are too old.
+
+    Args:
+        text: Text of the file.
+        vehicle: Fingerprint of the vehicle that asks for it.
+        now_us: Present time, µs since the epoch.
+        most_age_s: Largest age of a surface, s.
+
+    Raises:
+        StateError: The text is damaged, of another version or vehicle, or too old.
+
+    """
+    document = _document(text)
+    if document["vehicle"] != vehicle:
+        raise StateError("it belongs to another vehicle, database or model")
+    try:
+        surfaces = tuple(map(_surface, document["surfaces"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise StateError(f"damaged: {error}") from error
+    # A clock that was set back makes a surface young; it is not refused.
+    young = tuple(one for one in surfaces if now_us - one.seen_us <= most_age_s * 1e6)
+    if surfaces and not young:
+        age_h = (now_us - surfaces[-1].seen_us) / 3.6e9
+        raise StateError(f"too old: its latest surface was seen {age_h:.1f} h ago")
+    return KeptState(vehicle, young)
+
+
+def _document(text: str) -> dict[str, Any]:
+    if len(text) > LARGEST_TEXT:
+        raise StateError("damaged: too large")
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise StateError("damaged: no JSON") from error
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise StateError("it is no state of adhesion-can")
+    if document.get("version") != VERSION:
+        raise StateError(f"version {document.get('version')!r}, this service reads {VERSION}")
+    checksum = document.pop("sha256", None)
+    if checksum != _checksum(document):
+        raise StateError("damaged: the checksum does not fit")
+    if not {"vehicle", "surfaces"} <= set(document):
+        raise StateError("damaged: vehicle or surfaces missing")
+    return document
+
+
+def _checksum(document: dict[str, Any]) -> str:
+    return sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
+
+
+def _surface(table: Any) -> KeptSurface:
+    c1, c2, c3 = (float(table[name]) for name in ("c1", "c2", "c3"))
+    if not (all(map(isfinite, (c1, c2, c3))) and c1 > 0 and c2 > 0 and 0 <= c3 < c1 * c2):
+        raise ValueError("no curve")
+    return KeptSurface((c1, c2, c3), int(table["since_us"]), int(table["seen_us"]))
