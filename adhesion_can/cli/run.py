@@ -117,6 +117,7 @@ def run(options: argparse.Namespace) -> int:
         "send_errors": bus.send_errors,
         "echoes": counts.echoes,
         "foreign_outputs": counts.foreign_outputs,
+        "overdue": counts.overdue,
         "reopened": bus.reopened,
         "clock_offset_s": service.stamps.offset_us / 1e6,
         "clock_steps": service.stamps.steps,

@@ -23,10 +23,10 @@ from adhesion_can.service.stamp_clock import StampClock
 
 GRACE_US = 2_000
 """Time after a due time until which frames stamped before it are waited for, µs."""
+OVERDUE_US = 100_000
+"""Time after its due time, and at least a cycle, from which a frame is not sent any more, µs."""
 IDLE_S = 0.1
 """Longest wait for a frame, s, so that a request to stop is seen soon."""
-BEHIND_US = 10_000
-"""Age of a received frame beyond which others are likely to wait behind it, µs."""
 
 
 def start_clock() -> Callable[[], int]:
@@ -46,12 +46,14 @@ class LiveCounts:
         received: Number of frames received.
         echoes: Number of echoes of our own frames, as some interfaces return them.
         foreign_outputs: Number of frames with our ids that another sender sent.
+        overdue: Number of our frames that were not sent, since they were due too long ago.
 
     """
 
     received: int = 0
     echoes: int = 0
     foreign_outputs: int = 0
+    overdue: int = 0
 
 
 class LiveService:
@@ -82,8 +84,12 @@ class LiveService:
         self.counts = LiveCounts()
         self.clock = clock or start_clock()
         self.stamps = StampClock(notify)
-        self._queue = ReceiveQueue(bus, self._is_late, self.clock)
+        self._queue = ReceiveQueue(bus, self._age_us, self.clock)
         self._echoes = EchoFilter()
+        self._overdue_us = {
+            number: max(cycle_us, OVERDUE_US)
+            for number, cycle_us in core.messages.cycles_by_id_us.items()
+        }
         self._write_log = write_log
         self._dry_run = dry_run
         self._notify = notify
@@ -152,7 +158,12 @@ class LiveService:
         self.core.second_sender(mark.t_us)
 
     def _send(self, frames: list[Frame]) -> None:
+        now_us = self.clock()
         for frame in frames:
+            if now_us - frame.t_us >= self._overdue_us[frame.arbitration_id]:
+                # Held up for long: nobody is sent a burst of what was due meanwhile.
+                self.counts.overdue += 1
+                continue
             self._log(format_frame(frame))
             if not self._dry_run and self.bus.send(to_message(frame)):
                 self._echoes.add_sent(frame, self.clock())
@@ -161,6 +172,9 @@ class LiveService:
         if self._write_log is not None:
             self._write_log(line)
 
-    def _is_late(self, received: Received) -> bool:
+    def _age_us(self, received: Received) -> int:
+        if not self.stamps.usable:
+            return 0
         stamp_us = to_us(received.message.timestamp) + self.stamps.offset_us
-        return self.stamps.usable and received.time_us - stamp_us > BEHIND_US
+        # By the present: one that waits in the queue grows older.
+        return self.clock() - stamp_us

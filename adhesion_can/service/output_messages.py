@@ -139,6 +139,11 @@ class OutputMessages:
         return {name: encoder.cycle_us for name, encoder in ordered}
 
     @property
+    def cycles_by_id_us(self) -> dict[int, int]:
+        """Cycle of each message by its id, µs."""
+        return {one.plan.frame_id: one.cycle_us for one in self._encoders.values()}
+
+    @property
     def ids(self) -> frozenset[tuple[int, bool]]:
         """Id of every output message, and whether it has 29 bits."""
         plans = [encoder.plan for encoder in self._encoders.values()]

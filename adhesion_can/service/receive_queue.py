@@ -1,4 +1,8 @@
-"""Queue of received messages, bounded: when the service cannot follow, the oldest ones go."""
+"""Queue of received messages, bounded in number and age: the oldest ones go.
+
+A service that was held up, or cannot follow, drops what waited for too long. So it is back at the
+present within a cycle, and what it sends is from the present.
+"""
 
 from collections import deque
 from collections.abc import Callable
@@ -8,6 +12,10 @@ import can
 
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 
+BEHIND_US = 10_000
+"""Age of a received message beyond which others are likely to wait behind it, µs."""
+STALE_US = 100_000
+"""Age beyond which a message is dropped where others wait behind it, µs."""
 QUEUE_FRAMES = 4096
 """Largest number of waiting messages: eight seconds of the packaged message set's full input."""
 AWAITED_US = 200
@@ -23,12 +31,14 @@ class Received(NamedTuple):
         message: The message.
         time_us: Time at which it was received, on this host's clock, µs.
         awaited: Whether it came while it was waited for.
+        earliest_us: Time before which it cannot have come: nothing waited then.
 
     """
 
     message: can.Message
     time_us: int
     awaited: bool
+    earliest_us: int
 
 
 class ReceiveQueue:
@@ -36,7 +46,7 @@ class ReceiveQueue:
 
     Args:
         bus: Bus to receive from.
-        is_late: Predicate of a received message: whether others are likely to wait behind it.
+        age_us: Time since a received message passed the bus, by its stamp, µs.
         clock: Clock of this host, µs.
         capacity: Largest number of waiting messages.
 
@@ -45,17 +55,19 @@ class ReceiveQueue:
     def __init__(
         self,
         bus: ReconnectingBus,
-        is_late: Callable[[Received], bool],
+        age_us: Callable[[Received], int],
         clock: Callable[[], int],
         capacity: int = QUEUE_FRAMES,
     ) -> None:
         self.dropped = 0
-        """Number of messages dropped because the queue was full."""
+        """Number of messages dropped because the queue was full, or they had waited too long."""
         self._bus = bus
-        self._is_late = is_late
+        self._age_us = age_us
         self._clock = clock
         self._capacity = capacity
         self._waiting: deque[Received] = deque()
+        self._empty_us = clock()
+        """Latest time at which nothing is known to have waited."""
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -69,18 +81,20 @@ class ReceiveQueue:
         """
         received = self._receive(0.0 if self._waiting else timeout_s)
         if received is not None:
-            if not self._waiting and not self._is_late(received):
+            if not self._waiting and self._bounded_age_us(received) <= BEHIND_US:
                 return received
             self._drain(received)
+            self._drop_stale()
         return self._waiting.popleft() if self._waiting else None
 
     def _receive(self, timeout_s: float) -> Received | None:
-        began_us = self._clock() if timeout_s > 0.0 else 0
+        began_us = self._clock()
         message = self._bus.receive(timeout_s)
-        if message is None:
-            return None
         now_us = self._clock()
-        return Received(message, now_us, timeout_s > 0.0 and now_us - began_us > AWAITED_US)
+        awaited = timeout_s > 0.0 and now_us - began_us > AWAITED_US
+        if awaited or message is None:
+            self._empty_us = began_us
+        return None if message is None else Received(message, now_us, awaited, self._empty_us)
 
     def _drain(self, first: Received) -> None:
         """Add a message, and those that the bus has ready after it."""
@@ -96,5 +110,14 @@ class ReceiveQueue:
     def _add(self, received: Received) -> None:
         self._waiting.append(received)
         if len(self._waiting) > self._capacity:
+            self._waiting.popleft()
+            self.dropped += 1
+
+    def _bounded_age_us(self, received: Received) -> int:
+        """Age of a message; whatever its stamp says, it came after nothing had waited."""
+        return min(self._age_us(received), self._clock() - received.earliest_us)
+
+    def _drop_stale(self) -> None:
+        while len(self._waiting) > 1 and self._bounded_age_us(self._waiting[0]) > STALE_US:
             self._waiting.popleft()
             self.dropped += 1
