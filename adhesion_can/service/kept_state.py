@@ -73,16 +73,18 @@ class KeptState:
             outputs: What was sent.
 
         """
+        since_us = t_us - round((outputs.surface_age_s or 0.0) * 1e6)
+        others = self.surfaces
+        if others and abs(others[-1].since_us - since_us) < SAME_SURFACE_US:
+            others = others[:-1]
+        if outputs.doubt not in (Doubt.NONE, Doubt.NOT_AVAILABLE):
+            # What cannot be explained was in the curve before it showed.
+            return self if others is self.surfaces else replace(self, surfaces=others)
         stds = (outputs.mu_max_std, outputs.lambda_m_std)
         known = all(std is not None and isfinite(std) for std in stds)
-        doubtful = outputs.doubt not in (Doubt.NONE, Doubt.NOT_AVAILABLE)
-        if outputs.status is not Status.TRACKING or outputs.theta is None or doubtful or not known:
+        if outputs.status is not Status.TRACKING or outputs.theta is None or not known:
             return self
-        since_us = t_us - round((outputs.surface_age_s or 0.0) * 1e6)
-        surfaces = self.surfaces
-        if surfaces and abs(surfaces[-1].since_us - since_us) < SAME_SURFACE_US:
-            surfaces = surfaces[:-1]
-        surfaces = (*surfaces, KeptSurface(outputs.theta, since_us, t_us))
+        surfaces = (*others, KeptSurface(outputs.theta, since_us, t_us))
         return replace(self, surfaces=surfaces[-MOST_SURFACES:])
 
 

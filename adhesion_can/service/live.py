@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adhesion_can.bus.e2e import COUNTS
 from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark, to_us
 from adhesion_can.recordings.candump import format_frame, format_mark
 from adhesion_can.recordings.recording import from_message, to_message
@@ -86,6 +87,8 @@ class LiveService:
         self.stamps = StampClock(notify)
         self._queue = ReceiveQueue(bus, self._age_us, self.clock)
         self._echoes = EchoFilter()
+        self._missed: dict[int, int] = {}
+        """Number of frames since the last one that the bus took, by id."""
         self._overdue_us = {
             number: max(cycle_us, OVERDUE_US)
             for number, cycle_us in core.messages.cycles_by_id_us.items()
@@ -126,7 +129,9 @@ class LiveService:
         began = time.perf_counter()
         self.counts.received += 1
         frame = from_message(received.message)
-        t_us = self.stamps.to_host(frame.t_us, received.time_us, awaited=received.awaited)
+        t_us = self.stamps.to_host(
+            frame.t_us, received.time_us, received.earliest_us, awaited=received.awaited
+        )
         frame = frame._replace(t_us=t_us)
         if (frame.arbitration_id, frame.is_extended) in self.core.messages.ids:
             self._handle_own_id(frame)
@@ -160,13 +165,23 @@ class LiveService:
     def _send(self, frames: list[Frame]) -> None:
         now_us = self.clock()
         for frame in frames:
-            if now_us - frame.t_us >= self._overdue_us[frame.arbitration_id]:
-                # Held up for long: nobody is sent a burst of what was due meanwhile.
+            number = frame.arbitration_id
+            missed = self._missed.get(number, 0)
+            # Held up for long: nobody is sent a burst of what was due meanwhile. Nor a frame with
+            # the count of the last one, which receivers would take for a repetition.
+            overdue = now_us - frame.t_us >= self._overdue_us[number]
+            if overdue or (missed and (missed + 1) % COUNTS == 0):
                 self.counts.overdue += 1
+                self._missed[number] = missed + 1
                 continue
             self._log(format_frame(frame))
-            if not self._dry_run and self.bus.send(to_message(frame)):
+            if self._dry_run:
+                continue
+            if self.bus.send(to_message(frame)):
+                self._missed[number] = 0
                 self._echoes.add_sent(frame, self.clock())
+            else:
+                self._missed[number] = missed + 1
 
     def _log(self, line: str) -> None:
         if self._write_log is not None:

@@ -20,6 +20,9 @@ QUEUE_FRAMES = 4096
 """Largest number of waiting messages: eight seconds of the packaged message set's full input."""
 AWAITED_US = 200
 """Time in which a message that was there already is read, µs; one that took longer was awaited."""
+PROBE_US = 5_000
+"""Time after which it is looked up whether nothing waits, µs: in a flood every message is there
+before it is waited for."""
 DRAIN_FRAMES = 256
 """Largest number of messages read from the bus before the next one is handled."""
 
@@ -79,7 +82,10 @@ class ReceiveQueue:
             timeout_s: Longest time to wait, s; a message that waits already is returned at once.
 
         """
-        received = self._receive(0.0 if self._waiting else timeout_s)
+        if not self._waiting and self._clock() - self._empty_us > PROBE_US:
+            received = self._receive(0.0) or self._receive(timeout_s)
+        else:
+            received = self._receive(0.0 if self._waiting else timeout_s)
         if received is not None:
             if not self._waiting and self._bounded_age_us(received) <= BEHIND_US:
                 return received

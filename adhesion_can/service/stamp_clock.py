@@ -3,7 +3,8 @@
 The host's clock here is monotonic: it goes on evenly while the wall clock is set. Stamps come from
 another clock (the wall clock, an adapter's, another host's), which may step, drift, stand still or
 jump to and fro. How far the two are apart is told by frames that came while they were waited for,
-which are as old as the way through the driver, and by frames from the future, which do not exist.
+which are as old as the way through the driver, by frames from the future, which do not exist, and
+by those that are older than the time since nothing waited.
 """
 
 from collections import deque
@@ -43,12 +44,13 @@ class StampClock:
         self._ages_us: deque[int] = deque(maxlen=FRAMES)
         self._changes_us: deque[int] = deque(maxlen=MOST_CHANGES)
 
-    def to_host(self, stamp_us: int, received_us: int, *, awaited: bool) -> int:
+    def to_host(self, stamp_us: int, received_us: int, earliest_us: int, *, awaited: bool) -> int:
         """Time of a frame on the host's clock, µs; not after its arrival.
 
         Args:
             stamp_us: Stamp of the frame, µs.
             received_us: Time at which it was received, on the host's clock, µs.
+            earliest_us: Time at which nothing waited, µs: it came later.
             awaited: Whether it came while it was waited for, and not from a queue.
 
         """
@@ -57,10 +59,13 @@ class StampClock:
         if not self.usable:
             return received_us
         age_us = received_us - (stamp_us + self.offset_us)
-        if awaited or age_us < -TOLERANCE_US:
-            self._ages_us.append(age_us)
+        too_old_us = age_us if awaited else age_us - (received_us - earliest_us)
+        if awaited or too_old_us > TOLERANCE_US or age_us < -TOLERANCE_US:
+            self._ages_us.append(age_us if age_us < 0 else too_old_us)
             self._compare(received_us)
-        return min(stamp_us + self.offset_us, received_us)
+        # Adapters deliver in bundles: a stamp may be that much before.
+        host_us = max(stamp_us + self.offset_us, earliest_us - STEP_US)
+        return min(host_us, received_us)
 
     def _start(self, offset_us: int) -> None:
         self._started = True

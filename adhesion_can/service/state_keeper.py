@@ -52,7 +52,7 @@ class StateKeeper:
         if state is self._handed_over:
             return
         known = {surface.since_us for surface in self._handed_over.surfaces}
-        is_new = state.surfaces[-1].since_us not in known
+        is_new = bool(state.surfaces) and state.surfaces[-1].since_us not in known
         interval_us = min(self._interval_us, NEW_SURFACE_US) if is_new else self._interval_us
         if self._handed_over_us is None or t_us - self._handed_over_us >= interval_us:
             self._hand_over(t_us)

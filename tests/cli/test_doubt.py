@@ -152,7 +152,7 @@ def test_what_is_not_available_does_not_take_a_doubt_away():
     assert told(missing, Doubt.NONE, missing, Doubt.NONE) == []
 
 
-def test_run_tells_the_doubt_and_keeps_it_in_json_and_state(
+def test_run_tells_the_doubt_and_keeps_it_in_json_and_out_of_the_state(
     tmp_path, monkeypatch, capsys, schedule
 ):
     def drive(service, _until):
@@ -175,4 +175,6 @@ def test_run_tells_the_doubt_and_keeps_it_in_json_and_state(
         for number, handler in handlers.items():
             signal.signal(number, handler)
     documents = {name: json.loads(path.read_text()) for name, path in files.items()}
-    assert documents["json"]["last"]["doubt"] == documents["state"]["doubt"] == "direction"
+    assert documents["json"]["last"]["doubt"] == "direction"
+    # Nothing of a drive in doubt is learned.
+    assert documents["state"]["surfaces"] == []

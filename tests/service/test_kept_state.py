@@ -91,6 +91,15 @@ def test_nothing_is_learned_that_was_not_sent_with_confidence(sent):
     assert KeptState("vehicle").with_outputs(NOW_US, sent) == KeptState("vehicle")
 
 
+def test_a_surface_in_doubt_is_forgotten_and_those_before_are_kept():
+    state = KeptState("vehicle").with_outputs(NOW_US, SENT)
+    later = replace(SENT, theta=WET, surface_age_s=2.0)
+    state = state.with_outputs(NOW_US + 20_000_000, later)
+    doubtful = replace(later, surface_age_s=3.0, doubt=Doubt(3))
+    assert state.curves == (DRY, WET)
+    assert state.with_outputs(NOW_US + 21_000_000, doubtful).curves == (DRY,)
+
+
 # --- the file ------------------------------------------------------------------------------------
 
 

@@ -31,7 +31,9 @@ def arrivals(rng, frames):
 def mapped(stamps, received, **options):
     clock = StampClock(**options)
     pairs = zip(stamps, received, strict=True)
-    return clock, np.array([clock.to_host(int(s), int(r), awaited=True) for s, r in pairs])
+    return clock, np.array(
+        [clock.to_host(int(s), int(r), int(r) - CYCLE_US, awaited=True) for s, r in pairs]
+    )
 
 
 @settings(max_examples=60, deadline=None)
@@ -100,8 +102,24 @@ def test_frames_that_waited_in_a_queue_say_nothing_of_the_clock():
     sent, _ = arrivals(np.random.default_rng(5), 1300)
     first, *waited = map(int, sent)
     clock = StampClock()
-    assert clock.to_host(first, first, awaited=True) == first
-    assert [clock.to_host(one, waited[-1], awaited=False) for one in waited] == waited
+    assert clock.to_host(first, first, first, awaited=True) == first
+    times = [clock.to_host(one, waited[-1], first, awaited=False) for one in waited]
+    assert times == waited
+
+
+def test_in_a_flood_a_clock_that_was_set_back_is_told_by_what_is_too_old():
+    """Nothing is waited for, and yet nothing waits for longer than some frames."""
+    sent, _ = arrivals(np.random.default_rng(6), 400)
+    clock = StampClock()
+    times = []
+    for number, one in enumerate(map(int, sent)):
+        set_us = -3_000_000 if number >= 200 else 0
+        times.append(clock.to_host(one + set_us, one + 300, one - 5_000, awaited=False))
+    error = np.array(times) - sent
+    assert (error[:200] == 0).all()
+    assert np.abs(error[200:]).max() <= 5_000 + STEP_US
+    assert np.abs(error[200 + FRAMES :]).max() <= 5_000 + TOLERANCE_US
+    assert clock.steps == 1
 
 
 class SetBus:

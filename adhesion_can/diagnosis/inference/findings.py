@@ -14,7 +14,7 @@ from adhesion_can.diagnosis.inference.model_comparison import SECOND_LEAST_GAIN,
 from adhesion_can.diagnosis.inference.noise_averaging import (
     INTERVAL,
     averages_noise,
-    without_short_delays,
+    without_short_delay,
 )
 from adhesion_can.diagnosis.inference.select_effects import ModelSelection
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
@@ -158,7 +158,7 @@ class Findings:
         lags = tuple(c for c in best.candidates if c.is_lag)
         groups = [lags, *((lag,) for lag in lags)] if len(lags) > 1 else [lags]
         tests = [
-            partial(without_short_delays, regression, best, lags),
+            partial(without_short_delay, regression, best, lags),
             *(partial(averages_noise, regression, best, group) for group in groups),
         ]
         for test in tests if lags else ():

@@ -136,10 +136,12 @@ def averages_noise(
     return without if before - back > BACKWARD * (before - forward) else None
 
 
-def without_short_delays(
+def without_short_delay(
     regression: WhitenedRegression, best: ScoredModel, lags: Sequence[Candidate]
 ) -> ScoredModel | None:
-    """The model without delays that may be shorter than the signals tell; None: there is none.
+    """The model without the shortest delay that may be shorter than the signals tell; else None.
+
+    One at a time: of two delays that nothing separates both may be short, and one is not.
 
     Args:
         regression: Data with weights, filter and blocks.
@@ -147,15 +149,17 @@ def without_short_delays(
         lags: Lags and delays among its effects.
 
     """
-    fitted = best.fitted.model
+    model = best.fitted.model
     std = np.sqrt(best.fitted.covariance.diagonal())
     least = LEAST_DELAY * max(drive.kinematics.cycle_s for drive in regression.data.drives)
-    kept = fitted
-    for lag in lags:
-        place = fitted.candidates.index(lag)
-        sure = abs(fitted.values[place][0]) - INTERVAL * std[fitted.first_parameter(place)]
-        if not acts_in_contact(lag.effect) and sure < least:
-            kept, _, _ = remove_effect(kept, kept.candidates.index(lag))
-    if kept is fitted:
+    places = [model.candidates.index(lag) for lag in lags if not acts_in_contact(lag.effect)]
+    sizes = {place: abs(model.values[place][0]) for place in places}
+    short = [
+        place
+        for place, size in sizes.items()
+        if size - INTERVAL * std[model.first_parameter(place)] < least
+    ]
+    if not short:
         return None
-    return score_model(regression, fit_model(regression, kept))
+    smaller, _, _ = remove_effect(model, min(short, key=lambda place: sizes[place]))
+    return score_model(regression, fit_model(regression, smaller))

@@ -1,0 +1,95 @@
+"""Schedule of faults: what goes wrong on the bus and in the host, from when to when."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from tests.wire import REQUIRED
+
+S = 1_000_000
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault.
+
+    Attributes:
+        kind: Kind, a key of `KINDS`.
+        from_us: Time at which it begins, µs.
+        until_us: Time at which it ends, µs; a clock that was set stays so.
+        target: Name of the message that it spoils; '' where it spoils none.
+        size: Rate, time (s) or other size, by its kind.
+
+    """
+
+    kind: str
+    from_us: int
+    until_us: int
+    target: str = ""
+    size: float = 0.0
+
+    def active(self, t_us: int) -> bool:
+        """Whether it is at work."""
+        return self.from_us <= t_us < self.until_us
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of fault.
+
+    Attributes:
+        of_message: Whether it spoils one message.
+        sizes: Sizes that are drawn.
+        longest_s: Longest duration, s.
+        disturbs: Whether sending is disturbed: frames may be late or not be there.
+
+    """
+
+    of_message: bool = False
+    sizes: tuple[float, ...] = (0.0,)
+    longest_s: float = 5.0
+    disturbs: bool = False
+
+
+RATES = (0.001, 0.01, 0.1, 0.5)
+KINDS: Mapping[str, Kind] = {
+    "silent": Kind(of_message=True),
+    "lost": Kind(of_message=True, sizes=RATES),
+    "corrupt": Kind(of_message=True, sizes=RATES),
+    "repeated": Kind(of_message=True, sizes=RATES),
+    "twice": Kind(of_message=True, sizes=RATES),
+    "delayed": Kind(of_message=True, sizes=(0.002, 0.02, 0.2)),
+    "not_available": Kind(of_message=True),
+    "frozen": Kind(of_message=True),
+    "jumped": Kind(of_message=True),
+    "other_sender": Kind(of_message=True),
+    "second_service": Kind(),
+    "flood": Kind(sizes=(1.0, 10.0), longest_s=2.0),
+    "error_frames": Kind(sizes=RATES),
+    "clock_set": Kind(sizes=(-3600.0, -3.0, -0.05, 0.05, 2.0, 3600.0), longest_s=0.0),
+    "stopped": Kind(longest_s=4.0, disturbs=True),
+    "bus_down": Kind(longest_s=4.0, disturbs=True),
+    "no_buffer": Kind(longest_s=1.0, disturbs=True),
+}
+
+
+def draw(seed: int, duration_us: int, per_minute: float) -> tuple[Fault, ...]:
+    """Faults at random times; the first second and the last four are without."""
+    rng = np.random.default_rng([seed, 77])
+    number = rng.poisson(per_minute * duration_us / (60 * S))
+    return tuple(sorted((_draw(rng, duration_us) for _ in range(number)), key=lambda f: f.from_us))
+
+
+def _draw(rng: np.random.Generator, duration_us: int) -> Fault:
+    name = str(rng.choice(list(KINDS)))
+    kind = KINDS[name]
+    from_us = int(rng.integers(S, max(duration_us - 9 * S, S + 1)))
+    lasts_us = round(kind.longest_s * S * rng.uniform(0.02, 1.0))
+    return Fault(
+        name,
+        from_us,
+        from_us + max(lasts_us, 1),
+        str(rng.choice(REQUIRED)) if kind.of_message else "",
+        float(rng.choice(kind.sizes)),
+    )

@@ -1,0 +1,54 @@
+"""Play of a history: the service on the simulated bus."""
+
+from adhesion_can.config import load_configuration
+from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.live import LiveService
+from adhesion_can.service.reconnecting_bus import ReconnectingBus
+from tests.histories.checker import Violation, check
+from tests.histories.faults import Fault
+from tests.histories.simulated_bus import Record, SimulatedBus
+from tests.histories.traffic import START_US, make_traffic
+from tests.service.test_core import FixedEstimator
+
+CONFIG = load_configuration()
+
+
+def play(
+    seed: int, duration_us: int, faults: tuple[Fault, ...], estimator=FixedEstimator
+) -> Record:
+    """Record of the bus after a history."""
+    bus = SimulatedBus(make_traffic(seed, duration_us, faults), faults, START_US + duration_us)
+    record = bus.record
+    core = ServiceCore(CONFIG, estimator)
+    opened = ReconnectingBus(
+        bus.open, (), record.notices.append, clock=lambda: bus.now_us / 1e6, sleep=bus.sleep
+    )
+    service = LiveService(
+        core, opened, clock=bus.clock, write_log=record.log.append, notify=record.notices.append
+    )
+    while bus.now_us < bus.end_us:
+        service._step()
+    return record
+
+
+def judge(seed: int, duration_us: int, faults: tuple[Fault, ...]) -> list[Violation]:
+    """Violations in a history."""
+    return check(play(seed, duration_us, faults), faults, START_US, START_US + duration_us)
+
+
+def shrink(seed: int, duration_us: int, faults: tuple[Fault, ...]) -> tuple[Fault, ...]:
+    """The fewest and shortest of some faults with which a history still fails."""
+    rules = {one.rule for one in judge(seed, duration_us, faults)}
+
+    def fails(some: tuple[Fault, ...]) -> bool:
+        return bool(rules & {one.rule for one in judge(seed, duration_us, some)})
+
+    shrunk = True
+    while shrunk:
+        shrunk = False
+        for place in range(len(faults)):
+            fewer = (*faults[:place], *faults[place + 1 :])
+            if fails(fewer):
+                faults, shrunk = fewer, True
+                break
+    return faults

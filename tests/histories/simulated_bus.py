@@ -1,0 +1,114 @@
+"""A bus in simulated time: what a service gets from python-can, and a record of what passed."""
+
+import errno
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import can
+
+from adhesion_can.bus.frame import Frame
+from adhesion_can.recordings.recording import from_message, to_message
+from tests.histories.faults import Fault
+from tests.histories.traffic import START_US, Passing
+
+
+@dataclass
+class Record:
+    """What passed the bus.
+
+    Attributes:
+        inputs: Frames that were delivered: time at which they passed, µs, and frame.
+        outputs: Frames that were sent: time at which they passed, µs, and frame.
+        log: Lines of the service's own log.
+        notices: Lines for the operator.
+
+    """
+
+    inputs: list[tuple[int, Frame]] = field(default_factory=list)
+    outputs: list[tuple[int, Frame]] = field(default_factory=list)
+    log: list[str] = field(default_factory=list)
+    notices: list[str] = field(default_factory=list)
+
+
+class SimulatedBus:
+    """Delivers frames at their times. Time passes while they are waited for, and in a stop.
+
+    Args:
+        traffic: Frames in the order in which they pass.
+        faults: Faults of the host and of the bus.
+        end_us: Time at which the history ends, µs.
+
+    """
+
+    channel_info = "simulated"
+
+    def __init__(self, traffic: Iterator[Passing], faults: tuple[Fault, ...], end_us: int) -> None:
+        self.now_us = START_US
+        self.end_us = end_us
+        self.record = Record()
+        self._traffic = traffic
+        self._next = next(traffic, None)
+        self._waiting: deque[Passing] = deque()
+        self._stops = deque(f for f in faults if f.kind == "stopped")
+        self._downs = [f for f in faults if f.kind == "bus_down"]
+        self._full = [f for f in faults if f.kind == "no_buffer"]
+
+    def clock(self) -> int:
+        """Time of the host, µs."""
+        return self.now_us
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+        self._pass(self.now_us + round(seconds * 1e6))
+
+    def open(self) -> "SimulatedBus":
+        """Opening of the bus."""
+        if self._is_down():
+            raise OSError(errno.ENETDOWN, "Network is down")
+        return self
+
+    def recv(self, timeout: float | None) -> can.Message | None:
+        """Next frame, as python-can gives it."""
+        if self._is_down():
+            self._waiting.clear()
+            raise can.CanOperationError("down", errno.ENETDOWN)
+        if not self._waiting and timeout:
+            latest_us = self.now_us + round(timeout * 1e6)
+            first_us = latest_us if self._next is None else min(self._next.at_us, latest_us)
+            self._pass(max(first_us, self.now_us))
+        else:
+            self._pass(self.now_us)
+        if not self._waiting or self._is_down():
+            return None
+        passing = self._waiting.popleft()
+        self.record.inputs.append((passing.at_us, passing.frame))
+        return to_message(passing.frame._replace(t_us=passing.stamp_us))
+
+    def send(self, message: can.Message, timeout: float | None = None) -> None:
+        """Send a frame."""
+        if self._is_down():
+            raise can.CanOperationError("down", errno.ENETDOWN)
+        if any(fault.active(self.now_us - START_US) for fault in self._full):
+            raise can.CanOperationError("no buffer space", errno.ENOBUFS)
+        self.record.outputs.append((self.now_us, from_message(message)))
+
+    def set_filters(self, filters: object) -> None:
+        """Filters are not needed."""
+
+    def shutdown(self) -> None:
+        """Nothing to close."""
+
+    def _is_down(self) -> bool:
+        return any(fault.active(self.now_us - START_US) for fault in self._downs)
+
+    def _pass(self, until_us: int) -> None:
+        """Let time pass; a stop that begins meanwhile lasts until its end."""
+        while self._stops and START_US + self._stops[0].from_us <= until_us:
+            stop = self._stops.popleft()
+            until_us = max(until_us, START_US + stop.until_us)
+        self.now_us = until_us
+        while self._next is not None and self._next.at_us <= until_us:
+            if not any(fault.active(self._next.at_us - START_US) for fault in self._downs):
+                self._waiting.append(self._next)
+            self._next = next(self._traffic, None)

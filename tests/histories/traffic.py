@@ -1,0 +1,168 @@
+"""Frames of a drive as they pass the bus, spoilt by faults."""
+
+import heapq
+from collections.abc import Iterable, Iterator
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from adhesion_can.bus.frame import Frame
+from tests.histories.faults import Fault
+from tests.wire import CYCLES_MS, INPUTS, REQUIRED, Bench, sealed
+
+STEPS = 50
+"""Steps of slip up and down, 0.2 s each."""
+OFFSETS_US = {name: 230 * number for number, name in enumerate(REQUIRED)}
+"""Times within 10 ms at which the messages are sent."""
+SEALS = 15
+FOREIGN_ID, OWN_ID = 0x5A0, 0x201
+START_US = 1_000_000_000_000
+"""Time of the host at the begin of a history, µs."""
+
+
+class Passing(NamedTuple):
+    """A frame on the bus.
+
+    Attributes:
+        at_us: Time at which it passes, on the host's clock, µs.
+        stamp_us: Its stamp, µs.
+        frame: The frame.
+
+    """
+
+    at_us: int
+    stamp_us: int
+    frame: Frame
+
+
+@cache
+def _payload(name: str, step: int, count: int) -> bytes:
+    """Sealed payload of a message at a step of the drive."""
+    slip = 0.02 + 0.06 * abs(2.0 * step / STEPS - 1.0)
+    adhesion = 0.4 * (1.0 - np.exp(-60.0 * slip)) - 0.3 * slip
+    bench = Bench()
+    bench.counts[name] = count
+    return bench.steady(name, 0, slip=slip, adhesion=float(adhesion)).data
+
+
+NOT_AVAILABLE = dict.fromkeys(REQUIRED, 6 * b"\xff") | {
+    "TractiveEffort1": 3 * b"\xff\x7f",
+    "TractiveEffort2": 3 * b"\xff\x7f",
+}
+"""Bytes 2 to 7 of a message whose signals are not available; efforts have a sign."""
+
+
+class _Sender:
+    """Sender of one message, with its counter."""
+
+    def __init__(self, name: str, faults: Iterable[Fault], rng: np.random.Generator) -> None:
+        self.name = name
+        self._faults = [fault for fault in faults if fault.target == name]
+        self._rng = rng
+        self._count = 0
+        self._last = b""
+
+    def send(self, t_us: int) -> Iterator[tuple[int, bytes]]:
+        """Delays, µs, and payloads of what is sent at a time of the history."""
+        active = {fault.kind: fault for fault in self._faults if fault.active(t_us)}
+        if "silent" in active:
+            return
+        data = self._data(t_us, active)
+        if "lost" in active and self._happens(active["lost"]):
+            return
+        if "corrupt" in active and self._happens(active["corrupt"]):
+            spoilt = bytearray(data)
+            spoilt[self._rng.integers(8)] ^= 1 << self._rng.integers(8)
+            data = bytes(spoilt)
+        late_us = 0
+        if "delayed" in active:
+            late_us = round(active["delayed"].size * 1e6 * self._rng.random())
+        yield late_us, data
+        if "twice" in active and self._happens(active["twice"]):
+            yield late_us + 150, data
+
+    def _data(self, t_us: int, active: dict[str, Fault]) -> bytes:
+        if "repeated" in active and self._last and self._happens(active["repeated"]):
+            return self._last
+        at_us = active["frozen"].from_us if "frozen" in active else t_us
+        step = at_us // 200_000 % STEPS
+        if "jumped" in active:
+            step = (step + STEPS // 2) % STEPS
+        self._count = (self._count + 1) % SEALS
+        if "not_available" in active:
+            payload = b"\x00\xf0" + NOT_AVAILABLE[self.name]
+            self._last = sealed(INPUTS[self.name], payload, self._count)
+        else:
+            self._last = _payload(self.name, step, self._count)
+        return self._last
+
+    def _happens(self, fault: Fault) -> bool:
+        return bool(self._rng.random() < fault.size)
+
+
+def make_traffic(seed: int, duration_us: int, faults: tuple[Fault, ...]) -> Iterator[Passing]:
+    """Frames in the order in which they pass the bus."""
+    rng = np.random.default_rng([seed, 78])
+    senders = [_Sender(name, faults, rng) for name in REQUIRED]
+    others = [_Other(fault) for fault in faults if fault.kind == "other_sender"]
+    waiting: list[tuple[int, int, Frame]] = []
+    number = 0
+    for t_us in range(0, duration_us, 10_000):
+        sent = [
+            (t_us + OFFSETS_US[sender.name] + late_us, INPUTS[sender.name], data)
+            for sender in senders
+            if t_us % (CYCLES_MS[sender.name] * 1000) == 0
+            for late_us, data in sender.send(t_us)
+        ]
+        for other in others:
+            sent += other.send(t_us)
+        frames = [(at_us, Frame(at_us, number_, data)) for at_us, number_, data in sent]
+        frames += _foreign(t_us, faults, rng)
+        for at_us, frame in frames:
+            number += 1
+            heapq.heappush(waiting, (at_us, number, frame))
+        while waiting and waiting[0][0] < t_us + 10_000:
+            at_us, _, frame = heapq.heappop(waiting)
+            set_us = sum(
+                round(fault.size * 1e6)
+                for fault in faults
+                if fault.kind == "clock_set" and fault.from_us <= at_us
+            )
+            yield Passing(START_US + at_us, START_US + at_us + set_us, frame)
+
+
+class _Other:
+    """A second sender of a message, with a counter of its own."""
+
+    def __init__(self, fault: Fault) -> None:
+        self._fault = fault
+        self._count = 7
+
+    def send(self, t_us: int) -> list[tuple[int, int, bytes]]:
+        fault = self._fault
+        if not fault.active(t_us) or t_us % (CYCLES_MS[fault.target] * 1000):
+            return []
+        self._count = (self._count + 1) % SEALS
+        return [(t_us + 5_100, INPUTS[fault.target], _payload(fault.target, 3, self._count))]
+
+
+def _foreign(
+    t_us: int, faults: tuple[Fault, ...], rng: np.random.Generator
+) -> list[tuple[int, Frame]]:
+    """Frames of others: floods, error frames, and a second service."""
+    found = []
+    for fault in faults:
+        if not fault.active(t_us):
+            continue
+        if fault.kind == "flood":
+            count = round(10 * fault.size)
+            found += [
+                (t_us + 10_000 * k // count, Frame(0, FOREIGN_ID, bytes(8))) for k in range(count)
+            ]
+        elif fault.kind == "error_frames" and rng.random() < fault.size:
+            found.append((t_us + 3_000, Frame(0, 0x20000000 & 0x7FF, b"", is_error=True)))
+        elif fault.kind == "second_service" and t_us % 20_000 == 0:
+            data = sealed(OWN_ID, b"\x00\x10\x01\x02\x03\x04\x05\x06", t_us // 20_000 % SEALS)
+            found.append((t_us + 7_000, Frame(0, OWN_ID, data)))
+    return found
