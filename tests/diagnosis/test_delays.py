@@ -180,3 +180,35 @@ def test_an_early_force_in_quick_sweeps_is_no_average_of_noise(tmp_path, speeds)
         named, size, _ = lag_of(path)
         assert named in {"effort_delay", "wheel_speed_delay"}
         assert abs(size) == pytest.approx(0.1, rel=0.05)
+
+
+def noisy_car(path, seed, late_s):
+    """Table of a car whose slips are as noisy as a row's step of the force is large."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(8000) * STEP_S
+    phase = t % 20.0
+    pulls = np.where(phase < 14.0, 0.05 * np.sin(np.pi * (phase - 8.0) / 6.0) ** 2, 0.0)
+    slip = np.where(phase < 8.0, -0.1 * np.sin(np.pi * phase / 4.0) ** 2, pulls)
+    speed = 18.0 + 6.0 * np.sin(t / 2.3) + 2.0 * np.sin(t / 0.7)
+    wheel = (1.0 + slip) * speed + 0.01 * rng.standard_normal(len(t))
+    read = speed + 0.01 * rng.standard_normal(len(t))
+    force = np.interp(t - late_s, t, burckhardt(slip, 1.0, 25.0, 0.5))
+    columns = {
+        "time_s": t,
+        "slip": wheel / read - 1.0,
+        "adhesion": force + 0.005 * rng.standard_normal(len(t)),
+        "speed_mps": read,
+    }
+    return write_table(path, columns)
+
+
+@pytest.mark.parametrize("late_s", [0.05, 0.13, -0.05])
+def test_noise_of_the_slips_moves_no_delay_and_makes_no_relaxation_of_it(tmp_path, late_s):
+    """Between rows a straight line averages noise, and so does a relaxation."""
+    for seed in range(2):
+        found = diagnose_files(noisy_car(tmp_path / "t.csv", seed, late_s))
+        lags = {one.effect: one.parameters[0] for one in found.causes if one.effect in LAGS}
+        assert list(lags) == ["effort_delay"]
+        delay = lags["effort_delay"]
+        assert delay.value == pytest.approx(late_s, abs=0.003)
+        assert abs(delay.value - late_s) < 5.0 * delay.std

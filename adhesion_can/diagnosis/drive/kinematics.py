@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.drive.shift_rows import shift_rows
 from adhesion_can.diagnosis.drive.smoothing import SmoothedSignal
 from adhesion_can.physics.vehicle import Locomotive
 
@@ -213,7 +214,8 @@ class TableKinematics:
             later = (0.0, speed_delay, 0.0)
             for axle in np.unique(self._axles):
                 rows = self._axles == axle
-                at = self._t_s[rows] - effort_delay
+                t_s = self._t_s[rows]
                 for target, values, shift in zip(columns, self._columns, later, strict=True):
-                    target[rows] = np.interp(at + shift, self._t_s[rows], values[rows])
+                    by_s = shift - effort_delay
+                    target[rows] = shift_rows(t_s, values[rows], by_s) if by_s else values[rows]
         return Kinematics(columns[0], none, columns[1], columns[2], none)

@@ -14,6 +14,7 @@ from adhesion_can.diagnosis.inference.model_comparison import SECOND_LEAST_GAIN,
 from adhesion_can.diagnosis.inference.noise_averaging import (
     INTERVAL,
     averages_noise,
+    with_delay_for_lag,
     without_short_delay,
 )
 from adhesion_can.diagnosis.inference.select_effects import ModelSelection
@@ -25,6 +26,7 @@ from adhesion_can.diagnosis.regression.model import compute_curve_jacobian, eval
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.diagnosis.result import Untested
+from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.effects.channel_factor import PREFIX
 
 NOISELESS = 1e-6
@@ -157,8 +159,10 @@ class Findings:
         best, regression = self.selection.best, self.prepared.regression
         lags = tuple(c for c in best.candidates if c.is_lag)
         groups = [lags, *((lag,) for lag in lags)] if len(lags) > 1 else [lags]
+        delays = [c for c in self.prepared.candidates if c.is_lag and not acts_in_contact(c.effect)]
         tests = [
             partial(without_short_delay, regression, best, lags),
+            partial(with_delay_for_lag, regression, best, delays),
             *(partial(averages_noise, regression, best, group) for group in groups),
         ]
         for test in tests if lags else ():

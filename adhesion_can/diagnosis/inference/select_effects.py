@@ -172,9 +172,11 @@ def select_effects(
         for one in takewhile(lambda one: not one.is_plausible, fitted)
         if is_improvement(plain, one, len(candidates))
     )
-    if not singles or not is_improvement(plain, singles[0], len(candidates)):
+    # The best in whitened noise may only smooth it, and miss the adhesion as much as before.
+    improving = [one for one in singles if is_improvement(plain, one, len(candidates))]
+    if not improving:
         return ModelSelection(plain, plain, (), tuple(singles), test, implausible=implausible)
-    best, pool = singles[0], singles
+    best, pool = improving[0], improving
     pairs: list[ScoredModel] = []
     if most > 1:
         square = plain.fitted.cross_validated_square

@@ -23,11 +23,15 @@ from adhesion_can.physics.effects import (
     ActiveEffect,
     Contact,
     LagStates,
+    acts_in_contact,
     build_instruments,
     compute_change,
     effect_position,
 )
 
+DELAY_ROWS = 2.0
+"""Least step of a delay in a difference quotient, rows. The rate of change of noisy slips between
+neighbouring rows is noise, on which Gauss and Newton's steps come to nothing."""
 DERIVATIVE_STEP = 0.01
 """Step of a numerical derivative, relative to the parameter's typical size."""
 EXCLUDED = -1
@@ -297,6 +301,8 @@ def compute_effect_jacobian(
     columns = []
     for place, parameter in enumerate(candidate.free_parameters):
         step = DERIVATIVE_STEP * abs(parameter.typical)
+        if parameter.unit == "s" and not acts_in_contact(candidate.effect):
+            step = max(step, DELAY_ROWS * max(one.kinematics.cycle_s for one in data.drives))
         columns.append(
             _difference_quotient(
                 data, model, candidate, values, place, step, slip_correction, known
