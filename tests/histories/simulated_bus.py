@@ -66,6 +66,8 @@ class SimulatedBus:
         """Opening of the bus."""
         if self._is_down():
             raise OSError(errno.ENETDOWN, "Network is down")
+        # What passed before a socket is open is not received.
+        self._waiting.clear()
         return self
 
     def recv(self, timeout: float | None) -> can.Message | None:

@@ -1,0 +1,187 @@
+"""Runs with faults, judged from the record of the bus; and the judge itself, by flawed records."""
+
+import pytest
+
+from tests.histories.checker import check
+from tests.histories.faults import KINDS, Fault, S, draw
+from tests.histories.play import judge, play
+from tests.histories.simulated_bus import Record
+from tests.histories.traffic import START_US
+from tests.wire import REQUIRED, sealed
+
+ALONE = [
+    pytest.param(name, size, id=f"{name}-{size:g}")
+    for name, kind in KINDS.items()
+    for size in {kind.sizes[0], kind.sizes[-1]}
+]
+
+
+@pytest.mark.parametrize(("name", "size"), ALONE)
+def test_each_fault_alone(name, size):
+    kind = KINDS[name]
+    until_us = 2 * S + max(round(min(kind.longest_s, 3.0) * S), 1)
+    target = REQUIRED[sum(map(ord, name)) % len(REQUIRED)] if kind.of_message else ""
+    assert judge(1, 10 * S, (Fault(name, 2 * S, until_us, target, size),)) == []
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_faults_together(seed):
+    assert judge(seed, 20 * S, draw(seed, 20 * S, per_minute=12.0)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("part", range(10))
+def test_a_thousand_histories(part):
+    failed = {}
+    for seed in range(1000 + 100 * part, 1100 + 100 * part):
+        if found := judge(seed, 15 * S, draw(seed, 15 * S, per_minute=15.0)):
+            failed[seed] = found[0]
+    assert failed == {}
+
+
+# --- the judge -----------------------------------------------------------------------------------
+
+CALM, DURATION = 6 * S, START_US + 6 * S
+
+
+@pytest.fixture(scope="module")
+def calm():
+    return play(1, CALM, ())
+
+
+@pytest.fixture(scope="module")
+def silence():
+    faults = (Fault("silent", 2 * S, 4 * S, "VehicleSpeed"),)
+    return faults, play(1, CALM, faults)
+
+
+def rules(record, faults=()):
+    return {one.rule for one in check(record, faults, START_US, DURATION)}
+
+
+def flawed(record, change):
+    """Record with other outputs: `change` gets their list."""
+    return Record(record.inputs, change(list(record.outputs)), record.log, record.notices)
+
+
+def setpoint(outputs, number=100):
+    """Place of a setpoint among the outputs."""
+    return [k for k, (_, frame) in enumerate(outputs) if frame.arbitration_id == 0x201][number]
+
+
+def with_data(outputs, place, data):
+    at_us, frame = outputs[place]
+    outputs[place] = at_us, replace_data(frame, data)
+    return outputs
+
+
+def replace_data(frame, data):
+    return frame._replace(data=data)
+
+
+def test_a_run_without_faults_breaks_no_rule(calm):
+    assert rules(calm) == set()
+
+
+def test_a_wrong_checksum_is_seen(calm):
+    def change(outputs):
+        place = setpoint(outputs)
+        data = outputs[place][1].data
+        return with_data(outputs, place, bytes([data[0] ^ 1]) + data[1:])
+
+    assert "checksum" in rules(flawed(calm, change))
+
+
+def test_a_repeated_count_is_seen(calm):
+    def change(outputs):
+        place = setpoint(outputs)
+        data = outputs[place][1].data
+        return with_data(outputs, place, sealed(0x201, data, (data[1] & 0xF) - 1))
+
+    assert "counter" in rules(flawed(calm, change))
+
+
+def test_a_missing_a_late_and_a_shifted_setpoint_are_seen(calm):
+    def missing(outputs):
+        del outputs[setpoint(outputs)]
+        return outputs
+
+    def late(outputs):
+        place = setpoint(outputs)
+        outputs[place] = outputs[place][0] + 4_000, outputs[place][1]
+        return outputs
+
+    def shifted(outputs):
+        place = setpoint(outputs)
+        at_us, frame = outputs[place]
+        outputs[place] = at_us, frame._replace(t_us=frame.t_us - 1_000)
+        return outputs
+
+    assert {"gap", "counter"} <= rules(flawed(calm, missing))
+    assert "late" in rules(flawed(calm, late))
+    assert "grid" in rules(flawed(calm, shifted))
+
+
+def test_a_burst_is_seen(calm):
+    def change(outputs):
+        first = setpoint(outputs)
+        own = [k for k, (_, f) in enumerate(outputs) if f.arbitration_id == 0x201 and k >= first]
+        for place in own[:12]:
+            outputs[place] = outputs[own[12]][0], outputs[place][1]
+        return outputs
+
+    assert "burst" in rules(flawed(calm, change))
+
+
+def test_confidence_in_a_stale_input_is_seen(silence):
+    faults, record = silence
+    assert rules(record, faults) == set()
+
+    def change(outputs):
+        for place, (at_us, frame) in enumerate(outputs):
+            if frame.arbitration_id == 0x201 and START_US + 3 * S < at_us < START_US + 4 * S:
+                data = frame.data
+                tracking = data[:1] + bytes([0x10 | data[1] & 0xF]) + data[2:]
+                with_data(outputs, place, sealed(0x201, tracking, data[1] & 0xF))
+        return outputs
+
+    assert "stale" in rules(flawed(record, change), faults)
+
+
+def test_numbers_held_for_too_long_or_out_of_range_are_seen(silence, calm):
+    faults, record = silence
+
+    def held(outputs):
+        for place, (at_us, frame) in enumerate(outputs):
+            if frame.arbitration_id == 0x201 and START_US + 3.5 * S < at_us < START_US + 4 * S:
+                data = frame.data[:2] + b"\x10\x27\x10\x27\x10\x27"
+                with_data(outputs, place, sealed(0x201, data, frame.data[1] & 0xF))
+        return outputs
+
+    def zero(outputs):
+        place = setpoint(outputs)
+        data = outputs[place][1].data
+        return with_data(outputs, place, sealed(0x201, data[:2] + bytes(6), data[1] & 0xF))
+
+    assert "held" in rules(flawed(record, held), faults)
+    assert "range" in rules(flawed(calm, zero))
+
+
+def test_a_service_that_never_comes_back_is_seen(calm):
+    def change(outputs):
+        for place, (_, frame) in enumerate(outputs):
+            if frame.arbitration_id == 0x201:
+                data = frame.data[:1] + bytes([frame.data[1] & 0xF]) + 6 * b"\xff"
+                with_data(outputs, place, sealed(0x201, data, frame.data[1] & 0xF))
+        return outputs
+
+    assert "recovery" in rules(flawed(calm, change))
+
+
+def test_a_log_that_replays_to_other_bytes_is_seen(calm):
+    place = next(k for k, line in enumerate(calm.log) if " 201#" in line and k > 500)
+    line = calm.log[place]
+    log = [*calm.log[:place], line[:-3] + ("0" if line[-3] != "0" else "1") + line[-2:]]
+    changed = Record(calm.inputs, calm.outputs, [*log, *calm.log[place + 1 :]], calm.notices)
+    assert "replay" in rules(changed)
