@@ -69,6 +69,22 @@ def source_address(frame_id: int) -> int:
     return frame_id & 0xFF
 
 
+def unmarked_sentence(name: str, named: int, heard: int) -> str:
+    """Sentence about a message whose group comes from another sender than the database names.
+
+    Args:
+        name: Name of the message.
+        named: Identifier in the database, which does not say that it is one of J1939.
+        heard: Identifier of the same group on the bus.
+
+    """
+    return (
+        f"{name} ({named:#x}): {heard:#x} has its parameter group {parameter_group(named)} "
+        "from another sender or with another priority; if the database is one of J1939, "
+        "mark the message so (VFrameFormat J1939PG), and whoever sends it is heard"
+    )
+
+
 class Senders:
     """Which sender of each parameter group is listened to.
 

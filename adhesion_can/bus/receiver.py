@@ -14,9 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.bus.acceptance import DecodedFrame, accept_frame
-from adhesion_can.bus.block import Block
+from adhesion_can.bus.block import EXTENDED, Block
 from adhesion_can.bus.frame import Frame
-from adhesion_can.bus.j1939 import IdFilter, Senders, group_mask
+from adhesion_can.bus.j1939 import (
+    IdFilter,
+    Senders,
+    group_mask,
+    parameter_group,
+    unmarked_sentence,
+)
 from adhesion_can.bus.message_record import MessageRecord
 from adhesion_can.bus.receiver_columns import ReceivedBlock, RecordsById, receive_block
 from adhesion_can.bus.rejection import Rejection
@@ -44,6 +50,24 @@ class Receiver:
         plans = (record.message.plan for record in self.records)
         self.senders = Senders(plan.frame_id for plan in plans if plan.is_j1939)
         """Senders of J1939 messages."""
+        self.same_group: dict[int, int] = {}
+        """Identifier on the bus with the J1939 group of a message, by the message's own, where the
+        database does not say that it is one of J1939."""
+        self._unmarked = {
+            parameter_group(number): number
+            for number, is_extended in self._by_id
+            if is_extended and not self.senders.covers(number)
+        }
+
+    @property
+    def unmarked(self) -> list[str]:
+        """Sentences about messages that nobody sends while their group is on the bus."""
+        plans = (record.message.plan for record in self.records if not record.frames)
+        return [
+            unmarked_sentence(plan.name, plan.frame_id, self.same_group[plan.frame_id])
+            for plan in plans
+            if plan.is_extended and plan.frame_id in self.same_group
+        ]
 
     @property
     def ids(self) -> list[IdFilter]:
@@ -78,6 +102,8 @@ class Receiver:
         """
         record = self._record(frame)
         if record is None:
+            if self._unmarked and frame.is_extended:
+                self._note_group(frame.arbitration_id)
             return None
         record.frames += 1
         outcome = accept_frame(record.acceptance, frame, record.decode)
@@ -100,7 +126,16 @@ class Receiver:
         if self.senders:
             keys = self.senders.translate_keys(block.key, block.is_data)
             block = replace(block, key=keys)
+        if self._unmarked:
+            keys = np.unique(block.key[block.is_data])
+            for key in keys[keys >= EXTENDED].tolist():
+                self._note_group(key & ~int(EXTENDED))
         return receive_block(self._by_id, block, t_us)
+
+    def _note_group(self, number: int) -> None:
+        named = self._unmarked.get(parameter_group(number))
+        if named is not None and number != named:
+            self.same_group[named] = min(number, self.same_group.get(named, number))
 
     def _record(self, frame: Frame) -> MessageRecord | None:
         if not frame.is_data:

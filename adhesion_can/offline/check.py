@@ -1,13 +1,13 @@
 """Check of a recording: its contents, its faults, and what can be estimated from it."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.bus.block import EXTENDED, Block
+from adhesion_can.bus.block import Block
 from adhesion_can.bus.j1939 import parameter_group, source_address
 from adhesion_can.bus.message_record import MessageRecord
 from adhesion_can.bus.receiver import Receiver
@@ -155,8 +155,8 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
         for (role, axle), (_, values) in readings.items():
             signals[role_name(role, axle)].add(values)
 
-    extractor, extended = SampleExtractor(configuration, add_readings), set[int]()
-    samples = extractor.run(_noting_extended_ids(blocks, extended))
+    extractor = SampleExtractor(configuration, add_readings)
+    samples = extractor.run(blocks)
     counts = extractor.counts
     result = CheckResult(
         extractor.receiver,
@@ -171,7 +171,7 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
     )
     _check_messages(result)
     _check_senders(result)
-    _check_unmarked_groups(result, extended)
+    result.warnings.extend(result.receiver.unmarked)
     _check_signals(result)
     _check_axles(result, configuration)
     _check_vehicle(result, configuration.vehicle)
@@ -230,30 +230,6 @@ def _check_senders(result: CheckResult) -> None:
                 f"{names[named]}: parameter group {parameter_group(named)} is taken from source "
                 f"address {heard:#04x}, the database has "
                 f"{source_address(named):#04x}{further}"
-            )
-
-
-def _noting_extended_ids(blocks: Iterable[Block], found: set[int]) -> Iterator[Block]:
-    """The blocks as they are; adds identifiers of 29 bits to a set."""
-    for block in blocks:
-        keys = np.unique(block.key[block.is_data])
-        found.update((keys[keys >= EXTENDED] & ~np.uint32(EXTENDED)).tolist())
-        yield block
-
-
-def _check_unmarked_groups(result: CheckResult, extended: set[int]) -> None:
-    """Messages that nobody sends, while their J1939 group comes from another sender."""
-    for record in result.receiver.records:
-        plan = record.message.plan
-        if record.frames or not plan.is_extended or plan.is_j1939:
-            continue
-        group = parameter_group(plan.frame_id)
-        alike = sorted(number for number in extended if parameter_group(number) == group)
-        if alike:
-            result.warnings.append(
-                f"{plan.name} ({plan.frame_id:#x}): {alike[0]:#x} has its parameter group {group} "
-                "from another sender or with another priority; if the database is one of J1939, "
-                "mark the message so (VFrameFormat J1939PG), and whoever sends it is heard"
             )
 
 

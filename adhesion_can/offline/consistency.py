@@ -57,6 +57,10 @@ def inspect_delay(t_us: NDArray[np.int64], slip: Array, adhesion: Array) -> Iter
     best = max(fits, key=lambda shift: fits[shift])
     if abs(best) < LEAST_SHIFT or fits[best] < LEAST_CORRELATION:
         return
+    # Beyond its peak a curve falls: slips that come and go fit best half a period later. And what
+    # grows to the end of the search is no maximum.
+    if fits[0] <= 0.0 or abs(best) == most:
+        return
     if 1.0 - fits[best] ** 2 > MOST_LEFT * (1.0 - max(fits[0], 0.0) ** 2):
         return
     late, early = ("force", "slip") if best > 0 else ("slip", "force")

@@ -119,6 +119,9 @@ def require_accepted_frame(receiver: Receiver, frames: int, where: str) -> None:
         )
     if not frames:
         raise RecordingError(where, "not one frame in it", "is it one that 'candump -L' recorded?")
+    if receiver.unmarked:
+        what, _, mend = receiver.unmarked[0].partition("; ")
+        raise RecordingError(where, f"no frame of a known id; {what}", mend)
     names = ", ".join(
         f"{r.message.plan.name} {r.message.plan.frame_id:#x}" for r in receiver.records[:3]
     )

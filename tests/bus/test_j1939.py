@@ -13,8 +13,10 @@ from adhesion_can.bus.decoder import Decoder
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.j1939 import Senders, group_mask, parameter_group, source_address
 from adhesion_can.bus.receiver import Receiver
+from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.offline.check import check
+from adhesion_can.recordings.candump import format_frame
 
 DBC = """
 BO_ 2565866750 EBC2: 8 X
@@ -141,6 +143,25 @@ def test_check_says_that_a_database_is_not_marked_as_one_of_j1939(dbc, tmp_path,
     else:
         (hint,) = hints
         assert hint.startswith("EEC1 (0xcf004fe): 0xcf00400 has its parameter group 61444")
+
+
+@pytest.mark.parametrize("command", ["check", "diagnose", "identify", "replay"])
+def test_where_nothing_else_is_heard_the_commands_say_it_too(dbc, tmp_path, capsys, command):
+    text = dbc.read_text()
+    dbc.write_text("\n".join(line for line in text.splitlines() if "VFrameFormat" not in line))
+    config = tmp_path / "c.toml"
+    config.write_text(
+        f'[bus]\ndatabase = "{dbc.name}"\n[roles]\n'
+        'vehicle_speed = { signal = "EBC2.FrontAxleSpeed", cycle_ms = 100 }\n'
+        'wheel_speed.1 = { signal = "EEC1.EngineSpeed", unit = "rpm", cycle_ms = 20 }\n'
+        'tractive_effort.1 = { signal = "EEC1.EngineSpeed", unit = "N", cycle_ms = 20 }\n'
+    )
+    log = tmp_path / "a.log"
+    log.write_text("".join(map(format_frame, frames_of(0x0CF00400))))
+    assert main([command, str(log), "--config", str(config)]) == 2
+    said = capsys.readouterr().err
+    assert "no frame of a known id; EEC1 (0xcf004fe): 0xcf00400 has its parameter group" in said
+    assert "VFrameFormat J1939PG" in said
 
 
 def test_convert_names_each_sender(dbc):

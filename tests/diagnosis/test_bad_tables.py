@@ -155,6 +155,36 @@ def test_a_wrong_sign_or_unit_is_an_error_with_the_mend(given, says, tmp_path):
     assert not (tmp_path / "diagnosis.json").exists()
 
 
+LOADS = np.full(N, 9e4)
+ALTERNATING = np.where(np.arange(N) % 2 == 0, 9e4, -9e4)
+
+
+@pytest.mark.parametrize(
+    ("loads", "says"),
+    [
+        (-LOADS, "all loads are negative; say --column normal_load_N=normal_load_N,sign=-1"),
+        (np.where(np.arange(N) < 3, 9e4, -9e4), "2397 of 2400 loads are negative; say --column"),
+        (ALTERNATING, "1200 of 2400 loads are negative, the others are not"),
+    ],
+    ids=["all", "all but three", "every other one"],
+)
+def test_negative_loads_are_an_error_and_not_rows_without_a_time(loads, says, tmp_path):
+    given = columns(normal_load_N=loads, longitudinal_force_N=columns()["adhesion"] * loads)
+    del given["adhesion"]
+    answer = diagnosed(tmp_path, write_table(tmp_path / "t.csv", given))
+    assert answer.status == 2
+    assert says in answer.err
+
+
+def test_a_few_rows_without_load_are_told_as_such(tmp_path):
+    loads = np.where(np.arange(N) % 100 == 0, -5.0, 9e4)
+    given = columns(normal_load_N=loads, longitudinal_force_N=columns()["adhesion"] * loads)
+    del given["adhesion"]
+    answer = run(tmp_path, given)
+    assert "24 of 2400 rows left out: no load above 0" in answer.out + answer.err
+    assert "without a finite time" not in answer.out + answer.err
+
+
 def test_a_named_sign_mends_it(tmp_path):
     path = write_table(tmp_path / "t.csv", columns(slip=-SLIP))
     assert diagnosed(tmp_path, path, "--column", "slip=slip,sign=-1").verdict == "nothing_found"

@@ -199,7 +199,7 @@ def _numbers(points: list[Point]) -> Iterator[Violation]:
 def _good_times(record: Record, schedule: _Schedule) -> dict[str, list[int]]:
     """Times at which each required message came with a seal, a new counter and values."""
     names = {INPUTS[name]: name for name in REQUIRED}
-    last: dict[str, int] = {}
+    last: dict[str, tuple[int, int]] = {}
     good: dict[str, list[int]] = {name: [] for name in REQUIRED}
     for at_us, frame in record.inputs:
         name = names.get(frame.arbitration_id)
@@ -211,8 +211,11 @@ def _good_times(record: Record, schedule: _Schedule) -> dict[str, list[int]]:
             continue
         count = frame.data[1] & 0xF
         # Frames that overtake each other may have the same count and be of different cycles.
-        new = count != last.get(name) or schedule.overtaken(name, at_us)
-        last[name] = count
+        # So may the first one after a pause.
+        before_us, before = last.get(name, (0, COUNTERS))
+        paused = at_us - before_us > SILENT_CYCLES * CYCLES_MS[name] * MS
+        new = count != before or paused or schedule.overtaken(name, at_us)
+        last[name] = at_us, count
         if new and frame.data[2:] != NOT_AVAILABLE[name]:
             good[name].append(at_us)
     return good

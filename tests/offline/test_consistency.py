@@ -69,3 +69,13 @@ def test_a_speed_in_another_unit_changes_too_fast(seed):
 def test_a_constant_speed_says_nothing():
     t_us, _, adhesion, speed = drive(1)
     assert acceleration_ratio(t_us, 0 * speed + 11.0, adhesion) is None
+
+
+def test_slips_that_come_and_go_beyond_the_peak_are_no_delay():
+    """The curve falls there: the adhesion is least where the slip is greatest."""
+    t_us = np.arange(3000, dtype=np.int64) * 50_000
+    for period_s in (2.0, 3.5, 7.0):
+        slip = 0.02 + 0.2 * (1.0 - np.cos(2.0 * np.pi * t_us / 1e6 / period_s))
+        adhesion = 0.35 * (1.0 - np.exp(-60.0 * slip)) - 0.6 * slip
+        noise = 0.005 * np.random.default_rng(1).standard_normal(len(slip))
+        assert list(inspect_delay(t_us, slip, adhesion + noise)) == []

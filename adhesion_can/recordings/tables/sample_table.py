@@ -26,6 +26,8 @@ from adhesion_can.recordings.tables.shift import shift_columns
 FORCE, LOAD = "longitudinal_force_N", "normal_load_N"
 TIME_LIMIT_S = 9e9
 """Limit of a time, s: beyond it, 285 years, stamps do not fit 64 bits as ns."""
+MOST_NEGATIVE = 0.05
+"""Share of negative loads beyond which they are no noise about 0."""
 MOST_TEXTS, LEAST_TEXT_ROWS = 12, 5
 """Texts of a column that groups the rows, and rows of each of them."""
 _OWN = frozenset({"slip_std", "adhesion_std", "residual", "left_out"})
@@ -169,11 +171,14 @@ def _table(
     else:
         force = numbers[FORCE]
         adhesion = np.divide(force, load, out=np.full_like(slip, np.nan), where=load > 0)
+    unloaded = _find_unloaded(numbers, str(path))
     speed = numbers.get("speed_mps", ones)
     good = np.isfinite(time_s) & np.isfinite(slip) & np.isfinite(adhesion)
     good &= np.abs(np.where(good, time_s, 0.0)) < TIME_LIMIT_S
     if not good.any():
-        raise TableError(str(path), *_why_no_row(numbers))
+        raise TableError(
+            str(path), "no row has a finite time, slip and adhesion", "check the units"
+        )
     axle = numbers.get("axle", 0 * ones)[good]
     axle = np.where(np.abs(axle) < 1000, axle, 0)  # no axle has such a number
     t_us = np.round(time_s[good] * 1e6).astype(np.int64)
@@ -195,28 +200,49 @@ def _table(
         covariates={name: c[good] for name, c in numbers.items() if name not in _KNOWN},
     )
     segment = numbers.get("segment")
+    lost = int((unloaded & ~good).sum())
+    notes = columns.notes
+    if lost:
+        notes = (*notes, f"{lost} of {len(slip)} rows left out: no load above 0")
     return Table(
         samples,
         None if segment is None else np.unique(segment[good], return_inverse=True)[1],
         rows=len(slip),
-        left_out=int(len(slip) - good.sum()),
+        left_out=int(len(slip) - good.sum()) - lost,
         ignored=ignored,
         timed=timed,
-        notes=columns.notes,
+        notes=notes,
         units=columns.units,
     )
+
+
+def _find_unloaded(numbers: Mapping[str, Array], where: str) -> NDArray[np.bool_]:
+    """Rows with a load that is not above 0, from which no adhesion can be computed; shape (n,).
+
+    Raises:
+        TableError: More than a few loads are negative.
+
+    """
+    load = numbers.get(LOAD)
+    if load is None or "adhesion" in numbers:
+        return np.zeros(len(numbers["slip"]), dtype=np.bool_)
+    stated = np.isfinite(load)
+    below, count = int((load[stated] < 0).sum()), int(stated.sum())
+    if below > (1.0 - MOST_NEGATIVE) * count:
+        raise TableError(
+            where,
+            f"{'all' if below == count else f'{below} of {count}'} loads are negative",
+            f"say --column {LOAD}={LOAD},sign=-1 if the load counts downwards",
+        )
+    if below > MOST_NEGATIVE * count:
+        raise TableError(
+            where,
+            f"{below} of {count} loads are negative, the others are not",
+            "write the load with which the wheel presses on the rail, above 0 in every row",
+        )
+    return np.asarray(stated & (load <= 0))
 
 
 def _variance(numbers: Mapping[str, Array], name: str, ones: Array) -> Array:
     """Square of a column of standard deviations; 0 where there is none."""
     return np.square(np.nan_to_num(numbers.get(name, 0.0 * ones)))
-
-
-def _why_no_row(numbers: Mapping[str, Array]) -> tuple[str, str]:
-    """Why no row can be used, and how to mend it."""
-    what = "no row has a finite time, slip and adhesion"
-    load = numbers.get(LOAD)
-    if "adhesion" not in numbers and load is not None and bool((load[np.isfinite(load)] < 0).all()):
-        mend = f"--column {LOAD}={LOAD},sign=-1 if the load counts downwards"
-        return f"{what}: all loads are negative", mend
-    return what, "check the units"
