@@ -32,6 +32,11 @@ LOAD_UNITS = {"kg": 9.81, "kN": 1e3, "t": 9807.0}
 """Newtons in the units in which loads are written."""
 FAST, TOO_FAST = 45.0, 140.0
 """Median speeds, m/s, that are more often km/h, and that no vehicle reaches."""
+ROLLING_ADHESION, ROLLING_SPREAD = 0.01, 0.02
+"""Adhesion below which a wheel rolls, and range of the slips of half of these rows beyond which
+they say nothing."""
+ROLLING_SLIP, ROLLING_LIMIT = 0.02, 0.07
+"""Slip of a rolling wheel that is told, and beyond which no radius is that worn."""
 LEAST_REPEATED, LEAST_STUCK = 0.01, 50
 """Share of repeated stamps, and rows at one value, that are told."""
 
@@ -69,6 +74,7 @@ def inspect_points(points: Points) -> list[Finding]:
         *_slip_size(points),
         *_adhesion_size(points),
         *_signs(points),
+        *_zero(points),
         *_load(points),
         *_speed(points),
         *_stamps(points),
@@ -176,6 +182,23 @@ def _signs(points: Points) -> Iterator[Finding]:
         mend = "both are below 0 in braking; say --column slip=slip,sign=-1, or so for the force"
     what = f"slip and force have opposite signs in {100 * opposite:.0f} % of {count} rows"
     yield Finding(what, mend)
+
+
+def _zero(points: Points) -> Iterator[Finding]:
+    """Slip of a recording where there is no adhesion: there the rim runs as fast as the vehicle."""
+    rolling = np.abs(points.adhesion) < ROLLING_ADHESION
+    if points.table or int(rolling.sum()) < LEAST_ROWS or known_ratio(points.slip) is not None:
+        return
+    low, middle, high = np.quantile(points.slip[rolling], (0.25, 0.5, 0.75))
+    if abs(middle) < ROLLING_SLIP or high - low > ROLLING_SPREAD:
+        return
+    ratio = 1.0 + float(middle)
+    yield Finding(
+        f"without adhesion the rim runs at {ratio:.4g} times the vehicle speed",
+        f"check the wheel radius, of which {1.0 / ratio:.4g} times the configured one would fit, "
+        "and the scales of wheel and vehicle speed; `calibrate` finds them from coasting",
+        fatal=abs(middle) > ROLLING_LIMIT,
+    )
 
 
 def _load(points: Points) -> Iterator[Finding]:

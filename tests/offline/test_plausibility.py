@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from adhesion_can.cli.main import main
 from adhesion_can.offline.plausibility import Points, inspect_points, longest_run
 
 N = 600
@@ -125,3 +126,28 @@ def test_the_longest_run_is_one_in_which_the_other_column_moves():
     assert longest_run(values, still) == (2, 2.0)
     assert longest_run(values, np.arange(7.0)) == (4, 1.0)
     assert longest_run(np.arange(3.0), np.zeros(3)) is None
+
+
+@pytest.mark.parametrize(("radius_m", "status"), [(0.33, 1), (0.57, 1), (0.605, 0), (0.625, 0)])
+def test_a_radius_that_a_rolling_wheel_contradicts_is_told(tmp_path, capsys, radius_m, status):
+    """Whatever it is: 0.33 for 0.625 m is no known mistake."""
+    log, config = tmp_path / "d.log", tmp_path / "c.toml"
+    words = [
+        "simulate",
+        "--scenario",
+        "sweep",
+        "--duration",
+        "40",
+        "--seed",
+        "1",
+        "--log",
+        str(log),
+    ]
+    assert main(words) == 0
+    config.write_text(f"[vehicle]\nwheel_radius_m = {radius_m}\n")
+    capsys.readouterr()
+    assert main(["check", str(log), "--config", str(config)]) == status
+    said = "".join(capsys.readouterr())
+    told = f"without adhesion the rim runs at {radius_m / 0.625:.3f}"
+    assert (told[:-1] in said) == (radius_m != 0.625)
+    assert ("calibrate" in said) == (radius_m != 0.625)
