@@ -27,6 +27,7 @@ from adhesion_can.estimation.noise.noise_factors import batch_factors
 from adhesion_can.estimation.noise.settings import NoiseSettings
 from adhesion_can.estimation.variable_projection import (
     STEEPNESS,
+    UPPER,
     fit_least_squares,
     solve_two_by_two,
 )
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 
 BINS = 96
 """Number of bins of slip for the score of a change."""
+AT_BOUND = 1.0 - 1e-4
+"""Share of the largest value of a parameter from which it is at its bound."""
 SHORT = 10
 """Duration of a segment, in margins beside a change, up to which all of it is used."""
 
@@ -145,7 +148,7 @@ def fit_surface(samples: Samples, settings: IdentifiabilitySettings | None = Non
     """Curve of one surface, without the errors of the slips that the samples state.
 
     Samples that state none are fitted as by `fit`. λ_m is identifiable only where the fall beyond
-    the peak is significant.
+    the peak is significant, and neither is where a parameter ends at its bound.
 
     Args:
         samples: Samples, at least one, finite, |λ| within the range of `settings`.
@@ -156,8 +159,18 @@ def fit_surface(samples: Samples, settings: IdentifiabilitySettings | None = Non
     if samples.slip_total_var.any():
         found = fit_with_errors(samples, settings.slip_max)
         if found is not None:
-            return require_fall(build_estimate(*found, samples, settings))
-    return require_fall(fit(samples, settings))
+            return _require_inside(require_fall(build_estimate(*found, samples, settings)))
+    return _require_inside(require_fall(fit(samples, settings)))
+
+
+def _require_inside(estimate: Estimate) -> Estimate:
+    """Estimate whose peak is not identifiable where c1, c2 or c3 ends at the largest value tried.
+
+    The curve would go on, and its standard deviations know nothing of that.
+    """
+    if (np.array(estimate.theta) < AT_BOUND * UPPER).all():
+        return estimate
+    return replace(estimate, identifiable=Identifiable(mu_max=False, lambda_m=False))
 
 
 def identify(

@@ -12,6 +12,7 @@ from adhesion_can.estimation.batch_fit import (
     SegmentationSettings,
     change_points,
     fit,
+    fit_surface,
     identify,
 )
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
@@ -352,3 +353,14 @@ def test_settings_of_identifiability_are_obeyed():
     e = fit(samples, strict)
     assert not e.identifiable.mu_max
     assert not e.identifiable.lambda_m
+
+
+def test_a_curve_at_the_largest_c3_has_no_identifiable_peak():
+    """It falls more steeply than any that is tried, and its deviations know nothing of that."""
+    rng = np.random.default_rng(1)
+    slip = rng.uniform(0.001, 0.04, 4000)
+    adhesion = 1.0 * (1 - np.exp(-300 * slip)) - 16 * slip + 0.01 * rng.standard_normal(4000)
+    found = fit_surface(Samples.curve(slip, adhesion))
+    assert found.c3 == pytest.approx(10.0)
+    assert not found.identifiable.mu_max
+    assert not found.identifiable.lambda_m
