@@ -122,10 +122,12 @@ def diagnose(
     # Steps 3 to 6
     analysis = _Analysis(thin, candidates, block, block_length_s, settings, show)
     found, shaped = analysis.explain(change_times)
-    if any(change_times):
+    # Drives that are held out decide nothing: what they are without their changes is not asked.
+    unchanged = [times if held else [] for times, held in zip(change_times, held_out, strict=True)]
+    if unchanged != change_times:
         # The other explanation of the same data: the surface never changed, effects or the shape of
         # the curve did it all.
-        other, other_shaped = analysis.explain([[] for _ in thin])
+        other, other_shaped = analysis.explain(unchanged)
         if explains_without_changes(shaped or found, other_shaped or other):
             found, shaped = other, other_shaped
     # Step 7

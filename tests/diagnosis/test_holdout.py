@@ -38,3 +38,18 @@ def test_of_two_drives_one_is_held_out_and_its_name_is_given(world):
     assert found["verdict"] == "named"
     assert "1 of 2 recordings" in found["gain"]["held_out"]
     assert sum(one.get("held_out", False) for one in found["inputs"]) == 1
+
+
+def test_a_held_out_drive_keeps_its_surfaces_as_evaluate_has_them(tmp_path):
+    """The drive that decides has one surface; without changes it is explained as well."""
+    simulated = {"a": ("sweep", "60"), "b": ("dry-wet-dry", "60")}
+    for name, (scenario, seconds) in simulated.items():
+        words = ["simulate", "--scenario", scenario, "--duration", seconds, "--seed", "3"]
+        words += ["--effect", "load_dependence=4e-12", "--log", str(tmp_path / f"{name}.log")]
+        assert main(words) == 0
+    first, second = (str(tmp_path / f"{name}.log") for name in simulated)
+    model = str(tmp_path / "m.toml")
+    found = diagnosed(tmp_path, first, "--holdout", second, "--extended", model)
+    assert main(["evaluate", second, "--model", model, "--json", str(tmp_path / "e.json")]) == 0
+    evaluated = json.loads((tmp_path / "e.json").read_text())
+    assert found["gain"]["rmse_before"] == pytest.approx(evaluated["total"]["plain"]["rmse"], rel=5e-3)
