@@ -52,4 +52,6 @@ def test_a_held_out_drive_keeps_its_surfaces_as_evaluate_has_them(tmp_path):
     found = diagnosed(tmp_path, first, "--holdout", second, "--extended", model)
     assert main(["evaluate", second, "--model", model, "--json", str(tmp_path / "e.json")]) == 0
     evaluated = json.loads((tmp_path / "e.json").read_text())
-    assert found["gain"]["rmse_before"] == pytest.approx(evaluated["total"]["plain"]["rmse"], rel=5e-3)
+    assert found["gain"]["rmse_before"] == pytest.approx(
+        evaluated["total"]["plain"]["rmse"], rel=5e-3
+    )

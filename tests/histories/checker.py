@@ -86,6 +86,7 @@ def check(record: Record, faults: tuple[Fault, ...], start_us: int, end_us: int)
         *_numbers(points),
         *_silence(points, record, schedule),
         *_recovery(points, schedule),
+        *_second_service(points, schedule),
         *_first(points, record, schedule),
         *_replayed(record),
     ]
@@ -250,6 +251,18 @@ def _recovery(points: list[Point], schedule: _Schedule) -> Iterator[Violation]:
         calm = from_us >= schedule.start_us and not schedule.any_fault(from_us, point.due_us)
         if calm and point.status != "TRACKING":
             yield Violation("recovery", point.at_us, f"{point.status} without any fault")
+
+
+def _second_service(points: list[Point], schedule: _Schedule) -> Iterator[Violation]:
+    """FAULT while another service sends our ids."""
+    others = [f for f in schedule.faults if f.kind == "second_service"]
+    for fault in others:
+        from_us = schedule.start_us + fault.from_us + FIRST_US
+        until_us = schedule.start_us + fault.until_us
+        for point in points:
+            heard = from_us <= point.due_us < until_us
+            if heard and point.status != "FAULT" and not schedule.disturbed(from_us, until_us):
+                yield Violation("second service", point.at_us, f"{point.status} beside another")
 
 
 def _first(points: list[Point], record: Record, schedule: _Schedule) -> Iterator[Violation]:

@@ -1,5 +1,7 @@
 """Runs with faults, judged from the record of the bus; and the judge itself, by flawed records."""
 
+from pathlib import Path
+
 import pytest
 
 from tests.histories.checker import check
@@ -9,6 +11,7 @@ from tests.histories.simulated_bus import Record
 from tests.histories.traffic import START_US
 from tests.wire import REQUIRED, sealed
 
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 ALONE = [
     pytest.param(name, size, id=f"{name}-{size:g}")
     for name, kind in KINDS.items()
@@ -185,3 +188,9 @@ def test_a_log_that_replays_to_other_bytes_is_seen(calm):
     log = [*calm.log[:place], line[:-3] + ("0" if line[-3] != "0" else "1") + line[-2:]]
     changed = Record(calm.inputs, calm.outputs, [*log, *calm.log[place + 1 :]], calm.notices)
     assert "replay" in rules(changed)
+
+
+def test_every_kind_has_its_row_in_the_table_of_reactions():
+    lines = (DOCS / "operation.md").read_text(encoding="utf-8").splitlines()
+    rows = [line.split("`")[1] for line in lines if line.startswith("| `")]
+    assert rows == list(KINDS)
