@@ -82,8 +82,10 @@ def describe_left_out(table: Table, slip_max: float) -> list[str]:
 
     """
     found = []
-    if table.left_out:
-        rows = f"{table.left_out} of {table.rows} rows"
+    if table.unloaded:
+        found.append(f"{table.unloaded} of {table.rows} rows left out: no load above 0")
+    if lost := table.left_out - table.unloaded:
+        rows = f"{lost} of {table.rows} rows"
         found.append(f"{rows} without a finite time, slip and adhesion")
     samples = table.samples
     large = np.abs(samples.slip) > slip_max

@@ -26,8 +26,8 @@ from adhesion_can.recordings.tables.shift import shift_columns
 FORCE, LOAD = "longitudinal_force_N", "normal_load_N"
 TIME_LIMIT_S = 9e9
 """Limit of a time, s: beyond it, 285 years, stamps do not fit 64 bits as ns."""
-MOST_NEGATIVE = 0.05
-"""Share of negative loads beyond which they are no noise about 0."""
+MOST_NEGATIVE, LEAST_NEGATIVE = 0.05, 20
+"""Share of negative loads, and number of them, beyond which they are no noise about 0."""
 MOST_TEXTS, LEAST_TEXT_ROWS = 12, 5
 """Texts of a column that groups the rows, and rows of each of them."""
 _OWN = frozenset({"slip_std", "adhesion_std", "residual", "left_out"})
@@ -49,6 +49,7 @@ class Table:
         timed: Whether the table has the column `time_s`.
         notes: What was recognised of the file, a sentence each.
         units: Units of the columns that state one.
+        unloaded: Number of the rows left out whose load is not above 0.
 
     """
 
@@ -60,6 +61,7 @@ class Table:
     timed: bool = True
     notes: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
+    unloaded: int = 0
 
 
 def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
@@ -200,18 +202,15 @@ def _table(
         covariates={name: c[good] for name, c in numbers.items() if name not in _KNOWN},
     )
     segment = numbers.get("segment")
-    lost = int((unloaded & ~good).sum())
-    notes = columns.notes
-    if lost:
-        notes = (*notes, f"{lost} of {len(slip)} rows left out: no load above 0")
     return Table(
         samples,
         None if segment is None else np.unique(segment[good], return_inverse=True)[1],
         rows=len(slip),
-        left_out=int(len(slip) - good.sum()) - lost,
+        left_out=int(len(slip) - good.sum()),
+        unloaded=int((unloaded & ~good).sum()),
         ignored=ignored,
         timed=timed,
-        notes=notes,
+        notes=columns.notes,
         units=columns.units,
     )
 
@@ -228,6 +227,8 @@ def _find_unloaded(numbers: Mapping[str, Array], where: str) -> NDArray[np.bool_
         return np.zeros(len(numbers["slip"]), dtype=np.bool_)
     stated = np.isfinite(load)
     below, count = int((load[stated] < 0).sum()), int(stated.sum())
+    if below < min(LEAST_NEGATIVE, count) or not count:
+        return np.asarray(stated & (load <= 0))
     if below > (1.0 - MOST_NEGATIVE) * count:
         raise TableError(
             where,
