@@ -63,7 +63,13 @@ def test_run_in_this_process_keeps_log_state_and_json(tmp_path):
 def test_a_state_that_is_none_is_told_put_aside_and_the_service_begins_cold(tmp_path, capsys):
     state = tmp_path / "state.json"
     state.write_text('{"c1": 3}')
-    main(["run", "-i", "virtual", "-c", "x", "--duration", "0.2", "--state", str(state)])
+    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        words = ["run", "-i", "virtual", "-c", "x", "--duration", "0.2", "--state", str(state)]
+        assert main(words) == 0
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
     err = capsys.readouterr().err
     assert "is not used: it is no state of adhesion-can; begins cold" in err
     assert (tmp_path / "state.json.refused").read_text() == '{"c1": 3}'
