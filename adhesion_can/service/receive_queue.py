@@ -14,7 +14,7 @@ from adhesion_can.service.reconnecting_bus import ReconnectingBus
 
 BEHIND_US = 10_000
 """Age of a received message beyond which others are likely to wait behind it, µs."""
-STALE_US = 100_000
+STALE_US = 500_000
 """Age beyond which a message is dropped where others wait behind it, µs."""
 QUEUE_FRAMES = 4096
 """Largest number of waiting messages: eight seconds of the packaged message set's full input."""

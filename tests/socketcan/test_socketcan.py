@@ -5,9 +5,11 @@ run in an emulated machine, some thirty times slower than its host. So the frame
 for events, and deadlines lie an order of magnitude above what an idle machine needs.
 """
 
+import json
 import os
 import signal
 import subprocess
+from itertools import pairwise
 
 import pytest
 
@@ -96,7 +98,7 @@ def frames_in(path):
     return [item for item in items if isinstance(item, Frame)]
 
 
-def check_answers(frames, surfaces, at_least):
+def check_answers(frames, surfaces, at_least, overdue=0):
     """All sealed and counted; the last one that was certain is right for one of the surfaces."""
     answers = [f for f in frames if f.arbitration_id in OUTPUTS]
     assert all(seal_ok(f) for f in answers)
@@ -106,9 +108,14 @@ def check_answers(frames, surfaces, at_least):
     assert tracking, [str(p["Status"]) for p in points[-5:]]
     true = [float(peak(*surface_by_name(name).theta).mu_max) for name in surfaces]
     assert min(abs(float(tracking[-1]["MuMax"]) / mu_max - 1) for mu_max in true) < 0.05
+    missing = 0
     for number in OUTPUTS:
         counts = [f.data[1] & 0x0F for f in answers if f.arbitration_id == number]
-        assert all((b - a) % 15 == 1 for a, b in zip(counts, counts[1:], strict=False))
+        steps = [(b - a) % 15 for a, b in pairwise(counts)]
+        assert 0 not in steps
+        missing += sum(steps) - len(steps)
+    # A machine that is too slow leaves out what is overdue, and says so.
+    assert missing <= overdue
 
 
 def test_run_answers_a_recording_fed_by_canplayer(terminals, tmp_path):
@@ -122,7 +129,8 @@ def test_run_answers_a_recording_fed_by_canplayer(terminals, tmp_path):
     assert service.interrupt(DEADLINE_S) == 0
     dump.interrupt(DEADLINE_S)
     frames = frames_in(dump.out)
-    check_answers(frames, ("wet",), at_least=SETPOINTS_PER_S * DRIVE_S)
+    overdue = json.loads((tmp_path / "run.json").read_text())["overdue"]
+    check_answers(frames, ("wet",), at_least=SETPOINTS_PER_S * DRIVE_S, overdue=overdue)
     fed = [(f.arbitration_id, f.data) for f in frames_in(log)]
     heard = [(f.arbitration_id, f.data) for f in frames if f.arbitration_id not in OUTPUTS]
     assert heard == fed
@@ -135,7 +143,11 @@ def test_run_answers_a_recording_fed_by_canplayer(terminals, tmp_path):
         [(f.arbitration_id, f.data) for f in some if f.arbitration_id in repeatable]
         for some in (frames, frames_in(again))
     )
-    assert sent == replayed
+    if overdue:
+        rest = iter(replayed)
+        assert all(frame in rest for frame in sent), "in the order of the replay"
+    else:
+        assert sent == replayed
 
 
 def test_the_service_survives_a_bus_that_goes_down(terminals, tmp_path):
