@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
 
 import numpy as np
 
@@ -60,9 +59,6 @@ from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import Effect
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.parameter import Parameter
-
-AT_BOUND = 1e-6
-"""Distance from the end of a parameter's range, as a share of the range, that counts as none."""
 
 
 def build_empty_diagnosis(drives: Sequence[DriveData], untested: Sequence[Untested]) -> Diagnosis:
@@ -123,7 +119,7 @@ def build_diagnosis(
     if model is None and causes:
         # A verdict that no model file can follow is none.
         why = "it explains the data, but no curve with a peak can be fitted beside it"
-        untested = [*untested, *(Untested(cause.effect, why) for cause in causes)]
+        untested = [*untested, *(Untested(one.effect, why, rejected=True) for one in causes)]
         causes, verdict = (), Verdict.UNEXPLAINED
     gain = confirmed.gain
     if other_drives and model is not None and model.actives:
@@ -271,8 +267,9 @@ def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> C
     first = final.model.first_parameter(place)
     std = iter(np.sqrt(final.covariance.diagonal())[first : first + candidate.size])
     numbers = iter(final.model.values[place])
+    has_load = any(drive.has_load for drive in found.prepared.regression.data.drives)
     values = tuple(
-        _parameter_value(p, next(numbers), float(next(std)))
+        _parameter_value(p, next(numbers), float(next(std)), has_load=has_load)
         if p.free
         else ParameterValue(p.name, candidate.known_value(p), None, p.unit, p.meaning)
         for p in effect.parameters
@@ -298,16 +295,17 @@ def _find_rivals(found: Findings, candidate: Candidate, size: float) -> tuple[st
     return tuple(sorted(rivals))
 
 
-def _parameter_value(parameter: Parameter, value: float, std: float) -> ParameterValue:
+def _parameter_value(
+    parameter: Parameter, value: float, std: float, *, has_load: bool
+) -> ParameterValue:
     """An estimate, which at the end of its range has no standard deviation."""
-    ends = (parameter.lower, parameter.upper)
-    reach = parameter.upper - parameter.lower
-    known_ends = (end for end in ends if end != 0.0 and isfinite(end))
-    at_bound = isfinite(reach) and any(abs(value - end) <= AT_BOUND * reach for end in known_ends)
+    at_bound = parameter.is_at_bound(value)
     known = None if at_bound else std
-    return ParameterValue(
-        parameter.name, value, known, parameter.unit, parameter.meaning, at_bound=at_bound
-    )
+    unit, meaning = parameter.unit, parameter.meaning
+    if unit == "N" and not has_load:
+        # Adhesion times a load of 1 is the force of a table without loads.
+        unit, meaning = "1", f"{meaning}, as a share of the load"
+    return ParameterValue(parameter.name, value, known, unit, meaning, at_bound=at_bound)
 
 
 def _title(effect: Effect, size: ParameterValue) -> str:
@@ -319,9 +317,8 @@ def _build_evidence(found: Findings) -> list[Evidence]:
     """Evidence of every tested effect, largest gain first."""
     candidates, detection = found.prepared.candidates, found.detection
     plain = found.selection.plain
-    alone = {
-        one.candidates[0]: 100 * (1 - one.rmse / plain.rmse) for one in found.selection.singles
-    }
+    fitted = (*found.selection.singles, *found.selection.implausible)
+    alone = {one.candidates[0]: 100 * (1 - one.rmse / plain.rmse) for one in fitted}
     out = []
     for place, candidate in enumerate(candidates):
         cosines = np.abs(detection.cosines[place])

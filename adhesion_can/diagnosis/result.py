@@ -15,6 +15,11 @@ from adhesion_can.physics.effects.formula import FORMULA
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.result_text import html_table, plus_minus
 
+MUCH_LEFT = 1.5
+"""RMSE over the noise floor from which what the plain curve leaves is not called noise."""
+SURE, WORTH_PERCENT = 0.025, 3.0
+"""P-value up to which, and gain from which, what is left is not called noise."""
+
 
 @dataclass(frozen=True, slots=True)
 class InputFile:
@@ -155,6 +160,11 @@ class Gain:
     spans: tuple[tuple[str, float, float], ...]
     as_written: Comparison | None = None
 
+    @property
+    def leaves_much(self) -> bool:
+        """Whether the plain model leaves far more than noise."""
+        return self.rmse_before > MUCH_LEFT * self.noise_floor
+
     def to_dict(self) -> dict[str, Any]:
         """Fields of `diagnosis.json`."""
         written = self.as_written
@@ -208,6 +218,11 @@ class Evidence:
     most_alike: tuple[str, float]
     gain_percent: float
 
+    @property
+    def is_sure(self) -> bool:
+        """Whether the deciding data alone would name the effect."""
+        return self.p_value <= SURE and self.gain_percent >= WORTH_PERCENT
+
 
 class Untested(NamedTuple):
     """An effect or a quantity that the data do not identify.
@@ -215,11 +230,13 @@ class Untested(NamedTuple):
     Attributes:
         what: Effect id or quantity.
         why: Reason, a clause.
+        rejected: Whether it was tested, and is no finding for this reason.
 
     """
 
     what: str
     why: str
+    rejected: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,6 +255,11 @@ class ChannelEvidence:
     unit: str
     p_value: float
     gain_percent: float
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the residual goes with the channel for certain."""
+        return self.p_value <= SURE and self.gain_percent >= WORTH_PERCENT
 
 
 @dataclass(frozen=True, slots=True)
@@ -358,6 +380,16 @@ class Diagnosis:
         return max(self.surfaces, key=lambda s: s.to_s - s.from_s, default=None)
 
     @property
+    def conclusive(self) -> bool:
+        """Whether the verdict holds: too much may be left, or too certainly, for 'nothing'."""
+        gain = self.gain
+        if gain is None:
+            return False
+        if self.verdict is not Verdict.NOTHING:
+            return True
+        return not (gain.leaves_much or any(one.is_sure for one in self.evidence))
+
+    @property
     def held_out_files(self) -> set[str]:
         """Names of the files that were held out whole, by the user or by the diagnosis."""
         named = {file.name for file in self.input_files if file.held_out}
@@ -370,6 +402,7 @@ class Diagnosis:
         held = self.held_out_files
         return {
             "verdict": self.verdict.value,
+            "conclusive": self.conclusive,
             "causes": [cause.to_dict() for cause in self.causes],
             "channel": self.channel,
             "wrong": list(self.wrong),

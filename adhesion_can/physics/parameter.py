@@ -2,7 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isfinite
 from typing import NamedTuple
+
+AT_BOUND = 1e-6
+"""Distance from the end of a parameter's range, as a share of the range, that counts as none."""
 
 
 class Wheelset(NamedTuple):
@@ -56,3 +60,9 @@ class Parameter:
     def free(self) -> bool:
         """Whether a diagnosis estimates the value."""
         return not (self.axle or self.given)
+
+    def is_at_bound(self, value: float) -> bool:
+        """Whether a value is at an end of the range that is neither 0 nor infinite."""
+        reach = self.upper - self.lower
+        ends = (end for end in (self.lower, self.upper) if end != 0.0 and isfinite(end))
+        return isfinite(reach) and any(abs(value - end) <= AT_BOUND * reach for end in ends)

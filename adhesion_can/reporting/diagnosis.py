@@ -34,10 +34,6 @@ ABOUT_AS_GOOD = 0.05
 """Share by which a family's held-out score may exceed the best one's to count as about as good."""
 APART = 1.1
 """Largest over smallest λ_m of families from which it is said where each has its peak."""
-MUCH_LEFT = 1.5
-"""RMSE over the noise floor from which what the plain curve leaves is not called noise."""
-SURE, WORTH_PERCENT = 0.025, 3.0
-"""P-value up to which, and gain from which, what is left is said to go with a channel."""
 SHOWN = 5
 """Rows of evidence that a terminal shows."""
 
@@ -61,7 +57,7 @@ def _what_is_left(found: Diagnosis) -> Iterator[str]:
     """The channel that goes with most of what the named effects leave; none where it is noise."""
     if found.verdict is Verdict.UNEXPLAINED:
         return  # it says so itself
-    left = [c for c in found.channels if c.p_value <= SURE and c.gain_percent >= WORTH_PERCENT]
+    left = [channel for channel in found.channels if channel.is_sure]
     if left:
         most = max(left, key=lambda channel: channel.gain_percent)
         yield (
@@ -120,30 +116,40 @@ def _unexplained(found: Diagnosis) -> str:
         f"Unexplained: what is left depends on {channel_label(found.channel)}, and no known effect "
         "says why."
     )
+    text += "".join(f" {one.what} does not: {one.why}." for one in found.untested if one.rejected)
     # A wave's channel has its length behind the name.
     own = [c.p_value for c in found.channels if c.channel.partition(",")[0] == found.channel]
     return f"{text} {p_value_sentence(min(own))}" if own else text
 
 
 def _nothing(found: Diagnosis) -> str:
-    text = (
-        "Nothing found: what the plain curve leaves is noise, as far as these data show. An effect "
-        "may still be there and be too small, or not excited."
-    )
     gain = found.gain
-    if gain is not None and gain.rmse_before > MUCH_LEFT * gain.noise_floor:
+    if found.conclusive or gain is None:
+        text = (
+            "Nothing found: what the plain curve leaves is noise, as far as these data show. An "
+            "effect may still be there and be too small, or not excited."
+        )
+    elif not gain.leaves_much:
+        text = "Cannot tell: an effect shows in the data that decided, and is not certain."
+    else:
         text = (
             f"Cannot tell: the plain curve leaves {short(gain.rmse_before)}, where noise alone "
             f"would leave about {short(gain.noise_floor)}, and no effect and no channel explains "
             "that for certain."
         )
+    return f"{text} {_strongest(found)}".strip()
+
+
+def _strongest(found: Diagnosis) -> str:
+    """The effect with the smallest p-value, and why it is not named."""
     if not found.evidence:
-        return text
+        return ""
     first = min(found.evidence, key=lambda e: e.p_value if isfinite(e.p_value) else 1.0)
     name = effect_name(first.effect, first.form, first.axle)
+    why = [one.why for one in found.untested if one.rejected and one.what == first.effect]
     return (
-        f"{text} The strongest effect is {name}: {p_equation(first.p_value)}, gain "
-        f"{fixed(first.gain_percent, 1, ' %')}."
+        f"The strongest effect is {name}: {p_equation(first.p_value)}, gain "
+        f"{fixed(first.gain_percent, 1, ' %')}{''.join(f'; {one}' for one in why)}."
     )
 
 
@@ -292,4 +298,6 @@ def terminal(found: Diagnosis) -> Iterator[str | Table]:
             f"Evidence: the first {SHOWN} of {len(rows)} effects" if rows[SHOWN:] else "Evidence"
         )
         yield table(title_, EVIDENCE_COLUMNS, rows[:SHOWN])
-    yield from (f"Not tested: {what}: {why}" for what, why in found.untested)
+    # What was tested says more than what could not be.
+    for one in sorted(found.untested, key=lambda one: not one.rejected):
+        yield f"{'Rejected' if one.rejected else 'Not tested'}: {one.what}: {one.why}"

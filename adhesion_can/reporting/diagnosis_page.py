@@ -217,7 +217,7 @@ def _needed(found: Diagnosis) -> Parts:
 def _untested(found: Diagnosis) -> Parts:
     if not found.untested:
         return [Text("Everything was tested.")]
-    rows = [(untested.what, untested.why) for untested in found.untested]
+    rows = [(one.what, one.why) for one in found.untested]
     return [Table("What these data do not identify.", ("what", "why"), rows, sentence_columns=(1,))]
 
 

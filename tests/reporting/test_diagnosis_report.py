@@ -150,9 +150,10 @@ def nothing():
     gain = Gain(0.0121, 0.0121, 0.012, 0.0, (-0.4, 0.5), "blocks of 20 s", ())
     own = found.surfaces[1].base
     plain = ExtendedModel(own.theta, tuple(map(tuple, own.covariance.tolist())))
+    chance = tuple(replace(e, p_value=0.31, gain_percent=0.4) for e in found.evidence)
     return replace(
         found, verdict=Verdict.NOTHING, causes=(), wrong=(), gain=gain, needed=None, untested=(),
-        model=plain, profile=None, surfaces=found.surfaces[1:],
+        evidence=chance, model=plain, profile=None, surfaces=found.surfaces[1:],
     )  # fmt: skip
 
 
@@ -214,11 +215,34 @@ def test_a_named_cause_is_told_with_its_size_its_certainty_and_its_rivals():
     assert "this drive only" in gain
 
 
+def test_much_that_is_left_is_not_called_noise():
+    found = nothing()
+    assert found.conclusive
+    found = replace(found, gain=replace(found.gain, noise_floor=0.006))
+    first, _ = verdict_sentences(found)
+    assert first.startswith("Cannot tell: the plain curve leaves 0.0121, where noise alone")
+    assert not found.to_dict()["conclusive"]
+
+
+def test_an_effect_that_shows_and_is_not_named_is_not_called_noise():
+    sure = nothing().evidence[0]
+    sure = replace(sure, p_value=0.001, gain_percent=33.0)
+    why = "its size would be at least 1, as no such vehicle has it"
+    found = replace(
+        nothing(), evidence=(sure,), untested=(Untested(sure.effect, why, rejected=True),)
+    )
+    first, _ = verdict_sentences(found)
+    assert first.startswith("Cannot tell: an effect shows in the data that decided")
+    assert first.endswith(f"p = 0.001, gain 33.0 %; {why}.")
+    assert f"Rejected: {sure.effect}: {why}" in " ".join(printed(found).split())
+    assert not found.to_dict()["conclusive"]
+
+
 def test_nothing_found_is_no_proof_and_says_so():
     first, gain = verdict_sentences(nothing())
     assert first.startswith("Nothing found")
     assert "may still be there" in first
-    assert "p = 0.001, gain 33.0 %" in first
+    assert "p = 0.310, gain 0.4 %" in first
     assert gain.startswith("There is no extension")
     (only,) = verdict_sentences(empty())
     assert only.startswith("No verdict")
@@ -294,7 +318,7 @@ def test_the_terminal_is_short_and_its_tables_fit(kind):
         assert max(len(line.rstrip()) for line in out.getvalue().splitlines()) <= 120
     for sentence in (*verdict_sentences(found), *found.wrong):
         assert sentence in output
-    for what, why in found.untested:
+    for what, why, _ in found.untested:
         assert f"{what}: {why}" in output
 
 
@@ -356,7 +380,7 @@ def test_json_has_the_values():
     }  # fmt: skip
     assert document["evidence"][1]["axle"] == 2
     assert document["untested"] == [
-        {"what": "humidity", "why": "no signal gives the relative humidity"}
+        {"what": "humidity", "why": "no signal gives the relative humidity", "rejected": False}
     ]
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import inf
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from adhesion_can.physics.effects import (
     build_instruments,
     known_effects,
 )
-from adhesion_can.physics.parameter import Wheelset
+from adhesion_can.physics.parameter import AT_BOUND, Wheelset
 
 LEAST_ROWS, LEAST_BLOCKS = 400, 9
 """Rows that decide, and blocks of time, without which there is no diagnosis."""
@@ -73,9 +73,17 @@ def _mean_wheelset(drives: Sequence[DriveData]) -> Wheelset:
 
 
 def _plausible(effect: Effect, wheelset: Wheelset) -> tuple[float, float]:
-    """Smallest and largest size of an effect that a vehicle may have."""
+    """Smallest and largest size of an effect that a vehicle may have.
+
+    A fit that ends at a bound would go on beyond it, where no vehicle is.
+    """
     size = effect.parameters[0]
-    return (-inf, inf) if size.plausible is None else size.plausible(wheelset)
+    low, high = (-inf, inf) if size.plausible is None else size.plausible(wheelset)
+    reach = size.upper - size.lower
+    inside = AT_BOUND * reach if isfinite(reach) else 0.0
+    # At a bound of 0 the effect is absent.
+    lower = size.lower + inside if size.lower else -inf
+    return max(low, lower), min(high, size.upper - inside)
 
 
 def _missing(effect: Effect, drives: Sequence[DriveData]) -> str:

@@ -93,6 +93,5 @@ def _compute_gain(
 
 
 def _reject(what: str) -> Untested:
-    return Untested(
-        what, "it showed in the data that decided, and does not hold on those that were held out"
-    )
+    why = "it showed in the data that decided, and does not hold on those that were held out"
+    return Untested(what, why, rejected=True)

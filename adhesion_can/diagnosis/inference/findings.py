@@ -145,12 +145,16 @@ class Findings:
         for one in self.selection.implausible:
             (candidate,), ((value, *_),) = one.candidates, one.fitted.model.values
             size, (low, high) = candidate.free_parameters[0], candidate.plausible
-            unit = unit_text(size.unit)
-            why = (
-                f"its {size.name} would be {value:.3g} {unit}, and no such vehicle has less than "
-                f"{low:.3g} or more than {high:.3g} {unit}"
+            below = value < low
+            fitted, limit = (
+                f"{x:.3g} {unit_text(size.unit)}".strip() for x in (value, low if below else high)
             )
-            found.append(Untested(candidate.effect.id, why))
+            why = f"its {size.name} would be {fitted}, and no such vehicle has "
+            why += f"{'less' if below else 'more'} than {limit}"
+            if size.is_at_bound(value):
+                bound = f"{'at most' if below else 'at least'} {fitted}"
+                why = f"its {size.name} would be {bound}, as no such vehicle has it"
+            found.append(Untested(candidate.effect.id, why, rejected=True))
         return found
 
     @property

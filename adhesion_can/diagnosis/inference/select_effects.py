@@ -177,14 +177,20 @@ def select_effects(
     if not improving:
         return ModelSelection(plain, plain, (), tuple(singles), test, implausible=implausible)
     best, pool = improving[0], improving
-    pairs: list[ScoredModel] = []
+    fitted_pairs: list[ScoredModel] = []
     if most > 1:
         square = plain.fitted.cross_validated_square
-        fitted = _fit_pairs(regression, square, singles, candidates)
-        pairs = [one for one in fitted if one.is_plausible]
-    if pairs and is_improvement(best, pairs[0], len(candidates)):
+        fitted_pairs = _fit_pairs(regression, square, fitted, candidates)
+    pairs = [one for one in fitted_pairs if one.is_plausible]
+    if (
+        pairs
+        and is_improvement(best, pairs[0], len(candidates))
+        and not _is_imitation(pairs[0], [*fitted, *fitted_pairs])
+    ):
         best, pool = pairs[0], pairs
         singles += _fit_members(regression, prepared.plain, best, singles)
+    elif _is_imitation(best, fitted):
+        return ModelSelection(plain, plain, (), tuple(singles), test, implausible=implausible)
     best = _prefer_measured_cause(best, [one for one in pool if not is_worse(best, one)])
     measured = _channel_for_drift(best, pool, [plain, *singles])
     drift = () if measured is None else (best,)
@@ -194,6 +200,14 @@ def select_effects(
     equal += drift
     found = ModelSelection(plain, best, equal, tuple(singles), test, implausible=implausible)
     return found if most < MOST_EFFECTS else _with_further_channels(regression, found, candidates)
+
+
+def _is_imitation(best: ScoredModel, fitted: Sequence[ScoredModel]) -> bool:
+    """Whether a size that no vehicle has describes the data certainly better.
+
+    What is there is then none of the effects that were tried.
+    """
+    return any(not one.is_plausible and is_worse(one, best) for one in fitted)
 
 
 def _with_further_channels(

@@ -6,7 +6,7 @@ from adhesion_can.physics.effects.base import Observability, Requirements, Separ
 from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.parameter import Parameter, Wheelset
 
-LARGEST_SHARE = 0.25
+LARGEST_SHARE = 0.1
 """Largest bias as a share of the load: an inverter's torque is off by a few per cent of the rated
 one, which is worth a third of the load (see `estimation/doubt/settings.py`)."""
 
