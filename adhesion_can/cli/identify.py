@@ -138,7 +138,10 @@ def _print(
             f"The curve changed {len(result.segments) - 1} times: one for all does not "
             "describe the data, see the segments."
         )
-    vague = [s for s in result.segments if not s.estimate.identifiable.both]
+    for segment in result.segments:
+        if segment.sentence:
+            out.print(segment.sentence, markup=False)
+    vague = [s for s in result.segments if not (s.estimate.identifiable.both or s.sentence)]
     if vague:
         out.print(
             f"{len(vague)} of {len(result.segments)} segments have no identifiable peak: "

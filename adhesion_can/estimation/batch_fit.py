@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.compare_directions import Directions, compare_directions
 from adhesion_can.estimation.errors_in_variables import fit_with_errors
 from adhesion_can.estimation.identifiability import (
     IdentifiabilitySettings,
@@ -72,13 +73,21 @@ class Segment(NamedTuple):
     Attributes:
         from_us: Stamp of its first sample, µs.
         to_us: Stamp of its last sample, µs.
-        estimate: Estimate from its samples.
+        estimate: Estimate from its samples; its peak is not identifiable where directions differ.
+        directions: What speaks against one curve for traction and braking.
 
     """
 
     from_us: int
     to_us: int
     estimate: Estimate
+    directions: Directions = Directions()
+
+    @property
+    def sentence(self) -> str:
+        """What speaks against one curve, with the times; '' where nothing does."""
+        why = self.directions.sentence
+        return why and f"{self.from_us / 1e6:.1f} .. {self.to_us / 1e6:.1f} s: {why}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +113,12 @@ class BatchResult:
     def to_dict(self) -> dict[str, Any]:
         """Estimates of all samples together and of each segment, as JSON has them."""
         segments: list[dict[str, Any]] = [
-            {"from_s": s.from_us / 1e6, "to_s": s.to_us / 1e6, **s.estimate.to_dict()}
+            {
+                "from_s": s.from_us / 1e6,
+                "to_s": s.to_us / 1e6,
+                **s.estimate.to_dict(),
+                "directions": s.directions._asdict(),
+            }
             for s in self.segments
         ]
         document = {**self.whole.to_dict(), "segments": segments, "left_out": self.left_out}
@@ -215,11 +229,7 @@ def identify(
         edges = [int(i) for i in np.flatnonzero(np.diff(labels[usable])) + 1]
     bounds = [0, *edges, len(kept)]
     segments = tuple(
-        Segment(
-            int(kept.t_us[a]),
-            int(kept.t_us[b - 1]),
-            fit_surface(kept.select(_inner(kept.t_us, a, b, margin_us)), settings),
-        )
+        _fit_segment(kept, a, b, kept.select(_inner(kept.t_us, a, b, margin_us)), settings)
         for a, b in pairwise(bounds)
     )
     whole = segments[0].estimate
@@ -239,6 +249,18 @@ def identify(
     alone = len(segments) == 1
     together = curves[0] if alone else compare_families(kept, families, slip_max=settings.slip_max)
     return BatchResult(whole, segments, len(samples) - len(kept), curves, together)
+
+
+def _fit_segment(
+    samples: Samples, first: int, last: int, inner: Samples, settings: IdentifiabilitySettings
+) -> Segment:
+    """Segment of the rows first..last−1, whose curve is fitted to the inner ones."""
+    estimate = fit_surface(inner, settings)
+    directions = compare_directions(estimate, inner)
+    if not directions.agree:
+        estimate = replace(estimate, identifiable=Identifiable(mu_max=False, lambda_m=False))
+    stamps = samples.t_us
+    return Segment(int(stamps[first]), int(stamps[last - 1]), estimate, directions)
 
 
 def _inner(t_us: NDArray[np.int64], first: int, last: int, margin_us: int) -> slice:

@@ -325,7 +325,9 @@ def describe_excitation(
     findings.append(f"{len(samples)} samples, |slip| from {low:.4f} to {high:.4f} (5 % to 98 %)")
     known = [s for s in fitted.segments if s.estimate.identifiable.both]
     text = f"{len(known)} of {len(fitted.segments)} segments have an identifiable peak"
+    differing = [s.sentence for s in fitted.segments if s.sentence]
+    limits.extend(differing)
     if known:
         findings.append(text)
-    else:
+    elif not differing:
         limits.append(f"{text}: the slip never goes far enough beyond it")
