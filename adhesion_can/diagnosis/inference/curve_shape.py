@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.model_comparison import (
     LEAST_GAIN,
@@ -26,7 +27,7 @@ from adhesion_can.diagnosis.inference.model_comparison import (
 from adhesion_can.diagnosis.inference.one_speed import is_at_one_speed
 from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS
 from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
-from adhesion_can.diagnosis.regression.model import Model
+from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.physics.curves import FAMILIES, CurveFamily
@@ -184,6 +185,8 @@ def judge_shape(found: "Findings", shaped: "Findings") -> ShapeFinding | None:
         same = _fit(regression, replace(best.fitted.model, curves=plain.fitted.model.curves))
     if not _is_worth(same, best) or _leaves_slip(found, shaped):
         return None
+    if not _shows_in_adhesion(regression, same, best):
+        return None
     tested = len(OTHERS)
     if burckhardt.candidates:
         preferred = is_improvement(same, best, tested) and is_improvement(burckhardt, best, tested)
@@ -208,6 +211,28 @@ def _is_worth(small: ScoredModel, large: ScoredModel) -> bool:
         large.rmse < (1.0 - LEAST_GAIN) * small.rmse
         and large.fitted.cross_validated_square < (1.0 - LEAST_WHITENED_GAIN) * square
     )
+
+
+def _shows_in_adhesion(
+    regression: WhitenedRegression, small: ScoredModel, large: ScoredModel
+) -> bool:
+    """Whether a shape gains in the rows whose error is the adhesion's rather than the slip's.
+
+    A curve that is flatter than the true one predicts better from a noisy slip, wherever many slips
+    are about the same, as in coasting. That is no shape of the contact.
+    """
+    rows = regression.used & (regression.slip_variance_share < 0.5)
+    if not rows.any():
+        return False
+    before, after = (
+        float(np.sqrt(np.mean(_residual(regression, one)[rows] ** 2))) for one in (small, large)
+    )
+    return after < (1.0 - LEAST_GAIN) * before
+
+
+def _residual(regression: WhitenedRegression, scored: ScoredModel) -> Array:
+    model = scored.fitted.model
+    return evaluate_model(regression.data, model.curves, model.active_effects).residual
 
 
 def _leaves_slip(found: "Findings", shaped: "Findings") -> bool:

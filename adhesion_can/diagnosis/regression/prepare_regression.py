@@ -15,6 +15,7 @@ from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.from_table import SEPARATION_S
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import build_channels
+from adhesion_can.diagnosis.regression.estimate_slip_noise import estimate_slip_noise
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import (
     Evaluation,
@@ -110,6 +111,12 @@ def prepare_regression(
     model = fit_model(regression, Model(start), FIRST_ITERATIONS).model
     regression = _weight_rows(regression, model, block_length_s)
     model = fit_model(regression, model).model
+    if any(drive.table for drive in data.drives):
+        # Of many slips about one value, as in coasting, the noisy ones are near it on average. A
+        # spline at the slips as read would follow that, and hide it from the correction.
+        residual = evaluate_model(data, model.curves).residual
+        correction = _estimate_slip_correction(regression, model, residual)
+        regression = replace(regression, slip_correction=correction)
     residual = _saturated_residual(regression, model, candidates)
     correction = _estimate_slip_correction(regression, model, residual)
     regression = replace(regression, slip_correction=correction)
@@ -145,13 +152,32 @@ def _weight_rows(
     if flat.sum() < LEAST_FLAT * regression.used.sum():
         flat = regression.used
     noise = max(float(np.sqrt(np.mean(evaluation.residual[flat] ** 2))), LEAST_NOISE)
-    variance_ratio = (slope * data.column("wheel_slip_std") / noise) ** 2
+    variance_ratio = (slope * _slip_std(regression, evaluation, slope) / noise) ** 2
     return replace(
         regression,
         scale=1.0 / (noise * np.sqrt(1.0 + variance_ratio)),
         slip_variance_share=variance_ratio / (1.0 + variance_ratio),
         speed_error_design=_design_speed_errors(data, evaluation, slope, block_length_s),
     )
+
+
+def _slip_std(regression: WhitenedRegression, evaluation: Evaluation, slope: Array) -> Array:
+    """Standard deviation of the slip's white noise: stated, or that of a table; shape (n,)."""
+    data = regression.data
+    std = data.column("wheel_slip_std").copy()
+    ends = np.cumsum([len(drive) for drive in data.drives])
+    for drive, end in zip(data.drives, ends, strict=True):
+        if drive.table and not drive.independent:
+            rows = np.zeros(len(data), dtype=np.bool_)
+            rows[end - len(drive) : end] = True
+            std[rows] = estimate_slip_noise(
+                evaluation.slip,
+                evaluation.residual,
+                slope,
+                regression.whitener.runs,
+                rows & regression.used,
+            )
+    return std
 
 
 def _design_speed_errors(
