@@ -1,5 +1,6 @@
 """Recordings from paths or objects, one or several."""
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from adhesion_can.recordings.tables.sample_table import Table
 
 RecordingLike = str | Path | Recording
 """Recording, or path of its file."""
+_TIME = re.compile(r"(t|time|timestamp|seconds?|zeit)(\b|_|$)", re.IGNORECASE)
 
 
 def as_recordings(given: RecordingLike | Iterable[RecordingLike]) -> list[Recording]:
@@ -69,8 +71,17 @@ def describe_table(name: str, table: Table, slip_max: float) -> list[str]:
         slip_max: Largest slip ratio that is used.
 
     """
-    found = (*table.notes, *describe_left_out(table, slip_max))
+    found = (*table.notes, *_describe_times(table), *describe_left_out(table, slip_max))
     return [f"{name}: {sentence}" for sentence in found]
+
+
+def _describe_times(table: Table) -> list[str]:
+    """That rows count as independent points although a column looks like their time."""
+    likely = [name for name in table.samples.covariates if _TIME.match(name)]
+    if table.timed or not likely:
+        return []
+    what = "no column time_s, so the rows count as independent points"
+    return [f"{what}; if {likely[0]!r} is their time, say --column time_s={likely[0]}"]
 
 
 def describe_left_out(table: Table, slip_max: float) -> list[str]:

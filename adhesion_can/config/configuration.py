@@ -36,6 +36,13 @@ from adhesion_can.sampling.equations import (
 )
 from adhesion_can.sampling.former import SampleFormer
 
+UNKNOWN_CYCLE = (
+    "its cycle is unknown, so a stale input cannot be detected",
+    "state cycle_ms at its role, or GenMsgCycleTime in the database",
+)
+"""What is wrong with a message without a cycle, and the mend."""
+_DIVIDED = (Role.TRACTIVE_EFFORT, Role.AXLE_LOAD)
+
 # What concerns extended models is imported where there is one: it takes a tenth of a short command.
 if TYPE_CHECKING:
     from adhesion_can.estimation.extended.model import ExtendedModel
@@ -97,6 +104,7 @@ class Configuration:
         model: Extended model whose effects are taken into account; None: the plain curve.
         where: Name of the configuration file, for errors.
         sha256: SHA-256 of that file, hex; '' for the defaults.
+        vehicle_keys: Keys of [vehicle] that the file has; the others have default values.
 
     """
 
@@ -113,6 +121,7 @@ class Configuration:
     model: "ExtendedModel | None" = None
     where: str = "defaults"
     sha256: str = ""
+    vehicle_keys: frozenset[str] = frozenset()
 
     @cached_property
     def messages(self) -> tuple[BoundMessage, ...]:
@@ -159,8 +168,31 @@ class Configuration:
             missing.append("tractive effort and wheel speed of the same axle")
         return missing
 
+    def shared_signals(self) -> list[str]:
+        """Sentences about signals that have two roles: what is the same says nothing of either.
+
+        A force of several axles, or their load, may be divided among them by factors.
+        """
+        found: list[str] = []
+        first: dict[tuple[str, str, str | None], SignalChoice] = {}
+        for choice in (one for one in self.choices if one.role is not Role.CHANNEL):
+            place = choice.message, choice.signal, choice.channel
+            other = first.setdefault(place, choice)
+            divided = other.role is choice.role and choice.role in _DIVIDED and choice.factor != 1.0
+            if other is not choice and not divided:
+                signal = f"{choice.message}.{choice.signal}"
+                found.append(f"{other.name} and {choice.name} are the same signal, {signal}")
+        return found
+
+    def unknown_cycles(self) -> list[str]:
+        """Names of the messages whose cycle neither the roles nor the database state."""
+        return [message.plan.name for message in self.messages if message.cycle_us is None]
+
     def require_identification(self) -> None:
         """ConfigError where no adhesion can be computed, or a cycle time is unknown."""
+        for sentence in self.shared_signals():
+            mend = "map each role to its own signal; a force of several axles takes factors"
+            raise ConfigError(f"{self.where}: roles", sentence, mend)
         missing = self.missing_for_identification()
         if missing:
             raise ConfigError(
@@ -168,13 +200,8 @@ class Configuration:
                 f"no role gives {' or '.join(missing)}, so adhesion cannot be estimated",
                 "map the roles under [roles]",
             )
-        for message in self.messages:
-            if message.cycle_us is None:
-                raise ConfigError(
-                    f"{self.where}: {message.plan.name}",
-                    "its cycle is unknown, so a stale input cannot be detected",
-                    "state cycle_ms at its role, or GenMsgCycleTime in the database",
-                )
+        for name in self.unknown_cycles():
+            raise ConfigError(f"{self.where}: {name}", *UNKNOWN_CYCLE)
         self._require_model()
 
     def _require_model(self) -> None:

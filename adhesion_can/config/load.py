@@ -64,7 +64,8 @@ def load_configuration(
         raise ConfigError(f"{where}: bus.database", "not a path", 'write database = "my.dbc"')
     where_from = dbc or (path.parent / named if named else None)
     database = load_database(where_from, lenient=lenient)
-    vehicle = load_vehicle(document.pop("vehicle", {}), where)
+    section = document.pop("vehicle", {})
+    vehicle = load_vehicle(section, where)
     roles = document.pop("roles", None)
     choices = () if roles is None else load_roles(roles, where)
     channels = load_channels(document.pop("channels", {}), where)
@@ -81,6 +82,7 @@ def load_configuration(
     return _complete(
         Configuration(
             vehicle=vehicle,
+            vehicle_keys=frozenset(section),
             database=database,
             choices=(*choices, *channels.choices),
             channels=channels.channels,

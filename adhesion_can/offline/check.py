@@ -11,7 +11,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.j1939 import parameter_group, source_address
 from adhesion_can.bus.message_record import MessageRecord
 from adhesion_can.bus.receiver import Receiver
-from adhesion_can.config import Configuration
+from adhesion_can.config import UNKNOWN_CYCLE, Configuration
 from adhesion_can.estimation.batch_fit import BatchResult, identify
 from adhesion_can.offline.compare_noise import NOISY_ROLES, ComparedNoise, compare_noise
 from adhesion_can.offline.extract_samples import SampleExtractor
@@ -174,7 +174,7 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
     result.warnings.extend(result.receiver.unmarked)
     _check_signals(result)
     _check_axles(result, configuration)
-    _check_vehicle(result, configuration.vehicle)
+    _check_vehicle(result, configuration)
     _check_excitation(result, configuration)
     result.warnings.extend(one.warning for one in result.noise if one.warning)
     return result
@@ -233,9 +233,9 @@ def _check_senders(result: CheckResult) -> None:
             )
 
 
-def _check_vehicle(result: CheckResult, vehicle: Locomotive) -> None:
+def _check_vehicle(result: CheckResult, configuration: Configuration) -> None:
     """Which data of another vehicle than the default one were not given."""
-    default = Locomotive()
+    default, vehicle = Locomotive(), configuration.vehicle
     if vehicle == default:
         return
     places = (
@@ -243,7 +243,11 @@ def _check_vehicle(result: CheckResult, vehicle: Locomotive) -> None:
         ("axle_load_N", default.axle_load[0], vehicle.axle_load),
         ("wheelset_inertia_kgm2", default.wheelset_inertia, (vehicle.wheelset_inertia,)),
     )
-    kept = [f"{key} = {value:g}" for key, value, own in places if set(own) == {value}]
+    kept = [
+        f"{key} = {value:g}"
+        for key, value, own in places
+        if set(own) == {value} and key not in configuration.vehicle_keys
+    ]
     if kept:
         result.warnings.append(
             f"{', '.join(kept)}: of the default locomotive, a heavy Co-Co; write your vehicle's "
@@ -260,13 +264,9 @@ def _check_signals(result: CheckResult) -> None:
 
 def _check_axles(result: CheckResult, configuration: Configuration) -> None:
     """Whether slip and adhesion of every axle come out plausible."""
-    signals: dict[tuple[str, str], str] = {}
-    for choice in configuration.choices:
-        other = signals.setdefault((choice.message, choice.signal), choice.name)
-        if other != choice.name:
-            result.failures.append(
-                f"{other} and {choice.name} are the same signal, {choice.message}.{choice.signal}"
-            )
+    result.failures.extend(configuration.shared_signals())
+    what, mend = UNKNOWN_CYCLE
+    result.warnings.extend(f"{one}: {what}; {mend}" for one in configuration.unknown_cycles())
     by_axle = (Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT)
     mapped = {role: {c.axle for c in configuration.choices if c.role is role} for role in by_axle}
     for axle in range(1, configuration.vehicle.axles + 1):

@@ -83,6 +83,19 @@ def test_parquet_holds_the_same(drive, tmp_path):
     np.testing.assert_allclose(a.slip, b.slip, atol=1e-9)
 
 
+def test_mf4_holds_the_same_and_is_read_back_as_a_table(drive, tmp_path, capsys):
+    pytest.importorskip("asammdf")
+    folder, _ = drive
+    path = tmp_path / "samples.mf4"
+    assert main(["replay", str(folder / "drive.log"), "--samples", str(path)]) == 0
+    a, b = read_table(folder / "samples.csv").samples, read_table(path).samples
+    np.testing.assert_array_equal(np.diff(a.t_us), np.diff(b.t_us))
+    np.testing.assert_allclose(a.slip, b.slip, atol=1e-9)
+    assert main(["check", str(path)]) == 0
+    assert main(["replay", str(path)]) == 2
+    assert "a table of samples, not a recording" in capsys.readouterr().err
+
+
 def test_an_unknown_format_is_an_error_before_the_work(drive, tmp_path, capsys):
     folder, _ = drive
     assert main(["replay", str(folder / "drive.log"), "--samples", str(tmp_path / "s.xls")]) == 2

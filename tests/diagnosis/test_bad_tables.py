@@ -185,6 +185,16 @@ def test_a_few_rows_without_load_are_told_as_such(tmp_path):
     assert "without a finite time" not in answer.out + answer.err
 
 
+def test_a_column_that_looks_like_the_time_is_told(tmp_path):
+    given = columns()
+    given = {("time" if name == "time_s" else name): values for name, values in given.items()}
+    answer = run(tmp_path, given)
+    assert "--column time_s=time" in answer.out + answer.err
+    given["time_s"] = given["time"]
+    answer = run(tmp_path, given)
+    assert "--column time_s=" not in answer.out + answer.err
+
+
 def test_a_named_sign_mends_it(tmp_path):
     path = write_table(tmp_path / "t.csv", columns(slip=-SLIP))
     assert diagnosed(tmp_path, path, "--column", "slip=slip,sign=-1").verdict == "nothing_found"

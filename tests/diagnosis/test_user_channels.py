@@ -100,6 +100,10 @@ def test_a_column_of_texts_groups_the_rows(tmp_path):
     answer = diagnosed(tmp_path, write_table(tmp_path / "t.csv", table))
     (cause,) = answer.document["causes"]
     assert cause["effect"] == "channel:rail=wet"
+    assert any(
+        one.startswith("Adhesion changes where rail is wet (gain")
+        for one in answer.document["wrong"]
+    )
     assert cause["parameters"]["gain"]["value"] == pytest.approx(-0.15, abs=0.02)
 
 

@@ -1,9 +1,12 @@
-"""Data of the default vehicle that another vehicle was not given."""
+"""Data of the default vehicle that another vehicle was not given, and signals with two roles."""
 
 from dataclasses import replace
 
+import pytest
+
 from adhesion_can.bus.block import Block
 from adhesion_can.config import load_configuration
+from adhesion_can.errors import ConfigError
 from adhesion_can.offline.check import check
 from adhesion_can.physics.vehicle import Locomotive
 
@@ -24,3 +27,47 @@ def test_the_default_vehicle_and_one_that_is_given_are_no_matter():
     assert warnings_for(Locomotive()) == []
     given = Locomotive(wheel_radius=(0.33,) * 6, axle_load=(9e4,) * 6, wheelset_inertia=60.0)
     assert warnings_for(given) == []
+
+
+def test_what_a_file_states_is_given_though_it_is_the_defaults(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_text("[vehicle]\nwheel_radius_m = 0.33\naxle_load_N = 245000.0\n")
+    (warning,) = check([Block.from_frames([])], load_configuration(path)).warnings
+    assert warning.startswith("wheelset_inertia_kgm2 = 200: ")
+
+
+def test_a_message_without_a_cycle_is_told():
+    free = replace(CONFIG, database=CONFIG.database, choices=CONFIG.choices)
+    message = free.messages[0]
+    object.__setattr__(message, "cycle_us", None)
+    (warning,) = check([Block.from_frames([])], free).warnings
+    assert warning.startswith(f"{message.plan.name}: its cycle is unknown")
+    assert "cycle_ms" in warning
+
+
+def with_signal(name, signal, **change):
+    """The default configuration with the signal of one role replaced by that of another."""
+    source = next(c for c in CONFIG.choices if c.name == signal)
+    return replace(
+        CONFIG,
+        choices=tuple(
+            replace(c, message=source.message, signal=source.signal, **change)
+            if c.name == name
+            else c
+            for c in CONFIG.choices
+        ),
+    )
+
+
+def test_one_signal_for_two_axles_is_refused_by_every_command():
+    twice = with_signal("wheel_speed.2", "wheel_speed.1")
+    with pytest.raises(ConfigError, match=r"wheel_speed\.1 and wheel_speed\.2 are the same signal"):
+        twice.require_identification()
+    assert any("are the same signal" in one for one in check([], twice).failures)
+
+
+def test_a_force_of_two_axles_may_be_divided():
+    divided = with_signal("tractive_effort.2", "tractive_effort.1", factor=0.5)
+    divided.require_identification()
+    with pytest.raises(ConfigError, match="are the same signal"):
+        with_signal("tractive_effort.2", "tractive_effort.1").require_identification()

@@ -57,6 +57,10 @@ class ChannelFactor:
     def title(self) -> str:
         """What happens, a clause."""
         label = self.label or channel_label(self.channel)
+        group, equals, text = self.channel.partition("=")
+        if self.form == STEP and equals and not self.label and self.reference == 1.0:
+            # A column of texts has one of 0 and 1 for each text.
+            return f"adhesion changes where {group} is {text}"
         if self.form == STEP:
             return f"adhesion changes where {label} is {self.reference:g}"
         return f"adhesion changes with {label}"

@@ -1,4 +1,4 @@
-"""Tables of samples: CSV (gzip too), Parquet or MATLAB, one row a sample.
+"""Tables of samples: CSV (gzip too), Parquet, MATLAB or MF4, one row a sample.
 
 Columns: `time_s`, `slip`, and `adhesion` or both `longitudinal_force_N` and `normal_load_N`;
 optional `speed_mps`, `axle`, `segment`, `slip_std`, `adhesion_std`. Every other numeric column is a
@@ -6,8 +6,9 @@ covariate by its name, and each text of a column of few texts is one as `COLUMN=
 and 0 in the others. Without `time_s` the rows are independent points and all have the stamp 0.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from adhesion_can.recordings.tables.choice import ColumnChoice, apply_choices
 from adhesion_can.recordings.tables.columns import Column, Columns
 from adhesion_can.recordings.tables.csv_file import read_csv, read_heading
 from adhesion_can.recordings.tables.mat_file import read_mat
+from adhesion_can.recordings.tables.mf4_table import holds_channel, read_mf4
 from adhesion_can.recordings.tables.parquet_file import read_parquet
 from adhesion_can.recordings.tables.shift import shift_columns
 
@@ -76,6 +78,8 @@ def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
 
     """
     suffix = _suffix(path)
+    if suffix == ".mf4":
+        return holds_channel(path, _slip_column(choices))
     if suffix != ".csv":
         return suffix in _SUFFIXES
     heading = set(read_heading(path))
@@ -88,6 +92,11 @@ def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
         "a .csv with neither a 'slip' column (a table) nor 'arbitration_id' (a recording)",
         "name the column of the slip ratio 'slip', or say --column slip=ITS_NAME",
     )
+
+
+def _slip_column(choices: Sequence[ColumnChoice]) -> str:
+    """Name of the column of the slip ratio in the file."""
+    return next((choice.column for choice in choices if choice.name == "slip"), "slip")
 
 
 def _suffix(path: Path) -> str:
@@ -106,7 +115,12 @@ def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
         TableError: The file cannot be read, or lacks a required column.
 
     """
-    reader = {".parquet": read_parquet, ".mat": read_mat}.get(_suffix(path), read_csv)
+    readers: dict[str, Callable[[Path], Columns]] = {
+        ".parquet": read_parquet,
+        ".mat": read_mat,
+        ".mf4": partial(read_mf4, name=_slip_column(choices)),
+    }
+    reader = readers.get(_suffix(path), read_csv)
     columns = apply_choices(reader(path), choices, str(path))
     columns = shift_columns(columns, choices, str(path))
     _require_columns(columns.values, str(path))

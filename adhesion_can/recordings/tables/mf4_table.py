@@ -1,0 +1,91 @@
+"""Columns of a measurement file, MDF 4 (extra 'mf4'): the channel group that holds the slip."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adhesion_can.errors import TableError
+from adhesion_can.recordings.mf4 import open_mf4
+from adhesion_can.recordings.tables.columns import Column, Columns
+
+
+def holds_channel(path: Path, name: str) -> bool:
+    """Whether a file holds a channel of that name, so that it is a table and no recording.
+
+    A file that cannot be opened, or that needs a package which is missing, is for the reader of
+    recordings to refuse.
+    """
+    try:
+        with _opened(path) as mdf:
+            return name in mdf
+    except TableError:
+        return False
+
+
+def read_mf4(path: Path, name: str) -> Columns:
+    """Channels of the group that holds a channel, with their times as `time_s`.
+
+    Args:
+        path: Path of the file.
+        name: Name of the channel of the slip ratio.
+
+    Raises:
+        TableError: The file cannot be read, asammdf is missing, or several groups hold the channel.
+
+    """
+    with _opened(path) as mdf:
+        places = mdf.whereis(name)
+        if len(places) != 1:
+            what = f"{len(places)} channel groups hold {name!r}"
+            raise TableError(str(path), what, "export the one that is meant, as .csv or .parquet")
+        ((group, _),) = places
+        master = mdf.masters_db.get(group)
+        values: dict[str, Column] = {}
+        units: dict[str, str] = {}
+        for index, channel in enumerate(mdf.groups[group].channels):
+            if index == master:
+                continue
+            signal = mdf.get(group=group, index=index)
+            if signal.samples.ndim != 1:
+                continue
+            values[channel.name] = _column(signal)
+            if signal.unit:
+                units[channel.name] = signal.unit
+        if master is not None:
+            values.setdefault("time_s", np.asarray(mdf.get_master(group), dtype=np.float64))
+    return Columns(values, units, (f"the {len(values)} channels beside {name!r} are the columns",))
+
+
+def _column(signal: Any) -> Column:
+    """Numbers, NaN where marked as invalid; or texts."""
+    samples = signal.samples
+    if samples.dtype.kind in "fiub":
+        numbers = samples.astype(np.float64)
+        invalid = signal.invalidation_bits
+        if invalid is not None:
+            numbers[np.asarray(invalid, dtype=np.bool_)] = np.nan
+        return np.asarray(numbers)
+    return tuple(
+        one.decode(errors="replace") if isinstance(one, bytes) else str(one) for one in samples
+    )
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    try:
+        mdf = open_mf4(path)
+    except ImportError as error:
+        mend = "pip install 'adhesion-can[mf4]'"
+        raise TableError(str(path), "MF4 needs asammdf", mend) from error
+    except OSError as error:
+        raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
+    except Exception as error:  # asammdf raises whatever its parsers meet
+        reason = " ".join(str(error).split())[:150]
+        raise TableError(str(path), f"not readable as MF4 ({reason})", "check the file") from error
+    try:
+        yield mdf
+    finally:
+        mdf.close()
