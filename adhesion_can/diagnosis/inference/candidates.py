@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import inf, isfinite
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from adhesion_can.physics.effects import (
     build_instruments,
     known_effects,
 )
-from adhesion_can.physics.parameter import AT_BOUND, Wheelset
+from adhesion_can.physics.parameter import Wheelset
 
 LEAST_ROWS, LEAST_BLOCKS = 400, 9
 """Rows that decide, and blocks of time, without which there is no diagnosis."""
@@ -38,6 +38,8 @@ IMITATED = 0.995
 """Share of a signature that the curve's parameters imitate, from which it is not testable."""
 COARSE = 2.0
 """Distance of the rows, in typical delays or lengths, beyond which these do not show."""
+BEYOND = 1.1
+"""Largest size of an effect that is named, relative to the end of its range."""
 COASTING = 0.005
 """|μ| of an axle that coasts."""
 
@@ -75,15 +77,14 @@ def _mean_wheelset(drives: Sequence[DriveData]) -> Wheelset:
 def _plausible(effect: Effect, wheelset: Wheelset) -> tuple[float, float]:
     """Smallest and largest size of an effect that a vehicle may have.
 
-    A fit that ends at a bound would go on beyond it, where no vehicle is.
+    A delay beyond its range is told before anything is fitted.
     """
     size = effect.parameters[0]
-    low, high = (-inf, inf) if size.plausible is None else size.plausible(wheelset)
-    reach = size.upper - size.lower
-    inside = AT_BOUND * reach if isfinite(reach) else 0.0
-    # At a bound of 0 the effect is absent.
-    lower = size.lower + inside if size.lower else -inf
-    return max(low, lower), min(high, size.upper - inside)
+    if size.plausible is not None:
+        return size.plausible(wheelset)
+    if size.unit == "s":
+        return -inf, inf
+    return BEYOND * size.lower, BEYOND * size.upper
 
 
 def _missing(effect: Effect, drives: Sequence[DriveData]) -> str:

@@ -143,17 +143,16 @@ class Findings:
         """Effects that fit better than any that is named, of a size that no vehicle has."""
         found = []
         for one in self.selection.implausible:
-            (candidate,), ((value, *_),) = one.candidates, one.fitted.model.values
+            (candidate,), (value,) = one.candidates, one.free_sizes
             size, (low, high) = candidate.free_parameters[0], candidate.plausible
             below = value < low
             fitted, limit = (
                 f"{x:.3g} {unit_text(size.unit)}".strip() for x in (value, low if below else high)
             )
-            why = f"its {size.name} would be {fitted}, and no such vehicle has "
-            why += f"{'less' if below else 'more'} than {limit}"
-            if size.is_at_bound(value):
-                bound = f"{'at most' if below else 'at least'} {fitted}"
-                why = f"its {size.name} would be {bound}, as no such vehicle has it"
+            why = (
+                f"its {size.name} would be about {fitted}, and no such vehicle has "
+                f"{'less' if below else 'more'} than {limit}"
+            )
             found.append(Untested(candidate.effect.id, why, rejected=True))
         return found
 

@@ -11,6 +11,7 @@ import numpy as np
 import scipy
 
 from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import evaluate_model
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, WhitenedRegression
 from adhesion_can.physics.effects.channel_factor import STEP
@@ -57,11 +58,24 @@ class ScoredModel:
         return any(c.effect.observability.drift for c in self.candidates)
 
     @property
+    def free_sizes(self) -> tuple[float, ...]:
+        """Size of each effect; of one at the end of its range what it would be without it."""
+        model = self.fitted.model
+        gram = self.fitted.grams.total
+        sizes = [values[0] for values in model.values]
+        pairs = zip(model.candidates, sizes, strict=True)
+        at_end = [c.free_parameters[0].is_at_bound(size) for c, size in pairs]
+        if any(at_end):
+            step = solve_normal_equations(gram[:-1, :-1], gram[:-1, -1])
+            for place in np.flatnonzero(at_end):
+                sizes[place] += float(step[model.first_parameter(int(place))])
+        return tuple(sizes)
+
+    @property
     def is_plausible(self) -> bool:
         """Whether a vehicle may have every size."""
-        model = self.fitted.model
-        pairs = zip(model.candidates, model.values, strict=True)
-        return all(c.plausible[0] <= values[0] <= c.plausible[1] for c, values in pairs)
+        pairs = zip(self.candidates, self.free_sizes, strict=True)
+        return all(c.plausible[0] <= size <= c.plausible[1] for c, size in pairs)
 
     def admits(self, candidate: Candidate) -> bool:
         """Whether an effect can stand beside those of the model.
