@@ -245,4 +245,5 @@ class _Analysis:
             block_length_s=self.block_length_s,
             alpha=alpha,
         )
-        return with_formula(found.without_noise_averages).without_bent_channel
+        found = with_formula(found.without_noise_averages).without_bent_channel
+        return found.without_sizeless_effects

@@ -42,7 +42,15 @@ def answered(kind, folder, seed):
     truth = make_world(kind, seed, path, duration_s=SHORT_S if kind in QUICK else LONG_S)
     answer = diagnosed(folder, path)
     assert answer.status == 0, answer.err
+    for cause in answer.document["causes"]:
+        assert has_size(cause), cause
     return truth, answer
+
+
+def has_size(cause):
+    """Whether the 95 % interval of the size that is told leaves out 0."""
+    first, *_ = cause["parameters"].values()
+    return abs(first["value"]) > 1.96 * first["std"] or cause["effect"] == "curve_shape"
 
 
 @pytest.mark.parametrize("kind", slow_but(QUICK_SINGLES, SINGLES))
@@ -107,6 +115,15 @@ def test_what_is_not_in_the_library_is_not_named(seed, kind, tmp_path):
     assert answer.named == set()
     if truth.channel is not None:
         assert answer.document["channel"] == truth.channel
+
+
+def test_no_effect_is_named_that_the_last_fit_leaves_without_a_size(tmp_path):
+    """Said 'speed_dependence -0.033 ± 0.033' beside a friction that falls with the slip speed."""
+    path = tmp_path / "w.log"
+    make_world("falling_friction", 551907343, path)
+    answer = diagnosed(tmp_path, path)
+    assert answer.named
+    assert all(has_size(cause) for cause in answer.document["causes"]), answer.out
 
 
 @pytest.mark.slow

@@ -10,7 +10,11 @@ from adhesion_can.diagnosis.formatting import unit_text
 from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.detect_effects import Detection
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
-from adhesion_can.diagnosis.inference.model_comparison import SECOND_LEAST_GAIN, ScoredModel
+from adhesion_can.diagnosis.inference.model_comparison import (
+    SECOND_LEAST_GAIN,
+    ScoredModel,
+    score_model,
+)
 from adhesion_can.diagnosis.inference.noise_averaging import (
     INTERVAL,
     averages_noise,
@@ -22,9 +26,13 @@ from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import build_channels
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
-from adhesion_can.diagnosis.regression.model import compute_curve_jacobian, evaluate_model
+from adhesion_can.diagnosis.regression.model import (
+    compute_curve_jacobian,
+    evaluate_model,
+    remove_effect,
+)
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
-from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
+from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
 from adhesion_can.diagnosis.result import Untested
 from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.effects.channel_factor import PREFIX
@@ -40,6 +48,12 @@ MOST_BENT = 0.25
 """Share of what a channel explains by a linear factor that a spline in it may explain besides."""
 OSCILLATION_SIZE = 0.3
 """Size of an oscillation in the adhesion, relative to the noise floor, from which it matters."""
+
+
+def _size_std(fitted: FittedModel, place: int) -> float:
+    """Standard deviation of the size of an effect."""
+    first = fitted.model.first_parameter(place)
+    return float(np.sqrt(max(fitted.covariance[first, first], 0.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +126,6 @@ class Findings:
         best = self.selection.best
         if not best.candidates or any(self.p_value(c) > self.alpha for c in best.candidates):
             return ()
-        if not all(self._has_size(place) for place in range(len(best.candidates))):
-            return ()
         return best.candidates if self.explains else ()
 
     @cached_property
@@ -131,12 +143,30 @@ class Findings:
             by_channel = (best.rmse**2 - remaining**2) / plain.rmse**2
         return explained >= LEAST_EXPLAINED * (explained + by_channel)
 
-    def _has_size(self, place: int) -> bool:
-        """Whether the 95 % interval of an effect's size leaves out 0."""
-        fitted = self.selection.best.fitted
-        model, first = fitted.model, fitted.model.first_parameter(place)
-        std = float(np.sqrt(max(fitted.covariance[first, first], 0.0)))
-        return abs(model.values[place][0]) > INTERVAL * std
+    @property
+    def without_sizeless_effects(self) -> "Findings":
+        """The findings without effects whose 95 % interval holds 0, on the rows of the last fit.
+
+        What showed on the rows that decide may be gone on all of them.
+        """
+        best, regression = self.selection.best, self.prepared.regression
+        fits = [best.fitted, fit_model(regression.last_fit, best.fitted.model)]
+        doubtful = [
+            (abs(fitted.model.values[place][0]) / max(_size_std(fitted, place), 1e-300), place)
+            for fitted in fits
+            for place in range(len(best.candidates))
+            if not abs(fitted.model.values[place][0]) > INTERVAL * _size_std(fitted, place)
+        ]
+        if not doubtful:
+            return self
+        _, least = min(doubtful)
+        rest = tuple(c for place, c in enumerate(best.candidates) if place != least)
+        without = self.fitted_with(rest)
+        if without is None:
+            smaller = remove_effect(best.fitted.model, least)[0]
+            without = score_model(regression, fit_model(regression, smaller))
+        selection = replace(self.selection, best=without, indistinguishable=())
+        return replace(self, selection=selection).without_sizeless_effects
 
     @property
     def implausible(self) -> list[Untested]:

@@ -101,6 +101,13 @@ class WhitenedRegression:
         return replace(self, block=self.block_number)
 
     @property
+    def last_fit(self) -> "WhitenedRegression":
+        """The regression of what is reported: all rows but those of drives held out whole."""
+        ends = np.cumsum([len(drive) for drive in self.data.drives])[:-1]
+        parts = np.split(self.block, ends)
+        return self if any((own < 0).all() for own in parts if len(own)) else self.all_data
+
+    @property
     def held_out(self) -> "WhitenedRegression":
         """The same regression on the held-out rows alone."""
         return replace(self, block=-1 - self.block)
