@@ -156,6 +156,23 @@ def test_a_burckhardt_curve_with_a_given_peak_has_it(mu_max, lambda_m, exponent)
     assert float(top.lambda_m) == pytest.approx(lambda_m, rel=1e-9)
 
 
+@ALL
+@settings(derandomize=True, deadline=None, max_examples=200)
+@given(
+    shares=st.lists(st.sampled_from([0.0, 1.0]) | st.floats(0.0, 1.0), min_size=8, max_size=8),
+    speed=st.sampled_from([0.0, 100.0]) | st.floats(0.0, 100.0),
+    slip=st.floats(-100.0, 100.0),
+)
+def test_a_curve_is_finite_wherever_a_fit_may_go(family, shares, speed, slip):
+    """Polach's friction at its quickest fall was 0, and what is divided by it not a number."""
+    lower, upper = bounds(family)
+    values = lower + (upper - lower) * np.array(shares[: len(lower)])
+    conditions = Conditions(speed, 2e5)
+    with np.errstate(all="raise", under="ignore"):
+        for compute in (family.adhesion, family.slope, family.gradient):
+            assert np.all(np.isfinite(compute(slip, values, conditions)))
+
+
 def test_polach_of_a_heavier_wheel_is_softer_and_an_unknown_load_is_the_reference():
     polach, values = FAMILIES["polach"], (1.0, 0.4, 0.55, 0.4, 0.6)
     slopes = [polach.slope(0.0, values, Conditions(10.0, n)) for n in (1e5, 2e5, np.nan)]

@@ -22,6 +22,8 @@ from adhesion_can.physics.parameter import Parameter
 
 WHEEL_RADIUS = 0.625
 """Wheel radius where none is given, m."""
+LEAST_FRICTION = 1e-9
+"""Friction coefficient below which friction counts as this: ε would overflow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +127,8 @@ def _friction(size: Array, friction: Values, conditions: Conditions) -> tuple[Ar
     mu0, left, rate = friction
     speed = np.asarray(conditions.speed)
     falling = mu0 * (1.0 - left) * np.exp(-rate * size * speed)
-    return np.asarray(falling + mu0 * left), np.asarray(-rate * speed * falling)
+    f = np.maximum(falling + mu0 * left, LEAST_FRICTION)
+    return f, np.asarray(-rate * speed * falling)
 
 
 def _saturation(x: Array, k_a: float | Array, k_s: float | Array) -> Array:
