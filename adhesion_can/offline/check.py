@@ -24,6 +24,8 @@ from adhesion_can.sampling.column_former import Readings
 
 RATE_TOLERANCE = 0.1
 """Largest share by which a message's mean cycle may differ from its nominal one."""
+LOAD_TOLERANCE = 1.5
+"""Factor by which a configured axle load may lie beyond the measured ones."""
 
 
 @dataclass(slots=True)
@@ -174,6 +176,7 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
     result.warnings.extend(result.receiver.unmarked)
     _check_signals(result)
     _check_axles(result, configuration)
+    _check_loads(result, configuration)
     _check_vehicle(result, configuration)
     _check_excitation(result, configuration)
     result.warnings.extend(one.warning for one in result.noise if one.warning)
@@ -230,6 +233,19 @@ def _check_senders(result: CheckResult) -> None:
                 f"{names[named]}: parameter group {parameter_group(named)} is taken from source "
                 f"address {heard:#04x}, the database has "
                 f"{source_address(named):#04x}{further}"
+            )
+
+
+def _check_loads(result: CheckResult, configuration: Configuration) -> None:
+    """Whether the configured axle loads agree with the measured ones, whose gaps they fill."""
+    for axle, load in enumerate(configuration.vehicle.axle_load, start=1):
+        seen = result.signals.get(role_name(Role.AXLE_LOAD, axle))
+        if seen is None or seen.readings == seen.not_available:
+            continue
+        if not seen.lowest / LOAD_TOLERANCE <= load <= seen.highest * LOAD_TOLERANCE:
+            result.failures.append(
+                f"axle {axle}: axle_load_N = {load:g} in [vehicle], measured "
+                f"{seen.lowest:.6g} to {seen.highest:.6g} N; correct it, or the unit of the role"
             )
 
 
