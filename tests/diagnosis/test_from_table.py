@@ -101,6 +101,20 @@ def test_times_only_run_forwards_and_pauses_stay_apart():
     assert np.delete(moved, cuts - 1) == pytest.approx(np.delete(0.01 * speed[1:], cuts - 1))
 
 
+@pytest.mark.parametrize(
+    ("cycle_s", "pause_s"), [(0.01, 0.1), (0.01, 1.0), (0.05, 0.5), (1.0, 3.0)]
+)
+def test_a_pause_is_one_by_the_tables_own_cycle(cycle_s, pause_s):
+    """Sweeps of a rig a second apart were one: a column that steps between them went unnamed."""
+    t = np.arange(N) * cycle_s + np.repeat([0.0, pause_s], N // 2)
+    made = drive(columns(), t)
+    step = np.diff(made.t_s)
+    assert step[N // 2 - 1] >= 10.0
+    assert np.delete(step, N // 2 - 1) == pytest.approx(cycle_s)
+    lost = np.delete(np.arange(N + 4), slice(N // 2, N // 2 + 4)) * 0.01
+    assert np.diff(drive(columns(), lost).t_s).max() == pytest.approx(0.05)
+
+
 def test_segments_are_not_joined():
     t = np.arange(N) * 0.01
     made = drive(columns(), t, segment=np.arange(N) // 150)
