@@ -28,11 +28,11 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
-from adhesion_can.files import whole_file
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.frame_log import FrameLog
 from adhesion_can.service.kept_state import (
     LARGEST_TEXT,
     KeptState,
@@ -64,6 +64,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="F",
         help="begin with the surfaces that are kept there, and keep those that are identified",
     )
+    parser.add_argument(
+        "--wait", action="store_true", help="wait for a bus that is not there yet, and try again"
+    )
     parser.add_argument("--dry-run", action="store_true", help="listen and identify, send nothing")
     parser.add_argument("--duration", type=float, metavar="S", help="end after so long")
     add_model(parser, MODEL_ONLINE)
@@ -89,8 +92,10 @@ def run(options: argparse.Namespace) -> int:
     with ExitStack() as stack:
         if keeper is not None:
             stack.callback(keeper.close)
-        bus = ReconnectingBus(bus_opener(options), core.ids, narrator.print)
-        log = stack.enter_context(whole_file(options.log, keep_part=True)) if options.log else None
+        bus = ReconnectingBus(
+            bus_opener(options), core.ids, narrator.print, wait_for_it=options.wait
+        )
+        log = stack.enter_context(FrameLog(options.log, narrator.print)) if options.log else None
         service = LiveService(
             core,
             bus,
@@ -102,8 +107,16 @@ def run(options: argparse.Namespace) -> int:
         def stop(_: int, __: FrameType | None) -> None:
             service.stop()
 
+        def hang_up(_: int, __: FrameType | None) -> None:
+            # Of a terminal that is closed it means an end; of a service manager, another log.
+            if sys.stderr.isatty():
+                service.stop()
+            elif log is not None:
+                log.request_next()
+
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, stop)
+        signal.signal(signal.SIGHUP, hang_up)
         # Said last: who waits for it may send a signal at once.
         narrator.print(f"listening on {bus.channel_info}; Ctrl-C ends")
         until = (
@@ -118,6 +131,8 @@ def run(options: argparse.Namespace) -> int:
         "echoes": counts.echoes,
         "foreign_outputs": counts.foreign_outputs,
         "overdue": counts.overdue,
+        "bus_off": counts.bus_off,
+        "log_lines_lost": 0 if log is None else log.lost,
         "reopened": bus.reopened,
         "clock_offset_s": service.stamps.offset_us / 1e6,
         "clock_steps": service.stamps.steps,

@@ -286,6 +286,8 @@ def to_message(frame: Frame) -> can.Message:
         arbitration_id=frame.arbitration_id,
         data=frame.data,
         is_extended_id=frame.is_extended,
+        is_remote_frame=frame.is_remote,
+        is_error_frame=frame.is_error,
         is_fd=frame.is_fd,
         is_rx=False,
         check=False,

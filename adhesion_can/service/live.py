@@ -26,6 +26,8 @@ GRACE_US = 2_000
 """Time after a due time until which frames stamped before it are waited for, µs."""
 OVERDUE_US = 100_000
 """Time after its due time, and at least a cycle, from which a frame is not sent any more, µs."""
+BUS_OFF = 0x40
+"""Bit of the id of an error frame by which SocketCAN reports bus-off (linux/can/error.h)."""
 IDLE_S = 0.1
 """Longest wait for a frame, s, so that a request to stop is seen soon."""
 
@@ -48,6 +50,7 @@ class LiveCounts:
         echoes: Number of echoes of our own frames, as some interfaces return them.
         foreign_outputs: Number of frames with our ids that another sender sent.
         overdue: Number of our frames that were not sent, since they were due too long ago.
+        bus_off: Number of times that the controller left the bus because of its errors.
 
     """
 
@@ -55,6 +58,7 @@ class LiveCounts:
     echoes: int = 0
     foreign_outputs: int = 0
     overdue: int = 0
+    bus_off: int = 0
 
 
 class LiveService:
@@ -129,11 +133,14 @@ class LiveService:
         began = time.perf_counter()
         self.counts.received += 1
         frame = from_message(received.message)
+        if frame.is_error and frame.arbitration_id & BUS_OFF:
+            self._tell_bus_off()
         t_us = self.stamps.to_host(
             frame.t_us, received.time_us, received.earliest_us, awaited=received.awaited
         )
         frame = frame._replace(t_us=t_us)
-        if (frame.arbitration_id, frame.is_extended) in self.core.messages.ids:
+        # The id of an error frame is a set of bits, and may look like one of ours.
+        if frame.is_data and ((frame.arbitration_id, frame.is_extended) in self.core.messages.ids):
             self._handle_own_id(frame)
             return
         frame = frame._replace(t_us=max(frame.t_us, 0))
@@ -144,6 +151,13 @@ class LiveService:
         self._loop_times_s.append(time.perf_counter() - began)
         if self.counts.received % 100 == 0:
             self.core.loop_time_p99_us = float(np.quantile(self._loop_times_s, 0.99)) * 1e6
+
+    def _tell_bus_off(self) -> None:
+        self.counts.bus_off += 1
+        self._notify(
+            "the controller left the bus for its errors (bus-off): nothing is received or sent "
+            "until it is restarted; `ip link set can0 type can restart-ms 100` lets it try"
+        )
 
     def _handle_own_id(self, frame: Frame) -> None:
         """Handle a frame with an id of ours: an echo of our own frame, or a second service's."""

@@ -7,11 +7,15 @@ from collections.abc import Callable, Iterable
 import can
 
 from adhesion_can.bus.j1939 import IdFilter
+from adhesion_can.errors import BusError
 
 PAUSES_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Pause before each attempt to open a lost bus again, s; the last one repeats."""
 BUS_LOST_CODES = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
 """Error codes at sending that mean that the bus is gone, and not only full."""
+
+OPENING_ERRORS = (can.CanError, OSError, ValueError, BusError)
+"""Errors by which python-can's interfaces and the commands say that a bus cannot be opened."""
 
 
 class ReconnectingBus:
@@ -26,6 +30,10 @@ class ReconnectingBus:
         notify: Callback with a line for the operator.
         clock: Monotonic clock, s.
         sleep: Function that waits for a time, s.
+        wait_for_it: Whether a bus that cannot be opened at first is tried again, as a lost one.
+
+    Raises:
+        OPENING_ERRORS: The bus cannot be opened, and is not waited for.
 
     """
 
@@ -37,6 +45,7 @@ class ReconnectingBus:
         *,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
+        wait_for_it: bool = False,
     ) -> None:
         self.sent = 0
         """Number of frames that the bus took."""
@@ -51,11 +60,18 @@ class ReconnectingBus:
         self._notify = notify
         self._clock = clock
         self._sleep = sleep
-        self._failed_attempts = 0
+        self._failed_attempts = -1
         self._next_attempt_s = 0.0
         self._reopened_unconfirmed = False
         """Whether the bus was opened again and no frame has passed it since."""
-        self._bus: can.BusABC | None = self._open_filtered()
+        self._bus: can.BusABC | None = None
+        try:
+            self._bus = self._open_filtered()
+        except OPENING_ERRORS as error:
+            if not wait_for_it or isinstance(error, can.CanInterfaceNotImplementedError):
+                raise
+            self._notify(f"the bus cannot be opened yet ({error}); trying again")
+            self._plan_next_attempt()
 
     @property
     def channel_info(self) -> str:
@@ -121,7 +137,7 @@ class ReconnectingBus:
             return
         try:
             self._bus = self._open_filtered()
-        except (can.CanError, OSError, ValueError):
+        except OPENING_ERRORS:
             self._plan_next_attempt()
         else:
             self._reopened_unconfirmed = True

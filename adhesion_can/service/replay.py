@@ -74,7 +74,7 @@ def replay_blocks(
         rows = block.select(np.flatnonzero(since_s[:end] >= from_s))
         is_frame = rows.kind <= Kind.ERROR
         _count_frames(summary, rows.t_us[is_frame])
-        ours = is_frame & np.isin(rows.key, own)
+        ours = rows.is_data & np.isin(rows.key, own)
         summary.own_skipped += int(ours.sum())
         for frame in columns.process(rows.select(~ours)):
             summary.sent += 1
@@ -146,7 +146,7 @@ def _step(
     if summary.first_us is None:
         summary.first_us = item.t_us
     summary.last_us = item.t_us
-    if (item.arbitration_id, item.is_extended) in own:
+    if item.is_data and (item.arbitration_id, item.is_extended) in own:
         summary.own_skipped += 1
         return []
     return core.feed(item)

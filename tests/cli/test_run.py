@@ -93,6 +93,29 @@ def test_a_signal_ends_the_service_in_order(tmp_path, number):
     assert json.loads((tmp_path / "r.json").read_text())["received"] == 0
 
 
+def test_hanging_up_does_not_end_a_service_that_has_no_terminal(tmp_path):
+    """A service manager asks so for another log."""
+    words = "adhesion-can run -i virtual -c y --log run.log"
+    service = Terminal(words, tmp_path, "run")
+    try:
+        service.wait_for("listening on")
+        service.process.send_signal(signal.SIGHUP)
+        service.process.send_signal(signal.SIGTERM)
+        assert service.wait(60) == 0
+    finally:
+        if service.process.poll() is None:
+            service.kill()
+    assert (tmp_path / "run.log").exists()
+
+
+def test_a_bus_that_is_gone_for_good_is_an_error_at_the_start_unless_it_is_waited_for(capsys):
+    words = ["run", "-i", "socketcan", "-c", "no-such-can", "--duration", "0.5"]
+    assert main(words) == 2
+    assert "cannot be opened" in capsys.readouterr().err
+    assert main([*words, "--wait"]) == 0
+    assert "trying again" in capsys.readouterr().err
+
+
 @cache
 def modules_after(code):
     """Top-level modules and SciPy sub-packages that a fresh interpreter has after the code."""

@@ -31,6 +31,8 @@ HOLD_US = S
 """Time for which the last values are held while an input is stale."""
 RECOVERY_US = 3 * S
 """Time after the last fault within which the service tracks again."""
+FAULT_US = S + SLACK_US
+"""Time for which FAULT lasts after the last frame of another service."""
 FIRST_US = 100 * MS
 """Latest time of the first setpoint after the first good input."""
 WITHOUT_NUMBERS = ("INIT", "FAULT")
@@ -120,7 +122,7 @@ class _Schedule:
     def _overlaps(self, fault: Fault, from_us: int, until_us: int, kind: str) -> bool:
         begin, end = self.start_us + fault.from_us, self.start_us + fault.until_us
         # A lost bus is opened again after pauses that grow to 5 s; a stop ends at once.
-        settled = end + (6 * S if fault.kind == "bus_down" else 50 * MS)
+        settled = end + (6 * S if fault.kind in ("bus_down", "link_missing") else 50 * MS)
         if kind:
             return begin <= until_us and settled >= from_us + 8 * S
         return begin <= until_us and settled >= from_us
@@ -254,8 +256,13 @@ def _recovery(points: list[Point], schedule: _Schedule) -> Iterator[Violation]:
 
 
 def _second_service(points: list[Point], schedule: _Schedule) -> Iterator[Violation]:
-    """FAULT while another service sends our ids."""
+    """FAULT while another service sends our ids, and without one never."""
     others = [f for f in schedule.faults if f.kind == "second_service"]
+    for point in points:
+        if point.status == "FAULT" and not any(
+            f.from_us <= point.due_us - schedule.start_us < f.until_us + FAULT_US for f in others
+        ):
+            yield Violation("no second service", point.at_us, "FAULT without another sender")
     for fault in others:
         from_us = schedule.start_us + fault.from_us + FIRST_US
         until_us = schedule.start_us + fault.until_us
@@ -284,7 +291,9 @@ def _replayed(record: Record) -> Iterator[Violation]:
     sent: list[Frame] = []
     replay(items, ServiceCore(CONFIG, FixedEstimator), sent.append)
     again = {(f.t_us, f.arbitration_id, f.data) for f in sent if f.arbitration_id != 0x211}
-    own = [item for item in items if isinstance(item, Frame) and item.arbitration_id in CYCLES_US]
+    # Error frames have bits for an id, which may look like one of ours.
+    frames = [item for item in items if isinstance(item, Frame) and item.is_data]
+    own = [frame for frame in frames if frame.arbitration_id in CYCLES_US]
     for frame in own:
         if frame.arbitration_id == 0x211:
             continue

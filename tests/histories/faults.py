@@ -39,37 +39,45 @@ class Kind:
     """A kind of fault.
 
     Attributes:
-        of_message: Whether it spoils one message.
+        targets: Messages of which it spoils one.
         sizes: Sizes that are drawn.
         longest_s: Longest duration, s.
         disturbs: Whether sending is disturbed: frames may be late or not be there.
+        at_start: Whether it is there from the start.
 
     """
 
-    of_message: bool = False
+    targets: tuple[str, ...] = ()
     sizes: tuple[float, ...] = (0.0,)
     longest_s: float = 5.0
     disturbs: bool = False
+    at_start: bool = False
 
 
 RATES = (0.001, 0.01, 0.1, 0.5)
+BY_AXLE = tuple(name for name in REQUIRED if name != "VehicleSpeed")
 KINDS: Mapping[str, Kind] = {
-    "silent": Kind(of_message=True),
-    "lost": Kind(of_message=True, sizes=RATES),
-    "corrupt": Kind(of_message=True, sizes=RATES),
-    "repeated": Kind(of_message=True, sizes=RATES),
-    "twice": Kind(of_message=True, sizes=RATES),
-    "delayed": Kind(of_message=True, sizes=(0.002, 0.02, 0.2)),
-    "not_available": Kind(of_message=True),
-    "frozen": Kind(of_message=True),
-    "jumped": Kind(of_message=True),
-    "other_sender": Kind(of_message=True),
+    "silent": Kind(targets=REQUIRED),
+    "lost": Kind(targets=REQUIRED, sizes=RATES),
+    "corrupt": Kind(targets=REQUIRED, sizes=RATES),
+    "repeated": Kind(targets=REQUIRED, sizes=RATES),
+    "twice": Kind(targets=REQUIRED, sizes=RATES),
+    "delayed": Kind(targets=REQUIRED, sizes=(0.002, 0.02, 0.2)),
+    "not_available": Kind(targets=REQUIRED),
+    "frozen": Kind(targets=REQUIRED),
+    "jumped": Kind(targets=REQUIRED),
+    "drifted": Kind(targets=REQUIRED, sizes=(0.01, 0.1)),
+    "saturated": Kind(targets=REQUIRED, sizes=(0.03, 0.05)),
+    "axles_lost": Kind(targets=BY_AXLE, sizes=(1.0, 2.0)),
+    "other_sender": Kind(targets=REQUIRED),
     "second_service": Kind(),
     "flood": Kind(sizes=(1.0, 10.0), longest_s=2.0),
     "error_frames": Kind(sizes=RATES),
     "clock_set": Kind(sizes=(-3600.0, -3.0, -0.05, 0.05, 2.0, 3600.0), longest_s=0.0),
     "stopped": Kind(longest_s=4.0, disturbs=True),
     "bus_down": Kind(longest_s=4.0, disturbs=True),
+    "link_missing": Kind(longest_s=4.0, disturbs=True, at_start=True),
+    "bus_off": Kind(longest_s=4.0, disturbs=True),
     "no_buffer": Kind(longest_s=1.0, disturbs=True),
 }
 
@@ -84,12 +92,12 @@ def draw(seed: int, duration_us: int, per_minute: float) -> tuple[Fault, ...]:
 def _draw(rng: np.random.Generator, duration_us: int) -> Fault:
     name = str(rng.choice(list(KINDS)))
     kind = KINDS[name]
-    from_us = int(rng.integers(S, max(duration_us - 9 * S, S + 1)))
+    from_us = 0 if kind.at_start else int(rng.integers(S, max(duration_us - 9 * S, S + 1)))
     lasts_us = round(kind.longest_s * S * rng.uniform(0.02, 1.0))
     return Fault(
         name,
         from_us,
         from_us + max(lasts_us, 1),
-        str(rng.choice(REQUIRED)) if kind.of_message else "",
+        str(rng.choice(kind.targets)) if kind.targets else "",
         float(rng.choice(kind.sizes)),
     )

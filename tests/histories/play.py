@@ -21,7 +21,12 @@ def play(
     record = bus.record
     core = ServiceCore(CONFIG, estimator)
     opened = ReconnectingBus(
-        bus.open, (), record.notices.append, clock=lambda: bus.now_us / 1e6, sleep=bus.sleep
+        bus.open,
+        (),
+        record.notices.append,
+        clock=lambda: bus.now_us / 1e6,
+        sleep=bus.sleep,
+        wait_for_it=True,
     )
     service = LiveService(
         core, opened, clock=bus.clock, write_log=record.log.append, notify=record.notices.append

@@ -51,7 +51,8 @@ class SimulatedBus:
         self._next = next(traffic, None)
         self._waiting: deque[Passing] = deque()
         self._stops = deque(f for f in faults if f.kind == "stopped")
-        self._downs = [f for f in faults if f.kind == "bus_down"]
+        self._downs = [f for f in faults if f.kind in ("bus_down", "link_missing")]
+        self._off = [f for f in faults if f.kind == "bus_off"]
         self._full = [f for f in faults if f.kind == "no_buffer"]
 
     def clock(self) -> int:
@@ -91,7 +92,7 @@ class SimulatedBus:
         """Send a frame."""
         if self._is_down():
             raise can.CanOperationError("down", errno.ENETDOWN)
-        if any(fault.active(self.now_us - START_US) for fault in self._full):
+        if any(fault.active(self.now_us - START_US) for fault in (*self._full, *self._off)):
             raise can.CanOperationError("no buffer space", errno.ENOBUFS)
         self.record.outputs.append((self.now_us, from_message(message)))
 
@@ -111,6 +112,11 @@ class SimulatedBus:
             until_us = max(until_us, START_US + stop.until_us)
         self.now_us = until_us
         while self._next is not None and self._next.at_us <= until_us:
-            if not any(fault.active(self._next.at_us - START_US) for fault in self._downs):
+            if not self._is_lost(self._next):
                 self._waiting.append(self._next)
             self._next = next(self._traffic, None)
+
+    def _is_lost(self, passing: Passing) -> bool:
+        """Whether a frame does not arrive; of a controller that is off its own reports do."""
+        silent = self._downs if passing.frame.is_error else (*self._downs, *self._off)
+        return any(fault.active(passing.at_us - START_US) for fault in silent)

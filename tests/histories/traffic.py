@@ -17,6 +17,9 @@ OFFSETS_US = {name: 230 * number for number, name in enumerate(REQUIRED)}
 """Times within 10 ms at which the messages are sent."""
 SEALS = 15
 FOREIGN_ID, OWN_ID = 0x5A0, 0x201
+BUS_OFF, ERROR_WITH_COUNTS = 0x40, 0x204
+"""Ids of error frames as Linux makes them: bus-off; a controller's warning with its counts, which
+looks like our AxleSetpoint."""
 START_US = 1_000_000_000_000
 """Time of the host at the begin of a history, µs."""
 
@@ -37,9 +40,9 @@ class Passing(NamedTuple):
 
 
 @cache
-def _payload(name: str, step: int, count: int) -> bytes:
-    """Sealed payload of a message at a step of the drive."""
-    slip = 0.02 + 0.06 * abs(2.0 * step / STEPS - 1.0)
+def _payload(name: str, step: int, count: int, drift: float = 0.0, limit: float = 1.0) -> bytes:
+    """Sealed payload of a message at a step of the drive, from slips that drift or are limited."""
+    slip = min(0.02 + 0.06 * abs(2.0 * step / STEPS - 1.0), limit) + drift
     adhesion = 0.4 * (1.0 - np.exp(-60.0 * slip)) - 0.3 * slip
     bench = Bench()
     bench.counts[name] = count
@@ -94,11 +97,26 @@ class _Sender:
             payload = b"\x00\xf0" + NOT_AVAILABLE[self.name]
             self._last = sealed(INPUTS[self.name], payload, self._count)
         else:
-            self._last = _payload(self.name, step, self._count)
+            self._last = _payload(self.name, step, self._count, *_distortion(t_us, active))
+        if "axles_lost" in active:
+            lost = 2 + 2 * round(active["axles_lost"].size)
+            payload = self._last[:2] + NOT_AVAILABLE[self.name][: lost - 2] + self._last[lost:]
+            self._last = sealed(INPUTS[self.name], payload, self._count)
         return self._last
 
     def _happens(self, fault: Fault) -> bool:
         return bool(self._rng.random() < fault.size)
+
+
+def _distortion(t_us: int, active: dict[str, Fault]) -> tuple[float, float]:
+    """Drift and limit of the slips behind a message; the drift in steps of a tenth of a second."""
+    drift, limit = 0.0, 1.0
+    if "drifted" in active:
+        fault = active["drifted"]
+        drift = fault.size * ((t_us - fault.from_us) // 100_000) / 10.0
+    if "saturated" in active:
+        limit = active["saturated"].size
+    return drift, limit
 
 
 def make_traffic(seed: int, duration_us: int, faults: tuple[Fault, ...]) -> Iterator[Passing]:
@@ -153,6 +171,8 @@ def _foreign(
     """Frames of others: floods, error frames, and a second service."""
     found = []
     for fault in faults:
+        if fault.kind == "bus_off" and t_us <= fault.from_us < t_us + 10_000:
+            found.append((fault.from_us, Frame(0, BUS_OFF, b"", is_error=True)))
         if not fault.active(t_us):
             continue
         if fault.kind == "flood":
@@ -161,7 +181,7 @@ def _foreign(
                 (t_us + 10_000 * k // count, Frame(0, FOREIGN_ID, bytes(8))) for k in range(count)
             ]
         elif fault.kind == "error_frames" and rng.random() < fault.size:
-            found.append((t_us + 3_000, Frame(0, 0x20000000 & 0x7FF, b"", is_error=True)))
+            found.append((t_us + 3_000, Frame(0, ERROR_WITH_COUNTS, b"", is_error=True)))
         elif fault.kind == "second_service" and t_us % 20_000 == 0:
             data = sealed(OWN_ID, b"\x00\x10\x01\x02\x03\x04\x05\x06", t_us // 20_000 % SEALS)
             found.append((t_us + 7_000, Frame(0, OWN_ID, data)))

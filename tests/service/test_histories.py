@@ -9,7 +9,7 @@ from tests.histories.faults import KINDS, Fault, S, draw
 from tests.histories.play import judge, play
 from tests.histories.simulated_bus import Record
 from tests.histories.traffic import START_US
-from tests.wire import REQUIRED, sealed
+from tests.wire import sealed
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 ALONE = [
@@ -22,9 +22,10 @@ ALONE = [
 @pytest.mark.parametrize(("name", "size"), ALONE)
 def test_each_fault_alone(name, size):
     kind = KINDS[name]
-    until_us = 2 * S + max(round(min(kind.longest_s, 3.0) * S), 1)
-    target = REQUIRED[sum(map(ord, name)) % len(REQUIRED)] if kind.of_message else ""
-    assert judge(1, 10 * S, (Fault(name, 2 * S, until_us, target, size),)) == []
+    from_us = 0 if kind.at_start else 2 * S
+    until_us = from_us + max(round(min(kind.longest_s, 3.0) * S), 1)
+    target = kind.targets[sum(map(ord, name)) % len(kind.targets)] if kind.targets else ""
+    assert judge(1, 14 * S, (Fault(name, from_us, until_us, target, size),)) == []
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -169,6 +170,16 @@ def test_numbers_held_for_too_long_or_out_of_range_are_seen(silence, calm):
 
     assert "held" in rules(flawed(record, held), faults)
     assert "range" in rules(flawed(calm, zero))
+
+
+def test_a_fault_without_another_sender_is_seen(calm):
+    def change(outputs):
+        place = setpoint(outputs)
+        data = outputs[place][1].data
+        data = data[:1] + bytes([0x50 | data[1] & 0xF]) + 6 * b"\xff"
+        return with_data(outputs, place, sealed(0x201, data, data[1] & 0xF))
+
+    assert "no second service" in rules(flawed(calm, change))
 
 
 def test_a_service_that_never_comes_back_is_seen(calm):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from adhesion_can.bus.j1939 import IdFilter
+from adhesion_can.errors import BusError
 from adhesion_can.service.reconnecting_bus import PAUSES_S, ReconnectingBus
 
 MESSAGE = can.Message(arbitration_id=0x101, data=b"12345678", is_extended_id=False)
@@ -60,13 +61,18 @@ IDS = (IdFilter.exact(0x101, False),)
 class Bench:
     """A reconnecting bus whose opener gives one after another what it has: buses and errors."""
 
-    def __init__(self, *buses, ids=IDS):
+    def __init__(self, *buses, ids=IDS, wait_for_it=False):
         self.buses = list(buses)
         self.clock = FakeClock()
         self.attempts_s = []
         self.notices = []
         self.bus = ReconnectingBus(
-            self.open, ids, self.notices.append, clock=self.clock, sleep=self.clock.sleep
+            self.open,
+            ids,
+            self.notices.append,
+            clock=self.clock,
+            sleep=self.clock.sleep,
+            wait_for_it=wait_for_it,
         )
 
     def open(self):
@@ -109,10 +115,29 @@ def test_a_bus_that_cannot_be_opened_at_first_is_an_error(error):
         Bench(error)
 
 
+def test_a_bus_that_is_not_there_yet_is_waited_for():
+    missing = OSError(errno.ENODEV, "No such device")
+    bench = Bench(missing, can.CanInitializationError("x"), missing, FakeBus(), wait_for_it=True)
+    assert bench.bus.receive(0.05) is None
+    assert not bench.bus.send(MESSAGE)
+    assert bench.receive_until(lambda: bench.bus.reopened) is MESSAGE
+    assert bench.notices == [
+        f"the bus cannot be opened yet ({missing}); trying again",
+        "the bus is back",
+    ]
+    assert np.diff(bench.attempts_s) == pytest.approx(PAUSES_S[:3])
+
+
+def test_an_interface_that_does_not_exist_is_not_waited_for():
+    with pytest.raises(can.CanInterfaceNotImplementedError):
+        Bench(can.CanInterfaceNotImplementedError("no interface of this name"), wait_for_it=True)
+
+
 @pytest.mark.parametrize("error", [DOWN, OSError(errno.ENETDOWN, "Network is down")])
 def test_a_lost_bus_is_closed_and_opened_again_after_growing_pauses(error):
     first, second = FakeBus(recv_error=error), FakeBus()
-    failures = [OSError("still down"), can.CanInitializationError("x"), ValueError("no interface")]
+    failures = [OSError("still down"), BusError("bus can0", "cannot be opened", "plug it in")]
+    failures.insert(1, can.CanInitializationError("x"))
     bench = Bench(first, *failures, second)
     began_s = bench.clock.now_s
     assert bench.bus.receive(0.1) is None
