@@ -1,0 +1,126 @@
+"""One loop on a bus for some seconds: the service, or a bare one; its figures as JSON.
+
+The bare loop receives, decodes with cantools, and sends the same frames at the same due times,
+encoded by cantools from fixed values: what python-can and cantools cost by themselves.
+"""
+
+import argparse
+import json
+import time
+
+import can
+import numpy as np
+from _live_bus import Bus, TimedBus, drive_frames, play_beside
+
+from adhesion_can.bus.frame import Frame, to_us
+from adhesion_can.config import load_configuration
+from adhesion_can.recordings.candump import read_line
+from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.live import LiveService, start_clock
+from adhesion_can.service.output_messages import SETPOINT
+from adhesion_can.service.reconnecting_bus import ReconnectingBus
+from adhesion_can.service.schedule import Schedule
+
+SETTLED_S = 2.0
+"""Time at the start that does not count: numpy and the estimator warm up."""
+WAIT_S = 0.002
+
+
+class Lateness:
+    """Times at which setpoints were handed to the bus, after they were due, µs."""
+
+    def __init__(self, setpoint, clock):
+        self.setpoint, self.clock = setpoint, clock
+        self.late_us, self.due_us = [], []
+
+    def write(self, line):
+        frame = read_line(line.encode())
+        if isinstance(frame, Frame) and frame.arbitration_id == self.setpoint:
+            self.late_us.append(self.clock() - frame.t_us)
+            self.due_us.append(frame.t_us)
+
+
+def run_service(timed, config, seconds):
+    core = ServiceCore(config)
+    clock = start_clock()
+    lateness = Lateness(timed.watched, clock)
+    bus = ReconnectingBus(lambda: timed, core.ids)
+    service = LiveService(core, bus, clock=clock, write_log=lateness.write)
+    service.run(service.clock() + round(seconds * 1e6))
+    return {
+        "lost": core.receiver.lost + core.counts.receive_drops,
+        "overdue": service.counts.overdue,
+        "clamped": core.counts.clamped,
+        "samples": core.counts.samples,
+        "status": None if core.estimate is None else "estimated",
+        "late_us": lateness.late_us,
+        "due_us": lateness.due_us,
+    }
+
+
+def run_bare(timed, config, seconds):
+    database = config.database.db
+    core = ServiceCore(config)
+    cycles = {
+        database.get_message_by_frame_id(number): cycle
+        for number, cycle in sorted(core.messages.cycles_by_id_us.items())
+    }
+    schedule = Schedule({message.name: cycle for message, cycle in cycles.items()})
+    values = {message.name: {s.name: s.minimum or 0 for s in message.signals} for message in cycles}
+    known = {message.frame_id for message in database.messages}
+    own = {message.name: message.frame_id for message in cycles}
+    end = time.perf_counter() + seconds
+    while time.perf_counter() < end:
+        message = timed.recv(WAIT_S)
+        if message is None or message.arbitration_id not in known:
+            continue
+        if message.arbitration_id in own.values():
+            continue
+        database.decode_message(message.arbitration_id, message.data)
+        now_us = to_us(message.timestamp)
+        if not schedule.started:
+            schedule.start(now_us)
+        while (due_us := schedule.next_due_us) is not None and due_us <= now_us:
+            for name in schedule.pop_due(due_us):
+                data = database.encode_message(name, values[name], strict=False)
+                timed.send(can.Message(arbitration_id=own[name], data=data, is_extended_id=False))
+    timed.shutdown()
+    return {}
+
+
+LOOPS = {"service": run_service, "bare": run_bare}
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("loop", choices=LOOPS)
+    parser.add_argument("--interface", required=True)
+    parser.add_argument("--channel", required=True)
+    parser.add_argument("--seconds", type=float, required=True)
+    parser.add_argument("--play", action="store_true", help="play the drive in this process")
+    options = parser.parse_args()
+    config = load_configuration()
+    bus = Bus(options.interface, options.channel)
+    watched = config.database.db.get_message_by_name(SETPOINT).frame_id
+    timed = TimedBus(bus.open(), watched)
+    if options.play:
+        play_beside(bus, drive_frames(options.seconds, 0.0))
+    print("ready", flush=True)
+    wall, cpu = time.perf_counter(), time.process_time()
+    figures = LOOPS[options.loop](timed, config, options.seconds)
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    skipped = round(SETTLED_S / 0.02)
+    delays = timed.delays_us[skipped:] or [float("nan")]
+    figures |= {
+        "cpu": cpu / wall,
+        "received": timed.received,
+        "sent": timed.sent,
+        "p50_us": float(np.quantile(delays, 0.5)),
+        "p99_us": float(np.quantile(delays, 0.99)),
+        "setpoints": len(timed.delays_us),
+    }
+    print(json.dumps(figures), flush=True)
+
+
+if __name__ == "__main__":
+    main()
