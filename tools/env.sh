@@ -39,7 +39,7 @@ need() {
   if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ] || ! "$venv/bin/python" -c 'import adhesion_can' 2>/dev/null; then
     say "installing adhesion-can${extras:+ with its extra '$extras'} (once; about a minute)"
     "$venv/bin/python" -m pip install -q --disable-pip-version-check -e "$root${extras:+[$extras]}" 2>&1 |
-      { grep -v -E '^(WARNING: Location|\[notice\])' || true; } >&2
+      { grep -v -E '^(WARNING: Location|\[notice\])' || true; } >&2 || die "cannot install adhesion-can"
     echo "$wanted" >"$stamp"
   fi
   export PATH=$venv/bin:$PATH

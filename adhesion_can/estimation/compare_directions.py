@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.likelihood import innovation
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
@@ -75,8 +76,7 @@ def compare_directions(estimate: Estimate, samples: Samples) -> Directions:
     if not estimate.mu_max > 0.0:
         return Directions()
     size, aligned = samples.folded()
-    beyond = aligned[size > estimate.lambda_m]
-    opposite = float(np.mean(beyond < 0.0)) if len(beyond) >= FEWEST else 0.0
+    opposite = share_opposite(aligned[size > estimate.lambda_m])
     near = size > NEAR_PEAK * estimate.lambda_m
     residual = innovation(estimate.theta, size, aligned)
     sides = [residual[near & (np.sign(samples.slip) == sign)] for sign in (1.0, -1.0)]
@@ -86,4 +86,15 @@ def compare_directions(estimate: Estimate, samples: Samples) -> Directions:
         error = float(np.hypot(*(side.std() / np.sqrt(len(side)) for side in sides)))
         certain = abs(difference) >= max(CERTAIN * error, DIFFERENT * estimate.mu_max)
         difference = difference / estimate.mu_max if certain else 0.0
-    return Directions(difference, opposite if opposite >= OPPOSITE else 0.0)
+    return Directions(difference, opposite)
+
+
+def share_opposite(aligned: Array) -> float:
+    """Share of samples beyond the peak whose adhesion is against their slip; 0 where noise may be.
+
+    Args:
+        aligned: Adhesion of the samples beyond the peak, positive along the slip; shape (n,).
+
+    """
+    share = float(np.mean(aligned < 0.0)) if len(aligned) >= FEWEST else 0.0
+    return share if share >= OPPOSITE else 0.0

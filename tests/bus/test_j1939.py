@@ -24,6 +24,7 @@ BO_ 2565866750 EBC2: 8 X
 
 BO_ 2364540158 EEC1: 8 X
  SG_ EngineSpeed : 24|16@1+ (0.125,0) [0|8031.875] "rpm" X
+ SG_ EngineTorque : 16|8@1+ (1,-125) [-125|125] "%" X
 BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";
 BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
 BA_ "VFrameFormat" BO_ 2565866750 3;
@@ -154,7 +155,7 @@ def test_where_nothing_else_is_heard_the_commands_say_it_too(dbc, tmp_path, caps
         f'[bus]\ndatabase = "{dbc.name}"\n[roles]\n'
         'vehicle_speed = { signal = "EBC2.FrontAxleSpeed", cycle_ms = 100 }\n'
         'wheel_speed.1 = { signal = "EEC1.EngineSpeed", unit = "rpm", cycle_ms = 20 }\n'
-        'tractive_effort.1 = { signal = "EEC1.EngineSpeed", unit = "N", cycle_ms = 20 }\n'
+        'tractive_effort.1 = { signal = "EEC1.EngineTorque", unit = "N", cycle_ms = 20 }\n'
     )
     log = tmp_path / "a.log"
     log.write_text("".join(map(format_frame, frames_of(0x0CF00400))))

@@ -20,11 +20,11 @@ SETPOINTS_PER_S = 5
 SPEED, RADIUS, LOAD = 10.0, 0.625, 245e3
 
 
-def write_configuration(folder):
-    """slow.dbc and slow.toml."""
+def write_configuration(folder, stretch=1):
+    """slow.dbc and slow.toml, with cycles that are longer again by a factor."""
     text, messages = re.subn(
         r'^(BA_ "GenMsgCycleTime" BO_ \d+) (\d+);$',
-        lambda match: f"{match[1]} {int(match[2]) * SLOWER};",
+        lambda match: f"{match[1]} {int(match[2]) * SLOWER * stretch};",
         DBC.read_text(),
         flags=re.MULTILINE,
     )
@@ -33,8 +33,11 @@ def write_configuration(folder):
     (folder / "slow.toml").write_text(CONFIG)
 
 
-def write_drive(path, theta, duration_s):
-    """A candump log of a drive whose slip goes to and fro over the peak of a Burckhardt curve."""
+def write_drive(path, theta, duration_s, stretch=1):
+    """A candump log of a drive whose slip goes to and fro over the peak of a Burckhardt curve.
+
+    Its stamps are as far apart as the configuration of the same factor has the cycles.
+    """
     c1, c2, c3 = theta
     bench, noise = Bench(), random.Random(1)
     with path.open("w") as file:
@@ -53,7 +56,7 @@ def write_drive(path, theta, duration_s):
             }
             for name, cycle_us in CYCLES_US.items():
                 if t_us % cycle_us == 0:
-                    file.write(format_frame(bench.frame(name, t_us, **signals[name])))
+                    file.write(format_frame(bench.frame(name, t_us * stretch, **signals[name])))
 
 
 def wheels(name, values):

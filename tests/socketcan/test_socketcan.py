@@ -28,6 +28,8 @@ DEADLINE_S = 300.0
 OUTPUTS = {0x201, 0x202, 0x203, 0x204, 0x211}
 BUS = "-i socketcan -c vcan0"
 DRIVE_S = 6
+STRETCHES = (1, 3, 8)
+"""Factors of all cycles, tried in turn."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -118,19 +120,28 @@ def check_answers(frames, surfaces, at_least, overdue=0):
     assert missing <= overdue
 
 
-def test_run_answers_a_recording_fed_by_canplayer(terminals, tmp_path):
-    write_configuration(tmp_path)
-    log = tmp_path / "drive.log"
-    write_drive(log, surface_by_name("wet").theta, DRIVE_S)
+def answered(terminals, tmp_path, stretch):
+    """Frames of candump and figures of the service after a drive fed by canplayer."""
+    write_configuration(tmp_path, stretch)
+    write_drive(tmp_path / "drive.log", surface_by_name("wet").theta, DRIVE_S, stretch)
     dump = candump(terminals)
     service = listening(terminals, "--log run.log --json run.json")
-    play(terminals, log.name)
+    play(terminals, "drive.log")
     until_setpoints(dump, SETPOINTS_PER_S * DRIVE_S)  # however late, none is lost
     assert service.interrupt(DEADLINE_S) == 0
     dump.interrupt(DEADLINE_S)
-    frames = frames_in(dump.out)
-    overdue = json.loads((tmp_path / "run.json").read_text())["overdue"]
+    return frames_in(dump.out), json.loads((tmp_path / "run.json").read_text())
+
+
+def test_run_answers_a_recording_fed_by_canplayer(terminals, tmp_path):
+    # A machine that cannot follow leaves out what is overdue, rightly: it gets more time.
+    for stretch in STRETCHES:
+        frames, figures = answered(terminals, tmp_path, stretch)
+        overdue = figures["overdue"]
+        if not overdue and not figures["frames_lost"]:
+            break
     check_answers(frames, ("wet",), at_least=SETPOINTS_PER_S * DRIVE_S, overdue=overdue)
+    log = tmp_path / "drive.log"
     fed = [(f.arbitration_id, f.data) for f in frames_in(log)]
     heard = [(f.arbitration_id, f.data) for f in frames if f.arbitration_id not in OUTPUTS]
     assert heard == fed

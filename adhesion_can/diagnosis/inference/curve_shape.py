@@ -30,6 +30,7 @@ from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.estimation.compare_directions import share_opposite
 from adhesion_can.physics.curves import FAMILIES, CurveFamily
 from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.effects.falling_friction import FALLING_FRICTION
@@ -185,7 +186,7 @@ def judge_shape(found: "Findings", shaped: "Findings") -> ShapeFinding | None:
         same = _fit(regression, replace(best.fitted.model, curves=plain.fitted.model.curves))
     if not _is_worth(same, best) or _leaves_slip(found, shaped):
         return None
-    if not _shows_in_adhesion(regression, same, best):
+    if not _shows_in_adhesion(regression, same, best) or _is_of_no_contact(regression, best):
         return None
     tested = len(OTHERS)
     if burckhardt.candidates:
@@ -228,6 +229,18 @@ def _shows_in_adhesion(
         float(np.sqrt(np.mean(_residual(regression, one)[rows] ** 2))) for one in (small, large)
     )
     return after < (1.0 - LEAST_GAIN) * before
+
+
+def _is_of_no_contact(regression: WhitenedRegression, scored: ScoredModel) -> bool:
+    """Whether slip and adhesion have opposite signs in many rows beyond the peak of a shape.
+
+    A friction brake whose force is not measured, or a slip of bends, makes such a peak.
+    """
+    data, model = regression.data, scored.fitted.model
+    evaluation = evaluate_model(data, model.curves, model.active_effects)
+    slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
+    aligned = np.sign(evaluation.slip) * (evaluation.predicted + evaluation.residual)
+    return share_opposite(aligned[regression.used & (slope < 0.0)]) > 0.0
 
 
 def _residual(regression: WhitenedRegression, scored: ScoredModel) -> Array:
