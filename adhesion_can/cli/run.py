@@ -1,6 +1,7 @@
 """`run`: the service on a bus."""
 
 import argparse
+import os
 import signal
 import sys
 import time
@@ -43,6 +44,7 @@ from adhesion_can.service.kept_state import (
 from adhesion_can.service.live import LiveService
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
+from adhesion_can.service.service_manager import ServiceManager
 from adhesion_can.service.state_keeper import StateKeeper
 
 QUIET_US = 1_000_000
@@ -88,6 +90,7 @@ def run(options: argparse.Namespace) -> int:
         config = _resumed(config, state)
         keeper = StateKeeper(options.state, state, config.service.state_interval_s, narrator.print)
         observers.append(keeper.observe)
+    manager = ServiceManager(os.environ)
     core = ServiceCore(config, on_setpoint=partial(_tell_all, observers))
     with ExitStack() as stack:
         if keeper is not None:
@@ -102,6 +105,7 @@ def run(options: argparse.Namespace) -> int:
             write_log=None if log is None else log.write,
             dry_run=options.dry_run,
             notify=narrator.print,
+            each_turn=manager.alive,
         )
 
         def stop(_: int, __: FrameType | None) -> None:
@@ -119,10 +123,12 @@ def run(options: argparse.Namespace) -> int:
         signal.signal(signal.SIGHUP, hang_up)
         # Said last: who waits for it may send a signal at once.
         narrator.print(f"listening on {bus.channel_info}; Ctrl-C ends")
+        manager.ready(f"listening on {bus.channel_info}")
         until = (
             None if options.duration is None else service.clock() + round(options.duration * 1e6)
         )
         service.run(until)
+        manager.stopping()
     counts = service.counts
     document = {
         "received": counts.received,

@@ -71,6 +71,7 @@ class LiveService:
         write_log: Callback with each line of the service's own log.
         dry_run: Whether to receive and identify, but to send nothing.
         notify: Callback with a line for the operator.
+        each_turn: Callback at each turn of the loop, ten times a second at least.
 
     """
 
@@ -83,6 +84,7 @@ class LiveService:
         write_log: Callable[[str], object] | None = None,
         dry_run: bool = False,
         notify: Callable[[str], None] = lambda _: None,
+        each_turn: Callable[[], None] = lambda: None,
     ) -> None:
         self.core = core
         self.bus = bus
@@ -100,6 +102,7 @@ class LiveService:
         self._write_log = write_log
         self._dry_run = dry_run
         self._notify = notify
+        self._each_turn = each_turn
         self._stop = threading.Event()
         self._loop_times_s: deque[float] = deque(maxlen=1000)
 
@@ -112,6 +115,7 @@ class LiveService:
         try:
             while not self._stop.is_set() and (until_us is None or self.clock() < until_us):
                 self._step()
+                self._each_turn()
         finally:
             self.bus.shutdown()
 
