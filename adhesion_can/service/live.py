@@ -126,7 +126,7 @@ class LiveService:
         if due_us is not None:
             wait_s = min(max((due_us + GRACE_US - self.clock()) / 1e6, 0.0), IDLE_S)
         received = self._queue.get(wait_s)
-        self.core.counts.receive_drops = self._queue.dropped
+        self.core.counts.receive_drops = self._queue.dropped + self.bus.kernel_drops
         if received is not None:
             self._handle(received)
         elif due_us is not None and self.clock() >= due_us + GRACE_US:

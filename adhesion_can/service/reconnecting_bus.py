@@ -8,6 +8,7 @@ import can
 
 from adhesion_can.bus.j1939 import IdFilter
 from adhesion_can.errors import BusError
+from adhesion_can.service.kernel_losses import count_drops, enlarge_buffer
 
 PAUSES_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Pause before each attempt to open a lost bus again, s; the last one repeats."""
@@ -60,6 +61,7 @@ class ReconnectingBus:
         self._notify = notify
         self._clock = clock
         self._sleep = sleep
+        self._drops = self._earlier_drops = 0
         self._failed_attempts = -1
         self._next_attempt_s = 0.0
         self._reopened_unconfirmed = False
@@ -72,6 +74,13 @@ class ReconnectingBus:
                 raise
             self._notify(f"the bus cannot be opened yet ({error}); trying again")
             self._plan_next_attempt()
+
+    @property
+    def kernel_drops(self) -> int:
+        """Number of frames that the kernel dropped, of all buses; 0 where it does not tell."""
+        if self._bus is not None:
+            self._drops = count_drops(self._bus) or self._drops
+        return self._earlier_drops + self._drops
 
     @property
     def channel_info(self) -> str:
@@ -125,6 +134,7 @@ class ReconnectingBus:
         bus = self._open_bus()
         try:
             bus.set_filters(self._filters)
+            enlarge_buffer(bus)
         except BaseException:
             bus.shutdown()
             raise
@@ -149,6 +159,7 @@ class ReconnectingBus:
         # Else it could be opened and carried nothing: the pauses go on growing.
         self._reopened_unconfirmed = False
         if self._bus is not None:
+            self._earlier_drops, self._drops = self.kernel_drops, 0
             try:
                 self._bus.shutdown()
             except (can.CanError, OSError) as at_close:

@@ -1,0 +1,45 @@
+"""Frames that the kernel dropped before this process read them, from its socket."""
+
+import socket
+import struct
+import sys
+
+import can
+
+SO_MEMINFO = 55
+"""Option of Linux that gives the state of a socket's memory (include/uapi/asm-generic/socket.h)."""
+MEMINFO = struct.Struct("9I")
+DROPS = 8
+"""Place of the number of dropped packets (SK_MEMINFO_DROPS, include/uapi/linux/sock_diag.h)."""
+BUFFER_BYTES = 4 << 20
+"""Receive buffer that is asked for, bytes: a second of a full bus, at some 800 bytes a frame. The
+kernel gives what `net.core.rmem_max` allows."""
+
+
+def socket_of(bus: can.BusABC) -> socket.socket | None:
+    """Socket behind a bus; None where the interface has none that it shows, as SocketCAN does."""
+    found = getattr(bus, "socket", None)
+    return found if isinstance(found, socket.socket) else None
+
+
+def enlarge_buffer(bus: can.BusABC) -> None:
+    """Ask for a receive buffer that outlasts a pause of this process."""
+    own = socket_of(bus)
+    if own is not None and own.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) < BUFFER_BYTES:
+        own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+
+
+def count_drops(bus: can.BusABC) -> int | None:
+    """Number of frames that the kernel dropped for want of room since the bus was opened.
+
+    The kernel counts modulo 2³². None where it does not tell: another system, or no socket.
+    """
+    own = socket_of(bus)
+    if own is None or sys.platform != "linux":
+        return None
+    try:
+        told = own.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO.size)
+    except OSError:
+        # A kernel before 4.12, or a closed socket.
+        return None
+    return int(MEMINFO.unpack(told)[DROPS]) if len(told) == MEMINFO.size else None
