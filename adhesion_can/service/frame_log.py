@@ -63,17 +63,16 @@ class FrameLog:
         traceback: TracebackType | None,
     ) -> None:
         """End the file; after an exception what was written stays as a part."""
-        try:
-            self._end(error)
-        except BaseException as again:
-            if again is not error:
-                raise
+        if error is None:
+            self._end()
+        else:
+            self._stack.__exit__(kind, error, traceback)
 
     def _begin(self, path: Path) -> None:
         self._file = self._stack.enter_context(whole_file(path, keep_part=True))
 
     def _begin_next(self) -> None:
-        self._end(None)
+        self._end()
         number, path = 1, self._path
         packed = self._path.suffix == ".gz"
         suffix = "".join(self._path.suffixes[-2:] if packed else self._path.suffixes[-1:])
@@ -88,17 +87,20 @@ class FrameLog:
         else:
             self._notify(f"--log: goes on in {path.name}")
 
-    def _end(self, error: BaseException | None) -> None:
-        """End the file, whole or at an error."""
+    def _end(self, error: OSError | None = None) -> None:
+        """End the file, whole, or as a part at an error of the disk."""
         if self._file is None:
             return
         self._file = None
+        reason: Exception | None = error
         try:
             if error is None:
                 self._stack.close()
             else:
                 self._stack.__exit__(type(error), error, error.__traceback__)
-        except (InputError, OSError) as reason:
+        except (InputError, OSError) as told:
+            reason = told
+        if reason is not None:
             self._notify(
                 f"--log: {reason}; it ends here, what was written stays in *.part; SIGHUP begins "
                 "another one"

@@ -14,7 +14,6 @@ PAUSES_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Pause before each attempt to open a lost bus again, s; the last one repeats."""
 BUS_LOST_CODES = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
 """Error codes at sending that mean that the bus is gone, and not only full."""
-
 OPENING_ERRORS = (can.CanError, OSError, ValueError, BusError)
 """Errors by which python-can's interfaces and the commands say that a bus cannot be opened."""
 

@@ -2,6 +2,7 @@
 
 import errno
 import gzip
+import os
 
 import pytest
 
@@ -12,12 +13,12 @@ from adhesion_can.service.frame_log import FrameLog
 class FullDisk:
     """A file that takes so many lines, and no more."""
 
-    def __init__(self, file, lines):
-        self.file, self.left = file, lines
+    def __init__(self, file, lines, code=errno.ENOSPC):
+        self.file, self.left, self.code = file, lines, code
 
     def write(self, line):
         if not self.left:
-            raise OSError(errno.ENOSPC, "No space left on device")
+            raise OSError(self.code, os.strerror(self.code))
         self.left -= 1
         self.file.write(line)
 
@@ -52,10 +53,11 @@ def test_packed_files_keep_both_suffixes(tmp_path):
             assert file.read() == text
 
 
-def test_a_full_disk_ends_the_file_and_not_the_service(tmp_path):
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO, errno.EROFS])
+def test_a_disk_that_takes_no_more_ends_the_file_and_not_the_service(tmp_path, code):
     notices = []
     with FrameLog(tmp_path / "a.log", notices.append) as log:
-        log._file = FullDisk(log._file, 2)
+        log._file = FullDisk(log._file, 2, code)
         for number in range(5):
             log.write(f"{number}\n")
         assert log.lost == 3
@@ -64,7 +66,7 @@ def test_a_full_disk_ends_the_file_and_not_the_service(tmp_path):
         log.write("5\n")
     assert (tmp_path / "a.log").read_text() == "5\n"
     told, again = notices
-    assert "No space left on device" in told
+    assert os.strerror(code) in told
     assert "SIGHUP" in told
     assert "goes on" in again
 

@@ -99,26 +99,20 @@ def _monotonic_times(t_s: Array, segment: NDArray[np.int64], axle: NDArray[np.in
         rows = np.flatnonzero(axle == number)
         step = np.diff(t_s[rows], prepend=t_s[rows[:1]])
         new = np.diff(segment[rows], prepend=segment[rows[:1]]) != 0
-        cut = new | (step < 0) | (step > longest_step(step))
+        cut = new | (step < 0) | (step > _longest_step(step))
         # Rows of one stamp follow each other all the same.
         monotonic[rows] = np.cumsum(np.where(cut, SEPARATION_S, np.maximum(step, SAME_STAMP_S)))
     return monotonic
 
 
-def longest_step(step: Array) -> float:
-    """Longest step between rows that follow each other, s; at least one cycle.
-
-    Args:
-        step: Steps from row to row, s; shape (n,).
-
-    """
+def _longest_step(step: Array) -> float:
+    """Longest step between rows that follow each other, s, from all steps (n,), s."""
     forward = step[step > 0]
-    cycle = float(np.median(forward)) if len(forward) else PAUSE_S
-    return max(min(PAUSE_S, PAUSE_CYCLES * cycle), cycle)
+    return min(PAUSE_S, PAUSE_CYCLES * float(np.median(forward))) if len(forward) else PAUSE_S
 
 
 def _travelled_distance(t_s: Array, speed: Array, axle: NDArray[np.int64]) -> Array:
     """Distance travelled along each axle's rows, m; shape (n,)."""
     step = np.diff(t_s, prepend=t_s[:1])
-    follows = (step >= 0) & (step <= longest_step(step)) & (np.diff(axle, prepend=axle[:1]) == 0)
+    follows = (step >= 0) & (step <= _longest_step(step)) & (np.diff(axle, prepend=axle[:1]) == 0)
     return np.cumsum(np.where(follows, step * speed, 0.0))

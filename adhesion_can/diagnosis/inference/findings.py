@@ -50,10 +50,12 @@ OSCILLATION_SIZE = 0.3
 """Size of an oscillation in the adhesion, relative to the noise floor, from which it matters."""
 
 
-def _size_std(fitted: FittedModel, place: int) -> float:
-    """Standard deviation of the size of an effect."""
-    first = fitted.model.first_parameter(place)
-    return float(np.sqrt(max(fitted.covariance[first, first], 0.0)))
+def _size_in_deviations(fitted: FittedModel, place: int) -> float:
+    """Size of an effect, without its sign, in its standard deviations; inf where that is 0."""
+    model, first = fitted.model, fitted.model.first_parameter(place)
+    std = float(np.sqrt(max(fitted.covariance[first, first], 0.0)))
+    size = abs(model.values[place][0])
+    return size / std if std else (np.inf if size else 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,16 +152,16 @@ class Findings:
         What showed on the rows that decide may be gone on all of them.
         """
         best, regression = self.selection.best, self.prepared.regression
-        fits = [best.fitted, fit_model(regression.last_fit, best.fitted.model)]
-        doubtful = [
-            (abs(fitted.model.values[place][0]) / max(_size_std(fitted, place), 1e-300), place)
+        if not best.candidates:
+            return self
+        fits = best.fitted, fit_model(regression.last_fit, best.fitted.model)
+        size, least = min(
+            (_size_in_deviations(fitted, place), place)
             for fitted in fits
             for place in range(len(best.candidates))
-            if not abs(fitted.model.values[place][0]) > INTERVAL * _size_std(fitted, place)
-        ]
-        if not doubtful:
+        )
+        if size > INTERVAL:
             return self
-        _, least = min(doubtful)
         rest = tuple(c for place, c in enumerate(best.candidates) if place != least)
         without = self.fitted_with(rest)
         if without is None:
