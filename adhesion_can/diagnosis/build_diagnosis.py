@@ -90,7 +90,7 @@ def build_diagnosis(
     data = found.prepared.regression.data
     plain = found.baseline.fitted.model
     verdict = _choose_verdict(found, confirmed)
-    extended = _fit_extension(found, confirmed, other_drives=other_drives)
+    extended = _fit_extension(found, confirmed)
     profile = _build_profile(found, confirmed, extended.model)
     causes = tuple(
         _build_cause(found, candidate, extended.fitted)
@@ -185,14 +185,11 @@ class _Extension:
     segment_fits: SegmentFits
 
 
-def _fit_extension(
-    found: Findings, confirmed: ConfirmedFindings, *, other_drives: bool
-) -> _Extension:
+def _fit_extension(found: Findings, confirmed: ConfirmedFindings) -> _Extension:
     """Fit the extended model to all rows but those of other drives that were held out."""
-    regression = found.prepared.regression
+    regression = found.prepared.regression.last_fit
     named = confirmed.named or confirmed.shape is not None
     selected = found.selection.best if named else found.selection.plain
-    regression = regression if other_drives else regression.all_data
     fitted = plain = fit_model(regression, selected.fitted.model)
     if selected is not found.baseline:
         plain = fit_model(regression, found.baseline.fitted.model)
