@@ -105,7 +105,7 @@ def test_times_only_run_forwards_and_pauses_stay_apart():
     ("cycle_s", "pause_s"), [(0.01, 0.1), (0.01, 1.0), (0.05, 0.5), (1.0, 3.0)]
 )
 def test_a_pause_is_one_by_the_tables_own_cycle(cycle_s, pause_s):
-    """Sweeps of a rig a second apart were one: a column that steps between them went unnamed."""
+    """Sweeps of a rig a second apart were taken for one."""
     t = np.arange(N) * cycle_s + np.repeat([0.0, pause_s], N // 2)
     made = drive(columns(), t)
     step = np.diff(made.t_s)
