@@ -5,10 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adhesion_can.diagnosis.regression.model import compute_factor
+from adhesion_can.physics.effects import ActiveEffect, effect_by_id
+from adhesion_can.physics.effects.formula import formula_of
 from adhesion_can.physics.instruments import Instruments
 from tests.diagnosis.diagnosis_helpers import build_table_drive, burckhardt
 
 N = 600
+LAGGING = formula_of("1 + a * lag(row, b)", {"a": 1e-3, "b": 0.1})
 
 
 def columns(seed=1, n=N):
@@ -113,6 +117,26 @@ def test_a_pause_is_one_by_the_tables_own_cycle(cycle_s, pause_s):
     assert np.delete(step, N // 2 - 1) == pytest.approx(cycle_s)
     lost = np.delete(np.arange(N + 4), slice(N // 2, N // 2 + 4)) * 0.01
     assert np.diff(drive(columns(), lost).t_s).max() == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [(effect_by_id("adhesion_recovery"), (4e-7, 3.0)), (LAGGING, (1e-3, 0.1))],
+    ids=["adhesion_recovery", "formula"],
+)
+def test_lags_begin_anew_after_every_pause(effect, values):
+    """They went on over a pause of up to a second: the answer hung on the length of the pause."""
+    first = np.arange(N) * 0.01
+    given, active = columns(), ActiveEffect(effect, values)
+
+    def factor(pause_s):
+        t = first + np.repeat([0.0, pause_s], N // 2)
+        return compute_factor(drive(given, t), active)
+
+    joined, *paused = [factor(pause_s) for pause_s in (0.0, 0.1, 1.0, 5.0)]
+    for one in paused:
+        np.testing.assert_allclose(one, paused[0], rtol=1e-12)
+        assert not np.allclose(one[N // 2 :], joined[N // 2 :])
 
 
 def test_segments_are_not_joined():

@@ -1,8 +1,9 @@
 """A user's own column on a tyre rig: sweeps in random order, so that time explains nothing.
 
-x1 is the slip angle under a neutral name. x2 is a factor of our own in the straight-running rows,
-1 + 0.05 x2 with a normal x2 for each sweep. The data are measured ones that are not part of the
-project: `$ADHESION_CAN_REALDATA/tyre_rig_83kPa.csv.gz`.
+x1 is the slip angle under a neutral name, with pauses of 5, 1 and 0.1 s between the sweeps. x2 is a
+factor of our own in the straight-running rows, 1 + 0.05 x2 with a normal x2 for each sweep. The
+data are measured ones that are not part of the project:
+`$ADHESION_CAN_REALDATA/tyre_rig_83kPa.csv.gz`.
 """
 
 import csv
@@ -26,6 +27,7 @@ from adhesion_can.physics.effects.formula import formula_of
 NAME = "tyre_rig_83kPa.csv.gz"
 GAP_S, STRAIGHT_DEG = 0.5, 0.5
 FACTOR = 0.05
+PAUSES_S = 5.0, 1.0, 0.1
 COLUMNS = ("slip", "longitudinal_force_N", "normal_load_N", "speed_mps")
 
 
@@ -39,7 +41,7 @@ def read_rig():
     return columns, np.split(np.arange(len(rows)), cuts)
 
 
-def table(rig, sweeps, rng, column):
+def table(rig, sweeps, rng, column, pause_s=PAUSES_S[0]):
     """Columns of a table with the sweeps in random order, and the one that matters."""
     rows, time_s, own, clock = [], [], [], 0.0
     for place in rng.permutation(len(sweeps)):
@@ -48,7 +50,7 @@ def table(rig, sweeps, rng, column):
         rows.append(sweep)
         time_s.append(clock + elapsed)
         own.append(np.full(len(sweep), rng.normal()))
-        clock += elapsed[-1] + 5.0
+        clock += elapsed[-1] + pause_s
     rows, time_s, own = (np.concatenate(part) for part in (rows, time_s, own))
     found = {"time_s": time_s, **{name: rig[name][rows] for name in COLUMNS}}
     if column == "x1":
@@ -59,12 +61,12 @@ def table(rig, sweeps, rng, column):
     return {name: values[straight] for name, values in {**found, "x2": own}.items()}
 
 
-def named(seed, column, number):
+def named(seed, column, pause_s, number):
     """Ids that `diagnose` names in one order, and channels of its formula."""
     from adhesion_can.cli.main import main
 
     rig, sweeps = read_rig()
-    columns = table(rig, sweeps, np.random.default_rng([seed, number]), column)
+    columns = table(rig, sweeps, np.random.default_rng([seed, number]), column, pause_s)
     with TemporaryDirectory() as folder:
         path, answer = Path(folder) / "t.csv", Path(folder) / "d.json"
         values = np.column_stack(list(columns.values()))
@@ -83,14 +85,13 @@ def causes_named(cause):
     return [f"channel:{name}" for name in formula_of(cause["form"], values).channels]
 
 
-def row(column, report, options):
-    found = over_cores(
-        partial(named, options.seed, column), range(options.runs), options.jobs, column
-    )
+def row(column, pause_s, report, options):
+    answer = partial(named, options.seed, column, pause_s)
+    found = over_cores(answer, range(options.runs), options.jobs, f"{column}, {pause_s:g} s")
     right = sum(f"channel:{column}" in names for names in found)
     drifts = sum("slow_drift" in names for names in found)
     share = right / len(found)
-    what = f"{column} named in {right} of {len(found)} orders"
+    what = f"{column} named in {right} of {len(found)} orders, {pause_s:g} s between sweeps"
     report.check(what, f"{100 * share:.0f} %", "95 %", met=share >= 0.95)
     report.check(f"{column}: time named", f"{drifts} times", "never", met=drifts == 0)
     others = sorted({name for names in found for name in names} - {f"channel:{column}"})
@@ -99,12 +100,13 @@ def row(column, report, options):
 
 def x1_row(report, options):
     """The slip angle as a column of a neutral name."""
-    row("x1", report, options)
+    for pause_s in PAUSES_S:
+        row("x1", pause_s, report, options)
 
 
 def x2_row(report, options):
     """A factor of our own, written into the forces."""
-    row("x2", report, options)
+    row("x2", PAUSES_S[0], report, options)
     six = [power_of_sweeps(options.seed, number) for number in range(options.runs)]
     t, power = np.median(six, axis=0)[0], np.mean(six, axis=0)[1]
     report.write(

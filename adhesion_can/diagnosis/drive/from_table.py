@@ -9,11 +9,12 @@ from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.kinematics import TableKinematics
 from adhesion_can.physics.channels import UserChannel
+from adhesion_can.physics.effects.lag_states import PAUSE_S
 from adhesion_can.physics.samples import Samples
 
-PAUSE_S, PAUSE_CYCLES = 1.0, 8.0
-"""Rows of a sample table further apart than this, s, or than so many of its cycles do not follow
-each other. A cycle is the median step."""
+PAUSE_CYCLES = 8.0
+"""Number of cycles of a sample table after which its rows do not follow each other, as after
+`PAUSE_S`. A cycle is the median step."""
 SEPARATION_S, SAME_STAMP_S = 10.0, 1e-6
 """Time put between rows that do not follow each other, and between rows of one stamp, s."""
 MOST_AXLES = 100

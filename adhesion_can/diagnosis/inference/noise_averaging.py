@@ -92,6 +92,7 @@ class Reversed:
             speed=contact.speed[::-1],
             load=contact.load[::-1],
             time_s=-contact.time_s[::-1],
+            series_s=-contact.lag_time_s[::-1],
             axle=contact.axle[::-1],
             place=contact.place[::-1],
             adhesion=contact.adhesion[::-1],

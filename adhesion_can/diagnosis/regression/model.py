@@ -156,6 +156,7 @@ def _apply_effects(
         place=drive.place,
         adhesion=observed.adhesion,
         covariates=drive.covariates,
+        series_s=drive.t_s,
     )
     change = compute_change(active_effects, contact, LagStates())
     factor = np.broadcast_to(change.factor, change.slip.shape)

@@ -31,6 +31,7 @@ from adhesion_can.diagnosis.regression.whitened_regression import (
     fit_model,
 )
 from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
+from adhesion_can.physics.effects.lag_states import PAUSE_S
 
 FLAT_SLOPE, LEAST_FLAT = 2.0, 0.02
 """Slope dμ/dλ below which slip errors hardly matter, so that the residual is the noise of the
@@ -43,8 +44,8 @@ BLOCK_S = 4.0
 """Least length of a block, s."""
 KNOTS = (4, 14)
 """Least and largest number of knots of the vehicle speed's error in a block."""
-TABLE_BLOCKS, TABLE_BLOCK_S, TABLE_PAUSE_S = 120, (0.2, 4.0), 1.0
-"""Blocks of a sample table, their least and largest length, s, and the longest step counted, s."""
+TABLE_BLOCKS, TABLE_BLOCK_S = 120, (0.2, 4.0)
+"""Blocks of a sample table, and their least and largest length, s."""
 POINT_BLOCKS = 400
 """Largest number of blocks of independent points; fewer points are blocks of one point each."""
 FIRST_ITERATIONS = 30
@@ -79,7 +80,7 @@ def choose_block_length(drives: Sequence[DriveData]) -> float:
         return SEPARATION_S * float(np.ceil(rows / POINT_BLOCKS))
     if all(drive.table for drive in drives):
         steps = np.concatenate([np.diff(drive.t_s) for drive in drives])
-        steps = steps[(steps > 0) & (steps <= TABLE_PAUSE_S)]
+        steps = steps[(steps > 0) & (steps <= PAUSE_S)]
         return float(np.clip(steps.sum() / TABLE_BLOCKS, *TABLE_BLOCK_S)) if len(steps) else BLOCK_S
     windows = [drive.speed_error.window_s for drive in drives]
     return max(BLOCK_S, BLOCK_WINDOWS * max(windows, default=0.0))

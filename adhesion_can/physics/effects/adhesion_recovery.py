@@ -43,5 +43,5 @@ class AdhesionRecovery:
         """Change of the contacts."""
         gain, time = values
         power = np.abs(contact.adhesion * contact.load * contact.creep_speed)
-        work = lags.follow(self.id, contact.axle, contact.time_s, power * time, 1.0 / time, 0.0)
+        work = lags.follow(self.id, contact.axle, contact.lag_time_s, power * time, 1.0 / time, 0.0)
         return Change(contact.slip, 1.0 + gain * work)

@@ -99,6 +99,8 @@ class Contact:
         place: Place of the axle counted from the leading one in the direction of travel, from 1.
         adhesion: Force over load, as measured or as it was a step ago.
         covariates: Values of other channels by name.
+        series_s: Time in which lags run, s: rows that do not follow each other stand further apart
+            than `PAUSE_S`; None: the time itself.
 
     """
 
@@ -111,6 +113,12 @@ class Contact:
     place: Array
     adhesion: Array
     covariates: Mapping[str, Array] = field(default_factory=dict)
+    series_s: Array | None = None
+
+    @property
+    def lag_time_s(self) -> Array:
+        """Time in which lags run, s; shape (n,)."""
+        return self.time_s if self.series_s is None else self.series_s
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,5 +52,5 @@ class CreepRelaxation:
             return Change(contact.slip)
         rate = contact.speed / max(values[0], _SHORTEST)
         return Change(
-            lags.follow(self.id, contact.axle, contact.time_s, contact.slip, rate),
+            lags.follow(self.id, contact.axle, contact.lag_time_s, contact.slip, rate),
         )

@@ -109,7 +109,7 @@ class Formula:
             if not time > 0.0:
                 return target
             key = f"{FORMULA} {name}"
-            return lags.follow(key, contact.axle, contact.time_s, target, 1.0 / time)
+            return lags.follow(key, contact.axle, contact.lag_time_s, target, 1.0 / time)
 
         channels = {name: _channel(contact, name) for name in self.channels}
         constants = {p.name: value for p, value in zip(self.parameters, values, strict=True)}

@@ -13,7 +13,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 
 PAUSE_S = 1.0
-"""Pause in an axle's samples after which its lags begin anew, s."""
+"""Pause in an axle's samples after which they do not follow each other: lags begin anew, s."""
 FEW = 48
 """Number of rows up to which a loop over the rows is faster than arrays."""
 _RANGE = 300.0
