@@ -7,7 +7,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark
+from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, STOP, Frame, Mark
 
 EXTENDED = 1 << 31
 """Bit of a key that marks an id of 29 bits."""
@@ -22,9 +22,10 @@ class Kind(IntEnum):
     ERROR = 3
     ADVANCE = 4
     SECOND_SENDER = 5
+    STOP = 6
 
 
-_MARK_KINDS = {ADVANCE: Kind.ADVANCE, SECOND_SENDER: Kind.SECOND_SENDER}
+_MARK_KINDS = {ADVANCE: Kind.ADVANCE, SECOND_SENDER: Kind.SECOND_SENDER, STOP: Kind.STOP}
 _MARK_NAMES = {kind: name for name, kind in _MARK_KINDS.items()}
 
 

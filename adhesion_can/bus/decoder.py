@@ -228,7 +228,7 @@ class Decoder:
         kinds = np.bincount(block.kind, minlength=len(Kind)).tolist()
         self.report.remote += kinds[Kind.REMOTE]
         self.report.error += kinds[Kind.ERROR]
-        self.report.marks += kinds[Kind.ADVANCE] + kinds[Kind.SECOND_SENDER]
+        self.report.marks += sum(kinds[Kind.ADVANCE :])
 
     def _count(self, columns: MessageColumns, lost: int) -> None:
         message = columns.message

@@ -41,7 +41,7 @@ class Mark(NamedTuple):
 
     Attributes:
         t_us: Time stamp, µs.
-        name: Kind of the event: 'advance' or 'second-sender'.
+        name: Kind of the event: 'advance', 'second-sender' or 'stop'.
 
     """
 
@@ -51,7 +51,8 @@ class Mark(NamedTuple):
 
 ADVANCE = "advance"
 SECOND_SENDER = "second-sender"
-MARKS = frozenset({ADVANCE, SECOND_SENDER})
+STOP = "stop"
+MARKS = frozenset({ADVANCE, SECOND_SENDER, STOP})
 
 
 def to_us(seconds: float) -> int:

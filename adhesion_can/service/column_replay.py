@@ -42,7 +42,8 @@ class ColumnReplay:
         """Process a block; returns the frames due at or before its last stamp.
 
         Rows stamped before the present time, that of the rows before them, are clamped to it and
-        counted. After a hole longer than the configured restart time the service starts anew.
+        counted. After a hole longer than the configured restart time the service starts anew, and
+        after a mark that it was stopped.
         """
         if not len(block):
             return []
@@ -54,12 +55,17 @@ class ColumnReplay:
         core.counts.clamped += int((moved & (block.kind <= Kind.ERROR)).sum())
         frames: list[Frame] = []
         holes = np.flatnonzero(np.diff(t_us, prepend=now_us) > core.restart_us).tolist()
-        for first, last in pairwise([0, *(row for row in holes if row), len(block)]):
+        stops = np.flatnonzero(block.kind == Kind.STOP).tolist()
+        cuts = {0, *holes, *(row + 1 for row in stops), len(block)}
+        for first, last in pairwise(sorted(cuts)):
             if first in holes and core.schedule.started:
                 core.restart()
                 self._inputs.restart()
             rows = slice(first, last)
             frames += self._process_part(block.select(rows), t_us[rows])
+            if last - 1 in stops:
+                frames += core.stop(core.now_us)
+                self._inputs.restart()
         return frames
 
     def _process_part(self, block: Block, t_us: Stamps) -> list[Frame]:

@@ -128,6 +128,23 @@ class ServiceCore:
             self.restart()
         return self.emit(t_us, self._inputs.snapshot)
 
+    def stop(self, t_us: int) -> list[Frame]:
+        """Bring the core to a time, µs, and take back what was sent; returns the frames.
+
+        The last frame of every message says 'not available', with status INIT. Nothing is due until
+        the next input, with which the service starts anew.
+        """
+        frames = self.advance(t_us)
+        if not self.schedule.started:
+            return frames
+        self.outputs = Outputs()
+        lost = self.receiver.lost + self.counts.receive_drops
+        health = Health(self.receiver.rejected, lost, self.loop_time_p99_us)
+        for name in self.messages.cycles_us:
+            frames += self.messages.compose(name, self._now_us, self.outputs, health)
+        self._start_anew()
+        return frames
+
     def second_sender(self, t_us: int) -> None:
         """Report that another service sends the output messages: FAULT as long as it does."""
         self._add_fault(max(t_us, self._now_us), "another sender of our messages on the bus")
@@ -172,6 +189,10 @@ class ServiceCore:
         if not self.schedule.started:
             return
         self.counts.restarts += 1
+        self._start_anew()
+
+    def _start_anew(self) -> None:
+        """Forget all inputs and estimates, and what is due."""
         self.schedule.stop()
         self._inputs.restart()
         self._estimation.discard()

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adhesion_can.bus.e2e import COUNTS
-from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark, to_us
+from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, STOP, Frame, Mark, to_us
 from adhesion_can.recordings.candump import format_frame, format_mark
 from adhesion_can.recordings.recording import from_message, to_message
 from adhesion_can.service.core import ServiceCore
@@ -111,11 +111,17 @@ class LiveService:
         self._stop.set()
 
     def run(self, until_us: int | None = None) -> None:
-        """Run until `stop` is called, or until the clock passes `until_us`; then close the bus."""
+        """Run until `stop` is called, or until the clock passes `until_us`; then close the bus.
+
+        The last frames say 'not available': nobody goes on by a setpoint that nobody stands behind.
+        """
         try:
             while not self._stop.is_set() and (until_us is None or self.clock() < until_us):
                 self._step()
                 self._each_turn()
+            t_us = max(self.clock(), self.core.now_us)
+            self._log(format_mark(Mark(t_us, STOP)))
+            self._send(self.core.stop(t_us))
         finally:
             self.bus.shutdown()
 

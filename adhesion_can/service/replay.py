@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
-from adhesion_can.bus.frame import ADVANCE, Frame, Mark
+from adhesion_can.bus.frame import ADVANCE, STOP, Frame, Mark
 from adhesion_can.service.column_replay import ColumnReplay
 from adhesion_can.service.core import ServiceCore
 
@@ -140,6 +140,8 @@ def _step(
     if isinstance(item, Mark):
         if item.name == ADVANCE:
             return core.advance(item.t_us)
+        if item.name == STOP:
+            return core.stop(item.t_us)
         core.second_sender(item.t_us)
         return []
     summary.frames += 1

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.bus.block import Block
-from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark
+from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, STOP, Frame, Mark
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.doubt import Doubt
@@ -154,6 +154,8 @@ def spoiled(seed, seconds=3.0):
                 items.append(Mark(t_us, ADVANCE))
             elif kind < 0.037:
                 items.append(Mark(t_us + int(rng.integers(-5000, 5000)), SECOND_SENDER))
+            elif kind < 0.0375:
+                items.append(Mark(t_us, STOP))
             elif kind < 0.045:
                 t_us += int(rng.integers(-30_000, 30_000))
             elif kind < 0.05:

@@ -77,6 +77,12 @@ def status(frames):
     return str(last(frames, 0x201)["Status"])
 
 
+def assert_not_available(frames):
+    for frame in frames:
+        if frame.arbitration_id != 0x211:
+            assert all(str(v) == "not available" for v in list(decoded(frame).values())[3:])
+
+
 # --- time
 
 
@@ -195,6 +201,31 @@ def test_a_hole_within_the_restart_time_is_filled():
     assert len([f for f in sent if f.arbitration_id == 0x201]) == 1496
 
 
+def test_a_service_that_stops_takes_back_every_message():
+    core, _ = core_with()
+    bench = Bench()
+    sent = run(core, bench.drive(0, 305_000))
+    assert status(sent) == "TRACKING"
+    end = core.stop(313_000)
+    assert {frame.t_us for frame in end} == {313_000}
+    numbers = [frame.arbitration_id for frame in end]
+    assert numbers == [0x201, 0x202, 0x203, *[0x204] * 6, 0x211]
+    setpoints = [f.data for f in [*sent, *end] if f.arbitration_id == 0x201]
+    assert setpoints[-1][1] & 0xF == (setpoints[-2][1] & 0xF) + 1
+    assert status(end) == "INIT"
+    assert_not_available(end)
+    assert core.next_due_us is None
+    assert core.stop(400_000) == core.advance(10_000_000) == []
+    assert core.counts.restarts == 0
+    # Whoever feeds it again, as the replay of two logs in one file, has a service that begins.
+    again = run(core, bench.drive(20_000_000, 20_100_000))
+    assert again[0].t_us == 20_000_000
+
+
+def test_a_service_that_stops_before_any_input_sends_nothing():
+    assert core_with()[0].stop(1_000_000) == []
+
+
 # --- states
 
 
@@ -202,9 +233,7 @@ def test_init_sends_not_available():
     core, _ = core_with(None)
     sent = run(core, Bench().drive(0, 1_000_001))
     assert status(sent) == "INIT"
-    for frame in sent:
-        if frame.arbitration_id != 0x211:
-            assert all(str(v) == "not available" for v in list(decoded(frame).values())[3:])
+    assert_not_available(sent)
 
 
 def test_init_becomes_tracking_with_the_first_estimate():

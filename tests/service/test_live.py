@@ -122,6 +122,9 @@ def test_live_and_the_replay_of_its_log_are_byte_identical(stall_at):
     replay(items, ServiceCore(CONFIG), sent.append)
     logged = [item for item in items if isinstance(item, Frame)]
     assert own(logged) == received
+    # What it sent last is taken back when it ends.
+    assert [number for number, _ in received[-9:]] == [0x201, 0x202, 0x203, *[0x204] * 6]
+    assert status(logged) == "INIT"
     assert len(received) > 700
     # A machine that holds the loop up for long lets it leave out what is overdue.
     again = [(f.t_us, *one) for f, one in zip(owned(sent), own(sent), strict=True)]

@@ -41,6 +41,7 @@ _NAMES = {
     Kind.ERROR: "error",
     Kind.ADVANCE: "mark",
     Kind.SECOND_SENDER: "mark",
+    Kind.STOP: "mark",
 }
 
 
