@@ -33,6 +33,7 @@ from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.counters import read_counters
 from adhesion_can.service.frame_log import FrameLog
 from adhesion_can.service.kept_state import (
     LARGEST_TEXT,
@@ -70,6 +71,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--wait", action="store_true", help="wait for a bus that is not there yet, and try again"
     )
     parser.add_argument("--dry-run", action="store_true", help="listen and identify, send nothing")
+    parser.add_argument(
+        "--metrics",
+        type=_listening_address,
+        metavar="[HOST:]PORT",
+        help="answer Prometheus there; HOST is 127.0.0.1 unless it is given",
+    )
     parser.add_argument("--duration", type=float, metavar="S", help="end after so long")
     add_model(parser, MODEL_ONLINE)
     add_json(parser)
@@ -98,6 +105,7 @@ def run(options: argparse.Namespace) -> int:
         bus = ReconnectingBus(
             bus_opener(options), core.ids, narrator.print, wait_for_it=options.wait
         )
+        stack.callback(bus.shutdown)
         log = stack.enter_context(FrameLog(options.log, narrator.print)) if options.log else None
         service = LiveService(
             core,
@@ -107,6 +115,10 @@ def run(options: argparse.Namespace) -> int:
             notify=narrator.print,
             each_turn=manager.alive,
         )
+
+        if options.metrics is not None:
+            address = _serve_metrics(stack, options.metrics, service, log)
+            narrator.print(f"metrics at {address}")
 
         def stop(_: int, __: FrameType | None) -> None:
             service.stop()
@@ -129,23 +141,12 @@ def run(options: argparse.Namespace) -> int:
         )
         service.run(until)
         manager.stopping()
-    counts = service.counts
+    counters = read_counters(service)
     document = {
-        "received": counts.received,
-        "sent": bus.sent,
-        "send_errors": bus.send_errors,
-        "echoes": counts.echoes,
-        "foreign_outputs": counts.foreign_outputs,
-        "overdue": counts.overdue,
-        "bus_off": counts.bus_off,
+        **counters,
         "log_lines_lost": 0 if log is None else log.lost,
-        "reopened": bus.reopened,
         "clock_offset_s": service.stamps.offset_us / 1e6,
-        "clock_steps": service.stamps.steps,
         "frames_rejected": core.receiver.rejected,
-        "frames_lost": core.receiver.lost + core.counts.receive_drops,
-        "frames_clamped": core.counts.clamped,
-        "samples": core.counts.samples,
         "samples_left_out": core.left_out_samples,
         "loop_time_p99_us": core.loop_time_p99_us,
         "faults": core.faults,
@@ -154,11 +155,47 @@ def run(options: argparse.Namespace) -> int:
     write_json(options.json, {**document, **provenance(config)})
     if talk(options):
         narrator.print(
-            f"{counts.received} frames received, {core.receiver.rejected} rejected, "
-            f"{core.receiver.lost + core.counts.receive_drops} lost, {bus.sent} sent, "
-            f"{bus.send_errors} not taken by the bus; {core.counts.samples} samples"
+            f"{counters['received']} frames received, {core.receiver.rejected} rejected, "
+            f"{counters['frames_lost']} lost, {counters['sent']} sent, "
+            f"{counters['send_errors']} not taken by the bus; {counters['samples']} samples"
         )
     return 0
+
+
+def _listening_address(text: str) -> tuple[str, int]:
+    """Host and port of [HOST:]PORT."""
+    host, _, port = text.rpartition(":")
+    if not (port.isascii() and port.isdecimal() and int(port) < 1 << 16):
+        raise argparse.ArgumentTypeError(f"{text!r} is no port from 0 to 65535, nor HOST:PORT")
+    return host.strip("[]") or "127.0.0.1", int(port)
+
+
+def _serve_metrics(
+    stack: ExitStack, listen_at: tuple[str, int], service: LiveService, log: FrameLog | None
+) -> str:
+    """Answer Prometheus until the stack is closed; returns the address.
+
+    Raises:
+        InputError: The extra is not installed, or the port cannot be had.
+
+    """
+    host, port = listen_at
+    where = f"--metrics {host}:{port}"
+    try:
+        from adhesion_can.service.metrics import MetricsServer, ServiceCollector  # noqa: PLC0415
+    except ImportError as error:
+        raise InputError(
+            where,
+            f"needs prometheus-client (no module {error.name!r})",
+            "pip install 'adhesion-can[metrics]'",
+        ) from error
+    lost = (lambda: 0) if log is None else (lambda: log.lost)
+    try:
+        server = MetricsServer(host, port, ServiceCollector(service, lost))
+    except OSError as error:
+        raise InputError(where, error.strerror or str(error), "name another port") from error
+    stack.callback(server.close)
+    return server.address
 
 
 def _read_state(config: Configuration, path: Path, notify: Callable[[str], None]) -> KeptState:

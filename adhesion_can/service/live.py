@@ -18,6 +18,8 @@ from adhesion_can.recordings.candump import format_frame, format_mark
 from adhesion_can.recordings.recording import from_message, to_message
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.echoes import EchoFilter
+from adhesion_can.service.lateness import Lateness
+from adhesion_can.service.output_messages import SETPOINT
 from adhesion_can.service.receive_queue import Received, ReceiveQueue
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from adhesion_can.service.stamp_clock import StampClock
@@ -89,6 +91,8 @@ class LiveService:
         self.core = core
         self.bus = bus
         self.counts = LiveCounts()
+        self.lateness = Lateness()
+        """Times from due to sent of the setpoints of all axles together."""
         self.clock = clock or start_clock()
         self.stamps = StampClock(notify)
         self._queue = ReceiveQueue(bus, self._age_us, self.clock)
@@ -99,6 +103,7 @@ class LiveService:
             number: max(cycle_us, OVERDUE_US)
             for number, cycle_us in core.messages.cycles_by_id_us.items()
         }
+        self._setpoint_id = core.messages.ids_by_name[SETPOINT]
         self._write_log = write_log
         self._dry_run = dry_run
         self._notify = notify
@@ -203,6 +208,8 @@ class LiveService:
                 continue
             if self.bus.send(to_message(frame)):
                 self._missed[number] = 0
+                if number == self._setpoint_id:
+                    self.lateness.add(max(self.clock() - frame.t_us, 0))
                 self._echoes.add_sent(frame, self.clock())
             else:
                 self._missed[number] = missed + 1
