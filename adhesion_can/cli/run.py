@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import Any
 
 import numpy as np
 
@@ -27,11 +26,10 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.narrator import FORMATS, Narrator
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
-from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.reporting.provenance import provenance
-from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.counters import read_counters
 from adhesion_can.service.frame_log import FrameLog
@@ -47,9 +45,6 @@ from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from adhesion_can.service.service_manager import ServiceManager
 from adhesion_can.service.state_keeper import StateKeeper
-
-QUIET_US = 1_000_000
-"""Shortest time between two lines about the same status, µs."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,6 +67,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--dry-run", action="store_true", help="listen and identify, send nothing")
     parser.add_argument(
+        "--log-format",
+        choices=FORMATS,
+        default="text",
+        help="lines on stderr as text (default) or as JSON, one object each",
+    )
+    parser.add_argument(
         "--metrics",
         type=_listening_address,
         metavar="[HOST:]PORT",
@@ -89,13 +90,13 @@ def run(options: argparse.Namespace) -> int:
     config = configuration(options)
     written = {"--log": options.log, "--state": options.state, "--json": options.json}
     require_outputs(options, written, [config.database.path])
-    narrator = _Narrator(sys.stderr)
+    narrator = Narrator(sys.stderr, options.log_format)
     observers = [narrator.print_setpoint]
     keeper = None
     if options.state:
-        state = _read_state(config, options.state, narrator.print)
+        state = _read_state(config, options.state, narrator.warn)
         config = _resumed(config, state)
-        keeper = StateKeeper(options.state, state, config.service.state_interval_s, narrator.print)
+        keeper = StateKeeper(options.state, state, config.service.state_interval_s, narrator.warn)
         observers.append(keeper.observe)
     manager = ServiceManager(os.environ)
     core = ServiceCore(config, on_setpoint=partial(_tell_all, observers))
@@ -103,16 +104,16 @@ def run(options: argparse.Namespace) -> int:
         if keeper is not None:
             stack.callback(keeper.close)
         bus = ReconnectingBus(
-            bus_opener(options), core.ids, narrator.print, wait_for_it=options.wait
+            bus_opener(options), core.ids, narrator.warn, wait_for_it=options.wait
         )
         stack.callback(bus.shutdown)
-        log = stack.enter_context(FrameLog(options.log, narrator.print)) if options.log else None
+        log = stack.enter_context(FrameLog(options.log, narrator.warn)) if options.log else None
         service = LiveService(
             core,
             bus,
             write_log=None if log is None else log.write,
             dry_run=options.dry_run,
-            notify=narrator.print,
+            notify=narrator.warn,
             each_turn=manager.alive,
         )
 
@@ -250,42 +251,3 @@ def _tell_all(
 ) -> None:
     for observer in observers:
         observer(t_us, outputs)
-
-
-class _Narrator:
-    """Prints what happens for the operator: each change of status or doubt, and once a second."""
-
-    def __init__(self, file: Any) -> None:
-        self._file = file
-        self._status: str | None = None
-        self._printed_us = 0
-        self._doubt = Doubt.NONE
-
-    def print(self, line: str) -> None:
-        print(line, file=self._file, flush=True)
-
-    def print_setpoint(self, t_us: int, outputs: Outputs) -> None:
-        self._print_status(t_us, outputs)
-        self._print_doubt(t_us, outputs.doubt)
-
-    def _print_doubt(self, t_us: int, doubt: Doubt) -> None:
-        # 'Not available' in between neither confirms the last doubt nor takes it away.
-        if doubt in (self._doubt, Doubt.NOT_AVAILABLE):
-            return
-        self._doubt = doubt
-        what = DESCRIPTIONS.get(doubt)
-        line = "no doubt any more" if what is None else f"doubt: {what}: run `diagnose`"
-        self.print(f"{t_us / 1e6:.2f} {line}")
-
-    def _print_status(self, t_us: int, outputs: Outputs) -> None:
-        changed = outputs.status.name != self._status
-        # A log file wants changes alone; a person at a terminal wants to see that it lives.
-        if not changed and (not self._file.isatty() or t_us - self._printed_us < QUIET_US):
-            return
-        self._status, self._printed_us = outputs.status.name, t_us
-        point = outputs.setpoint
-        self.print(
-            f"{t_us / 1e6:.2f} {outputs.status.name:15} "
-            f"mu_max {plus_minus(point.mu_max, outputs.mu_max_std)}  "
-            f"lambda_m {plus_minus(point.lambda_m, outputs.lambda_m_std)}"
-        )

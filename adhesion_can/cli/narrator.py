@@ -1,0 +1,127 @@
+"""Lines for the operator of `run`: text or JSON on stderr, not more than a log can take."""
+
+import logging
+import time
+from collections.abc import Callable
+from typing import Any, TextIO
+
+from pythonjsonlogger.json import JsonFormatter
+
+from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
+from adhesion_can.result_text import plus_minus
+from adhesion_can.service.outputs import Outputs
+from adhesion_can.service.states import Status
+
+FORMATS = ("text", "json")
+QUIET_US = 1_000_000
+"""Shortest time between two lines about the same status, µs."""
+BURST, LINES_PER_S = 30, 2.0
+"""Number of lines that may come at once, and rate at which further ones may come, 1/s."""
+_LEVELS = {Status.FAULT: logging.ERROR, Status.STALE_INPUT: logging.WARNING}
+
+
+class Narrator:
+    """Tells what happens: each change of status or doubt, and at a terminal once a second.
+
+    Lines beyond the rate are left out and their number told with the next one. A new status or
+    doubt waits instead: the latest one is told as soon as there is room.
+
+    Args:
+        file: Stream to write to.
+        form: 'text', or 'json' for one JSON object a line.
+        clock: Monotonic clock, s.
+
+    """
+
+    def __init__(
+        self, file: TextIO, form: str = "text", clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        handler = logging.StreamHandler(file)
+        if form == "json":
+            names = {"levelname": "level"}
+            handler.setFormatter(
+                JsonFormatter(
+                    "%(levelname)s %(message)s",
+                    rename_fields=names,
+                    timestamp="time",
+                    json_ensure_ascii=False,
+                )
+            )
+        # Of this narrator alone: no other library's lines, no other handlers.
+        self._logger = logging.Logger("adhesion_can")  # noqa: LOG001
+        self._logger.addHandler(handler)
+        self._lives = form == "text" and file.isatty()
+        self._clock = clock
+        self._room, self._counted_s = float(BURST), clock()
+        self._left_out = 0
+        self._status: Status | None = None
+        self._printed_us = 0
+        self._doubt = Doubt.NONE
+
+    def print(self, line: str) -> None:
+        """Tell what was done."""
+        self._write(logging.INFO, line)
+
+    def warn(self, line: str) -> None:
+        """Tell what somebody should look at."""
+        self._write(logging.WARNING, line)
+
+    def print_setpoint(self, t_us: int, outputs: Outputs) -> None:
+        """Tell a new status or doubt at a due time, µs."""
+        self._print_status(t_us, outputs)
+        self._print_doubt(t_us, outputs.doubt)
+
+    def _print_doubt(self, t_us: int, doubt: Doubt) -> None:
+        # 'Not available' in between neither confirms the last doubt nor takes it away.
+        if doubt in (self._doubt, Doubt.NOT_AVAILABLE) or not self._has_room():
+            return
+        self._doubt = doubt
+        what = DESCRIPTIONS.get(doubt)
+        line = "no doubt any more" if what is None else f"doubt: {what}: run `diagnose`"
+        level = logging.INFO if what is None else logging.WARNING
+        fields = {"bus_time_s": t_us / 1e6, "doubt": doubt.name}
+        self._tell(level, f"{t_us / 1e6:.2f} {line}", fields)
+
+    def _print_status(self, t_us: int, outputs: Outputs) -> None:
+        # A log file wants changes alone; a person at a terminal wants to see that it lives.
+        if outputs.status is self._status and (
+            not self._lives or t_us - self._printed_us < QUIET_US
+        ):
+            return
+        if not self._has_room():
+            return
+        self._status, self._printed_us = outputs.status, t_us
+        point = outputs.setpoint
+        line = (
+            f"{t_us / 1e6:.2f} {outputs.status.name:15} "
+            f"mu_max {plus_minus(point.mu_max, outputs.mu_max_std)}  "
+            f"lambda_m {plus_minus(point.lambda_m, outputs.lambda_m_std)}"
+        )
+        fields = {
+            "bus_time_s": t_us / 1e6,
+            "status": outputs.status.name,
+            "mu_max": point.mu_max,
+            "lambda_m": point.lambda_m,
+        }
+        self._tell(_LEVELS.get(outputs.status, logging.INFO), line, fields)
+
+    def _write(self, level: int, line: str) -> None:
+        """Write a line where the rate allows it."""
+        if self._has_room():
+            self._tell(level, line)
+        else:
+            self._left_out += 1
+
+    def _has_room(self) -> bool:
+        now_s = self._clock()
+        self._room = min(self._room + (now_s - self._counted_s) * LINES_PER_S, float(BURST))
+        self._counted_s = now_s
+        return self._room >= 1.0
+
+    def _tell(self, level: int, line: str, fields: dict[str, Any] | None = None) -> None:
+        self._room -= 1.0
+        if self._left_out:
+            fields = {**(fields or {}), "lines_left_out": self._left_out}
+            line = f"{line} ({self._left_out} lines left out before)"
+            self._left_out = 0
+        self._logger.log(level, "%s", line, extra=fields)
