@@ -146,6 +146,23 @@ def test_check_says_that_a_database_is_not_marked_as_one_of_j1939(dbc, tmp_path,
         assert hint.startswith("EEC1 (0xcf004fe): 0xcf00400 has its parameter group 61444")
 
 
+def test_frames_and_blocks_find_the_same_sender_of_a_group(dbc, tmp_path):
+    text = dbc.read_text()
+    dbc.write_text("\n".join(line for line in text.splitlines() if "VFrameFormat" not in line))
+    config = tmp_path / "c.toml"
+    config.write_text(
+        f'[bus]\ndatabase = "{dbc.name}"\n[roles]\nvehicle_speed = "EBC2.FrontAxleSpeed"\n'
+        'wheel_speed.1 = { signal = "EEC1.EngineSpeed", unit = "rpm" }\n'
+    )
+    messages = load_configuration(config).messages
+    single, block = Receiver(messages), Receiver(messages)
+    frames = frames_of(0x0CF00427, 0x0CF00400, 0x18EA0021, EEC1)
+    for frame in frames:
+        single.accept(frame)
+    block.accept_block(Block.from_frames(frames), np.array([f.t_us for f in frames]))
+    assert single.same_group == block.same_group == {EEC1: 0x0CF00400}
+
+
 @pytest.mark.parametrize("command", ["check", "diagnose", "identify", "replay"])
 def test_where_nothing_else_is_heard_the_commands_say_it_too(dbc, tmp_path, capsys, command):
     text = dbc.read_text()

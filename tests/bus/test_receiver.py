@@ -54,6 +54,11 @@ def record_of(subject, name):
     return record
 
 
+def test_the_bus_is_asked_for_the_bound_messages_alone():
+    ids = [(one.number, one.is_extended) for one in receiver().ids]
+    assert sorted(ids) == sorted((m.plan.frame_id, m.plan.is_extended) for m in BOUND)
+
+
 # --- what is accepted ----------------------------------------------------------------------------
 
 
@@ -458,6 +463,17 @@ def test_a_role_whose_selector_leaves_its_message_is_reported(lines, what):
         return
     with pytest.raises(ConfigError, match=what):
         bound_of(8, *lines)
+
+
+def test_a_multiplexed_signal_is_read_where_its_selector_says_that_it_is_there():
+    lines = ['X M : 0|8@1+ (1,0) [0|0] ""', 'S m1 : 8|16@1+ (0.01,0) [0|0] "rad/s"']
+    single, many = Receiver(bound_of(8, *lines)), Receiver(bound_of(8, *lines))
+    frames = [Frame(k, 256, bytes([k % 3, 100 + k, 0]) + bytes(5)) for k in range(6)]
+    readings = [one for frame in frames for one in single.accept(frame)]
+    assert [(one.t_us, one.value) for one in readings] == [(1, 1.01), (4, 1.04)]
+    block = many.accept_block(Block.from_frames(frames), np.arange(6))
+    stamps, values = block.readings[(Role.WHEEL_SPEED, 1)]
+    assert (stamps.tolist(), values.tolist()) == ([1, 4], [1.01, 1.04])
 
 
 @pytest.mark.parametrize("unit", ["N", "kN"])
