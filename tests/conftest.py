@@ -1,6 +1,7 @@
 """What many tests share: where the real data lie, and quiet hypothesis runs."""
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -22,3 +23,13 @@ def realdata():
     if not folder.is_dir():
         pytest.skip(f"no real data: neither $ADHESION_CAN_REALDATA nor {folder.name} beside us")
     return folder
+
+
+@pytest.fixture
+def restored_signals():
+    """Handlers of the signals that `run` takes over, put back after a run in this process."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    handlers = {number: signal.getsignal(number) for number in numbers}
+    yield
+    for number, handler in handlers.items():
+        signal.signal(number, handler)

@@ -13,7 +13,9 @@ from pathlib import Path
 from types import FrameType
 
 import numpy as np
+from can.util import CAN_FD_DLC
 
+from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.common import (
     MODEL_ONLINE,
     add_bus,
@@ -67,6 +69,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--dry-run", action="store_true", help="listen and identify, send nothing")
     parser.add_argument(
+        "--secoc-key", type=Path, metavar="F", help="send authenticated frames of CAN FD; the key"
+    )
+    parser.add_argument(
+        "--secoc-trip", type=Path, metavar="F", help="counts the starts with this key"
+    )
+    parser.add_argument(
         "--log-format",
         choices=FORMATS,
         default="text",
@@ -89,7 +97,9 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
     written = {"--log": options.log, "--state": options.state, "--json": options.json}
-    require_outputs(options, written, [config.database.path])
+    written["--secoc-trip"] = options.secoc_trip
+    read = [path for path in (config.database.path, options.secoc_key) if path is not None]
+    require_outputs(options, written, read)
     narrator = Narrator(sys.stderr, options.log_format)
     observers = [narrator.print_setpoint]
     keeper = None
@@ -112,6 +122,7 @@ def run(options: argparse.Namespace) -> int:
             core,
             bus,
             write_log=None if log is None else log.write,
+            secure=_read_secoc(options, core),
             dry_run=options.dry_run,
             notify=narrator.warn,
             each_turn=manager.alive,
@@ -161,6 +172,41 @@ def run(options: argparse.Namespace) -> int:
             f"{counters['send_errors']} not taken by the bus; {counters['samples']} samples"
         )
     return 0
+
+
+def _read_secoc(options: argparse.Namespace, core: ServiceCore) -> Callable[[Frame], Frame]:
+    """Function that secures the frames; without a key, one that leaves them as they are.
+
+    Raises:
+        InputError: An option or the extra is missing, a file cannot serve, or a frame has no room.
+
+    """
+    if options.secoc_key is None:
+        if options.secoc_trip is not None:
+            raise InputError("--secoc-trip", "there is no key", "say --secoc-key FILE")
+        return lambda frame: frame
+    where = f"--secoc-key {options.secoc_key}"
+    if options.secoc_trip is None:
+        raise InputError(where, "the trip counter has no file", "say --secoc-trip FILE")
+    if not getattr(options, "fd", False):  # python-can leaves out what is not given
+        raise InputError(where, "secured frames need CAN FD", "open the bus with --fd")
+    try:
+        from adhesion_can.bus.secoc import TRAILER_BYTES, Sender  # noqa: PLC0415
+        from adhesion_can.service.secoc_files import TripFile, read_key  # noqa: PLC0415
+    except ImportError as error:
+        raise InputError(
+            where,
+            f"needs cryptography (no module {error.name!r})",
+            "pip install 'adhesion-can[secoc]'",
+        ) from error
+    for name, size in core.messages.sizes.items():
+        if size + TRAILER_BYTES not in CAN_FD_DLC:
+            raise InputError(
+                where,
+                f"{name} has {size} bytes, and CAN FD no frame of {size + TRAILER_BYTES}",
+                "give the message 4, 8, 16, 32 or 48 bytes",
+            )
+    return Sender(read_key(options.secoc_key), TripFile(options.secoc_trip).next_trip).secure
 
 
 def _listening_address(text: str) -> tuple[str, int]:

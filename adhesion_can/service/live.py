@@ -71,6 +71,8 @@ class LiveService:
         bus: Bus that delivers the ids of the core's inputs and outputs.
         clock: Clock of this host, which nobody sets, µs; None starts one.
         write_log: Callback with each line of the service's own log.
+        secure: Function that makes of a frame of ours the one that goes on the bus; the log keeps
+            the former.
         dry_run: Whether to receive and identify, but to send nothing.
         notify: Callback with a line for the operator.
         each_turn: Callback at each turn of the loop, ten times a second at least.
@@ -84,6 +86,7 @@ class LiveService:
         *,
         clock: Callable[[], int] | None = None,
         write_log: Callable[[str], object] | None = None,
+        secure: Callable[[Frame], Frame] = lambda frame: frame,
         dry_run: bool = False,
         notify: Callable[[str], None] = lambda _: None,
         each_turn: Callable[[], None] = lambda: None,
@@ -105,6 +108,7 @@ class LiveService:
         }
         self._setpoint_id = core.messages.ids_by_name[SETPOINT]
         self._write_log = write_log
+        self._secure = secure
         self._dry_run = dry_run
         self._notify = notify
         self._each_turn = each_turn
@@ -206,11 +210,12 @@ class LiveService:
             self._log(format_frame(frame))
             if self._dry_run:
                 continue
-            if self.bus.send(to_message(frame)):
+            sent = self._secure(frame)
+            if self.bus.send(to_message(sent)):
                 self._missed[number] = 0
                 if number == self._setpoint_id:
                     self.lateness.add(max(self.clock() - frame.t_us, 0))
-                self._echoes.add_sent(frame, self.clock())
+                self._echoes.add_sent(sent, self.clock())
             else:
                 self._missed[number] = missed + 1
 

@@ -144,6 +144,11 @@ class OutputMessages:
         return {one.plan.frame_id: one.cycle_us for one in self._encoders.values()}
 
     @property
+    def sizes(self) -> dict[str, int]:
+        """Length of each message by its name, bytes."""
+        return {name: encoder.plan.size for name, encoder in self._encoders.items()}
+
+    @property
     def ids_by_name(self) -> dict[str, int]:
         """Id of each message by its name."""
         return {name: encoder.plan.frame_id for name, encoder in self._encoders.items()}

@@ -3,7 +3,6 @@
 import io
 import json
 import math
-import signal
 
 import pytest
 from hypothesis import given
@@ -102,14 +101,10 @@ def test_the_last_status_and_doubt_are_told_however_they_flicker(states):
             assert known[-1] == last.name
 
 
+@pytest.mark.usefixtures("restored_signals")
 def test_run_writes_json(capfd):
     words = ["run", "-i", "virtual", "-c", "narrated", "--duration", "0.1", "--log-format", "json"]
-    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    try:
-        assert main(words) == 0
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+    assert main(words) == 0
     found = [json.loads(line) for line in capfd.readouterr().err.splitlines()]
     assert "listening on" in found[0]["message"]
     assert "frames received" in found[-1]["message"]

@@ -1,0 +1,151 @@
+"""Authenticated setpoints of a running service; the files of the key and of the trip counter."""
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from adhesion_can.bus.frame import Frame
+from adhesion_can.bus.secoc import MOST_TRIPS, Receiver, Refusal, Sender
+from adhesion_can.cli.main import main
+from adhesion_can.config import load_configuration
+from adhesion_can.errors import InputError
+from adhesion_can.recordings.candump import ReadReport, read_candump
+from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.secoc_files import TripFile, read_key
+from tests.service.test_core import FixedEstimator
+from tests.service.test_live import Running, everything, opened, owned, send_drive, wait_until
+
+KEY = bytes(range(16))
+unless_root = pytest.mark.skipif(os.geteuid() == 0, reason="root may read and write everything")
+
+
+@pytest.fixture
+def key(tmp_path):
+    path = tmp_path / "key"
+    path.write_text(KEY.hex() + "\n")
+    path.chmod(0o600)
+    return path
+
+
+def test_every_frame_of_a_service_is_authentic_and_its_log_is_the_plain_one(tmp_path):
+    trips = TripFile(tmp_path / "trip")
+    secure = Sender(KEY, trips.next_trip).secure
+    with opened("secured") as sender, opened("secured") as listener:
+        core = ServiceCore(load_configuration(), FixedEstimator)
+        with Running(core, opened("secured"), secure=secure) as live:
+            send_drive(sender, 0.3)
+            received = []
+            wait_until(lambda: received.extend(owned(everything(listener))) or len(received) > 100)
+        received += owned(everything(listener))
+    drive = Receiver(KEY)
+    payloads = [(frame.arbitration_id, drive.accept(frame)) for frame in received]
+    assert all(isinstance(payload, bytes) for _, payload in payloads)
+    assert all(frame.is_fd for frame in received)
+    items = read_candump([line.encode() for line in live.lines], ReadReport())
+    logged = owned(item for item in items if isinstance(item, Frame))
+    assert payloads == [(frame.arbitration_id, frame.data) for frame in logged]
+    # The next start is fresher than all of this one; what was recorded is refused.
+    again = Sender(KEY, trips.next_trip).secure(logged[0])
+    assert drive.accept(again) == logged[0].data
+    assert drive.accept(received[-1]) is Refusal.FRESHNESS
+
+
+def test_echoes_of_secured_frames_are_no_second_service():
+    secure = Sender(KEY, iter(range(1, 9)).__next__).secure
+    with opened("secured-echo") as sender:
+        echoing = opened("secured-echo", receive_own_messages=True)
+        core = ServiceCore(load_configuration(), FixedEstimator)
+        with Running(core, echoing, secure=secure) as live:
+            send_drive(sender, 0.2)
+            wait_until(lambda: live.service.counts.echoes > 20)
+    assert live.service.counts.foreign_outputs == 0
+
+
+# --- the files -----------------------------------------------------------------------------------
+
+
+def test_a_key_is_32_hexadecimal_digits(key):
+    assert read_key(key) == KEY
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o601, 0o666])
+def test_a_key_on_which_others_have_rights_is_refused(key, mode):
+    key.chmod(mode)
+    with pytest.raises(InputError, match="others than its owner have rights on it; chmod 600"):
+        read_key(key)
+
+
+@pytest.mark.parametrize("text", ["", "00" * 15, "00" * 17, "0g" * 16, "00" * 16 + " 1", "é" * 32])
+def test_what_is_no_key_is_refused(key, text):
+    key.write_text(text)
+    with pytest.raises(InputError, match="openssl rand -hex 16") as error:
+        read_key(key)
+    assert not text or text not in str(error.value)
+
+
+def test_a_device_is_no_key():
+    with pytest.raises(InputError, match="is no regular file"):
+        read_key(Path(os.devnull))
+
+
+def test_a_trip_is_on_the_disk_before_it_is_used(tmp_path):
+    path = tmp_path / "trip"
+    assert [TripFile(path).next_trip() for _ in range(3)] == [1, 2, 3]
+    assert path.read_text() == "3\n"
+    assert [one.name for one in tmp_path.iterdir()] == ["trip"]
+
+
+@pytest.mark.parametrize("text", ["", "x", "-1", "1.5", "1" * 11, "1\n2"])
+def test_a_damaged_trip_counter_is_refused_and_kept(tmp_path, text):
+    path = tmp_path / "trip"
+    path.write_text(text)
+    with pytest.raises(InputError, match="write a number higher than all that were used"):
+        TripFile(path).next_trip()
+    assert path.read_text() == text
+
+
+def test_a_trip_counter_that_is_used_up_asks_for_another_key(tmp_path):
+    path = tmp_path / "trip"
+    path.write_text(str(MOST_TRIPS - 1))
+    assert TripFile(path).next_trip() == MOST_TRIPS
+    with pytest.raises(InputError, match="take another key"):
+        TripFile(path).next_trip()
+
+
+@unless_root
+def test_a_trip_counter_that_cannot_be_written_ends_the_start(tmp_path):
+    tmp_path.chmod(stat.S_IRUSR | stat.S_IXUSR)
+    with pytest.raises(InputError):
+        TripFile(tmp_path / "trip").next_trip()
+
+
+# --- the command ---------------------------------------------------------------------------------
+
+
+def run(capsys, *words):
+    status = main(["run", "-i", "virtual", "-c", "secoc", "--duration", "0.1", *map(str, words)])
+    return status, capsys.readouterr().err
+
+
+def test_what_is_missing_is_said(capsys, key, tmp_path):
+    trip = tmp_path / "trip"
+    status, said = run(capsys, "--secoc-key", key, "--fd")
+    assert (status, "say --secoc-trip FILE" in said) == (2, True)
+    status, said = run(capsys, "--secoc-trip", trip)
+    assert (status, "say --secoc-key FILE" in said) == (2, True)
+    status, said = run(capsys, "--secoc-key", key, "--secoc-trip", trip)
+    assert (status, "open the bus with --fd" in said) == (2, True)
+    status, said = run(capsys, "--secoc-key", key, "--secoc-trip", key, "--fd")
+    assert (status, "one of the inputs" in said) == (2, True)
+    assert not trip.exists()
+
+
+@pytest.mark.usefixtures("restored_signals")
+def test_each_start_takes_a_trip(capsys, key, tmp_path):
+    trip = tmp_path / "trip"
+    for number in (1, 2):
+        status, said = run(capsys, "--secoc-key", key, "--secoc-trip", trip, "--fd")
+        assert (status, trip.read_text()) == (0, f"{number}\n"), said
+    assert KEY.hex() not in said
