@@ -75,7 +75,9 @@ class PlayedBus:
         return (np.array(stamps) - self.begun_us) / 1e6
 
 
-IDS = {"AdhesionSetpoint": 0x201, "AdhesionQuality": 0x203}
+IDS = {"AdhesionSetpoint": 0x201, "AdhesionQuality": 0x203, "ServiceStatus": 0x211}
+AT_THE_END = 10
+"""Number of frames with which the service ends: every message once, AxleSetpoint for six axles."""
 
 
 def run_on_recording(
@@ -91,4 +93,8 @@ def run_on_recording(
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
+    # With its last frames the service takes back what it sent: no part of the drive.
+    end = [frame.arbitration_id for frame in bus.sent[-AT_THE_END:]]
+    assert (end[0], end[-1]) == (IDS["AdhesionSetpoint"], IDS["ServiceStatus"])
+    del bus.sent[-AT_THE_END:]
     return bus

@@ -10,7 +10,7 @@ import pytest
 
 import adhesion_can
 from adhesion_can.cli.main import main
-from adhesion_can.cli.run import _Narrator
+from adhesion_can.cli.narrator import Narrator
 from adhesion_can.config import Configuration
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.recordings.candump import format_frame, parse_line
@@ -126,7 +126,7 @@ def test_a_replay_without_doubt_says_nothing_of_it(log, tmp_path, capsys, schedu
 def told(*doubts, status=Status.TRACKING):
     """Lines about doubts that the narrator prints for setpoints 20 ms apart, from 12.30 s on."""
     file = io.StringIO()
-    narrator = _Narrator(file)
+    narrator = Narrator(file)
     for place, doubt in enumerate(doubts):
         narrator.print_setpoint(12_300_000 + 20_000 * place, Outputs(status, doubt=doubt))
     return [line for line in file.getvalue().splitlines() if "doubt" in line]
