@@ -1,9 +1,10 @@
 """Authenticated frames of CAN FD, in the manner of AUTOSAR SecOC with AES-CMAC.
 
 A secured frame carries payload, freshness value (8 bytes) and authenticator (8 bytes), all
-big-endian. The authenticator is the first half of AES-CMAC (RFC 4493) over the data id (2 bytes,
-the low 16 bits of the identifier), the payload and the freshness value (AUTOSAR CP R22-11,
-Specification of Secure Onboard Communication, 'Data to Authenticator'). The freshness value is a
+big-endian. The authenticator is the first half of AES-CMAC (RFC 4493) over the data id, the payload
+and the freshness value (AUTOSAR CP R22-11, Specification of Secure Onboard Communication, 'Data to
+Authenticator'). The data id is the identifier in 4 bytes, with bit 31 set where it has 29 bits:
+AUTOSAR's 16 bits would let frames pass for others of the same low bits. The freshness value is a
 trip counter, which goes up with each start of the sender, and a message counter; it is sent whole,
 so that a receiver that joins late needs no synchronisation. Needs the extra `secoc`.
 """
@@ -51,9 +52,9 @@ def cmac(key: bytes, message: bytes) -> bytes:
     return code.finalize()
 
 
-def _authenticator(key: bytes, number: int, payload: bytes, freshness: bytes) -> bytes:
-    data_id = (number & 0xFFFF).to_bytes(2, "big")
-    return cmac(key, data_id + payload + freshness)[:AUTHENTICATOR_BYTES]
+def _authenticator(key: bytes, frame: Frame, payload: bytes, freshness: bytes) -> bytes:
+    data_id = frame.arbitration_id | frame.is_extended << 31
+    return cmac(key, data_id.to_bytes(4, "big") + payload + freshness)[:AUTHENTICATOR_BYTES]
 
 
 class Sender:
@@ -79,7 +80,7 @@ class Sender:
             self._trip, self._count = self._next_trip(), 1
         value = self._trip << COUNTER_BITS | self._count
         freshness = value.to_bytes(FRESHNESS_BYTES, "big")
-        code = _authenticator(self._key, frame.arbitration_id, frame.data, freshness)
+        code = _authenticator(self._key, frame, frame.data, freshness)
         return frame._replace(data=frame.data + freshness + code, is_fd=True)
 
 
@@ -88,12 +89,12 @@ class Receiver:
 
     Args:
         key: Key, 16 bytes.
-        latest: Freshness value of the last accepted frame by identifier; what is not fresher is
-            refused. Kept over a restart, it refuses what was recorded before.
+        latest: Freshness value of the last accepted frame by identifier and whether it has 29
+            bits; what is not fresher is refused. Kept over a restart, it refuses what was recorded before.
 
     """
 
-    def __init__(self, key: bytes, latest: dict[int, int] | None = None) -> None:
+    def __init__(self, key: bytes, latest: dict[tuple[int, bool], int] | None = None) -> None:
         cmac(key, b"")
         self._key = key
         self.latest = {} if latest is None else dict(latest)
@@ -105,11 +106,12 @@ class Receiver:
             return Refusal.LENGTH
         payload, trailer = frame.data[:size], frame.data[size:]
         freshness, code = trailer[:FRESHNESS_BYTES], trailer[FRESHNESS_BYTES:]
-        expected = _authenticator(self._key, frame.arbitration_id, payload, freshness)
+        expected = _authenticator(self._key, frame, payload, freshness)
         if not compare_digest(code, expected):
             return Refusal.AUTHENTICATOR
         value = int.from_bytes(freshness, "big")
-        if value <= self.latest.get(frame.arbitration_id, 0):
+        sender = frame.arbitration_id, frame.is_extended
+        if value <= self.latest.get(sender, 0):
             return Refusal.FRESHNESS
-        self.latest[frame.arbitration_id] = value
+        self.latest[sender] = value
         return payload

@@ -36,7 +36,7 @@ def test_a_secured_frame_as_it_stands_on_the_bus():
     """By the definition: data id, payload, freshness; the first half of the authenticator."""
     found = sender(trip=7).secure(FRAME)
     freshness = bytes.fromhex("0000000700000001")
-    code = cmac(KEY, bytes.fromhex("0201") + FRAME.data + freshness)
+    code = cmac(KEY, bytes.fromhex("00000201") + FRAME.data + freshness)
     assert found == FRAME._replace(data=FRAME.data + freshness + code[:8], is_fd=True)
     assert len(found.data) == 24  # a length that CAN FD has
 
@@ -67,8 +67,13 @@ def test_a_frame_that_was_cut_is_refused(size):
 
 def test_another_identifier_or_key_is_refused():
     secured = sender().secure(FRAME)
-    other = secured._replace(arbitration_id=0x204)
-    assert Receiver(KEY).accept(other) is Refusal.AUTHENTICATOR
+    others = [
+        secured._replace(arbitration_id=0x204),
+        secured._replace(is_extended=True),
+        secured._replace(arbitration_id=0x10201, is_extended=True),
+    ]
+    for other in others:
+        assert Receiver(KEY).accept(other) is Refusal.AUTHENTICATOR
     wrong = Receiver(bytes(16))
     assert wrong.accept(secured) is Refusal.AUTHENTICATOR
 
