@@ -90,7 +90,8 @@ class Receiver:
     Args:
         key: Key, 16 bytes.
         latest: Freshness value of the last accepted frame by identifier and whether it has 29
-            bits; what is not fresher is refused. Kept over a restart, it refuses what was recorded before.
+            bits; what is not fresher is refused. Kept over a restart, it refuses what was recorded
+            before.
 
     """
 
