@@ -28,6 +28,10 @@ def test_ids_and_cycles_are_those_of_the_contract(messages):
     assert messages.cycles_by_id_us == {number: ms * 1000 for number, ms in CONTRACT.values()}
 
 
+def test_each_has_eight_bytes(messages):
+    assert messages.sizes == dict.fromkeys(CONTRACT, 8)
+
+
 def test_they_are_in_ascending_order_of_their_ids(messages):
     assert next(iter(messages.cycles_us)) == SETPOINT
     assert list(messages.cycles_us) == sorted(CONTRACT, key=lambda name: CONTRACT[name][0])
