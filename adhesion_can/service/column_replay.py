@@ -78,7 +78,7 @@ class ColumnReplay:
         start_row = -1
         if not core.schedule.started and first is not None:
             start_row, t0_us = first, int(t_us[first])
-            core.schedule.start(t0_us)
+            core.start(t0_us)
             self._inputs.start(t0_us)
         due = core.schedule.due_times(int(t_us[-1]))
         # Rows received before each due time; the frame that starts the service is received before

@@ -94,6 +94,7 @@ class ServiceCore:
         self._on_samples = on_samples
         self._dropped: Mapping[str, int] = {}
         self._now_us = 0
+        self._stopped = False
 
     def feed(self, frame: Frame) -> list[Frame]:
         """Process one frame; returns the frames due at or before its stamp.
@@ -109,7 +110,7 @@ class ServiceCore:
             self.counts.foreign += 1
         elif not isinstance(outcome, Rejection):
             if not self.schedule.started:
-                self.schedule.start(frame.t_us)
+                self.start(frame.t_us)
                 self._inputs.start(frame.t_us)
                 frames += self.emit(frame.t_us, self._inputs.snapshot)
             self._inputs.add(outcome)
@@ -142,8 +143,17 @@ class ServiceCore:
         health = Health(self.receiver.rejected, lost, self.loop_time_p99_us)
         for name in self.messages.cycles_us:
             frames += self.messages.compose(name, self._now_us, self.outputs, health)
-        self._start_anew()
+        # The last estimate can still be asked for.
+        self.schedule.stop()
+        self._stopped = True
         return frames
+
+    def start(self, t0_us: int) -> None:
+        """Begin to send, with the first accepted input at T0, µs; after a stop, anew."""
+        if self._stopped:
+            self._forget()
+            self._stopped = False
+        self.schedule.start(t0_us)
 
     def second_sender(self, t_us: int) -> None:
         """Report that another service sends the output messages: FAULT as long as it does."""
@@ -189,11 +199,11 @@ class ServiceCore:
         if not self.schedule.started:
             return
         self.counts.restarts += 1
-        self._start_anew()
-
-    def _start_anew(self) -> None:
-        """Forget all inputs and estimates, and what is due."""
         self.schedule.stop()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget all inputs and estimates."""
         self._inputs.restart()
         self._estimation.discard()
         self._status.restart()

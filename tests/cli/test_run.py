@@ -57,6 +57,7 @@ def test_run_in_this_process_keeps_log_state_and_json(tmp_path):
     assert document["received"] > 0.5 * len(fed) > 400
     assert document["sent"] > 400
     assert document["samples"] > 200
+    assert document["last"]["samples"] > 100
     assert main(["replay", str(files["run.log"]), "--frames", str(tmp_path / "again.log")]) == 0
 
 

@@ -202,7 +202,7 @@ def test_a_hole_within_the_restart_time_is_filled():
 
 
 def test_a_service_that_stops_takes_back_every_message():
-    core, _ = core_with()
+    core, estimator = core_with()
     bench = Bench()
     sent = run(core, bench.drive(0, 305_000))
     assert status(sent) == "TRACKING"
@@ -217,9 +217,13 @@ def test_a_service_that_stops_takes_back_every_message():
     assert core.next_due_us is None
     assert core.stop(400_000) == core.advance(10_000_000) == []
     assert core.counts.restarts == 0
+    assert core.estimate is KNOWN
     # Whoever feeds it again, as the replay of two logs in one file, has a service that begins.
+    estimator.answer = None
     again = run(core, bench.drive(20_000_000, 20_100_000))
     assert again[0].t_us == 20_000_000
+    assert status(again) == "INIT"
+    assert core.estimate is None
 
 
 def test_a_service_that_stops_before_any_input_sends_nothing():
