@@ -38,6 +38,26 @@ class Refusal(StrEnum):
     AUTHENTICATOR = "authenticator"
 
 
+class _Authenticator:
+    """AES-CMAC with a key that is expanded once."""
+
+    def __init__(self, key: bytes) -> None:
+        if len(key) != KEY_BYTES:
+            raise ValueError(f"a key has {KEY_BYTES} bytes, not {len(key)}")
+        self._code = CMAC(AES(key))
+
+    def compute(self, message: bytes) -> bytes:
+        """Code of a message, 16 bytes."""
+        code = self._code.copy()
+        code.update(message)
+        return code.finalize()
+
+    def authenticate(self, frame: Frame, payload: bytes, freshness: bytes) -> bytes:
+        """Truncated authenticator of a payload in a frame."""
+        data_id = frame.arbitration_id | frame.is_extended << 31
+        return self.compute(data_id.to_bytes(4, "big") + payload + freshness)[:AUTHENTICATOR_BYTES]
+
+
 def cmac(key: bytes, message: bytes) -> bytes:
     """AES-CMAC of a message (RFC 4493), 16 bytes.
 
@@ -45,19 +65,10 @@ def cmac(key: bytes, message: bytes) -> bytes:
         ValueError: The key has not 16 bytes.
 
     """
-    if len(key) != KEY_BYTES:
-        raise ValueError(f"a key has {KEY_BYTES} bytes, not {len(key)}")
-    code = CMAC(AES(key))
-    code.update(message)
-    return code.finalize()
+    return _Authenticator(key).compute(message)
 
 
-def _authenticator(key: bytes, frame: Frame, payload: bytes, freshness: bytes) -> bytes:
-    data_id = frame.arbitration_id | frame.is_extended << 31
-    return cmac(key, data_id.to_bytes(4, "big") + payload + freshness)[:AUTHENTICATOR_BYTES]
-
-
-class Sender:
+class FrameAuthenticator:
     """Secures frames, each with a freshness value of its own.
 
     Args:
@@ -65,11 +76,13 @@ class Sender:
         next_trip: Function that gives a trip counter that was never used with this key, and higher
             than all before; called at the start and when the message counter is used up.
 
+    Raises:
+        ValueError: The key has not 16 bytes.
+
     """
 
     def __init__(self, key: bytes, next_trip: Callable[[], int]) -> None:
-        cmac(key, b"")
-        self._key = key
+        self._authenticator = _Authenticator(key)
         self._next_trip = next_trip
         self._trip, self._count = next_trip(), 0
 
@@ -80,11 +93,11 @@ class Sender:
             self._trip, self._count = self._next_trip(), 1
         value = self._trip << COUNTER_BITS | self._count
         freshness = value.to_bytes(FRESHNESS_BYTES, "big")
-        code = _authenticator(self._key, frame, frame.data, freshness)
+        code = self._authenticator.authenticate(frame, frame.data, freshness)
         return frame._replace(data=frame.data + freshness + code, is_fd=True)
 
 
-class Receiver:
+class FrameVerifier:
     """Checks secured frames.
 
     Args:
@@ -93,11 +106,13 @@ class Receiver:
             bits; what is not fresher is refused. Kept over a restart, it refuses what was recorded
             before.
 
+    Raises:
+        ValueError: The key has not 16 bytes.
+
     """
 
     def __init__(self, key: bytes, latest: dict[tuple[int, bool], int] | None = None) -> None:
-        cmac(key, b"")
-        self._key = key
+        self._authenticator = _Authenticator(key)
         self.latest = {} if latest is None else dict(latest)
 
     def accept(self, frame: Frame) -> bytes | Refusal:
@@ -107,7 +122,7 @@ class Receiver:
             return Refusal.LENGTH
         payload, trailer = frame.data[:size], frame.data[size:]
         freshness, code = trailer[:FRESHNESS_BYTES], trailer[FRESHNESS_BYTES:]
-        expected = _authenticator(self._key, frame, payload, freshness)
+        expected = self._authenticator.authenticate(frame, payload, freshness)
         if not compare_digest(code, expected):
             return Refusal.AUTHENTICATOR
         value = int.from_bytes(freshness, "big")

@@ -13,9 +13,7 @@ from pathlib import Path
 from types import FrameType
 
 import numpy as np
-from can.util import CAN_FD_DLC
 
-from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.common import (
     MODEL_ONLINE,
     add_bus,
@@ -28,6 +26,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.extras_of_run import listening_address, read_secoc, serve_metrics
 from adhesion_can.cli.narrator import FORMATS, Narrator
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
@@ -82,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--metrics",
-        type=_listening_address,
+        type=listening_address,
         metavar="[HOST:]PORT",
         help="answer Prometheus there; HOST is 127.0.0.1 unless it is given",
     )
@@ -96,8 +95,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
-    written = {"--log": options.log, "--state": options.state, "--json": options.json}
-    written["--secoc-trip"] = options.secoc_trip
+    written = {
+        "--log": options.log,
+        "--state": options.state,
+        "--json": options.json,
+        "--secoc-trip": options.secoc_trip,
+    }
     read = [path for path in (config.database.path, options.secoc_key) if path is not None]
     require_outputs(options, written, read)
     narrator = Narrator(sys.stderr, options.log_format)
@@ -122,14 +125,14 @@ def run(options: argparse.Namespace) -> int:
             core,
             bus,
             write_log=None if log is None else log.write,
-            secure=_read_secoc(options, core),
+            secure=read_secoc(options, core.messages.sizes),
             dry_run=options.dry_run,
             notify=narrator.warn,
             each_turn=manager.alive,
         )
 
         if options.metrics is not None:
-            address = _serve_metrics(stack, options.metrics, service, log)
+            address = serve_metrics(stack, options.metrics, service, log)
             narrator.print(f"metrics at {address}")
 
         def stop(_: int, __: FrameType | None) -> None:
@@ -172,77 +175,6 @@ def run(options: argparse.Namespace) -> int:
             f"{counters['send_errors']} not taken by the bus; {counters['samples']} samples"
         )
     return 0
-
-
-def _read_secoc(options: argparse.Namespace, core: ServiceCore) -> Callable[[Frame], Frame]:
-    """Function that secures the frames; without a key, one that leaves them as they are.
-
-    Raises:
-        InputError: An option or the extra is missing, a file cannot serve, or a frame has no room.
-
-    """
-    if options.secoc_key is None:
-        if options.secoc_trip is not None:
-            raise InputError("--secoc-trip", "there is no key", "say --secoc-key FILE")
-        return lambda frame: frame
-    where = f"--secoc-key {options.secoc_key}"
-    if options.secoc_trip is None:
-        raise InputError(where, "the trip counter has no file", "say --secoc-trip FILE")
-    if not getattr(options, "fd", False):  # python-can leaves out what is not given
-        raise InputError(where, "secured frames need CAN FD", "open the bus with --fd")
-    try:
-        from adhesion_can.bus.secoc import TRAILER_BYTES, Sender  # noqa: PLC0415
-        from adhesion_can.service.secoc_files import TripFile, read_key  # noqa: PLC0415
-    except ImportError as error:
-        raise InputError(
-            where,
-            f"needs cryptography (no module {error.name!r})",
-            "pip install 'adhesion-can[secoc]'",
-        ) from error
-    for name, size in core.messages.sizes.items():
-        if size + TRAILER_BYTES not in CAN_FD_DLC:
-            raise InputError(
-                where,
-                f"{name} has {size} bytes, and CAN FD no frame of {size + TRAILER_BYTES}",
-                "give the message 4, 8, 16, 32 or 48 bytes",
-            )
-    return Sender(read_key(options.secoc_key), TripFile(options.secoc_trip).next_trip).secure
-
-
-def _listening_address(text: str) -> tuple[str, int]:
-    """Host and port of [HOST:]PORT."""
-    host, _, port = text.rpartition(":")
-    if not (port.isascii() and port.isdecimal() and int(port) < 1 << 16):
-        raise argparse.ArgumentTypeError(f"{text!r} is no port from 0 to 65535, nor HOST:PORT")
-    return host.strip("[]") or "127.0.0.1", int(port)
-
-
-def _serve_metrics(
-    stack: ExitStack, listen_at: tuple[str, int], service: LiveService, log: FrameLog | None
-) -> str:
-    """Answer Prometheus until the stack is closed; returns the address.
-
-    Raises:
-        InputError: The extra is not installed, or the port cannot be had.
-
-    """
-    host, port = listen_at
-    where = f"--metrics {host}:{port}"
-    try:
-        from adhesion_can.service.metrics import MetricsServer, ServiceCollector  # noqa: PLC0415
-    except ImportError as error:
-        raise InputError(
-            where,
-            f"needs prometheus-client (no module {error.name!r})",
-            "pip install 'adhesion-can[metrics]'",
-        ) from error
-    lost = (lambda: 0) if log is None else (lambda: log.lost)
-    try:
-        server = MetricsServer(host, port, ServiceCollector(service, lost))
-    except OSError as error:
-        raise InputError(where, error.strerror or str(error), "name another port") from error
-    stack.callback(server.close)
-    return server.address
 
 
 def _read_state(config: Configuration, path: Path, notify: Callable[[str], None]) -> KeptState:

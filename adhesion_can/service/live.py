@@ -213,9 +213,10 @@ class LiveService:
             sent = self._secure(frame)
             if self.bus.send(to_message(sent)):
                 self._missed[number] = 0
+                sent_us = self.clock()
                 if number == self._setpoint_id:
-                    self.lateness.add(max(self.clock() - frame.t_us, 0))
-                self._echoes.add_sent(sent, self.clock())
+                    self.lateness.add(max(sent_us - frame.t_us, 0))
+                self._echoes.add_sent(sent, sent_us)
             else:
                 self._missed[number] = missed + 1
 

@@ -41,6 +41,22 @@ def dbc(tmp_path):
     return path
 
 
+def remove_marks(dbc):
+    """Make of a database of J1939 one that does not say so."""
+    lines = dbc.read_text().splitlines()
+    dbc.write_text("\n".join(line for line in lines if "VFrameFormat" not in line))
+
+
+def configured(dbc):
+    """Configuration with a vehicle speed and a wheel speed of the database."""
+    path = dbc.with_name("c.toml")
+    path.write_text(
+        f'[bus]\ndatabase = "{dbc.name}"\n[roles]\nvehicle_speed = "EBC2.FrontAxleSpeed"\n'
+        'wheel_speed.1 = { signal = "EEC1.EngineSpeed", unit = "rpm" }\n'
+    )
+    return load_configuration(path)
+
+
 def test_groups_of_the_standard():
     """SAE J1939-71: EEC1 61444, EBC2 65215; J1939-21: a request goes to a destination."""
     assert parameter_group(0x0CF00400) == 61444
@@ -106,13 +122,8 @@ def frames_of(*senders):
     return [Frame(10_000 * k, number, payload, is_extended=True) for k, number in enumerate(order)]
 
 
-def test_the_receiver_takes_any_sender_and_check_says_which(dbc, tmp_path):
-    config = tmp_path / "c.toml"
-    config.write_text(
-        f'[bus]\ndatabase = "{dbc.name}"\n[roles]\nvehicle_speed = "EBC2.FrontAxleSpeed"\n'
-        'wheel_speed.1 = { signal = "EEC1.EngineSpeed", unit = "rpm" }\n'
-    )
-    configuration = load_configuration(config)
+def test_the_receiver_takes_any_sender_and_check_says_which(dbc):
+    configuration = configured(dbc)
     single, block = Receiver(configuration.messages), Receiver(configuration.messages)
     frames = frames_of(0x0CF00400, 0x0CF00427)
     readings = [single.accept(frame) for frame in frames]
@@ -128,16 +139,11 @@ def test_the_receiver_takes_any_sender_and_check_says_which(dbc, tmp_path):
 
 
 @pytest.mark.parametrize("marked", [True, False])
-def test_check_says_that_a_database_is_not_marked_as_one_of_j1939(dbc, tmp_path, marked):
+def test_check_says_that_a_database_is_not_marked_as_one_of_j1939(dbc, marked):
     if not marked:
-        text = dbc.read_text()
-        dbc.write_text("\n".join(line for line in text.splitlines() if "VFrameFormat" not in line))
-    config = tmp_path / "c.toml"
-    config.write_text(
-        f'[bus]\ndatabase = "{dbc.name}"\n[roles]\nvehicle_speed = "EBC2.FrontAxleSpeed"\n'
-        'wheel_speed.1 = { signal = "EEC1.EngineSpeed", unit = "rpm" }\n'
-    )
-    found = check([Block.from_frames(frames_of(0x0CF00400))], load_configuration(config))
+        remove_marks(dbc)
+    configuration = configured(dbc)
+    found = check([Block.from_frames(frames_of(0x0CF00400))], configuration)
     hints = [text for text in found.warnings if "VFrameFormat" in text]
     if marked:
         assert not hints
@@ -146,15 +152,9 @@ def test_check_says_that_a_database_is_not_marked_as_one_of_j1939(dbc, tmp_path,
         assert hint.startswith("EEC1 (0xcf004fe): 0xcf00400 has its parameter group 61444")
 
 
-def test_frames_and_blocks_find_the_same_sender_of_a_group(dbc, tmp_path):
-    text = dbc.read_text()
-    dbc.write_text("\n".join(line for line in text.splitlines() if "VFrameFormat" not in line))
-    config = tmp_path / "c.toml"
-    config.write_text(
-        f'[bus]\ndatabase = "{dbc.name}"\n[roles]\nvehicle_speed = "EBC2.FrontAxleSpeed"\n'
-        'wheel_speed.1 = { signal = "EEC1.EngineSpeed", unit = "rpm" }\n'
-    )
-    messages = load_configuration(config).messages
+def test_frames_and_blocks_find_the_same_sender_of_a_group(dbc):
+    remove_marks(dbc)
+    messages = configured(dbc).messages
     single, block = Receiver(messages), Receiver(messages)
     frames = frames_of(0x0CF00427, 0x0CF00400, 0x18EA0021, EEC1)
     for frame in frames:
@@ -165,8 +165,7 @@ def test_frames_and_blocks_find_the_same_sender_of_a_group(dbc, tmp_path):
 
 @pytest.mark.parametrize("command", ["check", "diagnose", "identify", "replay"])
 def test_where_nothing_else_is_heard_the_commands_say_it_too(dbc, tmp_path, capsys, command):
-    text = dbc.read_text()
-    dbc.write_text("\n".join(line for line in text.splitlines() if "VFrameFormat" not in line))
+    remove_marks(dbc)
     config = tmp_path / "c.toml"
     config.write_text(
         f'[bus]\ndatabase = "{dbc.name}"\n[roles]\n'

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adhesion_can.bus.frame import Frame
-from adhesion_can.bus.secoc import COUNTER_BITS, Receiver, Refusal, Sender, cmac
+from adhesion_can.bus.secoc import COUNTER_BITS, FrameAuthenticator, FrameVerifier, Refusal, cmac
 
 KEY = bytes.fromhex("2b7e151628aed2a6abf7158809cf4f3c")
 MESSAGE = bytes.fromhex(
@@ -24,7 +24,7 @@ FRAME = Frame(1000, 0x201, bytes(range(8)))
 
 def sender(trip=1, key=KEY):
     trips = iter(range(trip, trip + 10))
-    return Sender(key, lambda: next(trips))
+    return FrameAuthenticator(key, lambda: next(trips))
 
 
 @pytest.mark.parametrize("size", RFC_4493)
@@ -43,7 +43,7 @@ def test_a_secured_frame_as_it_stands_on_the_bus():
 
 @given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=48)), max_size=30))
 def test_what_was_sent_is_accepted_once(sent):
-    source, target = sender(), Receiver(KEY)
+    source, target = sender(), FrameVerifier(KEY)
     for number, payload in sent:
         frame = source.secure(Frame(0, number, payload))
         assert target.accept(frame) == payload
@@ -55,13 +55,13 @@ def test_any_flipped_bit_is_refused(bit):
     data = bytearray(sender().secure(FRAME).data)
     data[bit // 8] ^= 1 << bit % 8
     forged = FRAME._replace(data=bytes(data), is_fd=True)
-    assert Receiver(KEY).accept(forged) is Refusal.AUTHENTICATOR
+    assert FrameVerifier(KEY).accept(forged) is Refusal.AUTHENTICATOR
 
 
 @given(st.integers(0, 23))
 def test_a_frame_that_was_cut_is_refused(size):
     secured = sender().secure(FRAME)
-    reason = Receiver(KEY).accept(secured._replace(data=secured.data[:size]))
+    reason = FrameVerifier(KEY).accept(secured._replace(data=secured.data[:size]))
     assert reason is (Refusal.LENGTH if size < 16 else Refusal.AUTHENTICATOR)
 
 
@@ -73,17 +73,17 @@ def test_another_identifier_or_key_is_refused():
         secured._replace(arbitration_id=0x10201, is_extended=True),
     ]
     for other in others:
-        assert Receiver(KEY).accept(other) is Refusal.AUTHENTICATOR
-    wrong = Receiver(bytes(16))
+        assert FrameVerifier(KEY).accept(other) is Refusal.AUTHENTICATOR
+    wrong = FrameVerifier(bytes(16))
     assert wrong.accept(secured) is Refusal.AUTHENTICATOR
 
 
 def test_a_recording_is_refused_also_after_a_restart_of_both_sides():
-    source, target = sender(), Receiver(KEY)
+    source, target = sender(), FrameVerifier(KEY)
     recorded = [source.secure(FRAME) for _ in range(100)]
     for frame in recorded:
         target.accept(frame)
-    restarted = Receiver(KEY, target.latest)
+    restarted = FrameVerifier(KEY, target.latest)
     assert {restarted.accept(frame) for frame in recorded} == {Refusal.FRESHNESS}
     # The sender's message counter begins anew, its trip counter goes on.
     assert restarted.accept(sender(trip=2).secure(FRAME)) == FRAME.data
@@ -91,14 +91,14 @@ def test_a_recording_is_refused_also_after_a_restart_of_both_sides():
 
 
 def test_frames_may_be_lost_and_not_overtake_each_other():
-    source, target = sender(), Receiver(KEY)
+    source, target = sender(), FrameVerifier(KEY)
     first, _, third = (source.secure(FRAME) for _ in range(3))
     assert target.accept(third) == FRAME.data
     assert target.accept(first) is Refusal.FRESHNESS
 
 
 def test_each_identifier_has_a_freshness_of_its_own():
-    source, target = sender(), Receiver(KEY)
+    source, target = sender(), FrameVerifier(KEY)
     early = source.secure(FRAME)
     late = source.secure(FRAME._replace(arbitration_id=0x204))
     assert target.accept(late) == FRAME.data
@@ -106,7 +106,7 @@ def test_each_identifier_has_a_freshness_of_its_own():
 
 
 def test_the_message_counter_rolls_over_into_a_new_trip():
-    source, target = sender(trip=3), Receiver(KEY)
+    source, target = sender(trip=3), FrameVerifier(KEY)
     source._count = (1 << COUNTER_BITS) - 2
     frames = [source.secure(FRAME) for _ in range(3)]
     values = [int.from_bytes(frame.data[8:16], "big") for frame in frames]
@@ -118,12 +118,12 @@ def test_the_message_counter_rolls_over_into_a_new_trip():
 @pytest.mark.parametrize("flag", ["is_remote", "is_error"])
 def test_what_carries_no_payload_is_refused(flag):
     frame = sender().secure(FRAME)._replace(**{flag: True})
-    assert Receiver(KEY).accept(frame) is Refusal.LENGTH
+    assert FrameVerifier(KEY).accept(frame) is Refusal.LENGTH
 
 
 @pytest.mark.parametrize("size", [0, 15, 17, 32])
 def test_a_key_of_another_length_is_refused(size):
     with pytest.raises(ValueError, match=f"a key has 16 bytes, not {size}"):
-        Receiver(bytes(size))
+        FrameVerifier(bytes(size))
     with pytest.raises(ValueError, match="a key has 16 bytes"):
         sender(key=bytes(size))

@@ -2,12 +2,14 @@
 
 import os
 import stat
+from argparse import Namespace
 from pathlib import Path
 
 import pytest
 
 from adhesion_can.bus.frame import Frame
-from adhesion_can.bus.secoc import MOST_TRIPS, Receiver, Refusal, Sender
+from adhesion_can.bus.secoc import MOST_TRIPS, FrameAuthenticator, FrameVerifier, Refusal
+from adhesion_can.cli.extras_of_run import read_secoc
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
@@ -18,6 +20,7 @@ from tests.service.test_core import FixedEstimator
 from tests.service.test_live import Running, everything, opened, owned, send_drive, wait_until
 
 KEY = bytes(range(16))
+FRAME = Frame(0, 0x201, bytes(8))
 unless_root = pytest.mark.skipif(os.geteuid() == 0, reason="root may read and write everything")
 
 
@@ -31,7 +34,7 @@ def key(tmp_path):
 
 def test_every_frame_of_a_service_is_authentic_and_its_log_is_the_plain_one(tmp_path):
     trips = TripFile(tmp_path / "trip")
-    secure = Sender(KEY, trips.next_trip).secure
+    secure = FrameAuthenticator(KEY, trips.next_trip).secure
     with opened("secured") as sender, opened("secured") as listener:
         core = ServiceCore(load_configuration(), FixedEstimator)
         with Running(core, opened("secured"), secure=secure) as live:
@@ -39,7 +42,7 @@ def test_every_frame_of_a_service_is_authentic_and_its_log_is_the_plain_one(tmp_
             received = []
             wait_until(lambda: received.extend(owned(everything(listener))) or len(received) > 100)
         received += owned(everything(listener))
-    drive = Receiver(KEY)
+    drive = FrameVerifier(KEY)
     payloads = [(frame.arbitration_id, drive.accept(frame)) for frame in received]
     assert all(isinstance(payload, bytes) for _, payload in payloads)
     assert all(frame.is_fd for frame in received)
@@ -47,13 +50,13 @@ def test_every_frame_of_a_service_is_authentic_and_its_log_is_the_plain_one(tmp_
     logged = owned(item for item in items if isinstance(item, Frame))
     assert payloads == [(frame.arbitration_id, frame.data) for frame in logged]
     # The next start is fresher than all of this one; what was recorded is refused.
-    again = Sender(KEY, trips.next_trip).secure(logged[0])
+    again = FrameAuthenticator(KEY, trips.next_trip).secure(logged[0])
     assert drive.accept(again) == logged[0].data
     assert drive.accept(received[-1]) is Refusal.FRESHNESS
 
 
 def test_echoes_of_secured_frames_are_no_second_service():
-    secure = Sender(KEY, iter(range(1, 9)).__next__).secure
+    secure = FrameAuthenticator(KEY, iter(range(1, 9)).__next__).secure
     with opened("secured-echo") as sender:
         echoing = opened("secured-echo", receive_own_messages=True)
         core = ServiceCore(load_configuration(), FixedEstimator)
@@ -139,6 +142,18 @@ def test_what_is_missing_is_said(capsys, key, tmp_path):
     assert (status, "open the bus with --fd" in said) == (2, True)
     status, said = run(capsys, "--secoc-key", key, "--secoc-trip", key, "--fd")
     assert (status, "one of the inputs" in said) == (2, True)
+    assert not trip.exists()
+
+
+@pytest.mark.parametrize(("size", "fits"), [(8, True), (32, True), (7, False), (64, False)])
+def test_a_message_without_room_for_the_authenticator_is_told(key, tmp_path, size, fits):
+    trip = tmp_path / "trip"
+    options = Namespace(secoc_key=key, secoc_trip=trip, fd=True)
+    if fits:
+        assert read_secoc(options, {"AdhesionSetpoint": size})(FRAME).is_fd
+        return
+    with pytest.raises(InputError, match=f"AdhesionSetpoint has {size} bytes"):
+        read_secoc(options, {"AdhesionSetpoint": size})
     assert not trip.exists()
 
 
