@@ -52,3 +52,34 @@ def test_all_rows_show_lateral_slip(realdata, tmp_path):
     assert "load_dependence" in answer.named
     gain = answer.document["gain"]
     assert gain["rmse_after"] < 0.6 * gain["rmse_before"]
+
+
+@pytest.mark.parametrize("rows", [27, 29])
+def test_a_force_that_is_late_is_no_relaxation(realdata, tmp_path, rows):
+    """The search for a delay stopped at half of it, and a relaxation of 2.9 m fitted better."""
+    _, head, table = rows_of(realdata)
+    place = {name: head.index(name) for name in head}
+    straight = [
+        row
+        for row in table
+        if abs(float(row[place["slip_angle_deg"]])) < STRAIGHT_DEG
+        and abs(float(row[place["inclination_deg"]])) < STRAIGHT_DEG
+    ]
+    force, time_s = place["longitudinal_force_N"], place["time_s"]
+    late = []
+    for number, row in enumerate(straight):
+        earlier = straight[max(number - rows, 0)]
+        follows = abs(float(row[time_s]) - float(earlier[time_s]) - 0.01 * rows) < 0.005
+        late.append([*row[:force], (earlier if follows else row)[force], *row[force + 1 :]])
+    path = tmp_path / "late.csv"
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([head, *late])
+    answer = diagnosed(tmp_path, path)
+    sizes = {
+        cause["effect"]: next(iter(cause["parameters"].values()))["value"]
+        for cause in answer.document["causes"]
+    }
+    assert "creep_relaxation" not in sizes
+    # At a constant speed a late force is an early wheel.
+    delay = sizes.get("effort_delay", -sizes.get("wheel_speed_delay", 0.0))
+    assert delay == pytest.approx(0.01 * rows, abs=0.03)

@@ -192,3 +192,24 @@ def test_a_column_is_named_beside_two_effects_of_the_library(tmp_path, seed):
     assert set(found) == {"load_dependence", "traction_braking_asymmetry", "channel:x1"}
     slope = found["channel:x1"]["parameters"]["slope"]
     assert slope["value"] == pytest.approx(0.15 / (1.0 + 0.15 * x1.mean()), abs=0.03)
+
+
+@pytest.mark.parametrize("seed", range(40, 45))
+def test_the_levels_of_a_few_sweeps_are_no_drift(tmp_path, seed):
+    """Six sweeps with pauses that happen to fall with time, as one in 720 orders does by chance."""
+    rng, t_s, slip, sweep, curve, white = rig(seed)
+    rows = sweep < 6
+    level = 1.0 - 0.04 * sweep + 0.01 * per_sweep(rng.normal(size=SWEEPS), sweep)
+    table = table_of(t_s[rows], slip[rows], (level * curve + white)[rows])
+    answer = diagnosed(tmp_path, write_table(tmp_path / "t.csv", table))
+    assert "slow_drift" not in causes(answer), answer.out
+    assert "6 series with pauses between them" in answer.untested["slow_drift"]
+
+
+@pytest.mark.parametrize("pause_s", [0.0, 5.0])
+def test_a_drift_over_many_sweeps_or_without_a_pause_is_named(tmp_path, pause_s):
+    _, _, slip, sweep, curve, white = rig(46)
+    t_s = np.arange(ROWS) * 0.05 + pause_s * sweep
+    adhesion = (1.0 - 0.15 * t_s / t_s[-1]) * curve + white
+    answer = diagnosed(tmp_path, write_table(tmp_path / "t.csv", table_of(t_s, slip, adhesion)))
+    assert list(causes(answer)) == ["slow_drift"], answer.out

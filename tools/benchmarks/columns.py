@@ -42,7 +42,10 @@ def read_rig():
 
 
 def table(rig, sweeps, rng, column, pause_s=PAUSES_S[0]):
-    """Columns of a table with the sweeps in random order, and the one that matters."""
+    """Columns of a table with the sweeps in random order, and the one that matters.
+
+    Of 'null' the column is that of x2, and nothing depends on it.
+    """
     rows, time_s, own, clock = [], [], [], 0.0
     for place in rng.permutation(len(sweeps)):
         sweep = sweeps[place]
@@ -55,7 +58,8 @@ def table(rig, sweeps, rng, column, pause_s=PAUSES_S[0]):
     found = {"time_s": time_s, **{name: rig[name][rows] for name in COLUMNS}}
     if column == "x1":
         return {**found, "x1": rig["slip_angle_deg"][rows]}
-    found["longitudinal_force_N"] = found["longitudinal_force_N"] * (1.0 + FACTOR * own)
+    factor = FACTOR if column == "x2" else 0.0
+    found["longitudinal_force_N"] = found["longitudinal_force_N"] * (1.0 + factor * own)
     straight = np.abs(rig["slip_angle_deg"][rows]) < STRAIGHT_DEG
     straight &= np.abs(rig["inclination_deg"][rows]) < STRAIGHT_DEG
     return {name: values[straight] for name, values in {**found, "x2": own}.items()}
@@ -85,9 +89,14 @@ def causes_named(cause):
     return [f"channel:{name}" for name in formula_of(cause["form"], values).channels]
 
 
-def row(column, pause_s, report, options):
+def names_of_orders(column, pause_s, options):
+    """What is named in each of the orders."""
     answer = partial(named, options.seed, column, pause_s)
-    found = over_cores(answer, range(options.runs), options.jobs, f"{column}, {pause_s:g} s")
+    return over_cores(answer, range(options.runs), options.jobs, f"{column}, {pause_s:g} s")
+
+
+def row(column, pause_s, report, options):
+    found = names_of_orders(column, pause_s, options)
     right = sum(f"channel:{column}" in names for names in found)
     drifts = sum("slow_drift" in names for names in found)
     share = right / len(found)
@@ -114,6 +123,18 @@ def x2_row(report, options):
         f"level is 1 + {FACTOR} x2 and a power of the load, has t = {t:.1f} (median) and finds x2 "
         f"in {100 * power:.0f} % at a level of 5 %"
     )
+
+
+def null_row(report, options):
+    """The same column as x2 where nothing depends on it: the price of finding it."""
+    found = names_of_orders("null", PAUSES_S[0], options)
+    wrong = sum("channel:x2" in names for names in found)
+    drifts = sum("slow_drift" in names for names in found)
+    what = f"x2 that changes nothing named in {wrong} of {len(found)} orders"
+    # At a level of 5 % more than this has a probability of 5 % at most.
+    most = int(scipy.stats.binom.ppf(0.95, len(found), 0.05))
+    report.check(what, f"{100 * wrong / len(found):.0f} %", f"{most} at most", met=wrong <= most)
+    report.check("null: time named", f"{drifts} times", "never", met=drifts == 0)
 
 
 def power_of_sweeps(seed, number):
@@ -154,7 +175,7 @@ def sweep_levels(slip, adhesion, load, sweep):
     return np.append(found[5:], 0.0)
 
 
-ROWS = {"x1": x1_row, "x2": x2_row}
+ROWS = {"x1": x1_row, "x2": x2_row, "null": null_row}
 
 
 def main():

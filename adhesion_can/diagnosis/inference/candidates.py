@@ -22,6 +22,7 @@ from adhesion_can.physics.effects import (
     build_instruments,
     known_effects,
 )
+from adhesion_can.physics.effects.lag_states import PAUSE_S
 from adhesion_can.physics.parameter import Wheelset
 
 LEAST_ROWS, LEAST_BLOCKS = 400, 9
@@ -42,6 +43,9 @@ BEYOND = 1.1
 """Largest size of an effect that is named, relative to the end of its range."""
 COASTING = 0.005
 """|μ| of an axle that coasts."""
+LEAST_SERIES, WITHIN = 20, 0.1
+"""Least number of a table's series, the rows between two pauses, that show a drift by their levels
+alone; and the share of the variance of time within them from which the rows of each show it."""
 
 
 def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...], list[Untested]]:
@@ -92,7 +96,34 @@ def _missing(effect: Effect, drives: Sequence[DriveData]) -> str:
     requires = effect.requires
     if requires.covariates and (why := _missing_signal(requires.covariates, drives)):
         return why
+    if effect.observability.drift and (why := _few_series(drives)):
+        return why
     return _missing_sequence(effect, drives) or _missing_rows(effect, drives)
+
+
+def _few_series(drives: Sequence[DriveData]) -> str:
+    """Why the series of a table cannot show a drift; '' where they can.
+
+    Series that were measured with pauses differ by more than their time: a few levels go with time
+    by chance, however many rows each of them has.
+    """
+    number, total, within = 0, 0.0, 0.0
+    for drive in drives:
+        if not drive.table or not len(drive):
+            return ""
+        new = np.abs(np.diff(drive.t_s, prepend=drive.t_s[:1])) > PAUSE_S
+        series = np.cumsum(new | (np.diff(drive.axle, prepend=drive.axle[:1]) != 0))
+        rows, time_s = np.bincount(series), drive.time_s
+        mean = np.bincount(series, time_s) / np.maximum(rows, 1)
+        total += len(drive) * float(np.var(time_s))
+        within += float(np.sum((time_s - mean[series]) ** 2))
+        number += len(rows)
+    if number >= LEAST_SERIES or within >= WITHIN * total:
+        return ""
+    return (
+        f"the rows are {number} series with pauses between them: so few levels go with time by "
+        f"chance, and at least {LEAST_SERIES} are needed"
+    )
 
 
 def _missing_sequence(effect: Effect, drives: Sequence[DriveData]) -> str:

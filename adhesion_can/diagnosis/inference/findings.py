@@ -8,6 +8,7 @@ import numpy as np
 
 from adhesion_can.diagnosis.formatting import unit_text
 from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
+from adhesion_can.diagnosis.inference.delay_search import with_delay_for_lag, with_longer_delay
 from adhesion_can.diagnosis.inference.detect_effects import Detection
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.model_comparison import (
@@ -18,7 +19,6 @@ from adhesion_can.diagnosis.inference.model_comparison import (
 from adhesion_can.diagnosis.inference.noise_averaging import (
     INTERVAL,
     averages_noise,
-    with_delay_for_lag,
     without_short_delay,
 )
 from adhesion_can.diagnosis.inference.select_effects import ModelSelection
@@ -197,6 +197,7 @@ class Findings:
         delays = [c for c in self.prepared.candidates if c.is_lag and not acts_in_contact(c.effect)]
         tests = [
             partial(without_short_delay, regression, best, lags),
+            partial(with_longer_delay, regression, best),
             partial(with_delay_for_lag, regression, best, delays),
             *(partial(averages_noise, regression, best, group) for group in groups),
         ]

@@ -142,42 +142,6 @@ def averages_noise(
     return without if before - back > BACKWARD * (before - forward) else None
 
 
-def with_delay_for_lag(
-    regression: WhitenedRegression, best: ScoredModel, delays: Sequence[Candidate]
-) -> ScoredModel | None:
-    """The model with a delay in the place of a lag that gains by smoothing; None: the lag stays.
-
-    Beside the same smoothing without a lag, a delay explains the data better than the lag does.
-
-    Args:
-        regression: Data with weights, filter and blocks.
-        best: Fitted model with the lag.
-        delays: Delays of signals that could be tested.
-
-    """
-    model, square = best.fitted.model, best.fitted.cross_validated_square
-    speed = float(
-        np.median(np.concatenate([one.observe().speed for one in regression.data.drives]))
-    )
-    for place, lag in enumerate(model.candidates):
-        if not (lag.is_lag and acts_in_contact(lag.effect)):
-            continue
-        smaller, _, values = remove_effect(model, place)
-        smoothing = replace(lag, effect=Reversed(lag.effect, symmetric=True)).active(values)
-        smoothed = replace(smaller, fixed=(*smaller.fixed, smoothing))
-        fits = [
-            fit_model(regression, smoothed.with_effect(delay, (sign * values[0] / speed,)))
-            for delay in delays
-            if delay not in model.candidates
-            for sign in (-1.0, 1.0)
-        ]
-        fitted = min(fits, key=lambda one: one.cross_validated_square, default=None)
-        if fitted is not None and fitted.cross_validated_square < square:
-            delayed = replace(fitted.model, fixed=smaller.fixed)
-            return score_model(regression, fit_model(regression, delayed))
-    return None
-
-
 def without_short_delay(
     regression: WhitenedRegression, best: ScoredModel, lags: Sequence[Candidate]
 ) -> ScoredModel | None:
