@@ -9,6 +9,7 @@ in it and no others.
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Mapping
+from copy import deepcopy
 from math import hypot, sqrt
 from typing import NamedTuple
 
@@ -101,6 +102,10 @@ class SampleFormer:
         self._history: list[tuple[int, dict[str, float]]] = []
         self.dropped: Counter[str] = Counter()
         """Wheel-speed readings that gave no sample, by reason."""
+
+    def copy(self) -> "SampleFormer":
+        """A former with the same readings, which goes its own way from here."""
+        return deepcopy(self, {id(self.equations): self.equations})
 
     def add(self, reading: Reading) -> None:
         """Add one reading; stamps must not run backwards.

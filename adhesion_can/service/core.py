@@ -129,6 +129,26 @@ class ServiceCore:
             self.restart()
         return self.emit(t_us, self._inputs.snapshot)
 
+    def work_ahead(self) -> bool:
+        """Do work of the next due time before it, for a caller that has nothing to do.
+
+        What is sent does not depend on it, but goes out sooner: where no message is expected any
+        more before the due time, the estimate is brought to it.
+
+        Returns:
+            Whether there was such work.
+
+        """
+        t_us = self.schedule.next_due_us
+        if t_us is None or not self._estimation.may_prepare(t_us):
+            return False
+        if self._estimation.catch_up():
+            return True
+        if self._inputs.expects_before(t_us):
+            return False
+        self._estimation.prepare(self._inputs.collect_ahead(t_us), t_us)
+        return True
+
     def stop(self, t_us: int) -> list[Frame]:
         """Bring the core to a time, µs, and take back what was sent; returns the frames.
 

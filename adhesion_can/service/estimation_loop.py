@@ -1,16 +1,46 @@
-"""The estimator at work: an update at each due time, and a fresh estimator where one is needed."""
+"""The estimator at work: an update at each due time, and a fresh estimator where one is needed.
 
+An update takes some milliseconds now and then, and a setpoint should not wait for it. So `prepare`
+makes the next update ahead of its due time, on a copy of the estimator, with the samples that there
+are (speculative execution). Where these are all when the time comes, the copy takes the estimator's
+place; where more came, it is dropped. Either way the estimates are those of `update` alone.
+"""
+
+import copy
 from collections.abc import Callable
 from math import isfinite, isnan
+from typing import NamedTuple
 
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.extended.estimator import ExtendedEstimator
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
+PAUSE_US = 1_000_000
+"""Time without preparing after one was in vain, µs: a new copy takes longer than an update."""
+MOST_MISSED = 8
+"""Number of updates from which a copy of the estimator is made anew sooner than it catches up."""
+
 
 class EstimatorFailure(Exception):  # noqa: N818  it reports a failure of the estimator, not of us
     """Failure of an estimator. It is in no known state, and has to be discarded."""
+
+
+class _Prepared(NamedTuple):
+    """An update made ahead of its due time.
+
+    Attributes:
+        samples: Samples of the update.
+        t_us: Due time, µs.
+        estimator: Estimator that has had the update.
+        outcome: Estimate, or the failure of the estimator.
+
+    """
+
+    samples: Samples
+    t_us: int
+    estimator: Estimator
+    outcome: Estimate | EstimatorFailure | None
 
 
 class EstimationLoop:
@@ -23,11 +53,16 @@ class EstimationLoop:
 
     def __init__(self, make_estimator: Callable[[], Estimator]) -> None:
         self._make_estimator = make_estimator
+        self._prepare_from_us = 0
         self.discard()
 
     def discard(self) -> None:
         """Drop estimator and estimate, and begin with a fresh estimator."""
         self._estimator = self._make_estimator()
+        self._copy: Estimator | None = None
+        self._missed: list[tuple[Samples, int]] = []
+        """Updates that the copy has not had."""
+        self._prepared: _Prepared | None = None
         self.estimate: Estimate | None = None
         """Latest estimate of the curve; None where there is none."""
 
@@ -51,15 +86,64 @@ class EstimationLoop:
             EstimatorFailure: The estimator raised an error, or its estimate is not finite.
 
         """
-        try:
-            estimate = self._estimator.update(samples, t_us)
-        except (ArithmeticError, ValueError) as error:
-            raise EstimatorFailure(f"the estimator failed: {error}") from error
-        if estimate is not None and not _is_finite(estimate):
-            raise EstimatorFailure("the estimate is not finite")
-        is_new = estimate is not None and estimate is not self.estimate
-        self.estimate = estimate
+        prepared, self._prepared = self._prepared, None
+        if prepared is not None and prepared.samples is samples and prepared.t_us == t_us:
+            self._copy, self._estimator = self._estimator, prepared.estimator
+            outcome = prepared.outcome
+        else:
+            if prepared is not None:
+                # The copy has had an update that never was.
+                self._copy = None
+                self._prepare_from_us = t_us + PAUSE_US
+            outcome = _outcome(self._estimator, samples, t_us)
+        if self._copy is not None:
+            self._missed.append((samples, t_us))
+        if isinstance(outcome, EstimatorFailure):
+            raise outcome
+        is_new = outcome is not None and outcome is not self.estimate
+        self.estimate = outcome
         return is_new
+
+    def may_prepare(self, t_us: int) -> bool:
+        """Whether the update of a due time, µs, can be made and has not been made."""
+        return self._prepared is None and t_us >= self._prepare_from_us
+
+    def prepare(self, samples: Samples, t_us: int) -> None:
+        """Make the update of the next due time ahead of it.
+
+        Args:
+            samples: Samples that became complete since the due time before, as far as is known; the
+                same object is given to `update` where no more came.
+            t_us: Due time, µs.
+
+        """
+        if self._copy is None or len(self._missed) > MOST_MISSED:
+            self._copy, self._missed = copy.deepcopy(self._estimator), []
+        self.catch_up()
+        outcome = _outcome(self._copy, samples, t_us)
+        self._prepared = _Prepared(samples, t_us, self._copy, outcome)
+
+    def catch_up(self) -> bool:
+        """Bring the copy to the state of the estimator; returns whether it was behind."""
+        if self._copy is None or not self._missed:
+            return False
+        for samples, t_us in self._missed:
+            _outcome(self._copy, samples, t_us)
+        self._missed = []
+        return True
+
+
+def _outcome(
+    estimator: Estimator, samples: Samples, t_us: int
+) -> Estimate | EstimatorFailure | None:
+    """Estimate of an update, or the failure of the estimator."""
+    try:
+        estimate = estimator.update(samples, t_us)
+    except (ArithmeticError, ValueError) as error:
+        return EstimatorFailure(f"the estimator failed: {error}")
+    if estimate is not None and not _is_finite(estimate):
+        return EstimatorFailure("the estimate is not finite")
+    return estimate
 
 
 def _is_finite(estimate: Estimate) -> bool:

@@ -8,9 +8,12 @@ from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.physics.readings import Reading, Role, SpeedSource
 from adhesion_can.physics.samples import Samples
+from adhesion_can.sampling.former import SampleFormer
 
 REQUIRED = frozenset({Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT})
 """Roles without which no sample can be formed."""
+OVERDUE_CYCLES = 1.5
+"""Number of cycles after which a message is not waited for, by the stamps of the others."""
 STALE_CYCLES = 3
 """Number of cycles after which a silent required input is stale."""
 
@@ -38,16 +41,38 @@ class InputSnapshot(NamedTuple):
 
 @dataclass(slots=True)
 class _MessageTimeout:
-    """Supervision of a message that carries a required signal.
+    """Supervision of a message.
 
     Attributes:
-        timeout_us: Longest silence that is not stale, µs.
-        last_us: Stamp of the latest available value, µs; T0 before the first one.
+        cycle_us: Cycle of the message, µs; 0 where it is unknown.
+        last_us: Stamp of the latest available value of a required signal, µs; T0 before the first.
+        seen_us: Stamp of the latest frame, µs; T0 before the first.
 
     """
 
-    timeout_us: int
+    cycle_us: int
     last_us: int
+    seen_us: int
+
+    @property
+    def timeout_us(self) -> int:
+        """Longest silence that is not stale, µs."""
+        return STALE_CYCLES * self.cycle_us
+
+
+class _Ahead(NamedTuple):
+    """Samples collected ahead of a due time.
+
+    Attributes:
+        t_us: Due time, µs.
+        former: Former that has collected them.
+        samples: The samples.
+
+    """
+
+    t_us: int
+    former: SampleFormer
+    samples: Samples
 
 
 class FrameInputs:
@@ -68,7 +93,10 @@ class FrameInputs:
         """Forget all readings."""
         self._former = self._configuration.make_former()
         self._timeouts: dict[tuple[Role, int], _MessageTimeout] = {}
+        self._messages: list[_MessageTimeout] = []
         self._supervised: list[_MessageTimeout] = []
+        """Those of `_messages` that carry a required signal."""
+        self._ahead: _Ahead | None = None
         self._speed: float | None = None
         self.speed_source = float(SpeedSource.UNKNOWN)
         """Latest source of the vehicle speed, a value of `SpeedSource`."""
@@ -76,18 +104,21 @@ class FrameInputs:
     def start(self, t0_us: int) -> None:
         """Supervise the required messages from T0 on."""
         for message in self._configuration.messages:
-            timeout = _MessageTimeout(STALE_CYCLES * (message.cycle_us or 0), t0_us)
-            required = [s for s in message.signals if s.role in REQUIRED]
-            self._timeouts.update({(s.role, s.axle): timeout for s in required})
-            if required:
+            timeout = _MessageTimeout(message.cycle_us or 0, t0_us, t0_us)
+            self._timeouts.update({(s.role, s.axle): timeout for s in message.signals})
+            self._messages.append(timeout)
+            if any(s.role in REQUIRED for s in message.signals):
                 self._supervised.append(timeout)
 
     def add(self, readings: Iterable[Reading]) -> None:
         """Add the readings of an accepted frame; stamps must not run backwards."""
+        self._ahead = None
         for reading in readings:
             role, value = reading.role, reading.value
+            message = self._timeouts[role, reading.axle]
+            message.seen_us = reading.t_us
             if value is not None and role in REQUIRED:
-                self._timeouts[role, reading.axle].last_us = reading.t_us
+                message.last_us = reading.t_us
             if role is Role.VEHICLE_SPEED:
                 self._speed = value
             elif role is Role.SPEED_SOURCE and value is not None:
@@ -96,11 +127,35 @@ class FrameInputs:
 
     def snapshot(self, t_us: int) -> InputSnapshot:
         """State at a due time, µs; due times come in ascending order."""
+        if self._ahead is not None and self._ahead.t_us == t_us:
+            _, self._former, samples = self._ahead
+        else:
+            samples = Samples.from_rows(self._former.collect(t_us))
+        self._ahead = None
         return InputSnapshot(
-            samples=Samples.from_rows(self._former.collect(t_us)),
+            samples=samples,
             stale=any(t_us - message.last_us > message.timeout_us for message in self._supervised),
             speed=self._speed,
             rejected=self._receiver.rejected,
             lost=self._receiver.lost,
             dropped=self._former.dropped,
         )
+
+    def expects_before(self, t_us: int) -> bool:
+        """Whether a message is expected before a time, µs; one that is overdue is not."""
+        latest_us = max((message.seen_us for message in self._messages), default=t_us)
+        return any(
+            message.seen_us + message.cycle_us < t_us
+            and latest_us - message.seen_us < OVERDUE_CYCLES * message.cycle_us
+            for message in self._messages
+        )
+
+    def collect_ahead(self, t_us: int) -> Samples:
+        """Samples of a due time, µs, if nothing else comes before it.
+
+        Then `snapshot` gives the same object; after another reading it collects anew.
+        """
+        if self._ahead is None or self._ahead.t_us != t_us:
+            former = self._former.copy()
+            self._ahead = _Ahead(t_us, former, Samples.from_rows(former.collect(t_us)))
+        return self._ahead.samples

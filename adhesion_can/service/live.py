@@ -140,7 +140,11 @@ class LiveService:
         wait_s = IDLE_S
         if due_us is not None:
             wait_s = min(max((due_us + GRACE_US - self.clock()) / 1e6, 0.0), IDLE_S)
-        received = self._queue.get(wait_s)
+        received = self._queue.get(0.0)
+        if received is None:
+            if due_us is not None and self.core.work_ahead():
+                return
+            received = self._queue.get(wait_s)
         self.core.counts.receive_drops = self._queue.dropped + self.bus.kernel_drops
         if received is not None:
             self._handle(received)

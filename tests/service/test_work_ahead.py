@@ -1,0 +1,119 @@
+"""Work done ahead of a due time changes nothing that is sent."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adhesion_can.config import load_configuration
+from adhesion_can.estimation.registry import ESTIMATORS
+from adhesion_can.recordings.candump import ReadReport
+from adhesion_can.recordings.sequence import _without_strays
+from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.replay import replay
+from adhesion_can.simulation.scenarios import SCENARIOS
+from tests.service.test_column_replay import SummingEstimator, run_core, simulated, spoiled
+from tests.wire import Bench
+
+CONFIG = load_configuration()
+
+
+def with_work_ahead(items, core, rng, share, done):
+    """The items, with work ahead after some of them, as a loop does that has nothing to do."""
+    for item in items:
+        yield item
+        while rng.random() < share and core.work_ahead():
+            done.append(core.now_us)
+
+
+def run_both(items, make, seed=0, share=0.5):
+    """Everything seen of a core that works ahead, and of one that does not; times of such work."""
+    rng, done = np.random.default_rng(seed), []
+
+    def ahead(core, *rest, **how):
+        return replay(with_work_ahead(items, core, rng, share, done), core, *rest, **how)
+
+    one, *a = run_core(lambda *x, **h: replay(items, *x, **h), CONFIG, make)
+    other, *b = run_core(ahead, CONFIG, make)
+    assert b[0] == a[0]
+    assert b[1] == a[1]
+    assert [len(samples) for samples in b[2]] == [len(samples) for samples in a[2]]
+    assert other.counts == one.counts
+    assert other.faults == one.faults
+    assert other.dropped_samples == one.dropped_samples
+    return done
+
+
+@settings(max_examples=30, derandomize=True, deadline=None)
+@given(st.integers(0, 2**32), st.sampled_from([0.1, 0.5, 0.95]))
+def test_spoiled_drives_give_the_same_frames(seed, share):
+    """Lost, late and repeated frames: what was done ahead is often in vain."""
+    items = list(_without_strays(spoiled(seed), ReadReport()))
+    run_both(items, SummingEstimator, seed, share)
+
+
+@pytest.mark.parametrize("name", ["tracker", "rls", "ekf", "bank", "window"])
+def test_every_estimator_gives_the_same_frames(name):
+    items = simulated(SCENARIOS[2], 4.0)
+    done = run_both(items, lambda: ESTIMATORS[name](CONFIG.estimators), share=0.9)
+    assert len(done) > 100
+
+
+def test_the_default_estimator_gives_the_same_frames():
+    assert len(run_both(simulated(SCENARIOS[3], 6.0), None, share=0.9)) > 100
+
+
+class Counting(SummingEstimator):
+    """Counts updates of all of its kind."""
+
+    updated: list[int]
+
+    def update(self, samples, now_us):
+        self.updated.append(now_us)
+        return super().update(samples, now_us)
+
+
+def counting_core():
+    class Own(Counting):
+        updated: list[int] = []  # noqa: RUF012  one list for the estimator and its copies
+
+    return ServiceCore(CONFIG, Own), Own.updated
+
+
+def test_nothing_is_updated_at_a_due_time_that_was_prepared_for():
+    core, updated = counting_core()
+    # The optional messages of 200 ms are not waited for any more after 300 ms.
+    settled_us = 400_000
+    for frame in Bench().drive(0, 800_000):
+        if core.next_due_us is not None and frame.t_us >= core.next_due_us:
+            while core.work_ahead():
+                pass
+            before = len(updated)
+            core.advance(core.next_due_us)
+            if frame.t_us > settled_us:
+                assert len(updated) == before
+        core.feed(frame)
+    assert len(updated) > 40
+
+
+def test_a_reading_that_was_not_expected_puts_an_end_to_work_ahead_for_a_second():
+    core, updated = counting_core()
+    bench = Bench()
+    in_vain_us, prepared_us = None, []
+    for frame in bench.drive(0, 2_500_000):
+        core.feed(frame)
+        while core.work_ahead():
+            pass
+        due_us = core.next_due_us
+        if due_us > 200_000 and updated[-1:] == [due_us] and due_us not in prepared_us:
+            prepared_us.append(due_us)
+            if in_vain_us is None:
+                in_vain_us = due_us
+                core.feed(bench.frame("Environment", due_us - 1))
+    assert prepared_us[0] == in_vain_us
+    assert 1_000_000 <= prepared_us[1] - in_vain_us <= 1_100_000
+    assert len(prepared_us) > 50
+
+
+def test_before_the_first_input_there_is_nothing_to_do():
+    assert not ServiceCore(CONFIG).work_ahead()
