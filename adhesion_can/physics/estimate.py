@@ -9,6 +9,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.result_text import html_table, plus_minus
+from adhesion_can.values import Value
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,7 @@ CHANGED = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class Estimate(Value):
     """Estimated adhesion curve with its uncertainty.
 
     Attributes:

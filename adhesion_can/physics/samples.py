@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.values import Value
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +58,7 @@ class Sample:
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
+class Samples(Value):
     """Samples in columns: the fields of `Sample`, arrays of shape (n,), in the same units."""
 
     t_us: NDArray[np.int64]

@@ -140,13 +140,12 @@ class ServiceCore:
 
         """
         t_us = self.schedule.next_due_us
-        if t_us is None or not self._estimation.may_prepare(t_us):
+        if t_us is None or self._inputs.expects_before(t_us):
             return False
-        if self._estimation.catch_up():
-            return True
-        if self._inputs.expects_before(t_us):
+        samples = self._inputs.collect_ahead(t_us)
+        if self._estimation.is_prepared(samples, t_us):
             return False
-        self._estimation.prepare(self._inputs.collect_ahead(t_us), t_us)
+        self._estimation.prepare(samples, t_us)
         return True
 
     def stop(self, t_us: int) -> list[Frame]:

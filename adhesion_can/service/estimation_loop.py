@@ -16,11 +16,6 @@ from adhesion_can.estimation.extended.estimator import ExtendedEstimator
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
-PAUSE_US = 1_000_000
-"""Time without preparing after one was in vain, µs: a new copy takes longer than an update."""
-MOST_MISSED = 8
-"""Number of updates from which a copy of the estimator is made anew sooner than it catches up."""
-
 
 class EstimatorFailure(Exception):  # noqa: N818  it reports a failure of the estimator, not of us
     """Failure of an estimator. It is in no known state, and has to be discarded."""
@@ -42,6 +37,10 @@ class _Prepared(NamedTuple):
     estimator: Estimator
     outcome: Estimate | EstimatorFailure | None
 
+    def serves(self, samples: Samples, t_us: int) -> bool:
+        """Whether it is the update with these samples at this due time, µs."""
+        return self.samples is samples and self.t_us == t_us
+
 
 class EstimationLoop:
     """Estimator with its latest estimate.
@@ -53,15 +52,11 @@ class EstimationLoop:
 
     def __init__(self, make_estimator: Callable[[], Estimator]) -> None:
         self._make_estimator = make_estimator
-        self._prepare_from_us = 0
         self.discard()
 
     def discard(self) -> None:
         """Drop estimator and estimate, and begin with a fresh estimator."""
         self._estimator = self._make_estimator()
-        self._copy: Estimator | None = None
-        self._missed: list[tuple[Samples, int]] = []
-        """Updates that the copy has not had."""
         self._prepared: _Prepared | None = None
         self.estimate: Estimate | None = None
         """Latest estimate of the curve; None where there is none."""
@@ -87,26 +82,19 @@ class EstimationLoop:
 
         """
         prepared, self._prepared = self._prepared, None
-        if prepared is not None and prepared.samples is samples and prepared.t_us == t_us:
-            self._copy, self._estimator = self._estimator, prepared.estimator
-            outcome = prepared.outcome
+        if prepared is not None and prepared.serves(samples, t_us):
+            self._estimator, outcome = prepared.estimator, prepared.outcome
         else:
-            if prepared is not None:
-                # The copy has had an update that never was.
-                self._copy = None
-                self._prepare_from_us = t_us + PAUSE_US
             outcome = _outcome(self._estimator, samples, t_us)
-        if self._copy is not None:
-            self._missed.append((samples, t_us))
         if isinstance(outcome, EstimatorFailure):
             raise outcome
         is_new = outcome is not None and outcome is not self.estimate
         self.estimate = outcome
         return is_new
 
-    def may_prepare(self, t_us: int) -> bool:
-        """Whether the update of a due time, µs, can be made and has not been made."""
-        return self._prepared is None and t_us >= self._prepare_from_us
+    def is_prepared(self, samples: Samples, t_us: int) -> bool:
+        """Whether an update with these samples has been made ahead of its due time, µs."""
+        return self._prepared is not None and self._prepared.serves(samples, t_us)
 
     def prepare(self, samples: Samples, t_us: int) -> None:
         """Make the update of the next due time ahead of it.
@@ -117,20 +105,9 @@ class EstimationLoop:
             t_us: Due time, µs.
 
         """
-        if self._copy is None or len(self._missed) > MOST_MISSED:
-            self._copy, self._missed = copy.deepcopy(self._estimator), []
-        self.catch_up()
-        outcome = _outcome(self._copy, samples, t_us)
-        self._prepared = _Prepared(samples, t_us, self._copy, outcome)
-
-    def catch_up(self) -> bool:
-        """Bring the copy to the state of the estimator; returns whether it was behind."""
-        if self._copy is None or not self._missed:
-            return False
-        for samples, t_us in self._missed:
-            _outcome(self._copy, samples, t_us)
-        self._missed = []
-        return True
+        estimator = copy.deepcopy(self._estimator)
+        outcome = _outcome(estimator, samples, t_us)
+        self._prepared = _Prepared(samples, t_us, estimator, outcome)
 
 
 def _outcome(

@@ -93,26 +93,23 @@ def test_nothing_is_updated_at_a_due_time_that_was_prepared_for():
             if frame.t_us > settled_us:
                 assert len(updated) == before
         core.feed(frame)
-    assert len(updated) > 40
+    assert len(updated) >= 40
 
 
-def test_a_reading_that_was_not_expected_puts_an_end_to_work_ahead_for_a_second():
+def test_a_reading_that_was_not_expected_has_the_update_made_anew():
     core, updated = counting_core()
-    bench = Bench()
-    in_vain_us, prepared_us = None, []
-    for frame in bench.drive(0, 2_500_000):
+    bench, anew = Bench(), 0
+    for frame in bench.drive(0, 900_000):
         core.feed(frame)
-        while core.work_ahead():
-            pass
-        due_us = core.next_due_us
-        if due_us > 200_000 and updated[-1:] == [due_us] and due_us not in prepared_us:
-            prepared_us.append(due_us)
-            if in_vain_us is None:
-                in_vain_us = due_us
-                core.feed(bench.frame("Environment", due_us - 1))
-    assert prepared_us[0] == in_vain_us
-    assert prepared_us[1] - in_vain_us >= 1_000_000
-    assert len(prepared_us) > 30
+        if core.work_ahead() and frame.t_us > 400_000:
+            due_us, before = core.next_due_us, len(updated)
+            core.feed(bench.frame("TrackGeometry", due_us - 1))
+            assert core.work_ahead()
+            assert updated[before:] == [due_us]
+            core.advance(due_us)
+            assert updated[before:] == [due_us]
+            anew += 1
+    assert anew > 10
 
 
 def test_before_the_first_input_there_is_nothing_to_do():

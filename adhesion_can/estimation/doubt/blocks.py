@@ -2,6 +2,7 @@
 
 Errors of neighbouring samples are not independent, those of blocks nearly are: standard errors come
 from the scatter between blocks (batch means; Glynn & Whitt, Operations Research Letters 10, 1991).
+from adhesion_can.values import Value
 Where there are many blocks, neighbours are merged, so that they are longer than what lasts.
 
 When a surface ends, its curve is projected out of its blocks (Frisch, Waugh & Lovell). What is left
@@ -19,6 +20,7 @@ from adhesion_can.estimation.doubt.rows import Rows
 from adhesion_can.estimation.doubt.slip_basis import SIZE
 from adhesion_can.estimation.families.binned_samples import EMPTY, BinnedSamples, join_binned
 from adhesion_can.physics.burckhardt import CurveParameters
+from adhesion_can.values import Value
 
 FIRST_S = 0.5
 """Duration of the first blocks, s."""
@@ -35,7 +37,7 @@ CANDIDATES = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class Block(Value):
     """Sums over some seconds of a drive.
 
     Attributes:
@@ -78,7 +80,7 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True)
-class ReducedBlocks:
+class ReducedBlocks(Value):
     """Blocks in coefficients of a curve's change (tangents, bumps) and of the directions.
 
     Attributes:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.readings import Role
+from adhesion_can.values import Value
 
 SPEED_SCALE, EFFORT_BIAS = "scale of speed", "bias of effort"
 SPEED_DELAY, EFFORT_DELAY = "delay of speed", "delay of effort"
@@ -33,7 +34,7 @@ TIME_UNIT = 100.0
 
 
 @dataclass(frozen=True, slots=True)
-class Direction:
+class Direction(Value):
     """Direction in which the residual may lie.
 
     Attributes:

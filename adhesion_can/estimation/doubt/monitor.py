@@ -50,6 +50,7 @@ from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, PeakEstimate
 from adhesion_can.physics.samples import Samples
+from adhesion_can.values import Value
 
 FEWEST_SAMPLES = 20
 """Number of samples below which a block is left out."""
@@ -72,7 +73,7 @@ KEPT_REACH = 0.995
 
 
 @dataclass(frozen=True, slots=True)
-class Assessment:
+class Assessment(Value):
     """What is known of the model's error after a block.
 
     Attributes:

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from adhesion_can.values import Value
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DoubtSettings:
+class DoubtSettings(Value):
     """Tests of the residual against conditions that the model leaves out.
 
     Attributes:

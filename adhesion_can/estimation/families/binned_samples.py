@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.samples import Samples
+from adhesion_can.values import Value
 
 SLIP_EDGES: Array = np.geomspace(5e-4, 0.5, 41)
 """Edges of the slip bins, 19 % apart; smaller slips are in one bin, larger ones in another."""
@@ -25,7 +26,7 @@ COUNT, SLIP, ADHESION, SPEED, LOAD, SLIP_VAR, ADHESION_VAR, SLIP_SQUARE = range(
 
 
 @dataclass(frozen=True, slots=True)
-class BinnedSamples:
+class BinnedSamples(Value):
     """Sums of samples by bins.
 
     All samples of a bin count alike: weights that depend on their adhesion would shift its means.

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, CurveParameters, Surface
+from adhesion_can.values import Value
 
 C1_MAX = 2.0
 """Largest level c1 of a curve, beyond any adhesion of a wheel."""
@@ -128,7 +129,7 @@ class AxleSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrackerSettings:
+class TrackerSettings(Value):
     """Settings of the tracker, with those of its parts.
 
     Attributes:
