@@ -10,7 +10,7 @@ each due time the parts work one after the other:
     -> StatusMachine -> Status -> OutputBuilder -> Outputs -> OutputMessages -> frames
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from adhesion_can.bus.frame import Frame
@@ -123,11 +123,18 @@ class ServiceCore:
         A time before the present one changes nothing. A hole longer than the configured restart
         time is not filled with messages: the service starts anew with the next input.
         """
+        return list(self.due_frames(t_us))
+
+    def due_frames(self, t_us: int) -> Iterator[Frame]:
+        """Frames of `advance` one by one, each composed when it is asked for; ask for all of them.
+
+        So the first one, the setpoint of all axles, is on the bus before the others are composed.
+        """
         if t_us < self._now_us:
-            return []
+            return
         if t_us - self._now_us > self.restart_us:
             self.restart()
-        return self.emit(t_us, self._inputs.snapshot)
+        yield from self._emit(t_us, self._inputs.snapshot)
 
     def work_ahead(self) -> bool:
         """Do work of the next due time before it, for a caller that has nothing to do.
@@ -145,7 +152,9 @@ class ServiceCore:
         samples = self._inputs.collect_ahead(t_us)
         if self._estimation.is_prepared(samples, t_us):
             return False
-        self._estimation.prepare(samples, t_us)
+        estimate = self._estimation.prepare(samples, t_us)
+        if estimate is not None:
+            self._builder.prepare(estimate)
         return True
 
     def stop(self, t_us: int) -> list[Frame]:
@@ -249,18 +258,19 @@ class ServiceCore:
             Frames in the order of their due times, ascending id on ties.
 
         """
-        frames: list[Frame] = []
+        return list(self._emit(until_us, snapshot))
+
+    def _emit(self, until_us: int, snapshot: Callable[[int], InputSnapshot]) -> Iterator[Frame]:
         while (t_us := self.schedule.next_due_us) is not None and t_us <= until_us:
             inputs = snapshot(t_us)
             self._update(t_us, inputs)
             lost = inputs.lost + self.counts.receive_drops
             health = Health(inputs.rejected, lost, self.loop_time_p99_us)
             for name in self.schedule.pop_due(t_us):
-                frames += self.messages.compose(name, t_us, self.outputs, health)
+                yield from self.messages.compose(name, t_us, self.outputs, health)
                 if name == SETPOINT and self._on_setpoint:
                     self._on_setpoint(t_us, self.outputs)
         self._now_us = until_us
-        return frames
 
     def _update(self, t_us: int, inputs: InputSnapshot) -> None:
         """Bring estimate, status and outputs to a due time."""

@@ -96,7 +96,7 @@ class EstimationLoop:
         """Whether an update with these samples has been made ahead of its due time, µs."""
         return self._prepared is not None and self._prepared.serves(samples, t_us)
 
-    def prepare(self, samples: Samples, t_us: int) -> None:
+    def prepare(self, samples: Samples, t_us: int) -> Estimate | None:
         """Make the update of the next due time ahead of it.
 
         Args:
@@ -104,10 +104,14 @@ class EstimationLoop:
                 same object is given to `update` where no more came.
             t_us: Due time, µs.
 
+        Returns:
+            Estimate that `update` will give; None where there is none.
+
         """
         estimator = copy.deepcopy(self._estimator)
         outcome = _outcome(estimator, samples, t_us)
         self._prepared = _Prepared(samples, t_us, estimator, outcome)
+        return None if isinstance(outcome, EstimatorFailure) else outcome
 
 
 def _outcome(

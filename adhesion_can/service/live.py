@@ -4,10 +4,11 @@ The loop waits for a frame until 2 ms after the next due time at most; so a fram
 late and still count before it. While the bus is down the core goes on, with status STALE_INPUT.
 """
 
+import gc
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,6 +125,10 @@ class LiveService:
 
         The last frames say 'not available': nobody goes on by a setpoint that nobody stands behind.
         """
+        # What lives as long as the service need not be looked through for garbage: a collection of
+        # the whole heap takes milliseconds.
+        gc.collect()
+        gc.freeze()
         try:
             while not self._stop.is_set() and (until_us is None or self.clock() < until_us):
                 self._step()
@@ -132,6 +137,7 @@ class LiveService:
             self._log(format_mark(Mark(t_us, STOP)))
             self._send(self.core.stop(t_us))
         finally:
+            gc.unfreeze()
             self.bus.shutdown()
 
     def _step(self) -> None:
@@ -150,7 +156,7 @@ class LiveService:
             self._handle(received)
         elif due_us is not None and self.clock() >= due_us + GRACE_US:
             self._log(format_mark(Mark(due_us, ADVANCE)))
-            self._send(self.core.advance(due_us))
+            self._send(self.core.due_frames(due_us))
 
     def _handle(self, received: Received) -> None:
         began = time.perf_counter()
@@ -168,6 +174,8 @@ class LiveService:
             return
         frame = frame._replace(t_us=max(frame.t_us, 0))
         effective = frame._replace(t_us=max(frame.t_us, self.core.now_us))
+        # What is due goes out before the frame is looked at.
+        self._send(self.core.due_frames(effective.t_us))
         # The core gets the stamp as it came, and counts it when it has to clamp it.
         self._send(self.core.feed(frame))
         self._log(format_frame(effective))
@@ -199,7 +207,7 @@ class LiveService:
         self._log(format_mark(mark))
         self.core.second_sender(mark.t_us)
 
-    def _send(self, frames: list[Frame]) -> None:
+    def _send(self, frames: Iterable[Frame]) -> None:
         now_us = self.clock()
         for frame in frames:
             number = frame.arbitration_id
@@ -211,18 +219,23 @@ class LiveService:
                 self.counts.overdue += 1
                 self._missed[number] = missed + 1
                 continue
+            if not self._dry_run:
+                self._hand_over(frame)
+            # Behind the sending, which it would hold up.
             self._log(format_frame(frame))
-            if self._dry_run:
-                continue
-            sent = self._secure(frame)
-            if self.bus.send(to_message(sent)):
-                self._missed[number] = 0
-                sent_us = self.clock()
-                if number == self._setpoint_id:
-                    self.lateness.add(max(sent_us - frame.t_us, 0))
-                self._echoes.add_sent(sent, sent_us)
-            else:
-                self._missed[number] = missed + 1
+
+    def _hand_over(self, frame: Frame) -> None:
+        """Send a frame of ours, and count where the bus does not take it."""
+        number = frame.arbitration_id
+        sent = self._secure(frame)
+        if self.bus.send(to_message(sent)):
+            self._missed[number] = 0
+            sent_us = self.clock()
+            if number == self._setpoint_id:
+                self.lateness.add(max(sent_us - frame.t_us, 0))
+            self._echoes.add_sent(sent, sent_us)
+        else:
+            self._missed[number] = self._missed.get(number, 0) + 1
 
     def _log(self, line: str) -> None:
         if self._write_log is not None:

@@ -128,6 +128,10 @@ class OutputBuilder:
         """Forget the values that could be held."""
         self._last_current = None
 
+    def prepare(self, estimate: Estimate) -> None:
+        """Compute ahead what `build` needs of an estimate and takes longest."""
+        compute_target_slip(estimate.theta, self._share, self._slip_max)
+
     def build(
         self,
         status: Status,

@@ -92,9 +92,21 @@ class TimedBus:
         self.channel_info = bus.channel_info
         self.delays_us, self.received, self.sent = [], 0, 0
         self._came_ns = None
+        self._settled_s, self._since = 0.0, None
+
+    def settle(self, seconds):
+        """Leave out the first seconds from now on in `cpu_share`."""
+        self._settled_s = time.perf_counter() + seconds
+
+    def cpu_share(self):
+        """Share of a core that this process took since it settled."""
+        wall, cpu = self._since
+        return (time.process_time() - cpu) / (time.perf_counter() - wall)
 
     def recv(self, timeout):
         message = self.bus.recv(timeout)
+        if self._since is None and time.perf_counter() > self._settled_s:
+            self._since = time.perf_counter(), time.process_time()
         self._came_ns = None if message is None else time.perf_counter_ns()
         self.received += message is not None
         return message

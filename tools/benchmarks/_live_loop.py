@@ -106,13 +106,12 @@ def main():
     if options.play:
         play_beside(bus, drive_frames(options.seconds, 0.0))
     print("ready", flush=True)
-    wall, cpu = time.perf_counter(), time.process_time()
+    timed.settle(SETTLED_S)
     figures = LOOPS[options.loop](timed, config, options.seconds)
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     skipped = round(SETTLED_S / 0.02)
     delays = timed.delays_us[skipped:] or [float("nan")]
     figures |= {
-        "cpu": cpu / wall,
+        "cpu": timed.cpu_share(),
         "received": timed.received,
         "sent": timed.sent,
         "p50_us": float(np.quantile(delays, 0.5)),
