@@ -311,6 +311,15 @@ def test_the_three_must_be_consecutive(between):
     assert supervision.accept(third, t_us + 2 * CYCLE) is Rejection.ORDER
 
 
+def test_after_an_accepted_frame_three_take_over_anew():
+    supervision, t_us = started(0)
+    verdicts = [
+        supervision.accept(n, t_us + i * CYCLE) for i, n in enumerate((8, 9, 1, 10, 11, 12))
+    ]
+    order = Rejection.ORDER
+    assert verdicts == [order, order, None, order, order, None]
+
+
 def test_a_stuck_counter_is_never_taken_over():
     supervision, t_us = started(6)
     verdicts = {supervision.accept(6, t_us + i * CYCLE) for i in range(50)}
@@ -478,6 +487,15 @@ def test_supervision_at_once_over_every_short_sequence():
         outcome, lost = many.accept_all(row, stamps, np.ones(5, dtype=bool))
         assert (outcome.tolist(), lost.tolist()) == wanted
         assert asdict(many) == asdict(single)
+
+
+def test_damaged_frames_at_the_edges_of_blocks_end_the_run_of_a_new_count():
+    """Wherever a block ends between the frames of a new count, and whichever frames are damaged."""
+    counts = np.array([0, 8, 9, 10, 11, 12, 13], dtype=np.uint8)
+    stamps = np.arange(7, dtype=np.int64) * CYCLE
+    for damaged in product((True, False), repeat=6):
+        for cut in range(1, 7):
+            check_at_once(counts, stamps, np.array([True, *damaged]), CYCLE, [cut])
 
 
 @pytest.mark.parametrize("wait", [CYCLE, 10 * CYCLE - 1, 10 * CYCLE, 10 * CYCLE + 1, -CYCLE])
