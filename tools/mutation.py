@@ -177,7 +177,9 @@ class Session:
     def _forget_survivors(self) -> None:
         # Cosmic Ray has no function that takes a result back.
         with closing(sqlite3.connect(self._database)) as database, database:
-            database.execute("DELETE FROM work_results WHERE test_outcome = 'SURVIVED'")
+            database.execute(
+                "DELETE FROM work_results WHERE test_outcome = 'SURVIVED' OR output = 'timeout'"
+            )
 
     def _cosmic_ray(self, *arguments: str | Path) -> None:
         done = subprocess.run(["cosmic-ray", *map(str, arguments)], cwd=COPY, check=False)
@@ -231,7 +233,7 @@ def main() -> int:
     by_name = {Path(module).stem: module for module in settings["tests"]}
     parser = argparse.ArgumentParser(prog="tools/mutation", description=__doc__)
     parser.add_argument("modules", nargs="*", metavar="MODULE", help=", ".join(by_name))
-    parser.add_argument("--survivors", action="store_true", help="only what survived before")
+    parser.add_argument("--survivors", action="store_true", help="only what survived or timed out before")
     parser.add_argument("--print", action="store_true", help="what there is, without a run")
     options = parser.parse_args()
     for name in set(options.modules) - set(by_name):
