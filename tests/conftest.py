@@ -5,12 +5,20 @@ import signal
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 
 settings.register_profile(
     "quiet", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
 )
 settings.load_profile("quiet")
+# For tools/mutation: the same examples in each run, and no search for the smallest one that fails.
+settings.register_profile(
+    "mutation",
+    settings.get_profile("quiet"),
+    derandomize=True,
+    phases=(Phase.explicit, Phase.generate),
+    report_multiple_bugs=False,
+)
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -8,7 +8,7 @@ from math import inf
 from adhesion_can.config import Configuration
 from adhesion_can.physics.burckhardt import slip_at_share
 from adhesion_can.physics.doubt import Doubt
-from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.readings import Role
 from adhesion_can.service.states import VALUES, Status, Values
 
@@ -173,10 +173,5 @@ class OutputBuilder:
 
 
 def _without_confidence(estimate: Estimate) -> Estimate:
-    """The estimate as one whose peak is not identifiable."""
-    return replace(
-        estimate,
-        mu_max_std=inf,
-        lambda_m_std=inf,
-        identifiable=Identifiable(mu_max=False, lambda_m=False),
-    )
+    """The estimate as it is sent where its peak is not identifiable."""
+    return replace(estimate, mu_max_std=inf, lambda_m_std=inf)

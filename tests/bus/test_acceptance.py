@@ -1,6 +1,6 @@
 """Checks of frames: each option of the policy, and columns equal to frame by frame."""
 
-from dataclasses import fields, replace
+from dataclasses import FrozenInstanceError, fields, replace
 
 import numpy as np
 import pytest
@@ -125,6 +125,18 @@ def outcome(policy, data, *, data_id=None, size=4):
 def test_each_option_switches_one_check(policy, option, data, reason):
     assert outcome(replace(policy, **{option: True}), data) is reason
     assert outcome(replace(policy, **{option: False}), data) is None
+
+
+def test_a_decoder_that_reports_no_fault_is_believed():
+    strict = AcceptancePolicy(**{f.name: True for f in fields(AcceptancePolicy)})
+    acceptance = MessageAcceptance(strict, 4, None, CYCLE)
+    frame = Frame(0, 0x100, bytes(4))
+    assert accept_frame(acceptance, frame, lambda _: DecodedFrame("values")) == "values"
+
+
+def test_a_policy_that_all_messages_share_cannot_be_changed():
+    with pytest.raises(FrozenInstanceError):
+        SERVICE_POLICY.check_range = False
 
 
 @pytest.mark.parametrize("policy", [SERVICE_POLICY, CONVERT_POLICY])

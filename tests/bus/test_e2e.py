@@ -13,6 +13,7 @@ from adhesion_can.bus.e2e import (
     CounterSupervision,
     checksum_ok,
     checksums_ok,
+    counter_column,
     protect,
 )
 from adhesion_can.bus.rejection import REJECTIONS, Rejection
@@ -310,6 +311,15 @@ def test_the_three_must_be_consecutive(between):
     assert supervision.accept(third, t_us + 2 * CYCLE) is Rejection.ORDER
 
 
+def test_after_an_accepted_frame_three_take_over_anew():
+    supervision, t_us = started(0)
+    verdicts = [
+        supervision.accept(n, t_us + i * CYCLE) for i, n in enumerate((8, 9, 1, 10, 11, 12))
+    ]
+    order = Rejection.ORDER
+    assert verdicts == [order, order, None, order, order, None]
+
+
 def test_a_stuck_counter_is_never_taken_over():
     supervision, t_us = started(6)
     verdicts = {supervision.accept(6, t_us + i * CYCLE) for i in range(50)}
@@ -358,6 +368,15 @@ def test_every_single_flipped_bit_is_seen_at_once():
     flipped = np.array([[body ^ (1 << bit)] for bit in range(64)], dtype=np.uint64)
     assert not checksums_ok(flipped, 8, 0x1234).any()
     assert checksums_ok(np.array([[body]], dtype=np.uint64), 8, 0x1234).all()
+
+
+def test_counters_at_once_are_the_low_nibble_of_byte_1():
+    rows = [
+        bytes([0xA5, high << 4 | low, 0x3C]) + bytes(6) for high in (0, 15) for low in range(16)
+    ]
+    found = counter_column(as_words(rows, 2))
+    assert found.dtype == np.uint8
+    assert found.tolist() == [*range(16)] * 2
 
 
 def one_by_one(supervision, counts, t_us, sound):
@@ -425,6 +444,26 @@ def test_supervision_at_once_equals_one_by_one_at_length(sequence, first, cycle,
     check_at_once(*columns_of(sequence, first), cycle, cuts)
 
 
+def test_frames_that_are_in_order_are_judged_at_once(monkeypatch):
+    """Lost frames, pauses and frames damaged elsewhere are no reason to go one by one: a recording
+    of hours would take minutes."""
+    steps = np.array([0, *[1, 1, 2, 3] * 50, 7, *[1] * 50])
+    waits = np.where(steps == 7, 10 * CYCLE, CYCLE)
+    counts, stamps = (np.cumsum(steps) % 15).astype(np.uint8), np.cumsum(waits)
+    sound = np.arange(len(counts)) % 40 != 21
+    expected = one_by_one(CounterSupervision(CYCLE), counts, stamps, sound)
+
+    def refuse(*_):
+        raise AssertionError("judged by itself")
+
+    monkeypatch.setattr(CounterSupervision, "accept", refuse)
+    many = CounterSupervision(CYCLE)
+    begin, end = (many.accept_all(counts[p], stamps[p], sound[p]) for p in (np.s_[:90], np.s_[90:]))
+    outcome, lost = (np.concatenate(pair).tolist() for pair in zip(begin, end, strict=True))
+    assert (outcome, lost) == expected
+    assert many.lost == sum(lost) > 100
+
+
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("rate", [0.0, 0.001, 0.3])
 def test_supervision_at_once_over_a_long_run_with_faults(seed, rate):
@@ -448,6 +487,15 @@ def test_supervision_at_once_over_every_short_sequence():
         outcome, lost = many.accept_all(row, stamps, np.ones(5, dtype=bool))
         assert (outcome.tolist(), lost.tolist()) == wanted
         assert asdict(many) == asdict(single)
+
+
+def test_damaged_frames_at_the_edges_of_blocks_end_the_run_of_a_new_count():
+    """Wherever a block ends between the frames of a new count, and whichever frames are damaged."""
+    counts = np.array([0, 8, 9, 10, 11, 12, 13], dtype=np.uint8)
+    stamps = np.arange(7, dtype=np.int64) * CYCLE
+    for damaged in product((True, False), repeat=6):
+        for cut in range(1, 7):
+            check_at_once(counts, stamps, np.array([True, *damaged]), CYCLE, [cut])
 
 
 @pytest.mark.parametrize("wait", [CYCLE, 10 * CYCLE - 1, 10 * CYCLE, 10 * CYCLE + 1, -CYCLE])

@@ -1,9 +1,16 @@
 """What the output messages say of themselves."""
 
+
 import pytest
 
 from adhesion_can.bus.database import OUTPUT_MESSAGES, load_database
-from adhesion_can.service.output_messages import SETPOINT, OutputMessages
+from adhesion_can.errors import DatabaseError
+from adhesion_can.physics.doubt import Doubt
+from adhesion_can.service.output_messages import SETPOINT, Health, OutputMessages
+from adhesion_can.service.outputs import Outputs, Setpoint
+from adhesion_can.service.states import Status
+from tests.bus.bus_helpers import DBC, e2e_checksum
+from tests.wire import decoded
 
 CONTRACT = {
     "AdhesionSetpoint": (0x201, 20),
@@ -40,3 +47,118 @@ def test_they_are_in_ascending_order_of_their_ids(messages):
 def test_each_id_has_its_name(messages):
     for name, (number, _) in CONTRACT.items():
         assert messages.find_name(number) == name
+
+
+HEALTH = Health(rejected=7, lost=3, loop_time_p99_us=1250.0)
+AXLES = {axle: Setpoint(0.1 * axle, 0.01 * axle, 0.5 * axle) for axle in (1, 2, 6)}
+FULL = Outputs(
+    Status.SURFACE_CHANGE,
+    Setpoint(0.373, 0.073, 0.42),
+    AXLES,
+    (0.4, 60.0, 0.3),
+    mu_max_std=0.001,
+    lambda_m_std=0.002,
+    surface_age_s=12.5,
+    doubt=Doubt.AXLE_LOAD,
+)
+
+
+def signals(messages, name, outputs=FULL, health=HEALTH):
+    """Signals of each frame of a message, without counter and checksum; None: not available."""
+    found = []
+    for frame in messages.compose(name, 0, outputs, health):
+        values = decoded(frame)
+        own = {key: values[key] for key in values if key not in ("Checksum", "Counter", "CRC")}
+        found.append({k: None if str(v) == "not available" else v for k, v in own.items()})
+    return found
+
+
+def subset(found, wanted):
+    return {key: found[key] for key in wanted}
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("AdhesionSetpoint", {"MuMax": 0.373, "LambdaM": 0.073, "CreepSpeedSetpoint": 0.42}),
+        ("AdhesionModel", {"C1": 0.4, "C2": 60.0, "C3": 0.3}),
+        ("AdhesionQuality", {"MuMaxStd": 0.001, "LambdaMStd": 0.002, "SurfaceAge": 12.5}),
+        ("ServiceStatus", {"FramesRejected": 7, "FramesLost": 3, "LoopTimeP99": 1250.0}),
+    ],
+)
+def test_each_signal_carries_its_own_number(messages, name, wanted):
+    (found,) = signals(messages, name)
+    assert subset(found, wanted) == pytest.approx(wanted, rel=0.01)
+    (empty,) = signals(messages, name, Outputs(), Health(0, 0, None))
+    counts = {"FramesRejected": 0, "FramesLost": 0}
+    assert subset(empty, wanted) == {key: counts.get(key) for key in wanted}
+
+
+def test_status_and_doubt_go_out_by_their_names(messages):
+    assert str(signals(messages, "AdhesionSetpoint")[0]["Status"]) == "SURFACE_CHANGE"
+    assert str(signals(messages, "ServiceStatus")[0]["State"]) == "SURFACE_CHANGE"
+    assert str(signals(messages, "AdhesionQuality")[0]["Doubt"]) == "axle load"
+
+
+def test_six_axles_in_turn_and_those_without_a_setpoint_are_not_available(messages):
+    frames = signals(messages, "AxleSetpoint")
+    assert [frame["Axle"] for frame in frames] == [1, 2, 3, 4, 5, 6]
+    for axle, frame in enumerate(frames, 1):
+        found = [frame[f"{key}_Ax{axle}"] for key in ("MuMax", "LambdaM", "CreepSpeedSetpoint")]
+        point = AXLES.get(axle, Setpoint())
+        expected = [point.mu_max, point.lambda_m, point.creep_speed]
+        assert found == (expected if axle not in AXLES else pytest.approx(expected, rel=0.01))
+
+
+def test_each_message_counts_by_itself_from_0_to_14_and_again(messages):
+    for name in ("AdhesionModel", "ServiceStatus"):
+        counts = [messages.compose(name, t, FULL, HEALTH)[0].data[1] & 15 for t in range(32)]
+        assert counts == [t % 15 for t in range(32)]
+    (frame,) = messages.compose("AdhesionModel", 4711, FULL, HEALTH)
+    assert (frame.t_us, frame.arbitration_id, frame.is_extended) == (4711, 0x202, False)
+
+
+# --- databases of the user's own
+
+
+def with_changes(tmp_path, *changes):
+    text = DBC.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "mine.dbc").write_text(text)
+    return OutputMessages(load_database(tmp_path / "mine.dbc"), ())
+
+
+def test_ids_of_a_user_set_the_order_and_are_found_by_their_names(tmp_path):
+    """The setpoint behind all others, and with 29 bits."""
+    number = 0x18FF0601
+    mine = with_changes(tmp_path, (" 513 ", f" {number | 1 << 31} "))
+    assert list(mine.cycles_us) == [*list(CONTRACT)[1:], SETPOINT]
+    assert (number, True) in mine.ids
+    assert (0x201, False) not in mine.ids
+    for name, found in mine.ids_by_name.items():
+        assert mine.find_name(found) == name
+    (frame,) = mine.compose(SETPOINT, 0, FULL, HEALTH)
+    assert (frame.arbitration_id, frame.is_extended) == (number, True)
+
+
+@pytest.mark.parametrize("data_id", [0, 0x1234])
+def test_a_data_id_that_the_database_states_protects_the_frame(tmp_path, data_id):
+    mine = with_changes(
+        tmp_path, ('BA_ "E2EDataId" BO_ 513 513;', f'BA_ "E2EDataId" BO_ 513 {data_id};')
+    )
+    (frame,) = mine.compose(SETPOINT, 0, FULL, HEALTH)
+    assert frame.data[0] == e2e_checksum(data_id, frame.data)
+
+
+def test_a_doubt_beside_a_signal_that_is_missing_is_no_excuse_for_it(tmp_path):
+    with pytest.raises(DatabaseError, match="AdhesionQuality: no signal SurfaceAge"):
+        with_changes(tmp_path, (" SurfaceAge ", " Age "))
+    with pytest.raises(DatabaseError, match="ServiceStatus: no signal FramesLost, State"):
+        with_changes(tmp_path, (" FramesLost ", " Lost "), (" State ", " Mode "))
+
+
+def test_outputs_are_those_of_the_package_where_the_user_defines_not_all_of_them(tmp_path):
+    mine = with_changes(tmp_path, (" 513 ", " 1537 "), ("AxleSetpoint:", "Axles:"))
+    assert mine.ids_by_name[SETPOINT] == 0x201

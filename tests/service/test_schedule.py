@@ -29,6 +29,16 @@ def test_messages_due_together_come_in_the_given_order():
     assert schedule.pop_due(120) == ["first", "second", "third"]
 
 
+def test_a_due_time_that_was_passed_over_is_not_skipped():
+    """The core pops each due time by itself: what is overdue waits for its own time."""
+    schedule = Schedule({"a": 20})
+    schedule.start(100)
+    assert schedule.pop_due(105) == []
+    assert schedule.next_due_us == 100
+    assert schedule.pop_due(100) == ["a"]
+    assert schedule.next_due_us == 120
+
+
 @given(CYCLES_US, st.integers(0, 10**12), st.integers(0, 300))
 def test_every_message_is_due_at_t0_plus_multiples_of_its_cycle(cycles_us, t0_us, span_us):
     schedule = Schedule(cycles_us)

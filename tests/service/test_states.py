@@ -1,9 +1,10 @@
 """Priorities of the conditions, and the timers of the status machine."""
 
-from dataclasses import replace
+from dataclasses import FrozenInstanceError, replace
 
 import pytest
 
+from adhesion_can.bus.database import load_database
 from adhesion_can.config import ServiceSettings
 from adhesion_can.physics.estimate import Identifiable
 from adhesion_can.service.states import (
@@ -46,12 +47,39 @@ def test_every_status_has_a_row_and_an_origin_of_its_values():
     assert sorted(row.status for row in TRANSITIONS) == sorted(Status) == sorted(VALUES)
 
 
+def test_each_status_has_the_number_that_the_database_gives_it():
+    for message, signal in (("AdhesionSetpoint", "Status"), ("ServiceStatus", "State")):
+        names = load_database().message(message).get_signal_by_name(signal).choices
+        assert {status.value: status.name for status in Status} == {
+            number: str(name) for number, name in names.items()
+        }
+
+
+def test_a_condition_that_nobody_states_does_not_hold():
+    assert select_status(Conditions()) is Status.TRACKING
+    assert select_status(Conditions(low_excitation=True)) is Status.LOW_EXCITATION
+
+
+def test_conditions_stay_as_they_were_judged():
+    with pytest.raises(FrozenInstanceError):
+        Conditions().fault = True
+
+
 def test_without_an_estimate_the_status_is_init_and_with_one_tracking():
     assert status(machine(), 0, None) is Status.INIT
     assert status(machine(), 0) is Status.TRACKING
     assert status(machine(), 0, VAGUE) is Status.LOW_EXCITATION
     assert status(machine(), 0, speed_derived=True) is Status.LOW_EXCITATION
     assert status(StatusMachine(SETTINGS), 0) is Status.LOW_EXCITATION
+
+
+def test_a_fault_is_held_for_a_second():
+    """As docs/architecture.md has it: fifty setpoints, of which a receiver may miss some."""
+    assert FAULT_HOLD_US == 1_000_000
+
+
+def test_a_machine_begins_without_a_fault_from_the_stamp_0_on():
+    assert status(StatusMachine(SETTINGS), 0, None) is Status.INIT
 
 
 def test_a_fault_is_held_for_its_time_even_over_a_restart():
@@ -70,6 +98,8 @@ def test_values_may_be_held_from_the_first_stale_due_time_on():
     assert one.may_hold(1_019_999)
     assert status(one, 1_020_000, stale=True) is Status.STALE_INPUT
     assert not one.may_hold(1_020_000)
+    assert not one.may_hold(1_020_001), "what went out as not available does not come back"
+    assert not one.may_hold(3_600_000_000)
     status(one, 1_040_000)
     status(one, 1_060_000, stale=True)
     assert one.may_hold(1_060_000)
@@ -90,6 +120,13 @@ def test_a_change_ends_with_its_time_or_a_known_peak():
     one.add_estimate(7_200_000, changed)
     one.discard_estimate()
     assert status(one, 7_200_000) is Status.TRACKING
+
+
+@pytest.mark.parametrize(("probability", "changed"), [(0.49, False), (0.5, True), (0.9, True)])
+def test_a_change_counts_from_even_odds_on(probability, changed):
+    one = machine()
+    one.add_estimate(0, replace(VAGUE, change_probability=probability))
+    assert status(one, 0) is (Status.SURFACE_CHANGE if changed else Status.TRACKING)
 
 
 def test_old_samples_are_low_excitation():
