@@ -38,7 +38,7 @@ COLUMNS = (
     " (000.000250)  can0  123   [0]  remote request",
     "  can0  123   [2]  11 22",
 )
-DBC = '''VERSION ""
+DBC = """VERSION ""
 NS_ :
 BS_:
 BU_: A B
@@ -56,26 +56,26 @@ BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
 BA_DEF_DEF_ "E2EDataId" 0;
 BA_ "E2EDataId" BO_ 256 257;
 VAL_ 256 Mux 0 "zero" 1 "one" ;
-'''
-FAULTY = '''VERSION ""
+"""
+FAULTY = """VERSION ""
 BO_ 256 M: 1 A
  SG_ S : 60|16@1- (1,0) [0|0] "" B
 BO_ 257 N: 8 A
  SG_ S : 0|8@1+ (1,0) [0|0] "" B
  SG_ S : 8|8@1+ (1,0) [0|0] "" B
-'''
-KCD = '''<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0"><Document/><Bus name="b">
+"""
+KCD = """<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0"><Document/><Bus name="b">
 <Message id="0x1" length="8" name="M"><Signal name="S" offset="8" length="16">
-<Value slope="0.5" unit="V"/></Signal></Message></Bus></NetworkDefinition>'''
-SYM = '''FormatVersion=6.0 // Do not edit this line!
+<Value slope="0.5" unit="V"/></Signal></Message></Bus></NetworkDefinition>"""
+SYM = """FormatVersion=6.0 // Do not edit this line!
 Title="t"
 {SENDRECEIVE}
 [M]
 ID=100h
 Len=8
 Var=S unsigned 0,16 /f:0.5
-'''
-CONFIGURATION = '''estimator = "tracker"
+"""
+CONFIGURATION = """estimator = "tracker"
 [vehicle]
 axles = 2
 wheel_radius_m = [0.46, 0.46]
@@ -93,8 +93,8 @@ database = "fuzz.dbc"
 vehicle_speed = { signal = "VehicleSpeed.VehicleSpeed", unit = "km/h", cycle_ms = 20 }
 "wheel_speed.1" = { signal = "WheelSpeeds1.WheelSpeed_Ax1", channel = "can0", unit = "rpm" }
 "tractive_effort.1" = { signal = "TractiveEffort1.TractiveEffort_Ax1", sign = -1, protection = "none" }
-'''
-SETTINGS = '''[service]
+"""
+SETTINGS = """[service]
 hold_s = 2.0
 restart_s = 30
 [table]
@@ -104,7 +104,7 @@ wind = { signal = "Environment.AirTemperature" }
 [tracker]
 [identifiability]
 [sampling]
-'''
+"""
 HEADING = "time_s,slip,adhesion,speed_mps,axle,surface\n"
 ROWS = "".join(f"{0.1 * i:.1f},{0.01 * i},{0.03 * i:.2f},10,{1 + i % 2},dry\n" for i in range(6))
 GERMAN = "t [ms];kappa;Fx [kN];Fz [N]\n0;1,5;3,2;100000\n10;2,5;4,2;100000\n"

@@ -33,9 +33,7 @@ def service(data):
     choices = Octets(data)
     size = 1 + choices.below(100)
     whole = Block.from_frames(items) if items else None
-    blocks = [
-        whole.select(slice(begin, begin + size)) for begin in range(0, len(items), size)
-    ]
+    blocks = [whole.select(slice(begin, begin + size)) for begin in range(0, len(items), size)]
     _, again = _played(replay_blocks, blocks)
     assert again == sent
 

@@ -27,7 +27,7 @@ def configuration(data):
     """A configuration file: settings for a vehicle that has axles and wheels."""
     found = value_or_refusal(load_configuration, file_of("fuzz.toml", data))
     if found is not None:
-        assert 1 <= found.vehicle.axles
+        assert found.vehicle.axles >= 1
         value_or_refusal(found.require_identification)
 
 
