@@ -1,4 +1,4 @@
-"""The rule of every target: a value, or an error of the project that says what, where and how to mend it.
+"""The rule of every target: a value, or an error of the project with what, where and the mend.
 
 Any other exception, a wrong answer, a hang or a heap of memory is a finding.
 """
@@ -29,13 +29,17 @@ def value_or_refusal(call, *arguments, own=(), **options):
     """
     try:
         return call(*arguments, **options)
-    except InputError as error:
-        for name in ("where", "what", "mend"):
-            assert getattr(error, name).strip(), f"{error!r} has no {name}"
-        assert "\n" not in str(error), "an error is one line"
-    except own as error:
-        assert str(error).strip(), f"{error!r} says nothing"
-    return None
+    except (InputError, *own) as error:
+        _require_mend(error)
+        return None
+
+
+def _require_mend(error):
+    """Every part of an error is there, on one line."""
+    for name in ("where", "what", "mend") if isinstance(error, InputError) else ():
+        assert getattr(error, name).strip(), f"{error!r} has no {name}"
+    assert str(error).strip(), f"{error!r} says nothing"
+    assert "\n" not in str(error) or not isinstance(error, InputError), "more than a line"
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The corpus of tools/fuzz, played again without a fuzzer: seeds, and inputs that once broke the rule."""
+"""The corpus of tools/fuzz without a fuzzer: seeds, and inputs that once broke the rule."""
 
 import resource
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Seeds of the corpus, from the project's own writers, databases and documents: small and of every form.
+"""Seeds of the corpus, from the project's own writers and by hand: small and of every form.
 
 `python tools/fuzzing/seeds.py` writes them to `tests/fuzz/corpus`.
 """
@@ -8,8 +8,7 @@ import json
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from adhesion_can.bus.frame import ADVANCE, STOP, Frame, Mark
 from adhesion_can.config.model_file import model_text
@@ -22,6 +21,7 @@ from adhesion_can.recordings.candump import format_frame, format_mark
 from adhesion_can.service.kept_state import KeptState, KeptSurface, state_to_text
 from tests.wire import Bench
 
+ROOT = Path(__file__).resolve().parents[2]
 FRAMES = (
     Frame(1_700_000_000_123_456, 0x101, bytes(range(8)), "can0"),
     Frame(1_700_000_000_133_456, 0x18FEF100, b"\xff\x01", "vcan1", is_extended=True),
@@ -92,7 +92,7 @@ database = "fuzz.dbc"
 [roles]
 vehicle_speed = { signal = "VehicleSpeed.VehicleSpeed", unit = "km/h", cycle_ms = 20 }
 "wheel_speed.1" = { signal = "WheelSpeeds1.WheelSpeed_Ax1", channel = "can0", unit = "rpm" }
-"tractive_effort.1" = { signal = "TractiveEffort1.TractiveEffort_Ax1", sign = -1, protection = "none" }
+"tractive_effort.1" = { signal = "TractiveEffort1.TractiveEffort_Ax1", sign = -1 }
 """
 SETTINGS = """[service]
 hold_s = 2.0

@@ -42,7 +42,7 @@ _OPERATORS: Mapping[type[ast.operator], Callable[[Value, Value], Value]] = {
 _LONGEST = 500
 """Most characters of an expression: a longer one is no formula that a reader would follow."""
 _DEEPEST = 100
-"""Most operations within each other: each takes two calls to be evaluated, of the 1000 of Python."""
+"""Most operations within each other: each takes two of the 1000 calls that Python allows."""
 
 
 class ExpressionError(ValueError):
