@@ -6,7 +6,13 @@ from typing import NamedTuple
 from cantools.database.can import Message
 
 from adhesion_can.bus.codec import MessagePlan
-from adhesion_can.bus.database import OUTPUT_MESSAGES, CanDatabase, e2e_data_id, load_database
+from adhesion_can.bus.database import (
+    OUTPUT_MESSAGES,
+    CanDatabase,
+    cycle_us,
+    e2e_data_id,
+    load_database,
+)
 from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import BoundMessage
@@ -45,7 +51,7 @@ class _Encoder:
 
     def __init__(self, message: Message) -> None:
         self.plan = MessagePlan(message)
-        self.cycle_us = int(message.cycle_time or 0) * 1000
+        self.cycle_us = cycle_us(message) or 0
         data_id = e2e_data_id(message)
         self._data_id = message.frame_id if data_id is None else data_id
         self._count = 0
@@ -73,7 +79,7 @@ def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
                 f"no signal {', '.join(sorted(missing))}",
                 "take the message over from our own database, or leave all output messages out",
             )
-        if not message.cycle_time:
+        if cycle_us(message) is None:
             raise DatabaseError(
                 f"{database.path.name}: {name}", "its cycle is unknown", "state GenMsgCycleTime"
             )
