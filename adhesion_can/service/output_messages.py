@@ -17,7 +17,7 @@ from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import BoundMessage
 from adhesion_can.errors import ConfigError, DatabaseError
-from adhesion_can.physics.doubt import Doubt
+from adhesion_can.service.output_layout import require_layout
 from adhesion_can.service.outputs import Outputs, Setpoint
 
 SETPOINT = "AdhesionSetpoint"
@@ -64,15 +64,13 @@ class _Encoder:
 
 
 def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
-    """Raise a DatabaseError where the user's output messages lack a signal or a cycle of ours."""
+    """Raise a DatabaseError where the user's output messages cannot carry what ours do."""
     for name in OUTPUT_MESSAGES:
         message = database.message(name)
         present = {s.name for s in message.signals}
         missing = {s.name for s in own.message(name).signals} - present
         if name == QUALITY:
             missing.discard(DOUBT)
-            if DOUBT in present:
-                _require_doubt_fits(database, message)
         if missing:
             raise DatabaseError(
                 f"{database.path.name}: {name}",
@@ -83,21 +81,7 @@ def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
             raise DatabaseError(
                 f"{database.path.name}: {name}", "its cycle is unknown", "state GenMsgCycleTime"
             )
-
-
-def _require_doubt_fits(database: CanDatabase, message: Message) -> None:
-    """Raise a DatabaseError where a signal of the user would carry another doubt than the one sent.
-
-    Values beyond its range saturate: 'not available' would be the doubt with the highest number.
-    """
-    plan = MessagePlan(message).signals[DOUBT]
-    for doubt in Doubt:
-        if plan.value(plan.raw(plan.encode(float(doubt)))) != doubt:
-            raise DatabaseError(
-                f"{database.path.name}: {message.name}",
-                f"its signal {DOUBT} cannot carry {doubt.value}",
-                f"give it 4 bits without a sign, factor 1 and offset 0, or leave {DOUBT} out",
-            )
+        require_layout(message, own.message(name), f"{database.path.name}: {name}")
 
 
 class OutputMessages:
@@ -110,7 +94,7 @@ class OutputMessages:
 
     Raises:
         ConfigError: An output has the id of an input.
-        DatabaseError: The user's output messages lack a signal or a cycle.
+        DatabaseError: The user's output messages lack a signal or a cycle, or cannot carry a value.
 
     """
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from adhesion_can.bus.database import OUTPUT_MESSAGES, packaged_path
 from adhesion_can.bus.frame import ADVANCE, STOP, Frame, Mark
 from adhesion_can.config.model_file import model_text
 from adhesion_can.estimation.extended.model import BaseCurve, ExtendedModel
@@ -137,6 +138,20 @@ def model_texts() -> dict[str, str]:
     }
 
 
+def output_database() -> str:
+    """The output messages of our own database with their cycles."""
+    lines = packaged_path().read_text().splitlines()
+    kept, inside = ['VERSION ""'], False
+    for line in lines:
+        if line.startswith("BO_ "):
+            inside = line.split()[2].rstrip(":") in OUTPUT_MESSAGES
+        if inside and line.startswith(("BO_ ", " SG_ ")):
+            kept.append(line.replace(" ADHESION", " A").replace(" DRIVE,LOCO", " B"))
+    cycles = [line for line in lines if "GenMsgCycleTime" in line]
+    kept += [line for line in cycles if line.startswith("BA_DEF") or " BO_ 5" in line]
+    return "\n".join(kept) + "\n"
+
+
 def seeds() -> dict[str, dict[str, bytes]]:
     """Seeds by target and name."""
     lines = [(format_mark if isinstance(f, Mark) else format_frame)(f) for f in FRAMES]
@@ -158,6 +173,7 @@ def seeds() -> dict[str, dict[str, bytes]]:
             "gzip": b"\x20\x01" + gzip.compress(text, mtime=0),
         },
         "database": {"good": DBC.encode(), "faulty": FAULTY.encode()},
+        "outputs": {"own": output_database().encode()},
         "other_database": {"kcd": b"\0" + KCD.encode(), "sym": b"\x02" + SYM.encode()},
         "decoding": {
             "plain": bytes([0, 0, 8, 2, 1, 4, 255, 2]) * 6,

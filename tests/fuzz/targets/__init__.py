@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tests.fuzz.targets.candump import candump_line, candump_text
-from tests.fuzz.targets.databases import database, decoding, other_database
+from tests.fuzz.targets.databases import database, decoding, other_database, outputs
 from tests.fuzz.targets.frames import acceptance, counter, secoc
 from tests.fuzz.targets.service import service
 from tests.fuzz.targets.settings import configuration, formula, model, state
@@ -32,8 +32,9 @@ TARGETS = {
         Target(candump_text, 4000),
         Target(database, 4000),
         Target(other_database, 4000),
+        Target(outputs, 5000),
         Target(decoding, 200),
-        Target(acceptance, 1000),
+        Target(acceptance, 400),
         Target(counter, 300),
         Target(secoc, 200),
         Target(configuration, 4000),

@@ -3,6 +3,8 @@
 import math
 import struct
 from hashlib import shake_128
+from itertools import combinations
+from math import inf
 
 import numpy as np
 from cantools.database.can import Message, Signal
@@ -14,6 +16,9 @@ from adhesion_can.bus.database import load_database
 from adhesion_can.bus.decoder import Decoder
 from adhesion_can.bus.frame import MAX_PAYLOAD
 from adhesion_can.bus.signal_columns import MessageSignals
+from adhesion_can.service.output_messages import Health, OutputMessages
+from adhesion_can.service.outputs import Outputs, Setpoint
+from adhesion_can.service.states import Status
 from tests.fuzz.octets import Octets
 from tests.fuzz.rule import file_of, value_or_refusal
 
@@ -42,6 +47,21 @@ def other_database(data):
     found = value_or_refusal(load_database, path)
     if found is not None:
         value_or_refusal(Decoder, found)
+
+
+def outputs(data):
+    """A DBC with output messages of its own: refused, or every message is sent as long as it is."""
+    found = value_or_refusal(load_database, file_of("fuzz.dbc", data))
+    messages = found and value_or_refusal(OutputMessages, found, ())
+    if not messages:
+        return
+    point = Setpoint(0.3, 0.05, 0.5)
+    full = Outputs(Status.TRACKING, point, {1: point, 6: point}, (0.4, 30.0, 0.3), inf, 0.01, 1e9)
+    for name, cycle_us in messages.cycles_us.items():
+        assert cycle_us > 0
+        for content in (Outputs(), full):
+            for frame in messages.compose(name, 0, content, Health(10**9, 0, None)):
+                assert len(frame.data) == messages.sizes[name]
 
 
 def decoding(data):
@@ -79,8 +99,8 @@ def _require_same(message, payloads):
     undecodable = {}
     signals = MessageSignals(message, None, undecodable)
     assert all(reason.strip() for reason in undecodable.values())
-    if undecodable:
-        return  # cantools decodes a message as a whole
+    if undecodable or _has_overlap(message):
+        return  # cantools decodes a message as a whole, and no signals that share bits
     width = 1 if message.length <= 8 else 8
     padded = b"".join(payload.ljust(8 * width, b"\0") for payload in payloads)
     words = np.frombuffer(padded, "<u8").astype(np.uint64).reshape(-1, width)
@@ -103,11 +123,31 @@ def _require_same(message, payloads):
             assert _bits(signal.value_column(raw)[row].item()) == _bits(signal.value(one)), name
 
 
+def _has_overlap(message):
+    """Whether two signals of one byte order, and of one page, share bits."""
+    for one, other in combinations(message.signals, 2):
+        pages = [set(signal.multiplexer_ids or ()) for signal in (one, other)]
+        apart = one.multiplexer_signal == other.multiplexer_signal is not None and pages[
+            0
+        ].isdisjoint(pages[1])
+        if not apart and one.byte_order == other.byte_order and _bits_of(one) & _bits_of(other):
+            return True
+    return False
+
+
+def _bits_of(signal):
+    """Bits of a signal, counted along the payload in its byte order."""
+    start = signal.start
+    if signal.byte_order == "big_endian":
+        start = 8 * (start // 8) + 7 - start % 8
+    return ((1 << signal.length) - 1) << start
+
+
 def _by_cantools(message, payload):
     """Values by name; None where a multiplexer has a value that the database does not know."""
     try:
         return message.decode(payload, decode_choices=False, scaling=True)
-    except DecodeError:
+    except (DecodeError, ValueError, OverflowError):  # a multiplexer that is NaN or infinite
         return None
 
 
