@@ -87,5 +87,6 @@ def _require_places(plan: MessagePlan, signals: list[Signal], where: str) -> Non
 def _bits(plan: SignalPlan) -> int:
     """Bits of a signal in the payload read as one little-endian integer."""
     ones = plan.mask << plan.shift
-    order = "big" if plan.big_endian else "little"
-    return int.from_bytes(ones.to_bytes(plan.size, order), "little")
+    if plan.big_endian:
+        ones = int.from_bytes(ones.to_bytes(plan.size, "big"), "little")
+    return ones

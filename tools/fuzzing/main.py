@@ -33,7 +33,7 @@ class Outcome:
 
     Attributes:
         executions: Number of inputs that were tried.
-        coverage: Number of branches of the package that were seen; None where unknown.
+        coverage: Number of branches of the followed packages that were seen; None where unknown.
         per_s: Number of inputs a second.
         findings: Inputs that broke the rule.
         failed: Whether the fuzzer ended with an error and without an input.
@@ -53,6 +53,7 @@ def fuzz(name: str, options: argparse.Namespace) -> Outcome:
     (found / "corpus").mkdir(parents=True, exist_ok=True)
     before = set(found.iterdir())
     command = [sys.executable, str(ROOT / "tools" / "fuzzing" / "one_target.py"), name]
+    command += [",".join(TARGETS[name].followed)]
     command += [str(found / "corpus"), str(SEEDS / name)]
     command += [f"-artifact_prefix={found}/", f"-max_len={TARGETS[name].longest}"]
     command += [f"-rss_limit_mb={MOST_MIB}", f"-timeout={STANDSTILL_S}", f"-seed={options.seed}"]

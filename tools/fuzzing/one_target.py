@@ -1,4 +1,7 @@
-"""One target under atheris: `one_target.py TARGET [libFuzzer's options and folders]`."""
+"""One target under atheris: `one_target.py TARGET PACKAGES [libFuzzer's options and folders]`.
+
+PACKAGES are those whose branches guide the fuzzer, with commas between.
+"""
 
 import resource
 import signal
@@ -11,7 +14,7 @@ import atheris
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-with atheris.instrument_imports(include=["adhesion_can", "cantools", "textparser", "tomllib"]):
+with atheris.instrument_imports(include=sys.argv.pop(2).split(",")):
     from tests.fuzz.rule import LONGEST_S
     from tests.fuzz.targets import TARGETS
 

@@ -195,9 +195,9 @@ def seeds() -> dict[str, dict[str, bytes]]:
         },
         "choice": {"all": b"slip=kappa,unit=percent,sign=-1,late_s=0.5"},
         "service": {
-            "drive": bytes([100, 0, 2, 1, 0, 0, 1, 1]) * 3,
-            "marks": bytes([100, 0, 2, 1, 210, 224, 0, 50, 230, 2, 253, 0, 1, 1, 10, 230, 3]),
-            "sealed": bytes([10, 100, 0, *range(8), 10, 200, 1, 2, 3, 4, 8, *range(8)]) * 4,
+            "drive": bytes([7, 20, 100, 0, 2, 1, 0, 0, 1, 1]) * 3,
+            "marks": bytes([0, 3, 100, 0, 2, 1, 210, 224, 0, 50, 230, 2, 253, 0, 1, 1, 10, 230, 3]),
+            "sealed": bytes([0, 50, 10, 100, 0, *range(8), 10, 200, 1, 2, 3, 4, 8, *range(8)]) * 4,
         },
     }
 

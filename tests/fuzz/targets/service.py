@@ -1,5 +1,6 @@
 """The service on any frames and marks, frame by frame and in blocks."""
 
+from dataclasses import replace
 from functools import cache
 from math import isfinite
 
@@ -13,16 +14,20 @@ from tests.fuzz.octets import Octets
 from tests.wire import INPUTS, REQUIRED, Bench, decoded, seal_ok, sealed
 
 _NAMES = tuple(INPUTS)
-_DRIVE_US = 200_000
+_DRIVE_US = 100_000
 _LATEST_US = 1 << 62
-_MOST_ITEMS = 200
+_ESTIMATORS = (*["rls"] * 7, "tracker")  # the one of the service takes a hundred times as long
+_MOST_ITEMS = 100
 _MOST_SENT = 100_000
 
 
 def service(data):
     """Frames and marks at any times: valid answers, and the same of blocks as of single frames."""
-    items = list(_items(Octets(data)))
-    core, sent = _played(replay, items)
+    choices = Octets(data)
+    configuration = _configuration(choices.among(_ESTIMATORS))
+    size = 1 + choices.below(100)
+    items = list(_items(choices))
+    core, sent = _played(replay, items, configuration)
     setpoints = [frame for frame in sent if frame.arbitration_id == 0x201]
     assert len(sent) < _MOST_SENT
     assert all(map(seal_ok, sent))
@@ -30,23 +35,21 @@ def service(data):
         assert str(decoded(frame)["Status"]) in Status.__members__
     assert core.outputs.status in Status
     assert core.outputs.theta is None or all(map(isfinite, core.outputs.theta))
-    choices = Octets(data)
-    size = 1 + choices.below(100)
     whole = Block.from_frames(items) if items else None
     blocks = [whole.select(slice(begin, begin + size)) for begin in range(0, len(items), size)]
-    _, again = _played(replay_blocks, blocks)
+    _, again = _played(replay_blocks, blocks, configuration)
     assert again == sent
 
 
-def _played(run, items):
-    core, sent = ServiceCore(_configuration()), []
+def _played(run, items, configuration):
+    core, sent = ServiceCore(configuration), []
     run(items, core, sent.append)
     return core, sent
 
 
 @cache
-def _configuration():
-    return load_configuration()
+def _configuration(estimator):
+    return replace(load_configuration(), estimator=estimator)
 
 
 def _items(choices):
@@ -60,7 +63,7 @@ def _items(choices):
             for frame in _drive(choices.among((0.0, 0.01, 0.05, 0.3)), choices.among((0.0, 0.3))):
                 yield _sealed(frame, t_us + frame.t_us, counts)
             t_us += _DRIVE_US
-            left -= 20
+            left -= 10
         elif kind < 192:
             name = choices.among(_NAMES)
             yield _sealed(Frame(0, INPUTS[name], choices.take(8)), t_us, counts)
@@ -86,13 +89,13 @@ def _later(choices, t_us):
     if code < 252:
         return t_us + (code - 199) * 5_000
     if code < 254:
-        return t_us + (code - 251) * 40_000_000  # a silence of 40 s, or a hole of 80 s
+        return t_us + (code - 252) * 60_000_000 + 3_000_000  # a silence of 3 s, or a hole
     return min(choices.number(8) >> choices.below(64), _LATEST_US // 1000)
 
 
 @cache
 def _drive(slip, adhesion):
-    """Frames of a steady drive of 0.2 s from time 0 on."""
+    """Frames of a steady drive of 0.1 s from time 0 on."""
     bench = Bench()
     names = (*REQUIRED, "AxleLoads1", "AxleLoads2")
     return tuple(bench.drive(0, _DRIVE_US, names, slip=slip, adhesion=adhesion))
