@@ -151,7 +151,18 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
         ) from error
     if not isinstance(found, Database):
         raise DatabaseError(str(path), "a diagnostics database, not a CAN database", "give a .dbc")
+    _require_messages(found, path)
     return CanDatabase(path, sha256(content).hexdigest(), found, left_out)
+
+
+def _require_messages(db: Database, path: Path) -> None:
+    """DatabaseError where a message has an id or a length below 0, which cantools lets pass."""
+    for message in db.messages:
+        for what, number in (("id", message.frame_id), ("length", message.length)):
+            if number < 0:
+                raise DatabaseError(
+                    f"{path}: {message.name}", f"its {what} is {number}", "write 0 or more"
+                )
 
 
 def _content(path: Path) -> bytes:
@@ -214,7 +225,7 @@ def e2e_data_id(message: Message) -> int | None:
 
 def cycle_us(message: Message) -> int | None:
     """Cycle of a message, µs; None where the database states none from 1 µs to a day."""
-    cycle_ms = message.cycle_time or 0
-    if not 0 < cycle_ms <= LONGEST_CYCLE_MS:
+    cycle_ms: object = message.cycle_time  # of the type that the attribute has
+    if not isinstance(cycle_ms, int | float) or not 0 < cycle_ms <= LONGEST_CYCLE_MS:
         return None
     return round(cycle_ms * 1000) or None

@@ -251,7 +251,9 @@ class _Selection:
             self._values[name] = self._selectors.signals[name].values(self._words)
         values = self._values[name]
         if values.dtype == np.float64:
-            return np.isin(np.trunc(values), np.array(list(ids), dtype=np.float64))
+            with np.errstate(invalid="ignore"):  # NaN selects nothing
+                whole = np.trunc(values)
+            return np.isin(whole, np.array(list(ids), dtype=np.float64))
         return among(cast(Raw, values), ids)
 
 

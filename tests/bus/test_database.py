@@ -348,6 +348,26 @@ def test_identifiers_that_would_fill_the_memory_are_refused(tmp_path):
         load_database(stranger(tmp_path, text, "sym"))
 
 
+@pytest.mark.parametrize(
+    ("text", "suffix", "what"),
+    [
+        ('FormatVersion=6.0 // x\nTitle="t"\n{SENDRECEIVE}\n[M]\nID=-100h\nLen=8\n', "sym", "id"),
+        (MESSAGE.replace("M: 8", "M: -8"), "dbc", "length"),
+    ],
+)
+def test_a_message_with_a_number_below_0_is_refused(tmp_path, text, suffix, what):
+    with pytest.raises(DatabaseError, match=f"M: its {what} is -"):
+        load_database(stranger(tmp_path, text, suffix))
+
+
+def test_a_cycle_in_words_is_none(tmp_path):
+    text = with_attribute("GenMsgCycleTime", "STRING", '"20 ms"').replace(" 0 0;", " ;")
+    text = text.replace('"GenMsgCycleTime" 0;', '"GenMsgCycleTime" "";')
+    (message,) = load_database(stranger(tmp_path, text)).db.messages
+    assert message.cycle_time == "20 ms"
+    assert cycle_us(message) is None
+
+
 def test_a_device_is_no_database():
     with pytest.raises(DatabaseError, match="a pipe or a device"):
         load_database(Path("/dev/zero"))

@@ -308,3 +308,13 @@ def test_a_limit_beyond_all_numbers_is_no_limit():
     text = f'BO_ 256 M: 8 A\n SG_ S : 0|8@1+ (1,0) [-{10**400}|{10**400}] "" B\n'
     known = CanDatabase(Path("text.dbc"), "", load_string(text, strict=False))
     assert not Decoder(known).report.undecodable
+
+
+def test_a_selector_that_is_no_number_selects_nothing():
+    """A signalling NaN too, without a warning."""
+    text = 'BO_ 256 M: 8 A\n SG_ X M : 0|32@1- (1,0) [0|0] "" B\n'
+    text += ' SG_ S m1 : 32|8@1+ (1,0) [0|0] "" B\nSIG_VALTYPE_ 256 X : 1;\n'
+    known = CanDatabase(Path("text.dbc"), "", load_string(text, strict=False))
+    frames = [Frame(0, 256, bytes([0, 0, quiet, 0x7F, 9, 0, 0, 0])) for quiet in (0xA0, 0xC0)]
+    (columns,) = Decoder(known).decode(Block.from_frames(frames))
+    assert [REJECTIONS[code - 1] for code in columns.outcome] == [Rejection.MULTIPLEXER] * 2
