@@ -5,6 +5,7 @@ read as one integer. A method `..._column` does the same for many payloads at on
 last bit. The tests compare with cantools.
 """
 
+import math
 import struct
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -82,10 +83,10 @@ class SignalPlan:
             big_endian=big,
             signed=signal.is_signed,
             is_float=signal.is_float,
-            scale=float(signal.scale),
-            offset=float(signal.offset),
-            minimum=None if signal.minimum is None else float(signal.minimum),
-            maximum=None if signal.maximum is None else float(signal.maximum),
+            scale=nearest_float(signal.scale),
+            offset=nearest_float(signal.offset),
+            minimum=None if signal.minimum is None else nearest_float(signal.minimum),
+            maximum=None if signal.maximum is None else nearest_float(signal.maximum),
             not_available=ones if long_enough else None,
         )
 
@@ -225,6 +226,14 @@ class SignalPlan:
         ratio = (value - self.offset) / self.scale
         raw = round(min(max(ratio, bottom), top))
         return (raw & self.mask) << self.shift
+
+
+def nearest_float(number: float) -> float:
+    """The float nearest to a number of any size, infinity beyond the largest."""
+    try:
+        return float(number)
+    except OverflowError:
+        return math.inf if number > 0 else -math.inf
 
 
 def among(raw: Raw, ids: Iterable[int]) -> NDArray[np.bool_]:

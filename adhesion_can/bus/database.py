@@ -11,6 +11,7 @@ from cantools.database import UnsupportedDatabaseFormatError  # type: ignore[att
 from cantools.database.can import Database, Message, Signal
 from cantools.database.errors import Error as CantoolsError
 
+from adhesion_can.bus.database_text import require_small_ranges
 from adhesion_can.bus.lenient_database import load_without_faulty_messages
 from adhesion_can.errors import DatabaseError
 
@@ -21,6 +22,11 @@ INPUT_MESSAGES = (
 OUTPUT_MESSAGES = (
     "AdhesionSetpoint", "AdhesionModel", "AdhesionQuality", "AxleSetpoint", "ServiceStatus",
 )  # fmt: skip
+
+LARGEST_FILE = 256 << 20
+"""Size of a database that is read, bytes; those of whole vehicles have some 10 MiB."""
+LONGEST_CYCLE_MS = 86_400_000
+"""Longest cycle of a message, ms: a day."""
 
 
 def packaged_path() -> Path:
@@ -118,12 +124,8 @@ def _load_packaged() -> CanDatabase:
 
 def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
     """A database from its file; errors as in `load_database`."""
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise DatabaseError(
-            str(path), error.strerror or "cannot be read", "check the path"
-        ) from error
+    content = _content(path)
+    require_small_ranges(content, str(path))
     left_out: tuple[str, ...] = ()
     found: object
     try:
@@ -149,7 +151,39 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
         ) from error
     if not isinstance(found, Database):
         raise DatabaseError(str(path), "a diagnostics database, not a CAN database", "give a .dbc")
+    _require_messages(found, path)
     return CanDatabase(path, sha256(content).hexdigest(), found, left_out)
+
+
+def _require_messages(db: Database, path: Path) -> None:
+    """DatabaseError where a message has an id or a length below 0, which cantools lets pass."""
+    for message in db.messages:
+        for what, number in (("id", message.frame_id), ("length", message.length)):
+            if number < 0:
+                raise DatabaseError(
+                    f"{path}: {message.name}", f"its {what} is {number}", "write 0 or more"
+                )
+
+
+def _content(path: Path) -> bytes:
+    """Bytes of a database's file; errors as in `load_database`."""
+    try:
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            # It is read twice, and what a device gives may have no end.
+            raise DatabaseError(
+                str(path), "is a pipe or a device, not a file", "write it to a file first"
+            )
+        with path.open("rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+    except OSError as error:
+        raise DatabaseError(
+            str(path), error.strerror or "cannot be read", "check the path"
+        ) from error
+    if len(content) > LARGEST_FILE:
+        raise DatabaseError(
+            str(path), f"larger than {LARGEST_FILE >> 20} MiB", "check that it is the right file"
+        )
+    return content
 
 
 def _encoding(content: bytes) -> str | None:
@@ -178,10 +212,20 @@ def e2e_data_id(message: Message) -> int | None:
         return None
     try:
         number = int(attribute.value)
-    except ValueError:
+    except (ValueError, OverflowError):
+        number = -1
+    if isinstance(attribute.value, float) and number != attribute.value:
         number = -1
     if not 0 <= number <= 0xFFFF:
         raise DatabaseError(
             f"{message.name}: E2EDataId", f"{attribute.value!r} is no data id", "write 0 to 65535"
         )
     return number
+
+
+def cycle_us(message: Message) -> int | None:
+    """Cycle of a message, µs; None where the database states none from 1 µs to a day."""
+    cycle_ms: object = message.cycle_time  # of the type that the attribute has
+    if not isinstance(cycle_ms, int | float) or not 0 < cycle_ms <= LONGEST_CYCLE_MS:
+        return None
+    return round(cycle_ms * 1000) or None

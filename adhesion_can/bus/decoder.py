@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from adhesion_can.bus.acceptance import CONVERT_POLICY, MessageAcceptance
 from adhesion_can.bus.acceptance_columns import DecodedRows, accept_rows
 from adhesion_can.bus.block import EXTENDED, Block, Kind
-from adhesion_can.bus.database import CanDatabase, e2e_data_id
+from adhesion_can.bus.database import CanDatabase, cycle_us, e2e_data_id
 from adhesion_can.bus.id_codes import UNSEEN, KeyCodes
 from adhesion_can.bus.j1939 import (
     NULL_ADDRESS,
@@ -258,8 +258,9 @@ class _MessageDecoder:
         if data_id is not None and message.length < 2:
             undecodable[f"{message.name}.E2EDataId"] = f"no room for it in {message.length} bytes"
             data_id = None
-        cycle_us = (message.cycle_time or 0) * 1000 or None
-        self._acceptance = MessageAcceptance(CONVERT_POLICY, message.length, data_id, cycle_us)
+        self._acceptance = MessageAcceptance(
+            CONVERT_POLICY, message.length, data_id, cycle_us(message)
+        )
 
     def decode(self, block: Block, rows: NDArray[np.int64]) -> tuple[MessageColumns, int]:
         """Columns of the message's rows in a block, and the number of lost frames."""

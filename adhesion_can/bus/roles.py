@@ -7,7 +7,7 @@ from typing import Any, Literal
 from cantools.database.can import Message, Signal
 
 from adhesion_can.bus.codec import MessagePlan, SignalPlan
-from adhesion_can.bus.database import CanDatabase, e2e_data_id
+from adhesion_can.bus.database import CanDatabase, cycle_us, e2e_data_id
 from adhesion_can.bus.signal_columns import find_obstacle
 from adhesion_can.bus.units import known_units, to_si
 from adhesion_can.errors import ConfigError
@@ -192,7 +192,7 @@ def _bind_message(
             f"{message.name} has {plan.size} byte and no room for checksum and counter",
             'state protection = "none"',
         )
-    cycle = _agreed(choices, "cycle_us", where) or (message.cycle_time or 0) * 1000
+    cycle = _agreed(choices, "cycle_us", where) or cycle_us(message) or 0
     return BoundMessage(
         plan=plan,
         channel=choices[0].channel,

@@ -15,7 +15,7 @@ from cantools.database.conversion import (
 )
 from numpy.typing import NDArray
 
-from adhesion_can.bus.codec import Raw, SignalPlan, among
+from adhesion_can.bus.codec import Raw, SignalPlan, among, nearest_float
 from adhesion_can.bus.frame import MAX_PAYLOAD
 
 Values = NDArray[np.int64] | NDArray[np.uint64] | NDArray[np.float64]
@@ -67,7 +67,7 @@ class MessageSignals:
             undecodable[message.name] = obstacle
             return
         for signal in message.signals:
-            obstacle = _obstacle(signal, message.length)
+            obstacle = _obstacle(signal, message.length) or _namesake(signal, message)
             if obstacle:
                 undecodable[f"{message.name}.{signal.name}"] = obstacle
             elif wanted is None or wanted(message.name, signal.name):
@@ -94,7 +94,7 @@ class MessageSignals:
 
 def find_obstacle(signal: Signal, message: Message) -> str | None:
     """Why a signal of a message cannot be decoded, its multiplexers included; None: it can."""
-    own = _obstacle(signal, message.length)
+    own = _obstacle(signal, message.length) or _namesake(signal, message)
     if own or signal.multiplexer_signal is None:
         return own
     return _Selectors(message).obstacle
@@ -155,7 +155,7 @@ class _SignalNumbers:
         kind = _integer_type(int(raw.min()) * scale + offset, int(raw.max()) * scale + offset)
         if kind is not None:
             return _modular(raw, scale, offset, kind).astype(np.float64)
-        return np.array([_nearest(number * scale + offset) for number in raw.tolist()])
+        return np.array([nearest_float(number * scale + offset) for number in raw.tolist()])
 
 
 class _Kind(Enum):
@@ -251,7 +251,9 @@ class _Selection:
             self._values[name] = self._selectors.signals[name].values(self._words)
         values = self._values[name]
         if values.dtype == np.float64:
-            return np.isin(np.trunc(values), np.array(list(ids), dtype=np.float64))
+            with np.errstate(invalid="ignore"):  # NaN selects nothing
+                whole = np.trunc(values)
+            return np.isin(whole, np.array(list(ids), dtype=np.float64))
         return among(cast(Raw, values), ids)
 
 
@@ -263,10 +265,28 @@ def _obstacle(signal: Signal, size: int) -> str | None:
         return "longer than 64 bits"
     if signal.conversion.is_float and signal.length not in (16, 32, 64):
         return f"a float of {signal.length} bits"
-    shift = SignalPlan.from_signal(signal, size).shift
-    if shift < 0 or shift + signal.length > 8 * size:
+    plan = SignalPlan.from_signal(signal, size)
+    if plan.shift < 0 or plan.shift + signal.length > 8 * size:
         return f"reaches over the {size} bytes of its message"
+    if not (math.isfinite(plan.scale) and math.isfinite(plan.offset)):
+        return "its factor or offset is beyond all numbers"
     return None
+
+
+def _namesake(signal: Signal, message: Message) -> str | None:
+    """Why a name does not tell which signal it is: another one of it in the same frames."""
+    for other in message.signals:
+        if other is not signal and other.name == signal.name and _meet(signal, other):
+            return "another signal of this name stands in the same frames"
+    return None
+
+
+def _meet(one: Signal, other: Signal) -> bool:
+    """Whether two signals can be in one frame, as far as one selector tells."""
+    if one.multiplexer_signal is None or other.multiplexer_signal is None:
+        return True
+    same = one.multiplexer_signal == other.multiplexer_signal
+    return same and not {*(one.multiplexer_ids or ())}.isdisjoint(other.multiplexer_ids or ())
 
 
 def _integer_type(lowest: int, highest: int) -> _IntegerType | None:
@@ -283,14 +303,6 @@ def _modular(raw: Raw, scale: int, offset: int, kind: _IntegerType) -> Raw:
     product = raw.view(np.uint64) * np.uint64(scale % modulus)
     bits = product + np.uint64(offset % modulus)
     return bits if kind is np.uint64 else bits.view(np.int64)
-
-
-def _nearest(number: int) -> float:
-    """The float nearest to an integer, infinity beyond the largest."""
-    try:
-        return float(number)
-    except OverflowError:
-        return math.inf if number > 0 else -math.inf
 
 
 def _merged(first: SignalColumn, second: SignalColumn) -> SignalColumn:

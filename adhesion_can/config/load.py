@@ -60,7 +60,7 @@ def load_configuration(
     bus = table_of(document.pop("bus", {}), f"{where}: bus")
     named = bus.pop("database", None)
     reject_unknown_keys(bus, f"{where}: bus", ("database",))
-    if named is not None and not isinstance(named, str):
+    if named is not None and (not isinstance(named, str) or "\0" in named):
         raise ConfigError(f"{where}: bus.database", "not a path", 'write database = "my.dbc"')
     where_from = dbc or (path.parent / named if named else None)
     database = load_database(where_from, lenient=lenient)

@@ -10,6 +10,7 @@
 """
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -257,13 +258,13 @@ def model_text(model: ExtendedModel) -> str:
     lines += _curve_lines(model.curve)
     for active, covariance in zip(model.effects, model.covariances, strict=True):
         effect = active.effect
-        lines += ["", "[[effect]]", f"# {effect.title}", f"id = {_text(effect.id)}"]
+        lines += ["", "[[effect]]", _comment(effect.title), f"id = {_text(effect.id)}"]
         if effect.form:
             key = "expression" if effect.id == FORMULA else "form"
             lines.append(f"{key} = {_text(effect.form)}")
         lines += [*_matrix(covariance), "[effect.parameters]"]
         lines += [
-            f"{p.name} = {_number(value)}  # {p.unit and p.unit + '; '}{p.meaning}"
+            f"{_key(p.name)} = {_number(value)}  # {p.unit and p.unit + '; '}{p.meaning}"
             for p, value in zip(effect.parameters, active.values, strict=True)
         ]
     for spline in model.splines:
@@ -294,6 +295,16 @@ def _curve_lines(curve: BaseCurve | None) -> list[str]:
         f"{p.name} = {_number(value)}  # {p.unit}; {p.meaning}"
         for p, value in zip(family.parameters, curve.values, strict=True)
     ]
+
+
+def _comment(text: str) -> str:
+    """A line of comment; TOML allows no control character in it, and a line break would end it."""
+    return "# " + "".join(c if c.isprintable() else " " for c in text)
+
+
+def _key(name: str) -> str:
+    """A key, in quotes where TOML wants them: a constant's name may have other letters."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
 
 
 def _number(value: float) -> str:

@@ -132,7 +132,8 @@ def _role(name: str, place: str) -> tuple[Role, int]:
     if role is None:
         mend = f"known: {known}; further signals stand under [channels]"
         raise ConfigError(place, "unknown role", mend)
-    if role.per_axle is not bool(re.fullmatch("[1-9][0-9]{0,3}", axle)):
+    fits = re.fullmatch("[1-9][0-9]{0,3}", axle) if role.per_axle else name == base
+    if not fits:
         mend = f"write {base}.1, {base}.2, .." if role.per_axle else f"write {base}"
         raise ConfigError(place, "axle missing" if role.per_axle else "has no axles", mend)
     return role, int(axle or 0)

@@ -4,6 +4,7 @@ Dataclasses are the one listing of sections and keys. A field is a key of its cl
 field whose default is another dataclass of settings is a section of its own.
 """
 
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import Field, fields, is_dataclass
@@ -17,6 +18,10 @@ from adhesion_can.errors import ConfigError
 
 LARGEST_FILE = 4 << 20
 """Size of a file that is read, bytes; a configuration of 64 axles has 50 KiB."""
+MOST_KEY_PARTS = 32
+"""Most dots in a key."""
+_QUOTED = re.compile(r"""\"(?:[^\"\\]|\\.)*\"|'[^']*'""")
+_INTEGERS = "write integers from -2**63 to 2**63 - 1, or a number with a point"
 
 
 class TomlFile(NamedTuple):
@@ -48,7 +53,9 @@ def load_toml(path: Path) -> TomlFile:
                 f"larger than {LARGEST_FILE >> 20} MiB",
                 "check that it is the right file",
             )
-        document = tomllib.loads(content.decode("utf-8"))
+        text = content.decode("utf-8")
+        _require_short_keys(text, str(path))
+        document = tomllib.loads(text)
     except RecursionError as error:
         raise ConfigError(
             str(path), "values nested too deeply", "no key of ours has lists within lists of lists"
@@ -61,7 +68,39 @@ def load_toml(path: Path) -> TomlFile:
         raise ConfigError(
             str(path), f"not TOML ({error})", "mend the line that it names"
         ) from error
+    except ValueError as error:  # Python reads no integer of so many digits
+        raise ConfigError(str(path), f"not TOML ({error})", _INTEGERS) from error
+    _require_integers(document, str(path))
     return TomlFile(document, sha256(content).hexdigest())
+
+
+def _require_short_keys(text: str, where: str) -> None:
+    """ConfigError where a key has many parts: tomllib's time grows with their square."""
+    for line in text.split("\n"):
+        if line.count(".") <= MOST_KEY_PARTS:
+            continue
+        bare, _, _ = _QUOTED.sub("_", line).partition("#")
+        # Of what stands between commas and brackets only a key has more than one dot.
+        for piece in re.split(r"[,{}\[\]]", bare):
+            if piece.count(".") > MOST_KEY_PARTS:
+                raise ConfigError(
+                    f"{where}: {piece.strip()[:20]}..",
+                    f"a key of more than {MOST_KEY_PARTS} parts",
+                    "none of ours has more than three",
+                )
+
+
+def _require_integers(document: dict[str, Any], where: str) -> None:
+    """ConfigError where an integer has more than the 64 bits that TOML gives it."""
+    waiting: list[tuple[str, Any]] = list(document.items())
+    while waiting:
+        key, value = waiting.pop()
+        if isinstance(value, dict):
+            waiting += [(f"{key}.{name}", inner) for name, inner in value.items()]
+        elif isinstance(value, list):
+            waiting += [(key, inner) for inner in value]
+        elif isinstance(value, int) and not -(1 << 63) <= value < 1 << 63:
+            raise ConfigError(f"{where}: {key}", "an integer of more than 64 bits", _INTEGERS)
 
 
 def table_of(value: object, where: str) -> dict[str, Any]:
@@ -201,10 +240,7 @@ def typed(value: Any, wanted: Any, where: str) -> Any:
     good = isinstance(value, wanted) or (wanted is float and isinstance(value, int))
     if not good or isinstance(value, bool) is not (wanted is bool):
         raise ConfigError(where, f"{value!r} is not a {_NAMES[wanted]}", "mend the value")
-    try:
-        result = wanted(value)
-    except OverflowError as error:
-        raise ConfigError(where, "beyond all numbers", "mend the value") from error
+    result = wanted(value)
     if wanted is float and not isfinite(result):
         raise ConfigError(where, f"{result} is not a finite number", "mend the value")
     return result

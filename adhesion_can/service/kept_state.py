@@ -9,9 +9,11 @@ import json
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from math import isfinite
+from operator import gt
 from typing import Any, NamedTuple
 
 from adhesion_can.config import Configuration
+from adhesion_can.estimation.extended.model import LARGEST_BASE
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.service.outputs import Outputs
@@ -22,6 +24,8 @@ MOST_SURFACES = 8
 """Number of surfaces that are kept, the latest ones."""
 LARGEST_TEXT = 1 << 20
 """Size of a state file that is read, bytes; one of 8 surfaces has 2 KiB."""
+LATEST_US = 1 << 62
+"""Latest time that a clock can show, µs since the epoch."""
 SAME_SURFACE_US = 500_000
 """Change of the time since when a surface is there, µs, that makes no other surface of it."""
 
@@ -133,14 +137,14 @@ def state_from_text(text: str, vehicle: str, now_us: int, most_age_s: float) -> 
         raise StateError("it belongs to another vehicle, database or model")
     try:
         surfaces = tuple(map(_surface, document["surfaces"]))
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise StateError(f"damaged: {error}") from error
     # A clock that was set back makes a surface young; it is not refused.
     young = tuple(one for one in surfaces if now_us - one.seen_us <= most_age_s * 1e6)
     if surfaces and not young:
         age_h = (now_us - surfaces[-1].seen_us) / 3.6e9
         raise StateError(f"too old: its latest surface was seen {age_h:.1f} h ago")
-    return KeptState(vehicle, young)
+    return KeptState(vehicle, young[-MOST_SURFACES:])
 
 
 def _document(text: str) -> dict[str, Any]:
@@ -148,21 +152,24 @@ def _document(text: str) -> dict[str, Any]:
         raise StateError("damaged: too large")
     try:
         document = json.loads(text)
+        checksum = _checksum(document)
     except (ValueError, RecursionError) as error:
         raise StateError("damaged: no JSON") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise StateError("it is no state of adhesion-can")
     if document.get("version") != VERSION:
         raise StateError(f"version {document.get('version')!r}, this service reads {VERSION}")
-    checksum = document.pop("sha256", None)
-    if checksum != _checksum(document):
+    if document.pop("sha256", None) != checksum:
         raise StateError("damaged: the checksum does not fit")
     if not {"vehicle", "surfaces"} <= set(document):
         raise StateError("damaged: vehicle or surfaces missing")
     return document
 
 
-def _checksum(document: dict[str, Any]) -> str:
+def _checksum(document: Any) -> str:
+    """Hash of all that a document holds besides its hash, hex."""
+    if isinstance(document, dict):
+        document = {key: value for key, value in document.items() if key != "sha256"}
     return sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
 
 
@@ -170,4 +177,9 @@ def _surface(table: Any) -> KeptSurface:
     c1, c2, c3 = (float(table[name]) for name in ("c1", "c2", "c3"))
     if not (all(map(isfinite, (c1, c2, c3))) and c1 > 0 and c2 > 0 and 0 <= c3 < c1 * c2):
         raise ValueError("no curve")
-    return KeptSurface((c1, c2, c3), int(table["since_us"]), int(table["seen_us"]))
+    if any(map(gt, (c1, c2, c3), LARGEST_BASE)):
+        raise ValueError("a curve that no contact has")
+    since_us, seen_us = (int(table[name]) for name in ("since_us", "seen_us"))
+    if max(abs(since_us), abs(seen_us)) > LATEST_US:
+        raise ValueError("no time")
+    return KeptSurface((c1, c2, c3), since_us, seen_us)

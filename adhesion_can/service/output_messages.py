@@ -6,12 +6,18 @@ from typing import NamedTuple
 from cantools.database.can import Message
 
 from adhesion_can.bus.codec import MessagePlan
-from adhesion_can.bus.database import OUTPUT_MESSAGES, CanDatabase, e2e_data_id, load_database
+from adhesion_can.bus.database import (
+    OUTPUT_MESSAGES,
+    CanDatabase,
+    cycle_us,
+    e2e_data_id,
+    load_database,
+)
 from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import BoundMessage
 from adhesion_can.errors import ConfigError, DatabaseError
-from adhesion_can.physics.doubt import Doubt
+from adhesion_can.service.output_layout import require_layout
 from adhesion_can.service.outputs import Outputs, Setpoint
 
 SETPOINT = "AdhesionSetpoint"
@@ -45,7 +51,7 @@ class _Encoder:
 
     def __init__(self, message: Message) -> None:
         self.plan = MessagePlan(message)
-        self.cycle_us = int(message.cycle_time or 0) * 1000
+        self.cycle_us = cycle_us(message) or 0
         data_id = e2e_data_id(message)
         self._data_id = message.frame_id if data_id is None else data_id
         self._count = 0
@@ -58,40 +64,24 @@ class _Encoder:
 
 
 def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
-    """Raise a DatabaseError where the user's output messages lack a signal or a cycle of ours."""
+    """Raise a DatabaseError where the user's output messages cannot carry what ours do."""
     for name in OUTPUT_MESSAGES:
         message = database.message(name)
         present = {s.name for s in message.signals}
         missing = {s.name for s in own.message(name).signals} - present
         if name == QUALITY:
             missing.discard(DOUBT)
-            if DOUBT in present:
-                _require_doubt_fits(database, message)
         if missing:
             raise DatabaseError(
                 f"{database.path.name}: {name}",
                 f"no signal {', '.join(sorted(missing))}",
                 "take the message over from our own database, or leave all output messages out",
             )
-        if not message.cycle_time:
+        if cycle_us(message) is None:
             raise DatabaseError(
                 f"{database.path.name}: {name}", "its cycle is unknown", "state GenMsgCycleTime"
             )
-
-
-def _require_doubt_fits(database: CanDatabase, message: Message) -> None:
-    """Raise a DatabaseError where a signal of the user would carry another doubt than the one sent.
-
-    Values beyond its range saturate: 'not available' would be the doubt with the highest number.
-    """
-    plan = MessagePlan(message).signals[DOUBT]
-    for doubt in Doubt:
-        if plan.value(plan.raw(plan.encode(float(doubt)))) != doubt:
-            raise DatabaseError(
-                f"{database.path.name}: {message.name}",
-                f"its signal {DOUBT} cannot carry {doubt.value}",
-                f"give it 4 bits without a sign, factor 1 and offset 0, or leave {DOUBT} out",
-            )
+        require_layout(message, own.message(name), f"{database.path.name}: {name}")
 
 
 class OutputMessages:
@@ -104,7 +94,7 @@ class OutputMessages:
 
     Raises:
         ConfigError: An output has the id of an input.
-        DatabaseError: The user's output messages lack a signal or a cycle.
+        DatabaseError: The user's output messages lack a signal or a cycle, or cannot carry a value.
 
     """
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.bus.codec import MessagePlan
-from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase, e2e_data_id
+from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase, cycle_us, e2e_data_id
 from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.physics.instruments import PERFECT, Instruments
@@ -126,7 +126,7 @@ class Transmitter:
         self._plan = MessagePlan(message)
         self._data_id = e2e_data_id(message) or message.frame_id
         self._count = 0
-        self.cycle_us = int(message.cycle_time or 0) * 1000
+        self.cycle_us = cycle_us(message) or 0
         self.due_us = slot * SLOT_US
 
     def frame(self, values: Mapping[str, float | None]) -> Frame:

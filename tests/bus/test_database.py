@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from pathlib import Path
 
 import cantools
 import pytest
@@ -9,10 +10,12 @@ import pytest
 from adhesion_can.bus.database import (
     INPUT_MESSAGES,
     OUTPUT_MESSAGES,
+    cycle_us,
     e2e_data_id,
     load_database,
     packaged_path,
 )
+from adhesion_can.errors import DatabaseError
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from tests.bus.bus_helpers import DBC, sealed
 
@@ -306,3 +309,90 @@ def test_xml_keeps_the_encoding_of_its_format(tmp_path):
         encoding="utf-8",
     )
     assert load_database(path).message("M").signals[0].unit == "°C"
+
+
+# --- databases of strangers ----------------------------------------------------------------------
+
+MESSAGE = """VERSION ""
+BO_ 256 M: 8 A
+ SG_ Mux M : 0|8@1+ (1,0) [0|0] "" B
+ SG_ S m1 : 8|16@1- (0.5,-40) [0|0] "" B
+"""
+
+
+def stranger(tmp_path, text, suffix="dbc"):
+    path = tmp_path / f"stranger.{suffix}"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    "ranges", ["1-4000000000", "1-1000000, 1-1000000", "1 -4000000000", "1 24000000000"]
+)
+def test_ranges_that_would_fill_the_memory_are_refused(tmp_path, ranges):
+    path = stranger(tmp_path, f"{MESSAGE}SG_MUL_VAL_ 256 S Mux {ranges};\n")
+    for lenient in (False, True):
+        with pytest.raises(DatabaseError, match=r"SG_MUL_VAL_.* write at most 1048576"):
+            load_database(path, lenient=lenient)
+
+
+def test_ranges_of_usual_width_are_read(tmp_path):
+    path = stranger(tmp_path, MESSAGE + "SG_MUL_VAL_ 256 S Mux 65535-65535, 1-3, 7-5;\n" * 20)
+    (message,) = load_database(path).db.messages
+    assert message.get_signal_by_name("S").multiplexer_ids == [1, 2, 3, 65535]
+
+
+def test_identifiers_that_would_fill_the_memory_are_refused(tmp_path):
+    text = 'FormatVersion=6.0 // x\nTitle="t"\n{SENDRECEIVE}\n[M]\nID=0h-1FFFFFFFh\nLen=8\n'
+    with pytest.raises(DatabaseError, match="identifiers"):
+        load_database(stranger(tmp_path, text, "sym"))
+
+
+@pytest.mark.parametrize(
+    ("text", "suffix", "what"),
+    [
+        ('FormatVersion=6.0 // x\nTitle="t"\n{SENDRECEIVE}\n[M]\nID=-100h\nLen=8\n', "sym", "id"),
+        (MESSAGE.replace("M: 8", "M: -8"), "dbc", "length"),
+    ],
+)
+def test_a_message_with_a_number_below_0_is_refused(tmp_path, text, suffix, what):
+    with pytest.raises(DatabaseError, match=f"M: its {what} is -"):
+        load_database(stranger(tmp_path, text, suffix))
+
+
+def test_a_cycle_in_words_is_none(tmp_path):
+    text = with_attribute("GenMsgCycleTime", "STRING", '"20 ms"').replace(" 0 0;", " ;")
+    text = text.replace('"GenMsgCycleTime" 0;', '"GenMsgCycleTime" "";')
+    (message,) = load_database(stranger(tmp_path, text)).db.messages
+    assert message.cycle_time == "20 ms"
+    assert cycle_us(message) is None
+
+
+def test_a_device_is_no_database():
+    with pytest.raises(DatabaseError, match="a pipe or a device"):
+        load_database(Path("/dev/zero"))
+
+
+def with_attribute(name, kind, value):
+    return (
+        f'{MESSAGE}BA_DEF_ BO_ "{name}" {kind} 0 0;\nBA_DEF_DEF_ "{name}" 0;\n'
+        f'BA_ "{name}" BO_ 256 {value};\n'
+    )
+
+
+@pytest.mark.parametrize("value", ["1e400", "1.5", "-1", "65536"])
+def test_a_data_id_that_is_none_is_refused(tmp_path, value):
+    path = stranger(tmp_path, with_attribute("E2EDataId", "FLOAT", value))
+    (message,) = load_database(path).db.messages
+    with pytest.raises(DatabaseError, match="write 0 to 65535"):
+        e2e_data_id(message)
+
+
+@pytest.mark.parametrize(
+    ("value", "cycle"),
+    [("20", 20_000), ("0.5", 500), ("0", None), ("-5", None), ("1e400", None), ("1e-9", None)],
+)
+def test_a_cycle_that_is_no_time_is_none(tmp_path, value, cycle):
+    path = stranger(tmp_path, with_attribute("GenMsgCycleTime", "FLOAT", value))
+    (message,) = load_database(path).db.messages
+    assert cycle_us(message) == cycle

@@ -276,3 +276,45 @@ def test_messages_of_one_name_are_counted_each_for_itself():
     assert together.rejected == {"length": 1}
     assert report.counts["M", 0x10, False].frames == 1  # and stays so
     assert report.frames == 4
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ('SG_ S : 8|8@1+ (1,0) [0|0] "" B', "another signal of this name"),
+        ('SG_ S m1 : 8|8@1+ (1,0) [0|0] "" B', "another signal of this name"),
+        (f'SG_ T : 8|8@1+ ({10**400},0) [0|0] "" B', "beyond all numbers"),
+        (f'SG_ T : 8|8@1+ (1,{10**400}) [0|0] "" B', "beyond all numbers"),
+    ],
+)
+def test_a_signal_that_is_no_number_has_a_reason(line, reason):
+    """cantools reads the one of two namesakes with the factor of the other."""
+    text = 'BO_ 256 M: 8 A\n SG_ X M : 0|8@1+ (1,0) [0|0] "" B\n'
+    text += f' SG_ S : 16|8@1+ (1,0) [0|0] "" B\n {line}\n'
+    known = CanDatabase(Path("text.dbc"), "", load_string(text, strict=False))
+    undecodable = Decoder(known).report.undecodable
+    assert all(reason in found for found in undecodable.values())
+    assert undecodable.keys() == {f"M.{line.split()[1]}"}
+
+
+def test_namesakes_on_pages_of_their_own_are_decoded():
+    text = 'BO_ 256 M: 8 A\n SG_ X M : 0|8@1+ (1,0) [0|0] "" B\n'
+    text += ' SG_ S m1 : 8|8@1+ (1,0) [0|0] "" B\n SG_ S m2 : 16|8@1+ (1,0) [0|0] "" B\n'
+    known = CanDatabase(Path("text.dbc"), "", load_string(text, strict=False))
+    assert not Decoder(known).report.undecodable
+
+
+def test_a_limit_beyond_all_numbers_is_no_limit():
+    text = f'BO_ 256 M: 8 A\n SG_ S : 0|8@1+ (1,0) [-{10**400}|{10**400}] "" B\n'
+    known = CanDatabase(Path("text.dbc"), "", load_string(text, strict=False))
+    assert not Decoder(known).report.undecodable
+
+
+def test_a_selector_that_is_no_number_selects_nothing():
+    """A signalling NaN too, without a warning."""
+    text = 'BO_ 256 M: 8 A\n SG_ X M : 0|32@1- (1,0) [0|0] "" B\n'
+    text += ' SG_ S m1 : 32|8@1+ (1,0) [0|0] "" B\nSIG_VALTYPE_ 256 X : 1;\n'
+    known = CanDatabase(Path("text.dbc"), "", load_string(text, strict=False))
+    frames = [Frame(0, 256, bytes([0, 0, quiet, 0x7F, 9, 0, 0, 0])) for quiet in (0xA0, 0xC0)]
+    (columns,) = Decoder(known).decode(Block.from_frames(frames))
+    assert [REJECTIONS[code - 1] for code in columns.outcome] == [Rejection.MULTIPLEXER] * 2

@@ -196,6 +196,32 @@ def test_a_file_from_a_stranger_cannot_take_all_memory_nor_the_stack(tmp_path):
     refused(tmp_path, "#" * (5 << 20), "larger than 4 MiB")
 
 
+@pytest.mark.timeout(20)  # without its limit such a key takes more than a minute
+@pytest.mark.parametrize(
+    "key", ["a" + ".a" * 50_000, "[" + "a." * 50_000 + "a]", "a" + '.",[{"' * 50_000]
+)
+def test_a_key_of_many_parts_cannot_take_all_the_time(tmp_path, key):
+    refused(tmp_path, f"{key} = 1", "a key of more than 32 parts")
+
+
+def test_many_dots_that_are_no_key_are_read(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(f"# {'.' * 50}\n[vehicle]\naxle_load_N = 245e3 # {'.' * 50}\n")
+    load_configuration(path)
+    refused(tmp_path, f"a = '{'.' * 50}'", "unknown key")
+    refused(tmp_path, f"a = {[0.5] * 50}", "unknown key")
+
+
+@pytest.mark.parametrize("number", ["9" * 5000, "0x" + "f" * 5000, "-9223372036854775809"])
+def test_an_integer_beyond_those_of_toml_is_refused(tmp_path, number):
+    for text in (f"estimator = {number}", f"[service]\nhold_s = [{{a = {number}}}]"):
+        refused(tmp_path, text, "integer")
+
+
+def test_a_path_with_a_null_character_is_none(tmp_path):
+    refused(tmp_path, '[bus]\ndatabase = "a\\u0000b"', "bus.database", "not a path")
+
+
 def test_the_known_keys_of_the_vehicle_name_the_geometry_too(tmp_path):
     assert "geometry" in refused(tmp_path, "[vehicle]\ngeometri = 1\n", "vehicle.geometri")
 
@@ -314,6 +340,9 @@ BAD_ROLES = {
     'vehicle_speed = { unit = "m/s" }': ("roles.vehicle_speed", "signal"),
     "vehicle_speed = { signal = 5 }": ("roles.vehicle_speed.signal",),
     f'vehicle_speed.1 = "{SPEED}"': ("roles.vehicle_speed.1", "axle"),
+    f'vehicle_speed.0s = "{SPEED}"': ("roles.vehicle_speed.0s", "has no axles"),
+    f'vehicle_speed.0 = "{SPEED}"': ("roles.vehicle_speed.0", "has no axles"),
+    f'"vehicle_speed." = "{SPEED}"': ("roles.vehicle_speed.", "has no axles"),
     'wheel_speed = "WheelSpeeds1.WheelSpeed_Ax1"': ("roles.wheel_speed", "wheel_speed.1"),
     'wheel_speed.0 = "WheelSpeeds1.WheelSpeed_Ax1"': ("roles.wheel_speed.0",),
     'wheel_speed.7 = "WheelSpeeds1.WheelSpeed_Ax1"': ("roles.wheel_speed.7", "6 axles"),

@@ -12,6 +12,7 @@ from adhesion_can.errors import ConfigError, InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.physics.effects.formula import formula_of
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=40)
 
@@ -205,3 +206,16 @@ def test_a_model_made_in_the_program_is_checked_alike():
             ExtendedModel((0.4, 60.0, 0.3), effects=(ActiveEffect(effect, values),))
     with pytest.raises(ValueError, match="covariances"):
         ExtendedModel((0.4, 60.0, 0.3), covariances=(None,))
+
+
+@pytest.mark.parametrize(
+    "text", ["1 + a * (wind\n)", "1 + a *\fwind", "1 + a * '\x01\x7f'", "1 + ä * 'α'"]
+)
+def test_a_formula_of_any_characters_is_read_back(tmp_path, text):
+    """Its text stands in a comment too, which a line break would end."""
+    constant = "ä" if "ä" in text else "a"
+    model = ExtendedModel(
+        (0.4, 60.0, 0.3), effects=(ActiveEffect(formula_of(text, {constant: 0.1}), (0.1,)),)
+    )
+    write_model(model, tmp_path / "m.toml")
+    assert read_model(tmp_path / "m.toml") == model

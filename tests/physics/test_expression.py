@@ -137,9 +137,24 @@ def test_a_lag_is_asked_for_by_a_name_of_its_own():
         ("a\0b", "no expression"),
         ("", "no expression"),
         ("import os", "no expression"),
+        ("1" * 400, "beyond all numbers"),
+        ("1e400", "beyond all numbers"),
+        ("-" * 400 + "wind", "within each other"),
+        ("[" + "-" * 400 + "wind]", "within each other"),
+        ("+".join(["a"] * 200), "within each other"),
     ],
 )
 def test_nothing_else_is_accepted(text, part):
     with pytest.raises(ExpressionError) as error:
         Expression(text)
     assert part in str(error.value)
+
+
+def test_as_deep_as_it_may_be_it_is_evaluated():
+    value = Expression("-" * 98 + "wind").evaluate(CHANNELS, {}, no_lag)
+    np.testing.assert_array_equal(value, CHANNELS["wind"])
+
+
+def test_names_in_the_times_of_lags():
+    expression = Expression("lag(wind, a * lag('rain', b)) + c")
+    assert expression.names_of_lag_times == (("a", False), ("rain", True), ("b", False))

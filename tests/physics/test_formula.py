@@ -101,6 +101,9 @@ def test_no_factor_is_below_the_least_and_what_is_no_number_stays_so():
         ("1 + a where a=1", "no channel"),
         ("1 + a * wind where a=1, = 1", "'' does not occur"),
         ("1 + a * sin(wind) where a=1", "no function 'sin'"),
+        ("1 + a * lag(wind, speed) where a=1", "lag depends on 'speed'"),
+        ("1 + a * lag(wind, 'a') where a=1", "lag depends on 'a'"),
+        ("1 + a * wind where a=1, a=2", "'a' has two values"),
     ],
 )
 def test_what_a_user_may_write_wrong(text, part):
@@ -113,3 +116,9 @@ def test_what_a_user_writes():
     formula = parse_formula("1 + size * max('wind speed' - begin, 0) where size=0.1, begin = 5")
     assert [(p.name, p.typical) for p in formula.parameters] == [("size", 0.1), ("begin", 5.0)]
     assert formula.channels == ("wind speed",)
+
+
+def test_a_constant_lags_behind_nothing():
+    where = contact(wind=np.linspace(0, 1, N))
+    formula = formula_of("1 + a * lag(b, 2) * wind", {"a": 0.1, "b": 3.0})
+    np.testing.assert_allclose(factor(formula, (0.1, 3.0), where), 1 + 0.3 * np.linspace(0, 1, N))

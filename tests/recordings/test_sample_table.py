@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.errors import TableError
+from adhesion_can.recordings.tables import csv_file
 from adhesion_can.recordings.tables.sample_table import is_table, read_table
 
 ROWS = [
@@ -430,3 +431,14 @@ def test_numbers_come_back_to_the_last_bit(tmp_path_factory, rows):
     assert samples.adhesion.tolist() == [row[2] for row in rows]
     assert samples.covariates["temp"].tolist() == [row[3] for row in rows]
     assert samples.t_us.tolist() == [round(row[0] * 1e6) for row in rows]
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_small_file_that_unpacks_to_much_is_refused(tmp_path, monkeypatch, packed):
+    monkeypatch.setattr(csv_file, "LARGEST_TEXT", 1 << 20)
+    path = tmp_path / "a.csv"
+    text = b"slip,adhesion\n" + b"0.1,0.2\n" * 200_000
+    path.write_bytes(gzip.compress(text, 1) if packed else text)
+    for read in (read_table, is_table):
+        with pytest.raises(TableError, match="more than 1 MiB of text; cut it into parts"):
+            read(path)

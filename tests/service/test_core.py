@@ -709,6 +709,17 @@ def test_outputs_take_ids_and_cycles_of_the_users_database(tmp_path):
         ('BA_ "GenMsgCycleTime" BO_ 513 20;', "", "AdhesionSetpoint: its cycle is unknown"),
         (" LambdaM ", " LambdaOpt ", "AdhesionSetpoint: no signal LambdaM"),
         (" MuMaxStd ", " MuStd ", "AdhesionQuality: no signal MuMaxStd"),
+        ("BO_ 513 20;", "BO_ 513 -20;", "AdhesionSetpoint: its cycle is unknown"),
+        ("MuMax : 16|16@1+ (2E-005,0)", "MuMax : 16|16@1+ (0,0)", "MuMax has the factor 0"),
+        ("MuMax : 16|16@1+", "MuMax : 16|7@1+", "MuMax cannot say 'not available'"),
+        ("Setpoint : 48|16@1+", "Setpoint : 56|16@1+", "Setpoint: reaches over the 8 bytes"),
+        ("AdhesionSetpoint: 8", "AdhesionSetpoint: 1", "no room for checksum and counter"),
+        ("MuMax : 16|16@1+", "MuMax : 8|16@1+", "MuMax lies on checksum or counter"),
+        ("MuMax : 16|16@1+", "MuMax : 8|16@0+", "MuMax lies on checksum or counter"),
+        ("LambdaM : 32|16@1+", "LambdaM : 40|16@1+", "LambdaM and CreepSpeedSetpoint share"),
+        ("Ax3 m3 : 16|16@1+", "Ax3 m3 : 24|16@1+", "MuMax_Ax3 and LambdaM_Ax3 share bits"),
+        ("Status : 12|4@1+", "Status : 12|2@1+", "Status cannot carry 4"),
+        ("Axle M : 12|4@1+", "Axle M : 12|2@1+", "Axle cannot carry 4"),
     ],
 )
 def test_output_messages_that_lack_something_are_refused(tmp_path, old, new, words):

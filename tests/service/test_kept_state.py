@@ -137,6 +137,9 @@ def signed(**changes):
     return json.dumps({**document, "sha256": _checksum(document)})
 
 
+ONE = {"c1": 0.4, "c2": 60.0, "c3": 0.3, "since_us": 0, "seen_us": 0}
+
+
 @pytest.mark.parametrize(
     ("text", "why"),
     [
@@ -146,6 +149,11 @@ def signed(**changes):
         (signed(surfaces=[{"c1": 1}]), "damaged"),
         (signed(surfaces=7), "damaged"),
         (signed(surfaces=[{"c1": -1, "c2": 1, "c3": 0, "since_us": 0, "seen_us": 0}]), "no curve"),
+        (signed(surfaces=[ONE | {"c1": 1e9}]), "no contact has"),
+        (signed(surfaces=[ONE | {"c1": 10**400}]), "damaged"),
+        (signed(surfaces=[ONE | {"since_us": inf}]), "damaged"),
+        (signed(surfaces=[ONE | {"seen_us": 10**400}]), "no time"),
+        (signed(surfaces=[ONE | {"seen_us": -(10**400)}]), "no time"),
         ("[" * 100_000, "no JSON"),
         (" " * (2 << 20), "too large"),
     ],
@@ -153,6 +161,21 @@ def signed(**changes):
 def test_the_reason_of_a_refusal_is_told(text, why):
     with pytest.raises(StateError, match=why):
         read(text)
+
+
+def test_whatever_its_depth_a_text_is_refused():
+    """Among them are the few depths that can be read and not be written again."""
+    for depth in range(100, 1100):
+        nested = "[" * depth + "]" * depth
+        with pytest.raises(StateError):
+            read(signed().replace('"surfaces": ', f'"more": {nested}, "surfaces": '))
+
+
+def test_a_file_with_more_surfaces_gives_the_latest():
+    many = [ONE | {"since_us": NOW_US + i, "seen_us": NOW_US + i} for i in range(20)]
+    found = read(signed(surfaces=many))
+    assert [one.since_us - NOW_US for one in found.surfaces] == [*range(12, 20)]
+    assert len(found.surfaces) == MOST_SURFACES
 
 
 def test_old_surfaces_are_left_out_and_an_old_state_is_refused():

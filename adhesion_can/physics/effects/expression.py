@@ -10,6 +10,7 @@ import keyword
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import isfinite
 
 import numpy as np
 
@@ -40,6 +41,8 @@ _OPERATORS: Mapping[type[ast.operator], Callable[[Value, Value], Value]] = {
 }
 _LONGEST = 500
 """Most characters of an expression: a longer one is no formula that a reader would follow."""
+_DEEPEST = 100
+"""Most operations within each other: each takes two of the 1000 calls that Python allows."""
 
 
 class ExpressionError(ValueError):
@@ -60,7 +63,8 @@ class Expression:
     def __post_init__(self) -> None:
         if len(self.text) > _LONGEST:
             raise ExpressionError(f"longer than {_LONGEST} characters")
-        for node in self._operands():
+        _require_shallow(self._tree)
+        for node in _operands(self._tree):
             _require_known(node)
 
     @cached_property
@@ -70,29 +74,19 @@ class Expression:
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             raise ExpressionError(f"{self.text!r} is no expression") from error
 
-    def _operands(self) -> Iterator[ast.expr]:
-        """All parts but the names of functions."""
-        waiting = [self._tree]
-        while waiting:
-            node = waiting.pop()
-            yield node
-            waiting += [
-                child
-                for child in ast.iter_child_nodes(node)
-                if isinstance(child, ast.expr)
-                and not (isinstance(node, ast.Call) and child is node.func)
-            ]
-
     @cached_property
     def names(self) -> tuple[tuple[str, bool], ...]:
         """Names in the text, each once and in its order, and whether they stand in quotes."""
-        found = []
-        for node in sorted(self._operands(), key=lambda node: (node.lineno, node.col_offset)):
+        return _names(self._tree)
+
+    @cached_property
+    def names_of_lag_times(self) -> tuple[tuple[str, bool], ...]:
+        """Names in the time constants of lags, and whether they stand in quotes."""
+        found: list[tuple[str, bool]] = []
+        for node in _operands(self._tree):
             match node:
-                case ast.Name(id=name):
-                    found.append((name, False))
-                case ast.Constant(value=str() as name):
-                    found.append((name, True))
+                case ast.Call(func=ast.Name(id=name), args=[_, time]) if name == LAG:
+                    found += _names(time)
         return tuple(dict.fromkeys(found))
 
     def evaluate(
@@ -142,12 +136,59 @@ class Expression:
         return found
 
 
+def _operands(tree: ast.expr) -> Iterator[ast.expr]:
+    """All parts but the names of functions."""
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        waiting += [
+            child
+            for child in ast.iter_child_nodes(node)
+            if isinstance(child, ast.expr)
+            and not (isinstance(node, ast.Call) and child is node.func)
+        ]
+
+
+def _names(tree: ast.expr) -> tuple[tuple[str, bool], ...]:
+    """Names in a part, each once and in its order, and whether they stand in quotes."""
+    found = []
+    for node in sorted(_operands(tree), key=lambda node: (node.lineno, node.col_offset)):
+        match node:
+            case ast.Name(id=name):
+                found.append((name, False))
+            case ast.Constant(value=str() as name):
+                found.append((name, True))
+    return tuple(dict.fromkeys(found))
+
+
+def _require_shallow(tree: ast.expr) -> None:
+    """ExpressionError where parts stand too deep within each other; without a recursion itself."""
+    level: list[ast.AST] = [tree]
+    depth = 0
+    while level:
+        level = [child for node in level for child in ast.iter_child_nodes(node)]
+        depth += 1
+        if depth > _DEEPEST:
+            raise ExpressionError(f"more than {_DEEPEST} operations within each other")
+
+
+def _is_finite(number: float) -> bool:
+    """Whether a number fits a float; Python's integers have no end."""
+    try:
+        return isfinite(number)
+    except OverflowError:
+        return False
+
+
 def _require_known(node: ast.expr) -> None:
     """ExpressionError where a part is not one of those that are allowed."""
     match node:
         case ast.Name() | ast.Constant(value=str()):
             return
         case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            if not _is_finite(number):
+                raise ExpressionError("a number beyond all numbers")
             return
         case ast.BinOp(op=op) if type(op) in _OPERATORS:
             return

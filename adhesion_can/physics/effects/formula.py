@@ -58,6 +58,13 @@ class Formula:
             raise ExpressionError(f"{self.expression!r} has no constant to be fitted")
         if not self.channels:
             raise ExpressionError(f"{self.expression!r} depends on no channel")
+        constants = {p.name for p in self.parameters}
+        times = self._parsed.names_of_lag_times
+        varying = [name for name, is_quoted in times if is_quoted or name not in constants]
+        if varying:
+            raise ExpressionError(
+                f"the time constant of a lag depends on {varying[0]!r}: only constants can be in it"
+            )
 
     @cached_property
     def _parsed(self) -> Expression:
@@ -106,8 +113,8 @@ class Formula:
         """Change of the contacts."""
 
         def lag(name: str, target: Array, time: float) -> Array:
-            if not time > 0.0:
-                return target
+            if not time > 0.0 or not target.ndim:
+                return target  # a constant lags behind nothing
             key = f"{FORMULA} {name}"
             return lags.follow(key, contact.axle, contact.lag_time_s, target, 1.0 / time)
 
@@ -164,5 +171,7 @@ def parse_formula(text: str) -> Formula:
             raise ExpressionError(f"{part.strip()!r} is no constant with a number") from error
         if not isfinite(value) or value == 0.0:
             raise ExpressionError(f"{name} = {value:g}: a search begins at a number other than 0")
+        if name in constants:
+            raise ExpressionError(f"constant {name!r} has two values")
         constants[name] = value
     return formula_of(expression.strip(), constants)

@@ -27,6 +27,9 @@ from adhesion_can.recordings.tables.columns import (
 
 DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars"}
 _COMMENT = re.compile(r"^[ \t]*(#|%|//)[^\r\n]*", re.MULTILINE)
+LARGEST_TEXT = 512 << 20
+"""Most text of a table, unpacked, bytes: its cells take many times as much, and a packed file of
+1 MiB may hold 1 GiB."""
 HEAD = 20
 """Lines from which the dialect is recognised."""
 
@@ -198,12 +201,20 @@ def _text(path: Path) -> str:
 
 def _read(path: Path) -> bytes:
     try:
-        content = path.read_bytes()
-        is_gzip = Packing.from_head(content) is Packing.GZIP
-        return gzip.decompress(content) if is_gzip else content
+        with path.open("rb") as file:
+            content = file.read(LARGEST_TEXT + 1)
+        if Packing.from_head(content) is Packing.GZIP:
+            content = gzip.GzipFile(fileobj=io.BytesIO(content)).read(LARGEST_TEXT + 1)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise TableError(
             str(path), f"the gzip file is damaged ({error})", "compress it again"
         ) from error
     except OSError as error:
         raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
+    if len(content) > LARGEST_TEXT:
+        raise TableError(
+            str(path),
+            f"more than {LARGEST_TEXT >> 20} MiB of text",
+            "cut it into parts, or write it as Parquet",
+        )
+    return content

@@ -9,6 +9,7 @@ import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
+from adhesion_can.bus.database import cycle_us
 from adhesion_can.errors import InputError
 from adhesion_can.reporting.export.layout import FLOAT, Column, Field, Rows
 
@@ -52,8 +53,8 @@ class Raster:
 
         """
         for message, part in zip(messages, rows, strict=True):
-            cycle_ms = message.cycle_time
-            limit = LONGEST_HOLD * cycle_ms * 1e6 if cycle_ms else inf
+            stated_us = cycle_us(message)
+            limit = LONGEST_HOLD * stated_us * 1e3 if stated_us else inf
             for field in part.group.fields:
                 name = f"{part.group.name}.{field.name}"
                 self._limits[name] = limit

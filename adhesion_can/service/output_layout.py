@@ -1,0 +1,92 @@
+"""Whether the output messages of a user's database can carry what the service sends."""
+
+from itertools import combinations
+
+from cantools.database.can import Message, Signal
+
+from adhesion_can.bus.codec import MessagePlan, SignalPlan
+from adhesion_can.bus.signal_columns import find_obstacle
+from adhesion_can.errors import DatabaseError
+
+PROTECTION = ("Crc", "Alive")
+"""Signals that `e2e.protect` writes, at the places that the profile gives them."""
+_PROTECTED_BITS = 0xFFF
+
+
+def require_layout(message: Message, own: Message, where: str) -> None:
+    """Refuse a message that would carry other values than those sent, or fail while sending.
+
+    Args:
+        message: Message of the user's database.
+        own: Message of that name in the package's own database.
+        where: File and message, for the error.
+
+    Raises:
+        DatabaseError: A signal has no place of its own, no factor, or no room for its values.
+
+    """
+    if message.length < 2:
+        raise DatabaseError(where, "no room for checksum and counter", "give it 8 bytes")
+    present = {signal.name: signal for signal in message.signals}
+    pairs = [
+        (present[signal.name], signal)
+        for signal in own.signals
+        if signal.name in present and signal.name not in PROTECTION
+    ]
+    for signal, _ in pairs:
+        obstacle = find_obstacle(signal, message)
+        if obstacle:
+            raise DatabaseError(where, f"its signal {signal.name}: {obstacle}", "correct it")
+    plan, own_plan = MessagePlan(message), MessagePlan(own)
+    for signal, original in pairs:
+        _require_values(plan.signals[signal.name], own_plan.signals[original.name], where)
+    _require_places(plan, [original for _, original in pairs], where)
+
+
+def _require_values(plan: SignalPlan, own: SignalPlan, where: str) -> None:
+    """DatabaseError where a signal has no room for 'not available', or for each of a few numbers.
+
+    Values beyond the range of a signal saturate: a status would be another one.
+    """
+    if not abs(plan.scale) > 0.0:
+        raise DatabaseError(where, f"its signal {plan.name} has the factor 0", "give it another")
+    if own.not_available is not None:
+        if plan.not_available is None:
+            raise DatabaseError(
+                where,
+                f"its signal {plan.name} cannot say 'not available'",
+                "give it 8 bits or more, and no float",
+            )
+        return
+    for number in range(int(own.minimum or 0), int(own.maximum or 0) + 1):
+        if plan.is_float or plan.value(plan.raw(plan.encode(float(number)))) != number:
+            raise DatabaseError(
+                where,
+                f"its signal {plan.name} cannot carry {number}",
+                f"give it {own.length} bits without a sign, factor 1 and offset 0",
+            )
+
+
+def _require_places(plan: MessagePlan, signals: list[Signal], where: str) -> None:
+    """DatabaseError where signals of one frame share bits, with each other or the protection."""
+    bits = {signal.name: _bits(plan.signals[signal.name]) for signal in signals}
+    for name, own in bits.items():
+        if own & _PROTECTED_BITS:
+            raise DatabaseError(
+                where, f"its signal {name} lies on checksum or counter", "begin at bit 12 or later"
+            )
+    for one, other in combinations(signals, 2):
+        pages = [set(signal.multiplexer_ids or ()) for signal in (one, other)]
+        apart = all(pages) and pages[0].isdisjoint(pages[1])
+        if not apart and bits[one.name] & bits[other.name]:
+            raise DatabaseError(
+                where, f"its signals {one.name} and {other.name} share bits", "move one of them"
+            )
+
+
+def _bits(plan: SignalPlan) -> int:
+    """Bits of a signal in the payload read as one little-endian integer."""
+    ones = plan.mask << plan.shift
+    if plan.big_endian:
+        ones = int.from_bytes(ones.to_bytes(plan.size, "big"), "little")
+    return ones

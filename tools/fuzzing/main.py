@@ -1,0 +1,127 @@
+"""Fuzzing of the parsers: a table of targets with executions, coverage and findings."""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from subprocess import DEVNULL, PIPE, STDOUT
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tests.fuzz.rule import MOST_MIB
+from tests.fuzz.targets import TARGETS
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = ROOT / "build" / "fuzz"
+SEEDS = ROOT / "tests" / "fuzz" / "corpus"
+FINDINGS = ("crash-", "timeout-", "oom-", "leak-")
+"""First letters of the names that libFuzzer gives to inputs that it found."""
+STANDSTILL_S = 600
+"""Time after which an input that does not even come back to Python counts as a hang, s."""
+_EXECUTIONS = re.compile(rb"stat::number_of_executed_units:\s*(\d+)")
+_COVERAGE = re.compile(rb"cov: (\d+) ft: ")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Outcome of a target.
+
+    Attributes:
+        executions: Number of inputs that were tried.
+        coverage: Number of branches of the followed packages that were seen; None where unknown.
+        per_s: Number of inputs a second.
+        findings: Inputs that broke the rule.
+        failed: Whether the fuzzer ended with an error and without an input.
+
+    """
+
+    executions: int
+    coverage: int | None
+    per_s: float
+    findings: tuple[Path, ...]
+    failed: bool
+
+
+def fuzz(name: str, options: argparse.Namespace) -> Outcome:
+    """Fuzz a target in a process of its own; what it says goes into a file beside its inputs."""
+    found = BUILD / name
+    (found / "corpus").mkdir(parents=True, exist_ok=True)
+    before = set(found.iterdir())
+    command = [sys.executable, str(ROOT / "tools" / "fuzzing" / "one_target.py"), name]
+    command += [",".join(TARGETS[name].followed)]
+    command += [str(found / "corpus"), str(SEEDS / name)]
+    command += [f"-artifact_prefix={found}/", f"-max_len={TARGETS[name].longest}"]
+    command += [f"-rss_limit_mb={MOST_MIB}", f"-timeout={STANDSTILL_S}", f"-seed={options.seed}"]
+    command += ["-print_final_stats=1", f"-runs={options.runs}"]
+    command += [f"-max_total_time={max(round(options.minutes * 60), 1)}"]
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory(dir=_memory_folder()) as scratch:
+        environment = {**os.environ, "TMPDIR": scratch}
+        done = subprocess.run(
+            command, stdout=PIPE, stderr=STDOUT, stdin=DEVNULL, env=environment, check=False
+        )
+    took_s = max(time.monotonic() - began, 1e-3)
+    (found / "fuzzer.txt").write_bytes(done.stdout)
+    executions = sum(map(int, _EXECUTIONS.findall(done.stdout)))
+    branches = max(map(int, _COVERAGE.findall(done.stdout)), default=None)
+    new = sorted(set(found.iterdir()) - before)
+    findings = tuple(path for path in new if path.name.startswith(FINDINGS))
+    failed = done.returncode != 0 and not findings
+    return Outcome(executions, branches, executions / took_s, findings, failed)
+
+
+def _memory_folder() -> str | None:
+    """A folder that is in memory: targets write a file for each input. None: the usual one."""
+    shared = "/dev/shm"  # noqa: S108  a folder is made below it
+    return shared if os.access(shared, os.W_OK) else None
+
+
+def repeat(name: str, path: Path) -> int:
+    """Run one input without the fuzzer; an exception shows where it ends."""
+    TARGETS[name].run(path.read_bytes())
+    print(f"{name}: {path} keeps the rule")
+    return 0
+
+
+def main() -> int:
+    """Run the command; 1 where something was found."""
+    parser = argparse.ArgumentParser(prog="tools/fuzz", description=__doc__)
+    parser.add_argument("targets", nargs="*", metavar="TARGET", help=f"of {', '.join(TARGETS)}")
+    parser.add_argument("--minutes", type=float, default=1.0, metavar="M", help="for each target")
+    parser.add_argument("--runs", type=int, default=-1, metavar="N", help="most executions of each")
+    parser.add_argument("--seed", type=int, default=1, metavar="S", help="of the mutations")
+    parser.add_argument("--repeat", type=Path, metavar="FILE", help="run this input alone")
+    options = parser.parse_args()
+    unknown = [name for name in options.targets if name not in TARGETS]
+    if unknown:
+        parser.error(f"no target {unknown[0]}: write some of {', '.join(TARGETS)}")
+    if options.repeat:
+        if len(options.targets) != 1:
+            parser.error("--repeat wants one target")
+        return repeat(options.targets[0], options.repeat)
+    status = 0
+    print(f"{'target':16}{'executions':>12}{'a second':>10}{'branches':>10}{'findings':>10}")
+    for name in options.targets or TARGETS:
+        outcome = fuzz(name, options)
+        branches = "-" if outcome.coverage is None else outcome.coverage
+        print(
+            f"{name:16}{outcome.executions:>12}{outcome.per_s:>10.0f}{branches:>10}"
+            f"{len(outcome.findings):>10}",
+            flush=True,
+        )
+        for path in outcome.findings:
+            print(f"    tools/fuzz {name} --repeat {path.relative_to(ROOT)}")
+        if outcome.failed:
+            print(f"    the fuzzer failed: see {(BUILD / name / 'fuzzer.txt').relative_to(ROOT)}")
+        if outcome.findings or outcome.failed:
+            status = 1
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())
