@@ -233,7 +233,9 @@ def main() -> int:
     by_name = {Path(module).stem: module for module in settings["tests"]}
     parser = argparse.ArgumentParser(prog="tools/mutation", description=__doc__)
     parser.add_argument("modules", nargs="*", metavar="MODULE", help=", ".join(by_name))
-    parser.add_argument("--survivors", action="store_true", help="only what survived or timed out before")
+    parser.add_argument(
+        "--survivors", action="store_true", help="only what survived or timed out before"
+    )
     parser.add_argument("--print", action="store_true", help="what there is, without a run")
     options = parser.parse_args()
     for name in set(options.modules) - set(by_name):
