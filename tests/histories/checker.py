@@ -229,7 +229,9 @@ def _silence(points: list[Point], record: Record, schedule: _Schedule) -> Iterat
     good = _good_times(record, schedule)
     for point in points:
         for name, times in good.items():
-            place = bisect_right(times, point.due_us)
+            # What came until the setpoint was sent may be stamped before it was due: frames are
+            # waited for, and a clock that was set back stamps too early.
+            place = bisect_right(times, point.at_us)
             if not place:
                 continue
             silent_us = point.due_us - times[place - 1]

@@ -33,6 +33,15 @@ def test_faults_together(seed):
     assert judge(seed, 20 * S, draw(seed, 20 * S, per_minute=12.0)) == []
 
 
+def test_a_first_frame_with_an_early_stamp_ends_the_silence():
+    """The bus is away, its clock is set back: the first frame is stamped 50 ms before it came."""
+    faults = (
+        Fault("bus_down", 5_147_893, 6_245_244, ""),
+        Fault("clock_set", 5_191_448, 5_191_449, "", -0.05),
+    )
+    assert judge(1070, 15 * S, faults) == []
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("part", range(10))
