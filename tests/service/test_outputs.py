@@ -8,7 +8,12 @@ import pytest
 from adhesion_can.config import load_configuration
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.readings import Role
-from adhesion_can.service.outputs import OutputBuilder, Outputs, Setpoint
+from adhesion_can.service.outputs import (
+    OutputBuilder,
+    Outputs,
+    Setpoint,
+    compute_target_slip,
+)
 from adhesion_can.service.states import Status
 from tests.service.test_core import CONFIG, KNOWN
 
@@ -158,3 +163,13 @@ def test_before_the_first_values_there_are_none_to_hold(builder):
     build(builder)
     builder.restart()
     assert build(builder, Status.STALE_INPUT, may_hold=True) == stale
+
+
+def test_what_is_prepared_is_not_computed_again(builder):
+    estimate = replace(KNOWN, c1=0.41, c2=61.0)
+    builder.prepare(estimate)
+    computed = compute_target_slip.cache_info().misses
+    prepared = build(builder, estimate=estimate)
+    assert compute_target_slip.cache_info().misses == computed
+    compute_target_slip.cache_clear()
+    assert build(OutputBuilder(CONFIG), estimate=estimate) == prepared
