@@ -53,7 +53,7 @@ def fuzz(name: str, options: argparse.Namespace) -> Outcome:
     (found / "corpus").mkdir(parents=True, exist_ok=True)
     before = set(found.iterdir())
     command = [sys.executable, str(ROOT / "tools" / "fuzzing" / "one_target.py"), name]
-    command += [",".join(TARGETS[name].followed)]
+    command += [",".join(TARGETS[name].followed), str(int(not TARGETS[name].has_arrays))]
     command += [str(found / "corpus"), str(SEEDS / name)]
     command += [f"-artifact_prefix={found}/", f"-max_len={TARGETS[name].longest}"]
     command += [f"-rss_limit_mb={MOST_MIB}", f"-timeout={STANDSTILL_S}", f"-seed={options.seed}"]
