@@ -1,6 +1,5 @@
 """What the output messages say of themselves."""
 
-
 import pytest
 
 from adhesion_can.bus.database import OUTPUT_MESSAGES, load_database
