@@ -16,6 +16,7 @@ from adhesion_can.bus.receiver import Receiver
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.offline.check import check
+from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.candump import format_frame
 
 DBC = """
@@ -31,6 +32,7 @@ BA_ "VFrameFormat" BO_ 2565866750 3;
 BA_ "VFrameFormat" BO_ 2364540158 3;
 """
 EEC1 = 0x0CF004FE
+TSC1 = 0x0C000003
 
 
 @pytest.fixture
@@ -161,6 +163,33 @@ def test_frames_and_blocks_find_the_same_sender_of_a_group(dbc):
         single.accept(frame)
     block.accept_block(Block.from_frames(frames), np.array([f.t_us for f in frames]))
     assert single.same_group == block.same_group == {EEC1: 0x0CF00400}
+
+
+@pytest.fixture
+def group_0(dbc):
+    """EEC1 replaced by TSC1, whose group is 0: the bits of a standard identifier name no other."""
+    text = dbc.read_text().replace(str(EEC1 | 1 << 31), str(TSC1 | 1 << 31))
+    dbc.write_text(text)
+    return dbc
+
+
+def test_a_standard_frame_is_no_sender_of_a_group(group_0):
+    single, block = Receiver(configured(group_0).messages), Receiver(configured(group_0).messages)
+    frames = [Frame(0, 0x27, bytes(8)), *frames_of(0x0C000011)]
+    assert [single.accept(frame) is None for frame in frames] == [True, False, False]
+    found = block.accept_block(Block.from_frames(frames), np.array([f.t_us for f in frames]))
+    assert len(found.readings[Role.WHEEL_SPEED, 1][0]) == 2
+    assert single.senders.heard == block.senders.heard == {TSC1: 0x11}
+
+
+@pytest.mark.parametrize(("heard", "noted"), [(0x27, {}), (0, {TSC1: 0}), (0x11, {TSC1: 0x11})])
+def test_only_identifiers_of_29_bits_have_a_group(group_0, heard, noted):
+    remove_marks(group_0)
+    single, block = Receiver(configured(group_0).messages), Receiver(configured(group_0).messages)
+    frames = [Frame(0, heard, bytes(8), is_extended=bool(noted))]
+    assert single.accept(frames[0]) is None
+    block.accept_block(Block.from_frames(frames), np.array([0]))
+    assert single.same_group == block.same_group == noted
 
 
 @pytest.mark.parametrize("command", ["check", "diagnose", "identify", "replay"])
