@@ -113,12 +113,7 @@ class Session:
 
     def run(self, *, survivors_only: bool) -> None:
         """Judge the mutants that have no result yet."""
-        code = digest([*(COPY / "adhesion_can").rglob("*.py"), *(COPY / "dbc").iterdir()])
-        tests = digest([*(COPY / "tests").glob("*.py"), *(COPY / test for test in self.tests)])
-        key = [
-            code + hashlib.sha256(repr((self._wanted, self._skipped)).encode()).hexdigest(),
-            tests,
-        ]
+        key = self._hash_copy()
         known = self._key.read_text().split() if self._key.exists() else []
         self._config.write_text(self._wanted)
         if known != key:
@@ -155,10 +150,20 @@ class Session:
                 fate = "timed out" if result.output == "timeout" else "killed"
             yield self._describe(item, result), fate
 
+    def _hash_copy(self) -> list[str]:
+        """Hashes of package and settings, which make the mutants, and of the tests."""
+        code = digest([*(COPY / "adhesion_can").rglob("*.py"), *(COPY / "dbc").iterdir()])
+        settings = hashlib.sha256(repr((self._wanted, self._skipped)).encode()).hexdigest()
+        shared = [p for p in (COPY / "tests").glob("*.py") if not p.name.startswith("test_")]
+        folders = {(COPY / test).parent for test in self.tests}
+        beside = [path for folder in folders for path in folder.glob("*.py")]
+        return [code + settings, digest(shared + beside)]
+
     def _describe(self, item: WorkItem, result: WorkResult) -> Mutant:
         lines = result.diff.splitlines()[3:]
         before, after = (
-            " ".join(line[1:].strip() for line in lines if line.startswith(sign)) for sign in "-+"
+            " ".join(line[1:].strip() for line in lines if line.startswith(sign)).strip()
+            for sign in "-+"
         )
         where = name_at(self._source, item.mutations[0].start_pos[0])
         return Mutant(self.module, where, before, after)

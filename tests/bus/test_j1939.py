@@ -16,6 +16,7 @@ from adhesion_can.bus.receiver import Receiver
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.offline.check import check
+from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.candump import format_frame
 
 DBC = """
@@ -31,6 +32,7 @@ BA_ "VFrameFormat" BO_ 2565866750 3;
 BA_ "VFrameFormat" BO_ 2364540158 3;
 """
 EEC1 = 0x0CF004FE
+TSC1 = 0x0C000003
 
 
 @pytest.fixture
@@ -161,6 +163,59 @@ def test_frames_and_blocks_find_the_same_sender_of_a_group(dbc):
         single.accept(frame)
     block.accept_block(Block.from_frames(frames), np.array([f.t_us for f in frames]))
     assert single.same_group == block.same_group == {EEC1: 0x0CF00400}
+
+
+@pytest.fixture
+def group_0(dbc):
+    """EEC1 replaced by TSC1, whose group is 0: the bits of a standard identifier name no other."""
+    text = dbc.read_text().replace(str(EEC1 | 1 << 31), str(TSC1 | 1 << 31))
+    dbc.write_text(text)
+    return dbc
+
+
+def test_a_standard_frame_is_no_sender_of_a_group(group_0):
+    single, block = Receiver(configured(group_0).messages), Receiver(configured(group_0).messages)
+    frames = [Frame(0, 0x27, bytes(8)), *frames_of(0x0C000011)]
+    assert [single.accept(frame) is None for frame in frames] == [True, False, False]
+    found = block.accept_block(Block.from_frames(frames), np.array([f.t_us for f in frames]))
+    assert len(found.readings[Role.WHEEL_SPEED, 1][0]) == 2
+    assert single.senders.heard == block.senders.heard == {TSC1: 0x11}
+
+
+@pytest.mark.parametrize(
+    ("heard", "noted"),
+    [(0x27, {}), (0, {TSC1: 0}), (0x11, {TSC1: 0x11}), (0x1C000003, {TSC1: 0x1C000003})],
+)
+def test_only_identifiers_of_29_bits_have_a_group(group_0, heard, noted):
+    remove_marks(group_0)
+    single, block = Receiver(configured(group_0).messages), Receiver(configured(group_0).messages)
+    frames = [Frame(0, heard, bytes(8), is_extended=bool(noted))]
+    assert single.accept(frames[0]) is None
+    block.accept_block(Block.from_frames(frames), np.array([0]))
+    assert single.same_group == block.same_group == noted
+
+
+def test_a_message_that_is_sent_itself_is_missed_under_no_other_identifier(group_0):
+    remove_marks(group_0)
+    single, block = Receiver(configured(group_0).messages), Receiver(configured(group_0).messages)
+    frames = frames_of(TSC1)
+    assert all(single.accept(frame) for frame in frames)
+    block.accept_block(Block.from_frames(frames), np.array([f.t_us for f in frames]))
+    assert single.same_group == block.same_group == {}
+
+
+@pytest.mark.parametrize("marked", [True, False])
+def test_a_group_is_looked_for_only_where_the_database_keeps_silent_about_it(group_0, marked):
+    if not marked:
+        remove_marks(group_0)
+    plain, groups = Receiver(load_configuration().messages), Receiver(configured(group_0).messages)
+    for subject in (plain, groups):
+        subject.accept(Frame(0, 0x11, bytes(8), is_extended=True))
+        subject.accept(Frame(1, 0x12, bytes(8), is_extended=True))
+    assert plain.same_group == {}
+    assert groups.same_group == ({} if marked else {TSC1: 0x11})
+    wanted = {0x3FF0000, 0x3FFFF00} if marked else {0x1FFFFFFF}
+    assert {one.mask for one in groups.ids} == wanted
 
 
 @pytest.mark.parametrize("command", ["check", "diagnose", "identify", "replay"])

@@ -408,6 +408,15 @@ def test_data_id_factor_sign_and_unit_of_a_choice_hold():
     assert reading.value == pytest.approx(-10 / 3.6 * 1.01)
 
 
+def test_the_offset_of_a_choice_is_taken_from_its_value():
+    """An error that `calibrate` found: in SI, behind factor and unit."""
+    choice = SignalChoice(
+        Role.VEHICLE_SPEED, 0, "VehicleSpeed", "VehicleSpeed", unit="km/h", offset=0.25
+    )
+    (reading,) = bound(choice).accept(Frame(0, 0x111, speed_payload(0, 5000)))
+    assert reading.value == pytest.approx(10 / 3.6 - 0.25)
+
+
 def test_a_choice_may_take_all_ones_as_a_value():
     subject = bound(
         SignalChoice(
@@ -474,6 +483,26 @@ def test_a_multiplexed_signal_is_read_where_its_selector_says_that_it_is_there()
     block = many.accept_block(Block.from_frames(frames), np.arange(6))
     stamps, values = block.readings[(Role.WHEEL_SPEED, 1)]
     assert (stamps.tolist(), values.tolist()) == ([1, 4], [1.01, 1.04])
+
+
+def test_a_multiplexed_signal_that_is_absent_hides_none_behind_it():
+    lines = [
+        'X M : 0|8@1+ (1,0) [0|0] ""',
+        'S m1 : 8|16@1+ (0.01,0) [0|0] "rad/s"',
+        'T m2 : 8|16@1+ (0.01,0) [0|0] "rad/s"',
+        'U : 24|16@1+ (0.01,0) [0|0] "rad/s"',
+    ]
+    text = 'VERSION ""\nBU_: A\nBO_ 256 M: 8 A\n' + "".join(f" SG_ {line} A\n" for line in lines)
+    choices = [
+        SignalChoice(Role.WHEEL_SPEED, axle, "M", name) for axle, name in enumerate("STU", 1)
+    ]
+    database = CanDatabase(Path("u.dbc"), "", load_string(text, "dbc"))
+    subject = Receiver(bind(choices, database, RADII, "c.toml"))
+    found = [
+        {reading.axle: reading.value for reading in subject.accept(Frame(0, 256, data + bytes(3)))}
+        for data in (bytes([1, 100, 0, 200, 0]), bytes([2, 100, 0, 200, 0]))
+    ]
+    assert found == [{1: 1.0, 3: 2.0}, {2: 1.0, 3: 2.0}]
 
 
 @pytest.mark.parametrize("unit", ["N", "kN"])
