@@ -10,7 +10,8 @@ class Estimator(Protocol):
     """Estimator of the adhesion curve from a stream of samples.
 
     `update` is called once per setpoint cycle with the samples of that cycle, possibly none.
-    An estimator is deterministic: its random numbers come from a seed in its settings.
+    An estimator is deterministic: its random numbers come from a seed in its settings. On a bus
+    one that `copy.deepcopy` can copy is updated ahead of its due time, so that no setpoint waits.
     """
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:

@@ -147,7 +147,7 @@ class ServiceCore:
 
         """
         t_us = self.schedule.next_due_us
-        if t_us is None or self._inputs.expects_before(t_us):
+        if t_us is None or not self._estimation.can_prepare or self._inputs.expects_before(t_us):
             return False
         samples = self._inputs.collect_ahead(t_us)
         if self._estimation.is_prepared(samples, t_us):
@@ -155,7 +155,7 @@ class ServiceCore:
         estimate = self._estimation.prepare(samples, t_us)
         if estimate is not None:
             self._builder.prepare(estimate)
-        return True
+        return self._estimation.can_prepare
 
     def stop(self, t_us: int) -> list[Frame]:
         """Bring the core to a time, µs, and take back what was sent; returns the frames.

@@ -3,7 +3,8 @@
 An update takes some milliseconds now and then, and a setpoint should not wait for it. So `prepare`
 makes the next update ahead of its due time, on a copy of the estimator, with the samples that there
 are (speculative execution). Where these are all when the time comes, the copy takes the estimator's
-place; where more came, it is dropped. Either way the estimates are those of `update` alone.
+place; where more came, it is dropped. Either way the estimates are those of `update` alone. An
+estimator that cannot be copied is updated at its due times.
 """
 
 import copy
@@ -52,6 +53,8 @@ class EstimationLoop:
 
     def __init__(self, make_estimator: Callable[[], Estimator]) -> None:
         self._make_estimator = make_estimator
+        self.can_prepare = True
+        """Whether updates can be made ahead: the estimator can be copied, as far as is known."""
         self.discard()
 
     def discard(self) -> None:
@@ -105,10 +108,15 @@ class EstimationLoop:
             t_us: Due time, µs.
 
         Returns:
-            Estimate that `update` will give; None where there is none.
+            Estimate that `update` will give; None where there is none, or where the estimator
+            cannot be copied.
 
         """
-        estimator = copy.deepcopy(self._estimator)
+        try:
+            estimator = copy.deepcopy(self._estimator)
+        except TypeError:  # a lock, a file or a generator is in it
+            self.can_prepare = False
+            return None
         outcome = _outcome(estimator, samples, t_us)
         self._prepared = _Prepared(samples, t_us, estimator, outcome)
         return None if isinstance(outcome, EstimatorFailure) else outcome
@@ -121,7 +129,9 @@ def _outcome(
     try:
         estimate = estimator.update(samples, t_us)
     except (ArithmeticError, ValueError) as error:
-        return EstimatorFailure(f"the estimator failed: {error}")
+        failure = EstimatorFailure(f"the estimator failed: {error}")
+        failure.__cause__ = error
+        return failure
     if estimate is not None and not _is_finite(estimate):
         return EstimatorFailure("the estimate is not finite")
     return estimate

@@ -208,8 +208,8 @@ class LiveService:
         self.core.second_sender(mark.t_us)
 
     def _send(self, frames: Iterable[Frame]) -> None:
-        now_us = self.clock()
         for frame in frames:
+            now_us = self.clock()
             number = frame.arbitration_id
             missed = self._missed.get(number, 0)
             # Held up for long: nobody is sent a burst of what was due meanwhile. Nor a frame with

@@ -7,9 +7,11 @@ from hypothesis import strategies as st
 
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.registry import ESTIMATORS
+from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.candump import ReadReport
 from adhesion_can.recordings.sequence import _without_strays
 from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.estimation_loop import EstimationLoop, EstimatorFailure
 from adhesion_can.service.replay import replay
 from adhesion_can.simulation.scenarios import SCENARIOS
 from tests.service.test_column_replay import SummingEstimator, run_core, simulated, spoiled
@@ -114,3 +116,29 @@ def test_a_reading_that_was_not_expected_has_the_update_made_anew():
 
 def test_before_the_first_input_there_is_nothing_to_do():
     assert not ServiceCore(CONFIG).work_ahead()
+
+
+class WithGenerator(SummingEstimator):
+    """Holds what cannot be copied."""
+
+    def __init__(self):
+        super().__init__()
+        self.numbers = (number for number in range(3))
+
+
+def test_an_estimator_that_cannot_be_copied_is_updated_at_its_due_times():
+    items = list(Bench().drive(0, 600_000))
+    assert run_both(items, WithGenerator, share=1.0 - 1e-9) == []
+
+
+def test_a_failure_ahead_keeps_its_cause():
+    class Failing:
+        def update(self, samples, now_us):
+            raise ValueError("no curve")
+
+    loop = EstimationLoop(Failing)
+    samples = Samples.from_rows([])
+    loop.prepare(samples, 20_000)
+    with pytest.raises(EstimatorFailure, match="no curve") as failure:
+        loop.update(samples, 20_000)
+    assert isinstance(failure.value.__cause__, ValueError)

@@ -10,10 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from adhesion_can.diagnosis.inference.model_comparison import (
-    ScoredModel,
-    score_model,
-)
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, score_model
 from adhesion_can.diagnosis.inference.noise_averaging import Reversed
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model, remove_effect
