@@ -54,7 +54,7 @@ def test_all_rows_show_lateral_slip(realdata, tmp_path):
     assert gain["rmse_after"] < 0.6 * gain["rmse_before"]
 
 
-@pytest.mark.parametrize("rows", [27, 29])
+@pytest.mark.parametrize("rows", [22, 24, 27, 29, 30, 33])
 def test_a_force_that_is_late_is_no_relaxation(realdata, tmp_path, rows):
     """The search for a delay stopped at half of it, and a relaxation of 2.9 m fitted better."""
     _, head, table = rows_of(realdata)

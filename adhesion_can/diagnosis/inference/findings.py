@@ -163,10 +163,12 @@ class Findings:
         if size > INTERVAL:
             return self
         rest = tuple(c for place, c in enumerate(best.candidates) if place != least)
-        without = self.fitted_with(rest)
-        if without is None:
-            smaller = remove_effect(best.fitted.model, least)[0]
-            without = score_model(regression, fit_model(regression, smaller))
+        smaller = remove_effect(best.fitted.model, least)[0]
+        without = score_model(regression, fit_model(regression, smaller))
+        # The fit of the search may be better, or at a minimum that the model has left since.
+        known = self.fitted_with(rest)
+        if known is not None:
+            without = min(known, without, key=lambda one: one.fitted.cross_validated_square)
         selection = replace(self.selection, best=without, indistinguishable=())
         return replace(self, selection=selection).without_sizeless_effects
 
