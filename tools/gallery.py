@@ -180,7 +180,7 @@ permission, via teasit/magic-formula-tyre-library; not part of the repository).
         "diagnose straight.csv --extended model.toml",
         r"^(Named|Nothing|Cannot|Unexplained|Gain|What is left|- )",
     )
-    case.run("evaluate straight.csv --model model.toml", r"straight|all|model|curve")
+    case.run("evaluate straight.csv --model model.toml", r"^ data |straight|all|model|curve")
     slip, load = rows["slip"], rows["normal_load_N"]
     adhesion = rows["longitudinal_force_N"] / load
     plain, rmse = by_hand(burckhardt, slip, adhesion, (1.5, 20.0, 1.0))

@@ -54,9 +54,12 @@ def test_all_rows_show_lateral_slip(realdata, tmp_path):
     assert gain["rmse_after"] < 0.6 * gain["rmse_before"]
 
 
-@pytest.mark.parametrize("rows", [22, 24, 27, 29, 30, 33])
-def test_a_force_that_is_late_is_no_relaxation(realdata, tmp_path, rows):
-    """The search for a delay stopped at half of it, and a relaxation of 2.9 m fitted better."""
+@pytest.mark.parametrize("rows", [15, 22, 24, 27, 29, 30, 33])
+def test_a_force_that_is_late_is_nothing_else(realdata, tmp_path, rows):
+    """The search for a delay stopped at half of it, and a relaxation of 2.9 m fitted better.
+
+    At 0.15 s a free curve did, with a peak at more than twice the largest slip.
+    """
     _, head, table = rows_of(realdata)
     place = {name: head.index(name) for name in head}
     straight = [
@@ -79,7 +82,7 @@ def test_a_force_that_is_late_is_no_relaxation(realdata, tmp_path, rows):
         cause["effect"]: next(iter(cause["parameters"].values()))["value"]
         for cause in answer.document["causes"]
     }
-    assert "creep_relaxation" not in sizes
+    assert not {"creep_relaxation", "curve_shape"} & set(sizes)
     # At a constant speed a late force is an early wheel.
     delay = sizes.get("effort_delay", -sizes.get("wheel_speed_delay", 0.0))
     assert delay == pytest.approx(0.01 * rows, abs=0.03)

@@ -51,6 +51,9 @@ on the weights of the latter, for the family to be tried in their place."""
 FIRST_ITERATIONS = 30
 MOST_LEFT = 0.25
 """Largest share that a family leaves of what a slip spline explains on Burckhardt's curve."""
+LEAST_BEYOND = 0.01
+"""Least share of the rows beyond the peak of a shape. Below a peak that was not reached, a family
+with a curve of its own is little more than a bend, which a delay or a load error makes as well."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +189,7 @@ def judge_shape(found: "Findings", shaped: "Findings") -> ShapeFinding | None:
         same = _fit(regression, replace(best.fitted.model, curves=plain.fitted.model.curves))
     if not _is_worth(same, best) or _leaves_slip(found, shaped):
         return None
-    if not _shows_in_adhesion(regression, same, best) or _is_of_no_contact(regression, best):
+    if not _shows_in_adhesion(regression, same, best) or not _has_peak(regression, best):
         return None
     tested = len(OTHERS)
     if burckhardt.candidates:
@@ -231,16 +234,20 @@ def _shows_in_adhesion(
     return after < (1.0 - LEAST_GAIN) * before
 
 
-def _is_of_no_contact(regression: WhitenedRegression, scored: ScoredModel) -> bool:
-    """Whether slip and adhesion have opposite signs in many rows beyond the peak of a shape.
+def _has_peak(regression: WhitenedRegression, scored: ScoredModel) -> bool:
+    """Whether the rows show the peak of a shape: some lie beyond it, and they are of the contact.
 
-    A friction brake whose force is not measured, or a slip of bends, makes such a peak.
+    Where slip and adhesion have opposite signs in many rows beyond a peak, a friction brake whose
+    force is not measured, or a slip of bends, has made it.
     """
     data, model = regression.data, scored.fitted.model
     evaluation = evaluate_model(data, model.curves, model.active_effects)
     slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
     aligned = np.sign(evaluation.slip) * (evaluation.predicted + evaluation.residual)
-    return share_opposite(aligned[regression.used & (slope < 0.0)]) > 0.0
+    used = regression.used
+    beyond = used & (slope < 0.0)
+    reached = np.count_nonzero(beyond) >= LEAST_BEYOND * np.count_nonzero(used)
+    return reached and not share_opposite(aligned[beyond])
 
 
 def _residual(regression: WhitenedRegression, scored: ScoredModel) -> Array:
