@@ -154,6 +154,14 @@ class Samples(Value):
             covariates={n: np.concatenate([p.covariates[n] for p in full]) for n in sorted(names)},
         )
 
+    def equals(self, other: "Samples") -> bool:
+        """Whether all columns have the same values, and both have the same covariates."""
+        if len(self) != len(other) or self.covariates.keys() != other.covariates.keys():
+            return False
+        pairs = [(getattr(self, name), getattr(other, name)) for name in (*_STAMPS, *_FLOATS)]
+        pairs += [(column, other.covariates[name]) for name, column in self.covariates.items()]
+        return all(one.tobytes() == another.tobytes() for one, another in pairs)
+
     def select(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> "Samples":
         """The samples that a mask, index array or slice names."""
         return Samples(
@@ -169,6 +177,7 @@ class Samples(Value):
         return np.abs(self.slip), np.copysign(1.0, self.slip) * self.adhesion
 
 
+_STAMPS = ("t_us", "axle", "speed_us")
 _FLOATS = (
     "slip",
     "adhesion",

@@ -22,6 +22,7 @@ from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.readings import SpeedSource
 from adhesion_can.physics.samples import Samples
+from adhesion_can.service.early_start import NEAR_US, EarlyStart
 from adhesion_can.service.estimation_loop import EstimationLoop, EstimatorFailure
 from adhesion_can.service.inputs import FrameInputs, InputSnapshot
 from adhesion_can.service.output_messages import SETPOINT, Health, OutputMessages
@@ -88,6 +89,7 @@ class ServiceCore:
         """Whether the vehicle speed is derived from the driven axles."""
         self._inputs = FrameInputs(configuration, self.receiver)
         self._estimation = EstimationLoop(estimator or configuration.make_estimator)
+        self._early = EarlyStart()
         self._status = StatusMachine(configuration.service)
         self._builder = OutputBuilder(configuration)
         self._on_setpoint = on_setpoint
@@ -147,15 +149,27 @@ class ServiceCore:
 
         """
         t_us = self.schedule.next_due_us
-        if t_us is None or not self._estimation.can_prepare or self._inputs.expects_before(t_us):
+        if t_us is None or not self.has_work_ahead:
             return False
         samples = self._inputs.collect_ahead(t_us)
-        if self._estimation.is_prepared(samples, t_us):
-            return False
-        estimate = self._estimation.prepare(samples, t_us)
-        if estimate is not None:
-            self._builder.prepare(estimate)
+        if not self._estimation.is_prepared(samples, t_us):
+            self._early.repeat()
+            if self._inputs.expects_before(t_us):
+                self._early.begin(t_us)
+            estimate = self._estimation.prepare(samples, t_us)
+            if estimate is not None:
+                self._builder.prepare(estimate)
         return self._estimation.can_prepare
+
+    @property
+    def has_work_ahead(self) -> bool:
+        """Whether `work_ahead` has something to do."""
+        t_us = self.schedule.next_due_us
+        if t_us is None or not self._estimation.can_prepare or self._inputs.is_collected(t_us):
+            return False
+        if not self._inputs.expects_before(t_us):
+            return True
+        return self._early.allows(t_us) and not self._inputs.expects_before(t_us - NEAR_US)
 
     def stop(self, t_us: int) -> list[Frame]:
         """Bring the core to a time, µs, and take back what was sent; returns the frames.
@@ -295,6 +309,7 @@ class ServiceCore:
                 self._on_samples(samples)
         try:
             is_new = self._estimation.update(samples, t_us)
+            self._early.end(t_us, served=self._estimation.was_prepared)
         except EstimatorFailure as failure:
             self._add_fault(t_us, str(failure))
             self._discard_estimate()

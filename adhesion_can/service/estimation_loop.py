@@ -40,7 +40,7 @@ class _Prepared(NamedTuple):
 
     def serves(self, samples: Samples, t_us: int) -> bool:
         """Whether it is the update with these samples at this due time, µs."""
-        return self.samples is samples and self.t_us == t_us
+        return self.t_us == t_us and (self.samples is samples or self.samples.equals(samples))
 
 
 class EstimationLoop:
@@ -55,6 +55,8 @@ class EstimationLoop:
         self._make_estimator = make_estimator
         self.can_prepare = True
         """Whether updates can be made ahead: the estimator can be copied, as far as is known."""
+        self.was_prepared = False
+        """Whether the latest update was made ahead of its due time."""
         self.discard()
 
     def discard(self) -> None:
@@ -85,7 +87,8 @@ class EstimationLoop:
 
         """
         prepared, self._prepared = self._prepared, None
-        if prepared is not None and prepared.serves(samples, t_us):
+        self.was_prepared = prepared is not None and prepared.serves(samples, t_us)
+        if prepared is not None and self.was_prepared:
             self._estimator, outcome = prepared.estimator, prepared.outcome
         else:
             outcome = _outcome(self._estimator, samples, t_us)
@@ -103,8 +106,7 @@ class EstimationLoop:
         """Make the update of the next due time ahead of it.
 
         Args:
-            samples: Samples that became complete since the due time before, as far as is known; the
-                same object is given to `update` where no more came.
+            samples: Samples that became complete since the due time before, as far as is known.
             t_us: Due time, µs.
 
         Returns:

@@ -150,12 +150,16 @@ class FrameInputs:
             for message in self._messages
         )
 
+    def is_collected(self, t_us: int) -> bool:
+        """Whether the samples of a due time, µs, are collected, and nothing came since."""
+        return self._ahead is not None and self._ahead.t_us == t_us
+
     def collect_ahead(self, t_us: int) -> Samples:
         """Samples of a due time, µs, if nothing else comes before it.
 
         Then `snapshot` gives the same object; after another reading it collects anew.
         """
-        if self._ahead is None or self._ahead.t_us != t_us:
+        if self._ahead is None or not self.is_collected(t_us):
             former = self._former.copy()
             self._ahead = _Ahead(t_us, former, Samples.from_rows(former.collect(t_us)))
         return self._ahead.samples

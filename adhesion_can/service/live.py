@@ -146,10 +146,12 @@ class LiveService:
         wait_s = IDLE_S
         if due_us is not None:
             wait_s = min(max((due_us + GRACE_US - self.clock()) / 1e6, 0.0), IDLE_S)
-        received = self._queue.get(0.0)
-        if received is None:
-            if due_us is not None and self.core.work_ahead():
+        received = None
+        if self.core.has_work_ahead:
+            received = self._queue.get(0.0)
+            if received is None and self.core.work_ahead():
                 return
+        if received is None:
             received = self._queue.get(wait_s)
         self.core.counts.receive_drops = self._queue.dropped + self.bus.kernel_drops
         if received is not None:
@@ -178,7 +180,7 @@ class LiveService:
         self._send(self.core.due_frames(effective.t_us))
         # The core gets the stamp as it came, and counts it when it has to clamp it.
         self._send(self.core.feed(frame))
-        self._log(format_frame(effective))
+        self._log_frame(effective)
         self._loop_times_s.append(time.perf_counter() - began)
         if self.counts.received % 100 == 0:
             self.core.loop_time_p99_us = float(np.quantile(self._loop_times_s, 0.99)) * 1e6
@@ -222,7 +224,7 @@ class LiveService:
             if not self._dry_run:
                 self._hand_over(frame)
             # Behind the sending, which it would hold up.
-            self._log(format_frame(frame))
+            self._log_frame(frame)
 
     def _hand_over(self, frame: Frame) -> None:
         """Send a frame of ours, and count where the bus does not take it."""
@@ -240,6 +242,10 @@ class LiveService:
     def _log(self, line: str) -> None:
         if self._write_log is not None:
             self._write_log(line)
+
+    def _log_frame(self, frame: Frame) -> None:
+        if self._write_log is not None:
+            self._write_log(format_frame(frame))
 
     def _age_us(self, received: Received) -> int:
         if not self.stamps.usable:

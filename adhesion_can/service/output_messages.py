@@ -114,6 +114,10 @@ class OutputMessages:
                     f"has the id {key[0]:#x} of our own {name}",
                     f"give a database that defines {', '.join(OUTPUT_MESSAGES)} with free ids",
                 )
+        self.ids = frozenset(
+            (one.plan.frame_id, one.plan.is_extended) for one in self._encoders.values()
+        )
+        """Id of every output message, and whether it has 29 bits."""
         self._composers: dict[str, Callable[[int, Outputs, Health], list[Frame]]] = {
             SETPOINT: self._setpoint,
             "AdhesionModel": self._model,
@@ -142,12 +146,6 @@ class OutputMessages:
     def ids_by_name(self) -> dict[str, int]:
         """Id of each message by its name."""
         return {name: encoder.plan.frame_id for name, encoder in self._encoders.items()}
-
-    @property
-    def ids(self) -> frozenset[tuple[int, bool]]:
-        """Id of every output message, and whether it has 29 bits."""
-        plans = [encoder.plan for encoder in self._encoders.values()]
-        return frozenset((plan.frame_id, plan.is_extended) for plan in plans)
 
     def find_name(self, arbitration_id: int) -> str:
         """Name of the output message with an id."""

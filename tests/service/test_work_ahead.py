@@ -11,11 +11,12 @@ from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.candump import ReadReport
 from adhesion_can.recordings.sequence import _without_strays
 from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.early_start import EarlyStart
 from adhesion_can.service.estimation_loop import EstimationLoop, EstimatorFailure
 from adhesion_can.service.replay import replay
 from adhesion_can.simulation.scenarios import SCENARIOS
 from tests.service.test_column_replay import SummingEstimator, run_core, simulated, spoiled
-from tests.wire import Bench
+from tests.wire import CYCLES_MS, REQUIRED, Bench
 
 CONFIG = load_configuration()
 
@@ -98,20 +99,93 @@ def test_nothing_is_updated_at_a_due_time_that_was_prepared_for():
     assert len(updated) >= 40
 
 
-def test_a_reading_that_was_not_expected_has_the_update_made_anew():
+COMPLETING = ("VehicleSpeed", "WheelSpeeds1", "TractiveEffort1")
+
+
+@pytest.mark.parametrize(("names", "times"), [(COMPLETING, 1), (["AxleLoads1"], 0)])
+def test_an_update_is_made_anew_where_unexpected_readings_complete_a_sample(names, times):
     core, updated = counting_core()
-    bench, anew = Bench(), 0
+    bench, tried = Bench(), 0
     for frame in bench.drive(0, 900_000):
         core.feed(frame)
         if core.work_ahead() and frame.t_us > 400_000:
             due_us, before = core.next_due_us, len(updated)
-            core.feed(bench.frame("TrackGeometry", due_us - 1))
+            for name in names:
+                core.feed(bench.steady(name, due_us - 1))
             assert core.work_ahead()
-            assert updated[before:] == [due_us]
+            assert updated[before:] == [due_us] * times
             core.advance(due_us)
-            assert updated[before:] == [due_us]
-            anew += 1
-    assert anew > 10
+            assert updated[before:] == [due_us] * times
+            tried += 1
+    assert tried > 10
+
+
+def around_due_times(bench, name, offset_us, rng):
+    """A drive of four seconds in which a message comes around the due times, or shortly before."""
+    others = [one for one in REQUIRED if one != name]
+    frames = [bench.steady(name, 0), *bench.drive(3_000, 4_000_000, others)]
+    cycle_us = CYCLES_MS[name] * 1000
+    for t_us in range(cycle_us, 4_000_000, cycle_us):
+        jitter = int(rng.integers(-150, 150))
+        frames.append(bench.steady(name, t_us + offset_us + jitter))
+    # Each message with its counters in order, as its sender sends it.
+    return sorted(frames, key=lambda frame: frame.t_us)
+
+
+def updates_of(frames):
+    """Updates made at due times, and in all, by a core that works ahead whenever it can."""
+    core, updated = counting_core()
+    at_due = 0
+    for frame in frames:
+        if core.next_due_us is not None and frame.t_us >= core.next_due_us:
+            before = len(updated)
+            core.advance(core.next_due_us)
+            # An optional message that was never sent is not waited for after 1.5 of its cycles.
+            if frame.t_us > 1_600_000:
+                at_due += len(updated) - before
+        core.feed(frame)
+        while core.work_ahead():
+            pass
+    return at_due, len(updated)
+
+
+def test_a_message_around_the_due_times_is_not_waited_for():
+    rng = np.random.default_rng(5)
+    at_due, in_all = updates_of(around_due_times(Bench(), "WheelSpeeds1", 0, rng))
+    assert at_due == 0
+    assert in_all <= 210
+
+
+def test_a_message_that_completes_samples_before_the_due_times_is_waited_for():
+    rng = np.random.default_rng(6)
+    at_due, in_all = updates_of(around_due_times(Bench(), "VehicleSpeed", -1_000, rng))
+    assert at_due == 0
+    # Tried without it after 1, 3, 7, .. due times.
+    assert in_all <= 215
+
+
+def test_what_was_in_vain_is_tried_more_and_more_seldom():
+    early, tried = EarlyStart(), []
+    for number in range(300):
+        if early.allows(number):
+            early.begin(number)
+            assert not early.allows(number)
+            tried.append(number)
+        early.end(number, served=number > 280)
+    assert tried == [0, 2, 6, 14, 30, 62, 126, 190, 254]
+
+
+def test_what_served_is_tried_at_each_due_time():
+    early = EarlyStart()
+    for number in range(20):
+        assert early.allows(number)
+        early.begin(number)
+        early.end(number, served=number != 10)
+        if number == 10:
+            assert not early.allows(11)
+            early.end(11, served=False)
+            break
+    assert early.allows(12)
 
 
 def test_before_the_first_input_there_is_nothing_to_do():

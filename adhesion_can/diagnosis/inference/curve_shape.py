@@ -246,7 +246,7 @@ def _has_peak(regression: WhitenedRegression, scored: ScoredModel) -> bool:
     aligned = np.sign(evaluation.slip) * (evaluation.predicted + evaluation.residual)
     used = regression.used
     beyond = used & (slope < 0.0)
-    reached = np.count_nonzero(beyond) >= LEAST_BEYOND * np.count_nonzero(used)
+    reached = int(np.count_nonzero(beyond)) >= LEAST_BEYOND * int(np.count_nonzero(used))
     return reached and not share_opposite(aligned[beyond])
 
 

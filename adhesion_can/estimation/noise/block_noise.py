@@ -5,6 +5,7 @@ is a straight line between two of its frames, and one sample of each such group 
 of their two errors. So the private and the common error of the slip are separated.
 """
 
+from dataclasses import dataclass
 from math import comb
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.differences import REGULAR, freedom_share
+from adhesion_can.values import Value
 
 ORDER = 4
 """Order of the differences."""
@@ -44,7 +46,8 @@ class Ratio(NamedTuple):
 UNKNOWN = Ratio(np.nan, 0.0)
 
 
-class BlockNoise(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class BlockNoise(Value):
     """Ratios of one block of samples.
 
     Attributes:

@@ -23,6 +23,7 @@ from adhesion_can.estimation.tracker.curve_sums import DOF, coefficients, interp
 from adhesion_can.estimation.tracker.prior import Prior, from_shape_coordinates
 from adhesion_can.estimation.tracker.proposal import propose
 from adhesion_can.physics.burckhardt import peak
+from adhesion_can.values import Value
 
 FEWEST = 8
 """Least number of curves with a peak in a draw; with fewer the prior is drawn from."""
@@ -50,7 +51,7 @@ class NoisePrior(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Curves:
+class Curves(Value):
     """Curves drawn for a posterior, to be weighted by sums.
 
     Attributes:

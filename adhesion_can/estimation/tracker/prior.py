@@ -12,6 +12,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker.settings import C1_MAX, C2_RANGE, PriorSettings
+from adhesion_can.values import Value
 
 FREEDOM = 4.0
 """Degrees of freedom of the t distributions."""
@@ -32,7 +33,7 @@ def from_shape_coordinates(phi: Array) -> Array:
     return np.column_stack([c1, c2, c1 * c2 * np.exp(-s)])
 
 
-class Prior:
+class Prior(Value):
     """Prior density of curves: a mixture of Student's t distributions.
 
     Args:
