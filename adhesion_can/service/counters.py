@@ -32,6 +32,12 @@ COUNTERS = (
     Counter(
         "send_errors", "send_errors", "frames that the bus refused", lambda s: s.bus.send_errors
     ),
+    Counter(
+        "unsent",
+        "frames_unsent",
+        "frames that the interface dropped instead of sending",
+        lambda s: s.bus.unsent,
+    ),
     Counter("echoes", "echoes", "echoes of our own frames", lambda s: s.counts.echoes),
     Counter(
         "foreign_outputs",

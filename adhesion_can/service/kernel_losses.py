@@ -1,8 +1,9 @@
-"""Frames that the kernel dropped before this process read them, from its socket."""
+"""Frames that the kernel dropped: before this process read them, or instead of sending them."""
 
 import socket
 import struct
 import sys
+from pathlib import Path
 
 import can
 
@@ -14,6 +15,9 @@ DROPS = 8
 BUFFER_BYTES = 4 << 20
 """Receive buffer that is asked for, bytes: a second of a full bus, at some 800 bytes a frame. The
 kernel gives what `net.core.rmem_max` allows."""
+
+INTERFACES = Path("/sys/class/net")
+"""Folder in which Linux shows its network interfaces."""
 
 
 def socket_of(bus: can.BusABC) -> socket.socket | None:
@@ -43,3 +47,32 @@ def count_drops(bus: can.BusABC) -> int | None:
         # A kernel before 4.12, or a closed socket.
         return None
     return int(MEMINFO.unpack(told)[DROPS]) if len(told) == MEMINFO.size else None
+
+
+def count_unsent(bus: can.BusABC) -> int | None:
+    """Number of frames, of any sender, that the interface dropped instead of sending them.
+
+    So the kernel does with an adapter that only listens, and the sender does not learn of it. None
+    where the bus is no SocketCAN interface.
+    """
+    own = socket_of(bus)
+    if own is None or own.family != getattr(socket, "AF_CAN", None):
+        return None
+    (name, *_) = own.getsockname()
+    return read_unsent(name)
+
+
+def read_unsent(interface: str, interfaces: Path = INTERFACES) -> int | None:
+    """Number of frames that an interface dropped instead of sending; None where nothing tells.
+
+    Args:
+        interface: Name of the interface, '' for all of them.
+        interfaces: Folder of the interfaces.
+
+    """
+    if not interface:
+        return None
+    try:
+        return int((interfaces / interface / "statistics" / "tx_dropped").read_text())
+    except (OSError, ValueError):
+        return None

@@ -8,12 +8,18 @@ import can
 
 from adhesion_can.bus.j1939 import IdFilter
 from adhesion_can.errors import BusError
-from adhesion_can.service.kernel_losses import count_drops, enlarge_buffer
+from adhesion_can.service.kernel_losses import count_drops, count_unsent, enlarge_buffer
 
 PAUSES_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Pause before each attempt to open a lost bus again, s; the last one repeats."""
 BUS_LOST_CODES = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
 """Error codes at sending that mean that the bus is gone, and not only full."""
+CHECKED_FRAMES = 50
+"""Number of frames sent from one look to the next at whether the interface sends them at all."""
+LISTEN_ONLY = (
+    "nothing of ours gets on the bus: the adapter only listens; for SocketCAN `ip link set can0 "
+    "down; ip link set can0 type can listen-only off; ip link set can0 up`"
+)
 OPENING_ERRORS = (can.CanError, OSError, ValueError, BusError)
 """Errors by which python-can's interfaces and the commands say that a bus cannot be opened."""
 
@@ -31,6 +37,8 @@ class ReconnectingBus:
         clock: Monotonic clock, s.
         sleep: Function that waits for a time, s.
         wait_for_it: Whether a bus that cannot be opened at first is tried again, as a lost one.
+        count_unsent: Function that counts the frames that an interface dropped instead of sending;
+            None where it does not tell.
 
     Raises:
         OPENING_ERRORS: The bus cannot be opened, and is not waited for.
@@ -46,6 +54,7 @@ class ReconnectingBus:
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
         wait_for_it: bool = False,
+        count_unsent: Callable[[can.BusABC], int | None] = count_unsent,
     ) -> None:
         self.sent = 0
         """Number of frames that the bus took."""
@@ -60,6 +69,11 @@ class ReconnectingBus:
         self._notify = notify
         self._clock = clock
         self._sleep = sleep
+        self.unsent = 0
+        """Number of frames that the interface dropped instead of sending, whoever sent them."""
+        self._count_unsent = count_unsent
+        self._unsent_before = 0
+        self._only_listens = False
         self._drops = self._earlier_drops = 0
         self._failed_attempts = -1
         self._next_attempt_s = 0.0
@@ -121,6 +135,8 @@ class ReconnectingBus:
             return False
         self.sent += 1
         self._confirm_bus()
+        if self.sent % CHECKED_FRAMES == 0:
+            self._look_for_unsent(self._bus)
         return True
 
     def shutdown(self) -> None:
@@ -137,7 +153,24 @@ class ReconnectingBus:
         except BaseException:
             bus.shutdown()
             raise
+        self._unsent_before = self._count_unsent(bus) or 0
+        # Some adapters tell it themselves.
+        self._tell_only_listens(getattr(bus, "state", None) is can.BusState.PASSIVE)
         return bus
+
+    def _look_for_unsent(self, bus: can.BusABC) -> None:
+        """Count what the interface dropped, and tell where that is all that was sent."""
+        count = self._count_unsent(bus)
+        if count is None:
+            return
+        fresh, self._unsent_before = max(count - self._unsent_before, 0), count
+        self.unsent += fresh
+        self._tell_only_listens(fresh >= CHECKED_FRAMES)
+
+    def _tell_only_listens(self, only_listens: bool) -> None:  # noqa: FBT001  the state
+        if only_listens and not self._only_listens:
+            self._notify(LISTEN_ONLY)
+        self._only_listens = only_listens
 
     def _try_to_open(self, timeout_s: float) -> None:
         remaining_s = self._next_attempt_s - self._clock()

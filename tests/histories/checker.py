@@ -108,6 +108,13 @@ class _Schedule:
             for f in self.faults
         )
 
+    def unheard(self, from_us: int, until_us: int) -> bool:
+        """Whether frames that were sent got lost between two times, unknown to their sender."""
+        return any(
+            f.kind == "listen_only" and self._overlaps(f, from_us, until_us, "")
+            for f in self.faults
+        )
+
     def overtaken(self, name: str, at_us: int) -> bool:
         """Whether frames of a message may overtake each other at a time."""
         return any(
@@ -153,7 +160,9 @@ def _frames(record: Record, schedule: _Schedule) -> Iterator[Violation]:
         if number in last:
             before_us, before = last[number]
             step = (count - before) % COUNTERS
-            if step == 0 or (step != 1 and not schedule.disturbed(before_us, at_us)):
+            # After as many frames as there are counts that nobody knows to be lost.
+            repeats = step == 0 and not schedule.unheard(before_us, at_us)
+            if repeats or (step > 1 and not schedule.disturbed(before_us, at_us)):
                 yield Violation("counter", at_us, f"{number:#x}: {before} then {count}")
         last[number] = at_us, count
 

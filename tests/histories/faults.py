@@ -79,6 +79,7 @@ KINDS: Mapping[str, Kind] = {
     "link_missing": Kind(longest_s=4.0, disturbs=True, at_start=True),
     "bus_off": Kind(longest_s=4.0, disturbs=True),
     "no_buffer": Kind(longest_s=1.0, disturbs=True),
+    "listen_only": Kind(longest_s=2.0, disturbs=True),
 }
 
 

@@ -27,6 +27,7 @@ def play(
         clock=lambda: bus.now_us / 1e6,
         sleep=bus.sleep,
         wait_for_it=True,
+        count_unsent=lambda _: bus.unsent,
     )
     service = LiveService(
         core, opened, clock=bus.clock, write_log=record.log.append, notify=record.notices.append

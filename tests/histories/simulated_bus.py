@@ -53,6 +53,8 @@ class SimulatedBus:
         self._stops = deque(f for f in faults if f.kind == "stopped")
         self._downs = [f for f in faults if f.kind in ("bus_down", "link_missing")]
         self._off = [f for f in faults if f.kind == "bus_off"]
+        self._deaf = [f for f in faults if f.kind == "listen_only"]
+        self.unsent = 0
         self._full = [f for f in faults if f.kind == "no_buffer"]
 
     def clock(self) -> int:
@@ -94,6 +96,10 @@ class SimulatedBus:
             raise can.CanOperationError("down", errno.ENETDOWN)
         if any(fault.active(self.now_us - START_US) for fault in (*self._full, *self._off)):
             raise can.CanOperationError("no buffer space", errno.ENOBUFS)
+        if any(fault.active(self.now_us - START_US) for fault in self._deaf):
+            # As the kernel does it: the sender does not learn of it.
+            self.unsent += 1
+            return
         self.record.outputs.append((self.now_us, from_message(message)))
 
     def set_filters(self, filters: object) -> None:

@@ -5,7 +5,13 @@ import sys
 
 import pytest
 
-from adhesion_can.service.kernel_losses import count_drops, enlarge_buffer
+from adhesion_can.service.kernel_losses import (
+    INTERFACES,
+    count_drops,
+    count_unsent,
+    enlarge_buffer,
+    read_unsent,
+)
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux counts them")
@@ -115,3 +121,22 @@ def test_a_bus_without_a_socket_tells_nothing():
 
     assert count_drops(Plain()) is None
     assert ReconnectingBus(Plain, ()).kernel_drops == 0
+    assert count_unsent(Plain()) is None
+
+
+def test_a_socket_of_another_kind_tells_nothing_of_what_was_sent(open_bus):
+    assert count_unsent(open_bus()) is None
+
+
+def test_what_an_interface_dropped_instead_of_sending(tmp_path):
+    folder = tmp_path / "can0" / "statistics"
+    folder.mkdir(parents=True)
+    (folder / "tx_dropped").write_text("31\n")
+    assert read_unsent("can0", tmp_path) == 31
+    assert read_unsent("can1", tmp_path) is None
+    assert read_unsent("", tmp_path) is None
+
+
+@pytest.mark.skipif(not (INTERFACES / "lo").exists(), reason="no interfaces are shown here")
+def test_the_interfaces_of_this_machine_tell():
+    assert read_unsent("lo") is not None

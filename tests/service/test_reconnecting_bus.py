@@ -8,7 +8,12 @@ import pytest
 
 from adhesion_can.bus.j1939 import IdFilter
 from adhesion_can.errors import BusError
-from adhesion_can.service.reconnecting_bus import PAUSES_S, ReconnectingBus
+from adhesion_can.service.reconnecting_bus import (
+    CHECKED_FRAMES,
+    LISTEN_ONLY,
+    PAUSES_S,
+    ReconnectingBus,
+)
 
 MESSAGE = can.Message(arbitration_id=0x101, data=b"12345678", is_extended_id=False)
 
@@ -233,3 +238,66 @@ def test_shutdown_closes_an_open_bus_and_leaves_a_lost_one():
     bench.bus.receive(0.1)
     bench.bus.shutdown()
     assert lost.closed == 1
+
+
+class Counting:
+    """A bus whose interface counts what it drops instead of sending."""
+
+    channel_info = "counting"
+    state = can.BusState.ACTIVE
+
+    def __init__(self, dropped=7):
+        self.dropped, self.only_listens = dropped, True
+
+    def send(self, message):
+        self.dropped += self.only_listens
+
+    def set_filters(self, filters):
+        pass
+
+    def shutdown(self):
+        pass
+
+
+def send_some(bus, number=CHECKED_FRAMES):
+    for _ in range(number):
+        assert bus.send(can.Message(arbitration_id=0x201))
+
+
+def test_an_adapter_that_only_listens_is_told_once_and_counted():
+    notices, own = [], Counting()
+    bus = ReconnectingBus(lambda: own, (), notices.append, count_unsent=lambda one: one.dropped)
+    send_some(bus, 3 * CHECKED_FRAMES)
+    assert notices == [LISTEN_ONLY]
+    # What was dropped before the bus was opened is not ours.
+    assert bus.unsent == 3 * CHECKED_FRAMES
+    own.only_listens = False
+    send_some(bus)
+    own.only_listens = True
+    send_some(bus)
+    assert notices == [LISTEN_ONLY] * 2
+
+
+def test_single_frames_that_the_interface_drops_are_counted_and_not_told():
+    notices, own = [], Counting()
+    bus = ReconnectingBus(lambda: own, (), notices.append, count_unsent=lambda one: one.dropped)
+    send_some(bus, 20)
+    own.only_listens = False
+    send_some(bus, CHECKED_FRAMES)
+    assert notices == []
+    assert bus.unsent == 20
+
+
+def test_an_adapter_that_says_it_only_listens_is_told_at_the_opening():
+    class Passive(Counting):
+        state = can.BusState.PASSIVE
+
+    notices = []
+    ReconnectingBus(Passive, (), notices.append)
+    assert notices == [LISTEN_ONLY]
+
+
+def test_where_nothing_tells_nothing_is_counted():
+    bus = ReconnectingBus(Counting, ())
+    send_some(bus)
+    assert bus.unsent == 0

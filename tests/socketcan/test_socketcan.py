@@ -11,12 +11,14 @@ import signal
 import subprocess
 from itertools import pairwise
 
+import can
 import pytest
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.main import main
 from adhesion_can.physics.burckhardt import peak
 from adhesion_can.recordings.candump import parse_line
+from adhesion_can.service.kernel_losses import count_unsent
 from adhesion_can.simulation.scenarios import surface_by_name
 from tests.socketcan.slow_bench import SETPOINTS_PER_S, write_configuration, write_drive
 from tests.terminals import ForkedTerminal, Terminal, bench_lines
@@ -199,3 +201,8 @@ def test_the_readme_bench_as_printed(terminals):
     dump.interrupt()
     # On a busy machine the service may still be on the surface before when the drive has ended.
     check_answers(frames_in(dump.out), ("dry", "wet"), at_least=900)
+
+
+def test_the_interface_tells_what_it_did_not_send():
+    with can.Bus(interface="socketcan", channel="vcan0") as bus:
+        assert count_unsent(bus) == 0
