@@ -11,13 +11,14 @@ from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.former import common_load_std
+from adhesion_can.values import Value
 
 FALL_SIGNIFICANCE = 4.0
 """c3 over its standard deviation from which the fall beyond the peak is significant."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class IdentifiabilitySettings:
+class IdentifiabilitySettings(Value):
     """Limits from which the peak counts as identifiable from a set of samples.
 
     Attributes:

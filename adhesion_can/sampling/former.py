@@ -29,6 +29,7 @@ from adhesion_can.sampling.equations import (
 )
 from adhesion_can.sampling.load_transfer import ReadingTransfer
 from adhesion_can.sampling.signal_history import WAITING, SignalHistory, Waiting
+from adhesion_can.values import Stateful
 
 
 class _Row(NamedTuple):
@@ -56,7 +57,7 @@ class _Row(NamedTuple):
     transferred: float
 
 
-class SampleFormer:
+class SampleFormer(Stateful):
     """Forms samples from readings as they come; keeps a fraction of a second of them.
 
     Args:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.values import Stateful
 
 PRIOR_COUNT = 10.0
 """Readings that the error of a change is taken as known from beforehand."""
@@ -35,7 +36,7 @@ class Changes(NamedTuple):
     load: Array
 
 
-class LoadGain:
+class LoadGain(Stateful):
     """Gain of measured loads on the computed transfer, at any stamp since the oldest kept.
 
     Args:

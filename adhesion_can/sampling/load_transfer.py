@@ -12,6 +12,7 @@ from adhesion_can.sampling.column_history import ColumnHistory, Stamps
 from adhesion_can.sampling.equations import SampleEquations
 from adhesion_can.sampling.load_gain import Changes, LoadGain
 from adhesion_can.sampling.signal_history import SignalHistory
+from adhesion_can.values import Stateful
 
 NO_READING = -1
 """Stamp in place of that of a load's reading, where the load was not measured."""
@@ -127,7 +128,7 @@ class LoadTransfer:
         return np.where(place >= 0, self._direction.value[place], 1.0)
 
 
-class ReadingTransfer:
+class ReadingTransfer(Stateful):
     """`LoadTransfer` of readings that come one by one, equal to the last bit.
 
     Args:

@@ -167,7 +167,7 @@ class ReconnectingBus:
         self.unsent += fresh
         self._tell_only_listens(fresh >= CHECKED_FRAMES)
 
-    def _tell_only_listens(self, only_listens: bool) -> None:  # noqa: FBT001  the state
+    def _tell_only_listens(self, only_listens: bool) -> None:
         if only_listens and not self._only_listens:
             self._notify(LISTEN_ONLY)
         self._only_listens = only_listens

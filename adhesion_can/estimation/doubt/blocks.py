@@ -2,7 +2,7 @@
 
 Errors of neighbouring samples are not independent, those of blocks nearly are: standard errors come
 from the scatter between blocks (batch means; Glynn & Whitt, Operations Research Letters 10, 1991).
-from adhesion_can.values import Value
+from adhesion_can.values import Stateful, Value
 Where there are many blocks, neighbours are merged, so that they are longer than what lasts.
 
 When a surface ends, its curve is projected out of its blocks (Frisch, Waugh & Lovell). What is left
@@ -20,7 +20,7 @@ from adhesion_can.estimation.doubt.rows import Rows
 from adhesion_can.estimation.doubt.slip_basis import SIZE
 from adhesion_can.estimation.families.binned_samples import EMPTY, BinnedSamples, join_binned
 from adhesion_can.physics.burckhardt import CurveParameters
-from adhesion_can.values import Value
+from adhesion_can.values import Stateful, Value
 
 FIRST_S = 0.5
 """Duration of the first blocks, s."""
@@ -102,7 +102,7 @@ class ReducedBlocks(Value):
     curve_square: float
 
 
-class BlockSeries:
+class BlockSeries(Stateful):
     """Blocks of the current surface, and reduced ones of those before.
 
     Args:

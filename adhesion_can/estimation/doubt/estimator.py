@@ -18,13 +18,14 @@ from adhesion_can.physics.curves.nearest import nearest_burckhardt
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, Identifiable, PeakEstimate
 from adhesion_can.physics.samples import Samples
+from adhesion_can.values import Stateful
 
 BURCKHARDT = "burckhardt"
 SPEED_STEP = 0.5
 """Change of the speed from which the peak is computed anew, m/s."""
 
 
-class DoubtingTracker:
+class DoubtingTracker(Stateful):
     """Tracker whose standard deviations contain what its model may be wrong by.
 
     The comparison works on blocks of the drive. Between them the latest assessment holds. The

@@ -50,7 +50,7 @@ from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, PeakEstimate
 from adhesion_can.physics.samples import Samples
-from adhesion_can.values import Value
+from adhesion_can.values import Stateful, Value
 
 FEWEST_SAMPLES = 20
 """Number of samples below which a block is left out."""
@@ -104,7 +104,7 @@ UNKNOWN = Assessment(Doubt.NONE, (), NONE, NONE)
 """Assessment before there are enough blocks."""
 
 
-class DoubtMonitor:
+class DoubtMonitor(Stateful):
     """Compares the samples of a drive with the model, by blocks.
 
     Args:

@@ -33,6 +33,7 @@ from adhesion_can.estimation.doubt.directions import (
 )
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.samples import Samples
+from adhesion_can.values import Stateful
 
 SMOOTH = 5
 """Number of samples of an axle over which rates are averaged."""
@@ -67,7 +68,7 @@ class Rows(NamedTuple):
     present: Mapping[str, float]
 
 
-class RowBuilder:
+class RowBuilder(Stateful):
     """Builds rows from the samples of a drive, block after block.
 
     Args:

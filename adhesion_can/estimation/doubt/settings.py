@@ -37,7 +37,7 @@ class DoubtSettings(Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InstrumentUncertainty:
+class InstrumentUncertainty(Value):
     """Errors of the instruments that all axles share, before the data show them.
 
     They cannot be seen while the train only pulls: they are part of the standard deviations until

@@ -38,6 +38,7 @@ from adhesion_can.estimation.families.family_fit import (
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.curves import Conditions, CurveFamily
 from adhesion_can.physics.estimate import PeakEstimate
+from adhesion_can.values import Stateful
 
 FEWEST_POINTS = 15
 """Points of the curve below which families are not compared."""
@@ -155,7 +156,7 @@ class FamilyComparison:
         return PeakEstimate(float(mean[0]), float(mean[1]), float(spread[0]), float(spread[1]))
 
 
-class FamilyTracker:
+class FamilyTracker(Stateful):
     """Compares families block by block of a drive, each fit beginning with the one before."""
 
     def __init__(self) -> None:

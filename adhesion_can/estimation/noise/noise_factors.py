@@ -18,6 +18,7 @@ from adhesion_can.estimation.noise.block_noise import BlockNoise, Ratio, measure
 from adhesion_can.estimation.noise.settings import NoiseSettings
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.differences import low_quantile
+from adhesion_can.values import Stateful
 
 BLOCK_US = 1_000_000
 """Least duration of a block, µs."""
@@ -90,7 +91,7 @@ def combine_blocks(
     )
 
 
-class RunningNoise:
+class RunningNoise(Stateful):
     """Noise of samples as they come.
 
     Args:

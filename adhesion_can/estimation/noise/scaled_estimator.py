@@ -5,9 +5,10 @@ from adhesion_can.estimation.noise.noise_factors import RunningNoise
 from adhesion_can.estimation.noise.settings import NoiseSettings
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
+from adhesion_can.values import Stateful
 
 
-class NoiseScaledEstimator:
+class NoiseScaledEstimator(Stateful):
     """Stage in front of an estimator that scales the variances of the samples.
 
     Args:

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from adhesion_can.values import Value
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NoiseSettings:
+class NoiseSettings(Value):
     """Estimation of the noise of the samples while driving.
 
     Attributes:

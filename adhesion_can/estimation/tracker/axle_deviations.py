@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker.settings import AxleSettings
+from adhesion_can.values import Stateful
 
 
-class AxleDeviations:
+class AxleDeviations(Stateful):
     """Deviations of each axle from the common curve.
 
     Args:

@@ -29,6 +29,7 @@ from adhesion_can.estimation.tracker.posterior import (
 )
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import MemorySettings
+from adhesion_can.values import Stateful
 
 LEAST_DENSITY = exp(-3.0)
 """Least factor on a memory's probability by one update, so that no single one decides."""
@@ -44,7 +45,7 @@ LEAST_KEPT_SHARE = 0.7
 """Share of the samples at the last draw below which the curves are drawn anew, wider."""
 
 
-class FadingMemories:
+class FadingMemories(Stateful):
     """Posteriors of the current surface, one for each rate of forgetting.
 
     Args:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker.curve_sums import SURE, Points
 from adhesion_can.physics.samples import Samples
+from adhesion_can.values import Stateful
 
 ADHESION_MAX = 5.0
 """Largest adhesion of a usable sample; larger ones are faults."""
@@ -69,7 +70,7 @@ NEVER_US = -(1 << 60)
 """Stamp of an axle that had no sample yet, µs."""
 
 
-class CoastingGate:
+class CoastingGate(Stateful):
     """Rejection of axles that coast.
 
     An axle is judged by its means over the last `COASTING_S`, without the samples in question.
@@ -172,7 +173,7 @@ def _signs_by_adhesion(samples: Samples) -> Array:
     return np.asarray(np.where(sure, np.copysign(1.0, whole), common)[member])
 
 
-class OutlierGate:
+class OutlierGate(Stateful):
     """Rejection of an axle that alone contradicts all others, for a few updates.
 
     A surface changes under all axles within a train's length; a sensor fails on one. An axle that

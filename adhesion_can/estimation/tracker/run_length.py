@@ -33,6 +33,7 @@ from adhesion_can.estimation.tracker.curve_sums import (
 )
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import RunLengthSettings
+from adhesion_can.values import Stateful
 
 _MEAN, _STD = np.array([0.3, 0.15]), np.array([0.4, 0.4])
 """Prior mean and standard deviation of (c1, c3) of a new surface."""
@@ -56,7 +57,7 @@ class Evidence(NamedTuple):
     old_cost: Array
 
 
-class RunLengthHypotheses:
+class RunLengthHypotheses(Stateful):
     """Run-length hypotheses that are kept.
 
     Args:

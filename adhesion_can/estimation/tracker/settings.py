@@ -12,7 +12,7 @@ C2_RANGE = (2.0, 500.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunLengthSettings:
+class RunLengthSettings(Value):
     """Run-length detection of surface changes.
 
     Attributes:
@@ -42,7 +42,7 @@ class RunLengthSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MemorySettings:
+class MemorySettings(Value):
     """Exponential forgetting on a surface that changes slowly.
 
     Attributes:
@@ -68,7 +68,7 @@ class MemorySettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PriorSettings:
+class PriorSettings(Value):
     """Prior of a new surface, in (ln c1, ln c2, ln s) with the shape s = ln(c1 c2/c3).
 
     Attributes:
@@ -106,7 +106,7 @@ class PriorSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AxleSettings:
+class AxleSettings(Value):
     """Prior of the deviations of single axles, and their forgetting.
 
     Attributes:

@@ -67,6 +67,7 @@ from adhesion_can.estimation.tracker.settings import TrackerSettings
 from adhesion_can.physics.burckhardt import CurveParameters, adhesion
 from adhesion_can.physics.estimate import CHANGED, Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
+from adhesion_can.values import Stateful
 
 MIN_MIXTURE_PROBABILITY = 0.05
 """Probability from which a hypothesis or a memory enters the estimate."""
@@ -88,7 +89,7 @@ PRIVATE_ERROR_THRESHOLD = 0.001
 """(c2 σ)² of the slip's error by the wheel speed, from which weights need another slope."""
 
 
-class Tracker:
+class Tracker(Stateful):
     """Estimator of the curve since the last change of the surface, as the module describes it.
 
     Args:
