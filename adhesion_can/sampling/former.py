@@ -103,10 +103,27 @@ class SampleFormer(Stateful):
         self._history: list[tuple[int, dict[str, float]]] = []
         self.dropped: Counter[str] = Counter()
         """Wheel-speed readings that gave no sample, by reason."""
+        self.gave_up = False
+        """Whether a wheel speed was given up at the latest collection, for want of a bracket."""
 
     def copy(self) -> "SampleFormer":
         """A former with the same readings, which goes its own way from here."""
         return deepcopy(self, {id(self.equations): self.equations})
+
+    def is_continued_by(self, reading: Reading) -> bool:
+        """Whether a reading may complete samples, but changes none that was collected already.
+
+        So does a speed that is newer than all before. Efforts and loads teach how loads are
+        transferred, and channels are those of all samples of a collection.
+        """
+        role, axle = reading.role, reading.axle
+        if role is Role.WHEEL_SPEED and axle in self._wheel:
+            history, t_us = self._wheel[axle], reading.t_us
+        elif role is Role.VEHICLE_SPEED:
+            history, t_us = self._speed, reading.t_us - self.equations.speed_lag_us
+        else:
+            return False
+        return not history.times or t_us > history.times[-1]
 
     def add(self, reading: Reading) -> None:
         """Add one reading; stamps must not run backwards.
@@ -165,6 +182,7 @@ class SampleFormer(Stateful):
 
         """
         formed: list[_Row] = []
+        self.gave_up = False
         for axle, wheel in self._wheel.items():
             k = self._next[axle]
             while k < len(wheel.times) - 1:
@@ -172,7 +190,7 @@ class SampleFormer(Stateful):
                 if outcome is WAITING:
                     if now_us - wheel.times[k] <= self.equations.give_up_us:
                         break
-                    outcome = "no bracket"
+                    outcome, self.gave_up = "no bracket", True
                 if isinstance(outcome, _Row):
                     formed.append(outcome)
                 else:

@@ -67,12 +67,30 @@ class _Ahead(NamedTuple):
         t_us: Due time, µs.
         former: Former that has collected them.
         samples: The samples.
+        is_current: Whether no reading came since.
 
     """
 
     t_us: int
     former: SampleFormer
     samples: Samples
+    is_current: bool = True
+
+    def after(self, readings: Iterable[Reading]) -> "_Ahead | None":
+        """The same after further readings, which its former gets; None where it is in vain."""
+        if self.former.gave_up:
+            return None
+        for reading in readings:
+            if not self.former.is_continued_by(reading):
+                return None
+            self.former.add(reading)
+        return self._replace(is_current=False)
+
+    def brought_up_to_date(self) -> "_Ahead | None":
+        """The same where the readings since then complete no sample; else None."""
+        if self.is_current:
+            return self
+        return None if self.former.collect(self.t_us) else self._replace(is_current=True)
 
 
 class FrameInputs:
@@ -112,7 +130,9 @@ class FrameInputs:
 
     def add(self, readings: Iterable[Reading]) -> None:
         """Add the readings of an accepted frame; stamps must not run backwards."""
-        self._ahead = None
+        if self._ahead is not None:
+            readings = list(readings)
+            self._ahead = self._ahead.after(readings)
         for reading in readings:
             role, value = reading.role, reading.value
             message = self._timeouts[role, reading.axle]
@@ -127,8 +147,9 @@ class FrameInputs:
 
     def snapshot(self, t_us: int) -> InputSnapshot:
         """State at a due time, µs; due times come in ascending order."""
-        if self._ahead is not None and self._ahead.t_us == t_us:
-            _, self._former, samples = self._ahead
+        ahead = self._find_ahead(t_us)
+        if ahead is not None:
+            self._former, samples = ahead.former, ahead.samples
         else:
             samples = Samples.from_rows(self._former.collect(t_us))
         self._ahead = None
@@ -152,14 +173,22 @@ class FrameInputs:
 
     def is_collected(self, t_us: int) -> bool:
         """Whether the samples of a due time, µs, are collected, and nothing came since."""
-        return self._ahead is not None and self._ahead.t_us == t_us
+        ahead = self._ahead
+        return ahead is not None and ahead.t_us == t_us and ahead.is_current
+
+    def _find_ahead(self, t_us: int) -> _Ahead | None:
+        """What was collected ahead for a due time, µs, where it holds."""
+        ahead = self._ahead
+        return ahead.brought_up_to_date() if ahead is not None and ahead.t_us == t_us else None
 
     def collect_ahead(self, t_us: int) -> Samples:
         """Samples of a due time, µs, if nothing else comes before it.
 
         Then `snapshot` gives the same object; after another reading it collects anew.
         """
-        if self._ahead is None or not self.is_collected(t_us):
+        ahead = self._find_ahead(t_us)
+        if ahead is None:
             former = self._former.copy()
-            self._ahead = _Ahead(t_us, former, Samples.from_rows(former.collect(t_us)))
-        return self._ahead.samples
+            ahead = _Ahead(t_us, former, Samples.from_rows(former.collect(t_us)))
+        self._ahead = ahead
+        return ahead.samples
