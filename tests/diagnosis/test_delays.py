@@ -8,6 +8,8 @@ import pytest
 
 from adhesion_can.api.diagnosis import diagnose as diagnose_files
 from adhesion_can.diagnosis.diagnose import diagnose
+from adhesion_can.diagnosis.inference import delay_search
+from adhesion_can.diagnosis.regression.whitened_regression import fit_model
 from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.readings import Role
 from adhesion_can.sampling.traces import Trace
@@ -212,3 +214,19 @@ def test_noise_of_the_slips_moves_no_delay_and_makes_no_relaxation_of_it(tmp_pat
         delay = lags["effort_delay"]
         assert delay.value == pytest.approx(late_s, abs=0.003)
         assert abs(delay.value - late_s) < 5.0 * delay.std
+
+
+def test_no_delay_is_tried_beyond_what_a_delay_may_be(tmp_path, monkeypatch):
+    """The effort is as late as a delay may be at most; twice as much has no rows, and no fit."""
+    tried = []
+
+    def recorded(regression, model, *rest):
+        tried.extend(active.values[0] for active in model.fixed if "delay" in active.effect.id)
+        return fit_model(regression, model, *rest)
+
+    monkeypatch.setattr(delay_search, "fit_model", recorded)
+    found = diagnose_files(braking_car(tmp_path / "t.csv", 1, "force", 0.44))
+    (delay,) = (cause for cause in found.causes if cause.effect == "effort_delay")
+    assert delay.parameters[0].value == pytest.approx(0.44, abs=0.012)
+    assert tried
+    assert max(tried) <= 0.5

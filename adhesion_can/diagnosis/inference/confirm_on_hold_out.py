@@ -52,19 +52,25 @@ def confirm_on_hold_out(found: Findings, *, other_drives: bool) -> ConfirmedFind
     """
     plain, best = found.baseline.fitted.model, found.selection.best.fitted.model
     rejected: list[Untested] = []
+    if found.shape is not None and found.named:
+        same = found.shape.same.fitted.model
+        # Effects beside it must not carry a shape that gains nothing.
+        own = _compute_gain(found, same, best, None, other_drives=other_drives)
+        if not (is_significant(own) or own.percent >= CLEAR_GAIN):
+            return ConfirmedFindings((), None, own, (_reject(CURVE_SHAPE),))
     if found.named or found.shape is not None:
-        gain = _compute_gain(found, best, None, other_drives=other_drives)
+        gain = _compute_gain(found, plain, best, None, other_drives=other_drives)
         if is_significant(gain) or (found.shape is not None and gain.percent >= CLEAR_GAIN):
             return ConfirmedFindings(found.named, None, gain, (), found.shape)
         rejected += [_reject(CURVE_SHAPE)] * (found.shape is not None)
         rejected += [_reject(candidate.effect.id) for candidate in found.named]
     channel = found.unexplained_channel
     if channel is not None:
-        gain = _compute_gain(found, plain, channel, other_drives=other_drives)
+        gain = _compute_gain(found, plain, plain, channel, other_drives=other_drives)
         if is_significant(gain):
             return ConfirmedFindings((), channel, gain, tuple(rejected))
         rejected.append(_reject(f"a dependence on {name_with_wave(channel.channel)}"))
-    gain = _compute_gain(found, plain, None, other_drives=other_drives)
+    gain = _compute_gain(found, plain, plain, None, other_drives=other_drives)
     return ConfirmedFindings((), None, gain, tuple(rejected))
 
 
@@ -79,11 +85,16 @@ def is_significant(gain: Gain) -> bool:
 
 
 def _compute_gain(
-    found: Findings, extended: Model, channel: ResidualChannel | None, *, other_drives: bool
+    found: Findings,
+    smaller: Model,
+    extended: Model,
+    channel: ResidualChannel | None,
+    *,
+    other_drives: bool,
 ) -> Gain:
     return compute_hold_out_gain(
         found.prepared.regression,
-        found.baseline.fitted.model,
+        smaller,
         extended,
         channel,
         other_drives=other_drives,

@@ -51,9 +51,6 @@ on the weights of the latter, for the family to be tried in their place."""
 FIRST_ITERATIONS = 30
 MOST_LEFT = 0.25
 """Largest share that a family leaves of what a slip spline explains on Burckhardt's curve."""
-LEAST_BEYOND = 0.01
-"""Least share of the rows beyond the peak of a shape. Below a peak that was not reached, a family
-with a curve of its own is little more than a bend, which a delay or a load error makes as well."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +102,7 @@ class ShapeFinding:
     Attributes:
         family: Family of the base curve.
         burckhardt: Burckhardt's curves without effects, on the same regression.
+        same: Burckhardt's curves with the same effects, on the same regression.
         p_value: P-value of the gain over Burckhardt's curves with the same effects, all families
             counted.
         rivals: Ids of effects on Burckhardt's curve that the data cannot separate from the shape.
@@ -113,6 +111,7 @@ class ShapeFinding:
 
     family: CurveFamily
     burckhardt: ScoredModel
+    same: ScoredModel
     p_value: float
     rivals: tuple[str, ...]
 
@@ -189,7 +188,7 @@ def judge_shape(found: "Findings", shaped: "Findings") -> ShapeFinding | None:
         same = _fit(regression, replace(best.fitted.model, curves=plain.fitted.model.curves))
     if not _is_worth(same, best) or _leaves_slip(found, shaped):
         return None
-    if not _shows_in_adhesion(regression, same, best) or not _has_peak(regression, best):
+    if not _shows_in_adhesion(regression, same, best) or _is_of_no_contact(regression, best):
         return None
     tested = len(OTHERS)
     if burckhardt.candidates:
@@ -201,7 +200,7 @@ def judge_shape(found: "Findings", shaped: "Findings") -> ShapeFinding | None:
         return None
     p_value = min(1.0, tested * gain_p_value(same.fitted, best.fitted))
     family = best.fitted.model.curves.family
-    return ShapeFinding(family, plain, p_value, _find_rivals(shaped, burckhardt, best))
+    return ShapeFinding(family, plain, same, p_value, _find_rivals(shaped, burckhardt, best))
 
 
 def _fit(regression: WhitenedRegression, model: Model) -> ScoredModel:
@@ -234,20 +233,16 @@ def _shows_in_adhesion(
     return after < (1.0 - LEAST_GAIN) * before
 
 
-def _has_peak(regression: WhitenedRegression, scored: ScoredModel) -> bool:
-    """Whether the rows show the peak of a shape: some lie beyond it, and they are of the contact.
+def _is_of_no_contact(regression: WhitenedRegression, scored: ScoredModel) -> bool:
+    """Whether slip and adhesion have opposite signs in many rows beyond the peak of a shape.
 
-    Where slip and adhesion have opposite signs in many rows beyond a peak, a friction brake whose
-    force is not measured, or a slip of bends, has made it.
+    A friction brake whose force is not measured, or a slip of bends, makes such a peak.
     """
     data, model = regression.data, scored.fitted.model
     evaluation = evaluate_model(data, model.curves, model.active_effects)
     slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
     aligned = np.sign(evaluation.slip) * (evaluation.predicted + evaluation.residual)
-    used = regression.used
-    beyond = used & (slope < 0.0)
-    reached = int(np.count_nonzero(beyond)) >= LEAST_BEYOND * int(np.count_nonzero(used))
-    return reached and not share_opposite(aligned[beyond])
+    return share_opposite(aligned[regression.used & (slope < 0.0)]) > 0.0
 
 
 def _residual(regression: WhitenedRegression, scored: ScoredModel) -> Array:

@@ -99,13 +99,14 @@ def _fit_delay(
     """A model with a delay of about a given size, s, in addition.
 
     With the curves of another delay the search may stop where it begins; so the curves are fitted
-    at a few given delays first.
+    at a few given delays first, none of them beyond what a delay may be.
     """
-    given = (scale * about_s for scale in scales)
+    (size,) = delay.free_parameters
+    given = {float(np.clip(scale * about_s, size.lower, size.upper)) for scale in scales}
     profile = {
-        size: fit_model(regression, replace(model, fixed=(*model.fixed, delay.active((size,)))))
-        for size in given
+        by_s: fit_model(regression, replace(model, fixed=(*model.fixed, delay.active((by_s,)))))
+        for by_s in sorted(given)
     }
-    best = min(profile, key=lambda size: profile[size].cross_validated_square)
+    best = min(profile, key=lambda by_s: profile[by_s].cross_validated_square)
     at_best = replace(profile[best].model, fixed=model.fixed)
     return fit_model(regression, at_best.with_effect(delay, (best,)))
