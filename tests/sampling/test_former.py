@@ -574,6 +574,44 @@ def test_samples_do_not_depend_on_how_often_they_are_collected():
     assert sorted(often, key=lambda s: (s.t_us, s.axle)) == seldom
 
 
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    "faults", [{}, {"jitter": 900}, {"lost": 0.05, "none": 0.02}, {"twice": 0.2}]
+)
+def test_a_copy_that_collects_ahead_takes_the_place_of_its_former(seed, faults):
+    """Every 20 ms from a random time before, with those further readings that allow it."""
+    rng = np.random.default_rng([seed, 4])
+    readings = drive(rng, VEHICLE, **faults)
+    former, plain = SampleFormer(VEHICLE, CYCLES), SampleFormer(VEHICLE, CYCLES)
+    found, expected, served = [], [], 0
+    for due_us in range(20_000, 600_000, 20_000):
+        cut_us = int(rng.integers(due_us - 4_000, due_us))
+        own = [r for r in readings if due_us - 20_000 <= r.t_us < due_us]
+        early, late = ([r for r in own if (r.t_us < cut_us) is side] for side in (True, False))
+        for reading in early:
+            former.add(reading)
+        ahead = former.copy()
+        collected = ahead.collect(due_us)
+        follows = not ahead.gave_up
+        for reading in late:
+            former.add(reading)
+            follows = follows and ahead.is_continued_by(reading)
+            if follows:
+                ahead.add(reading)
+        if follows:
+            served += 1
+            former, collected = ahead, collected + ahead.collect(due_us)
+        else:
+            collected = former.collect(due_us)
+        found.append(sorted(collected, key=lambda s: (s.t_us, s.axle)))
+        for reading in own:
+            plain.add(reading)
+        expected.append(plain.collect(due_us))
+        assert former.dropped == plain.dropped
+    assert found == expected
+    assert served
+
+
 def test_transfer_does_not_depend_on_how_often_samples_are_collected():
     # The rear bogie's effort comes at half the rate: its bracket closes later than the front's.
     readings = drive(np.random.default_rng(12), VEHICLE, loads=False)
