@@ -173,6 +173,20 @@ class SampleFormer(Stateful):
         before = bisect_right(self._history, t_us, key=lambda entry: entry[0]) - 1
         return self._history[before][1] if before >= 0 else {}
 
+    def waits(self, now_us: int) -> bool:
+        """Whether `collect` at a time, µs, has nothing to form: every wheel speed waits.
+
+        The next of each axle is the latest, or newer than the latest vehicle speed.
+        """
+        latest_us = self._speed.times[-1] if self._speed.times else -1
+        for axle, wheel in self._wheel.items():
+            k = self._next[axle]
+            if k < len(wheel.times) - 1:
+                t_us = wheel.times[k]
+                if t_us <= latest_us or now_us - t_us > self.equations.give_up_us:
+                    return False
+        return True
+
     def collect(self, now_us: int) -> list[Sample]:
         """Samples that became complete, by stamp and axle.
 

@@ -90,7 +90,9 @@ class _Ahead(NamedTuple):
         """The same where the readings since then complete no sample; else None."""
         if self.is_current:
             return self
-        return None if self.former.collect(self.t_us) else self._replace(is_current=True)
+        if not self.former.waits(self.t_us) and self.former.collect(self.t_us):
+            return None
+        return self._replace(is_current=True)
 
 
 class FrameInputs:

@@ -126,8 +126,7 @@ class LiveService:
         The last frames say 'not available': nobody goes on by a setpoint that nobody stands behind.
         """
         # What lives as long as the service need not be looked through for garbage: a collection of
-        # the whole heap takes milliseconds.
-        gc.collect()
+        # the whole heap takes tens of milliseconds. So would one here, while frames come already.
         gc.freeze()
         try:
             while not self._stop.is_set() and (until_us is None or self.clock() < until_us):

@@ -72,6 +72,7 @@ def build_outputs(
     creep_per_slip: float,
     target_slip: float,
     axles: tuple[int, ...],
+    speed: float | None,
 ) -> Outputs:
     """Outputs that carry an estimate.
 
@@ -82,6 +83,7 @@ def build_outputs(
         creep_per_slip: Creep speed per unit of slip ratio, max(v, v_min), m/s.
         target_slip: Slip ratio that the creep speed of all axles together aims at.
         axles: Numbers of the axles that have a setpoint.
+        speed: Vehicle speed, m/s; None where it is not available.
 
     """
 
@@ -101,6 +103,7 @@ def build_outputs(
         surface_age_s=max(t_us - estimate.surface_since_us, 0) / 1e6,
         doubt=estimate.doubt,
         family=estimate.family,
+        speed=speed,
     )
 
 
@@ -164,8 +167,8 @@ class OutputBuilder:
                 max(speed or 0.0, self._v_min),
                 compute_target_slip(estimate.theta, self._share, self._slip_max),
                 self._axles,
+                speed,
             )
-            self._last_current = replace(self._last_current, speed=speed)
             return self._last_current
         if values is Values.HELD and self._last_current is not None and may_hold:
             return replace(self._last_current, status=status, speed=speed)

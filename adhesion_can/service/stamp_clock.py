@@ -14,6 +14,8 @@ TOLERANCE_US = 1_000
 """Difference of the clocks that is left alone, µs: the way through the driver takes as long."""
 STEP_US = 20_000
 """Difference from which a clock has stepped, and has not drifted, µs."""
+WAITED_US = 1_000_000
+"""Age of the first frame up to which it may have waited for the service to begin, µs."""
 FRAMES = 8
 """Frames that must agree before the offset is changed: this host may be late for some, and the
 stamp of one may be wrong."""
@@ -55,7 +57,7 @@ class StampClock:
 
         """
         if not self._started:
-            self._start(received_us - stamp_us)
+            self._start(received_us - stamp_us, awaited=awaited)
         if not self.usable:
             return received_us
         age_us = received_us - (stamp_us + self.offset_us)
@@ -67,9 +69,12 @@ class StampClock:
         host_us = max(stamp_us + self.offset_us, earliest_us - STEP_US)
         return min(host_us, received_us)
 
-    def _start(self, offset_us: int) -> None:
+    def _start(self, offset_us: int, *, awaited: bool) -> None:
         self._started = True
-        if abs(offset_us) > STEP_US:
+        # A frame that was there before the loop began is as old as its stamp says, or from another
+        # clock; the next frames that are awaited will tell.
+        may_have_waited = not awaited and 0 <= offset_us <= WAITED_US
+        if abs(offset_us) > STEP_US and not may_have_waited:
             self.offset_us = offset_us
             self._notify(f"the bus stamps by another clock: {offset_us / 1e6:+.3f} s are added")
 

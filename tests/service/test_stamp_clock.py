@@ -173,3 +173,30 @@ def test_setpoints_keep_their_cycle_when_the_clock_is_set(by_s):
     statuses = {str(decoded(from_message(m))["Status"]) for _, _, m in setpoints[20:]}
     assert statuses == {"TRACKING"}
     assert service.stamps.steps == 1
+
+
+@pytest.mark.parametrize("waited_us", [50_000, 900_000])
+def test_a_first_frame_that_waited_for_the_service_is_as_old_as_its_stamp_says(waited_us):
+    """What passed while the service began is read at once; then frames are awaited."""
+    notices = []
+    clock = StampClock(notices.append)
+    sent = np.arange(400) * CYCLE_US
+    received = np.maximum(sent + 100, waited_us + 40 * np.arange(400))
+    times = [
+        clock.to_host(int(s), int(r), 0, awaited=bool(r == s + 100))
+        for s, r in zip(sent, received, strict=True)
+    ]
+    assert times == sent.tolist()
+    assert notices == []
+    assert clock.steps == 0
+
+
+def test_a_first_frame_of_a_clock_that_is_a_little_behind_is_corrected_by_those_awaited():
+    clock = StampClock()
+    sent = np.arange(100) * CYCLE_US
+    stamps = sent - 400_000
+    times = [
+        clock.to_host(int(s), int(t) + 100, int(t) - CYCLE_US, awaited=k > 3)
+        for k, (s, t) in enumerate(zip(stamps, sent, strict=True))
+    ]
+    assert np.abs(np.array(times[4 + 2 * FRAMES :]) - sent[4 + 2 * FRAMES :]).max() <= TOLERANCE_US

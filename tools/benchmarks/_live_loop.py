@@ -39,7 +39,7 @@ class Lateness:
         self.due_us.append(t_us)
 
 
-def run_service(timed, config, seconds):
+def run_service(timed, config, seconds, begin):
     clock = start_clock()
     lateness = Lateness(clock)
     core = ServiceCore(config, on_setpoint=lateness.add)
@@ -47,6 +47,7 @@ def run_service(timed, config, seconds):
     # The log is written, as a bench has it.
     lines = deque(maxlen=1)
     service = LiveService(core, bus, clock=clock, write_log=lines.append)
+    begin()
     service.run(service.clock() + round(seconds * 1e6))
     return {
         "lost": core.receiver.lost + core.counts.receive_drops,
@@ -59,7 +60,7 @@ def run_service(timed, config, seconds):
     }
 
 
-def run_bare(timed, config, seconds):
+def run_bare(timed, config, seconds, begin):
     database = config.database.db
     core = ServiceCore(config)
     cycles = {
@@ -70,6 +71,7 @@ def run_bare(timed, config, seconds):
     values = {message.name: {s.name: s.minimum or 0 for s in message.signals} for message in cycles}
     known = {message.frame_id for message in database.messages}
     own = {message.name: message.frame_id for message in cycles}
+    begin()
     end = time.perf_counter() + seconds
     while time.perf_counter() < end:
         message = timed.recv(WAIT_S)
@@ -104,11 +106,16 @@ def main():
     bus = Bus(options.interface, options.channel)
     watched = config.database.db.get_message_by_name(SETPOINT).frame_id
     timed = TimedBus(bus.open(), watched)
-    if options.play:
-        play_beside(bus, drive_frames(options.seconds, 0.0))
-    print("ready", flush=True)
-    timed.settle(SETTLED_S)
-    figures = LOOPS[options.loop](timed, config, options.seconds)
+    drive = drive_frames(options.seconds, 0.0) if options.play else None
+
+    def begin():
+        """Called when all is made: the first frame that is sent is the first one handled."""
+        if drive is not None:
+            play_beside(bus, drive)
+        print("ready", flush=True)
+        timed.settle(SETTLED_S)
+
+    figures = LOOPS[options.loop](timed, config, options.seconds, begin)
     skipped = round(SETTLED_S / 0.02)
     delays = timed.delays_us[skipped:] or [float("nan")]
     figures |= {
