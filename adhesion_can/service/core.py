@@ -154,7 +154,7 @@ class ServiceCore:
         samples = self._inputs.collect_ahead(t_us)
         if not self._estimation.is_prepared(samples, t_us):
             self._early.repeat()
-            if self._inputs.expects_before(t_us):
+            if self._inputs.next_expected_us < t_us:
                 self._early.begin(t_us)
             estimate = self._estimation.prepare(samples, t_us)
             if estimate is not None:
@@ -167,9 +167,8 @@ class ServiceCore:
         t_us = self.schedule.next_due_us
         if t_us is None or not self._estimation.can_prepare or self._inputs.is_collected(t_us):
             return False
-        if not self._inputs.expects_before(t_us):
-            return True
-        return self._early.allows(t_us) and not self._inputs.expects_before(t_us - NEAR_US)
+        expected_us = self._inputs.next_expected_us
+        return expected_us >= t_us or (expected_us >= t_us - NEAR_US and self._early.allows(t_us))
 
     def stop(self, t_us: int) -> list[Frame]:
         """Bring the core to a time, µs, and take back what was sent; returns the frames.

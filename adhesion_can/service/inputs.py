@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple
 
 from adhesion_can.bus.receiver import Receiver
@@ -164,14 +165,18 @@ class FrameInputs:
             dropped=self._former.dropped,
         )
 
-    def expects_before(self, t_us: int) -> bool:
-        """Whether a message is expected before a time, µs; one that is overdue is not."""
-        latest_us = max((message.seen_us for message in self._messages), default=t_us)
-        return any(
-            message.seen_us + message.cycle_us < t_us
-            and latest_us - message.seen_us < OVERDUE_CYCLES * message.cycle_us
-            for message in self._messages
-        )
+    @property
+    def next_expected_us(self) -> float:
+        """Stamp of the next message that is expected, µs; one that is overdue is not."""
+        latest_us = max([message.seen_us for message in self._messages], default=0)
+        next_us = inf
+        # A loop, since it runs after every frame.
+        for message in self._messages:
+            expected_us = message.seen_us + message.cycle_us
+            overdue_us = latest_us - message.seen_us
+            if expected_us < next_us and overdue_us < OVERDUE_CYCLES * message.cycle_us:
+                next_us = expected_us
+        return next_us
 
     def is_collected(self, t_us: int) -> bool:
         """Whether the samples of a due time, µs, are collected, and nothing came since."""
