@@ -107,6 +107,19 @@ class Samples(Value):
             },
         )
 
+    def to_rows(self) -> list[Sample]:
+        """The samples one by one."""
+        names = (*_STAMPS, *_FLOATS)
+        columns = [getattr(self, name).tolist() for name in names]
+        further = {name: column.tolist() for name, column in self.covariates.items()}
+        return [
+            Sample(
+                **dict(zip(names, values, strict=True)),
+                covariates={name: column[k] for name, column in further.items()},
+            )
+            for k, values in enumerate(zip(*columns, strict=True))
+        ]
+
     @classmethod
     def curve(
         cls, slip: Array, adhesion: Array, t_us: NDArray[np.int64] | None = None
@@ -191,3 +204,6 @@ _FLOATS = (
     "transient_var",
     "speed_share",
 )
+
+NO_SAMPLES = Samples.from_rows([])
+"""No samples."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.readings import Role
-from adhesion_can.physics.samples import Samples
+from adhesion_can.physics.samples import NO_SAMPLES, Samples
 from adhesion_can.sampling.column_history import NEVER, ColumnHistory, Stamps
 from adhesion_can.sampling.equations import (
     TRAVEL_BY_DIRECTION,
@@ -128,7 +128,7 @@ class ColumnFormer:
         plain = replace(formed, covariates=always)
         for first, last in pairwise(bounds.tolist()):
             rows = slice(first, last)
-            own = plain.select(rows) if first < last else _NO_SAMPLES
+            own = plain.select(rows) if first < last else NO_SAMPLES
             # An update carries the covariates that all its samples have.
             more = {n: c[rows] for n, c in at_times.items() if np.isfinite(c[rows]).all()}
             yield replace(own, covariates={**own.covariates, **more}) if more and len(own) else own
@@ -320,6 +320,3 @@ class ColumnFormer:
             return np.ones(len(collection))
         place = self._direction.before(due.t_us[np.minimum(collection, len(due.t_us) - 1)])
         return np.where(place >= 0, self._direction.value[place], 1.0)
-
-
-_NO_SAMPLES = Samples.from_rows([])

@@ -15,9 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.readings import Reading, Role
-from adhesion_can.physics.samples import Sample
+from adhesion_can.physics.samples import NO_SAMPLES, Samples
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.equations import (
     TRAVEL_BY_DIRECTION,
@@ -187,7 +188,7 @@ class SampleFormer(Stateful):
                     return False
         return True
 
-    def collect(self, now_us: int) -> list[Sample]:
+    def collect(self, now_us: int) -> Samples:
         """Samples that became complete, by stamp and axle.
 
         Args:
@@ -278,49 +279,39 @@ class SampleFormer(Stateful):
             transferred,
         )
 
-    def _samples(self, rows: list[_Row]) -> list[Sample]:
+    def _samples(self, rows: list[_Row]) -> Samples:
         """The rows of one update as samples."""
         if not rows:
-            return []
-        columns = np.array(rows, dtype=np.float64)
-        axle = columns[:, 1].astype(np.int64)
-        _, _, omega, accel, span, speed, effort, load, *_ = columns.T
-        change, step_std, _, transferred = columns.T[10:14]
-        gain, missed = self._transfer.gain.at(np.array([row.t_us for row in rows]))
+            return NO_SAMPLES
+        # Contiguous, as from columns: products of matrices round by the layout.
+        columns = np.array(rows, dtype=np.float64).T.copy()
+        t_us = np.array([row.t_us for row in rows])
+        axle = columns[1].astype(np.int64)
+        _, _, omega, accel, span, speed, effort, load, load_std, _ = columns[:10]
+        change, step_std, share, transferred = columns[10:14]
+        gain, missed = self._transfer.gain.at(t_us)
         load = load + gain * transferred
         transfer_std = np.abs(transferred) * missed
         derived = self.equations.derive(
             Measured(axle, omega, accel, span, speed, effort, load, change, step_std, transfer_std)
         )
-        values = zip(*(column.tolist() for column in derived), strict=True)
-        return [
-            Sample(
-                t_us=row.t_us,
-                axle=row.axle,
-                slip=slip,
-                adhesion=adhesion,
-                creep_speed=creep,
-                speed=row.speed,
-                load=own_load,
-                load_std=row.load_std,
-                slip_var=slip_var,
-                adhesion_var=adhesion_var,
-                slip_common_var=common_var,
-                speed_us=row.speed_us,
-                transient_var=transient_var,
-                speed_share=row.speed_share,
-                covariates=self._covariates_at(row.t_us),
-            )
-            for row, own_load, (
-                slip,
-                adhesion,
-                creep,
-                slip_var,
-                common_var,
-                adhesion_var,
-                transient_var,
-            ) in zip(rows, load.tolist(), values, strict=True)
-        ]
+        return Samples(
+            t_us=t_us,
+            axle=axle,
+            speed=speed,
+            load=load,
+            load_std=load_std,
+            speed_us=np.array([row.speed_us for row in rows]),
+            speed_share=share,
+            covariates=self._covariates_of(rows),
+            **derived._asdict(),
+        )
+
+    def _covariates_of(self, rows: list[_Row]) -> dict[str, Array]:
+        """Columns of the covariates that all of the rows have."""
+        found = [self._covariates_at(row.t_us) for row in rows]
+        names = set(found[0]).intersection(*found)
+        return {name: np.array([one[name] for one in found]) for name in sorted(names)}
 
     def _load_at(self, axle: int, t_us: int, effort: float) -> tuple[float, float, float] | Waiting:
         """Load, standard deviation of what was not measured, and transfer since it was, N."""

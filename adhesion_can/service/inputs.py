@@ -91,7 +91,7 @@ class _Ahead(NamedTuple):
         """The same where the readings since then complete no sample; else None."""
         if self.is_current:
             return self
-        if not self.former.waits(self.t_us) and self.former.collect(self.t_us):
+        if not self.former.waits(self.t_us) and len(self.former.collect(self.t_us)):
             return None
         return self._replace(is_current=True)
 
@@ -154,7 +154,7 @@ class FrameInputs:
         if ahead is not None:
             self._former, samples = ahead.former, ahead.samples
         else:
-            samples = Samples.from_rows(self._former.collect(t_us))
+            samples = self._former.collect(t_us)
         self._ahead = None
         return InputSnapshot(
             samples=samples,
@@ -196,6 +196,6 @@ class FrameInputs:
         ahead = self._find_ahead(t_us)
         if ahead is None:
             former = self._former.copy()
-            ahead = _Ahead(t_us, former, Samples.from_rows(former.collect(t_us)))
+            ahead = _Ahead(t_us, former, former.collect(t_us))
         self._ahead = ahead
         return ahead.samples

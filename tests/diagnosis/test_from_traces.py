@@ -301,7 +301,7 @@ def former_samples(traces, vehicle):
     samples = []
     for reading in sorted(readings, key=lambda r: r.t_us):
         former.add(reading)
-    samples += former.collect(int(readings[-1].t_us) + 60_000_000)
+    samples += former.collect(int(readings[-1].t_us) + 60_000_000).to_rows()
     return {(s.t_us, s.axle): s for s in samples}
 
 

@@ -718,8 +718,8 @@ def formed(rows, instruments, **how):
     for number, row in enumerate(rows):
         former.add(row)
         if number % 40 == 0:
-            samples += former.collect(row.t_us)
-    return samples + former.collect(rows[-1].t_us), former
+            samples += former.collect(row.t_us).to_rows()
+    return samples + former.collect(rows[-1].t_us).to_rows(), former
 
 
 ERRORS = {
@@ -779,6 +779,6 @@ def test_delays_cost_no_memory():
     for row in readings({}, 20.0):
         former.add(row)
         if row.t_us % 1_000_000 == 0 and row.axle == 6 and row.role is Role.TRACTIVE_EFFORT:
-            former.collect(row.t_us)
+            former.collect(row.t_us).to_rows()
             sizes.append(len(former._speed.times) + len(former._history))
     assert max(sizes[5:]) <= max(sizes[2:6]) + 2

@@ -66,12 +66,12 @@ def test_samples_of_blocks_are_those_of_frames(seed, cuts):
     for frame in frames:
         due = frame.t_us + UPDATE_US if due is None else due
         while frame.t_us >= due:
-            formed += former.collect(due)
+            formed += former.collect(due).to_rows()
             due += UPDATE_US
         readings = receiver.accept(frame)
         for reading in readings if isinstance(readings, list) else ():
             former.add(reading)
-    rows = formed + former.collect(frames[-1].t_us + 1)
+    rows = formed + former.collect(frames[-1].t_us + 1).to_rows()
     expected = Samples.from_rows(rows)
     assert len(samples) == len(expected)
     for name in ("t_us", "axle", "slip", "adhesion", "load", "speed_us", "transient_var"):

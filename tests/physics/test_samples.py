@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.estimate import Identifiable
 from adhesion_can.physics.readings import Role
-from adhesion_can.physics.samples import Sample, Samples
+from adhesion_can.physics.samples import NO_SAMPLES, Sample, Samples
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=50)
 INTEGERS = ("t_us", "axle", "speed_us")
@@ -139,3 +139,27 @@ def test_roles_per_axle_are_the_contracts():
         Role.TRACTIVE_EFFORT,
         Role.AXLE_LOAD,
     }
+
+
+def test_rows_become_columns_and_the_same_rows_again():
+    rows = [
+        Sample(1, 1, 0.1, 0.2, 1.0, 10.0, 2e5, speed_us=3, covariates={"rain": 1.0}),
+        Sample(2, 4, -0.1, -0.2, -1.0, 10.0, 2e5, slip_var=1e-6, covariates={"rain": 0.5}),
+    ]
+    assert Samples.from_rows(rows).to_rows() == rows
+    assert NO_SAMPLES.to_rows() == []
+
+
+def test_samples_equal_where_all_their_columns_do():
+    row = Sample(1, 1, 0.1, 0.2, 1.0, 10.0, 2e5, covariates={"rain": 1.0})
+    one = Samples.from_rows([row])
+    assert one.equals(Samples.from_rows([row]))
+    for other in (
+        [],
+        [row, row],
+        [dataclasses.replace(row, axle=2)],
+        [dataclasses.replace(row, speed_share=0.5)],
+        [dataclasses.replace(row, covariates={})],
+        [dataclasses.replace(row, covariates={"rain": 0.9})],
+    ):
+        assert not one.equals(Samples.from_rows(other))

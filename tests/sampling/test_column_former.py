@@ -84,7 +84,7 @@ def one_by_one(former, readings, due):
         while reading is not None and reading.t_us < t_us:
             former.add(reading)
             reading = next(waiting)
-        out.append(Samples.from_rows(former.collect(t_us)))
+        out.append(former.collect(t_us))
     return out
 
 

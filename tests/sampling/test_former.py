@@ -180,10 +180,10 @@ def formed_by(former, readings, every_us=20_000):
     samples, due = [], every_us
     for r in readings:
         while r.t_us >= due:
-            samples += former.collect(due)
+            samples += former.collect(due).to_rows()
             due += every_us
         former.add(r)
-    return samples + former.collect(readings[-1].t_us)
+    return samples + former.collect(readings[-1].t_us).to_rows()
 
 
 def compare(samples, expected):
@@ -548,7 +548,7 @@ def test_no_sample_is_ever_extrapolated(steps, every):
         readings.append(Reading(t, role, axle, value))
         former.add(readings[-1])
         if k % every == 0:
-            seen = former.collect(t)
+            seen = former.collect(t).to_rows()
             # What a sample needs stands in what was there when it was formed.
             known = list(readings)
             samples += [(s, known) for s in seen]
@@ -591,7 +591,7 @@ def test_a_copy_that_collects_ahead_takes_the_place_of_its_former(seed, faults):
         for reading in early:
             former.add(reading)
         ahead = former.copy()
-        collected = ahead.collect(due_us)
+        collected = ahead.collect(due_us).to_rows()
         follows = not ahead.gave_up
         for reading in late:
             former.add(reading)
@@ -600,13 +600,13 @@ def test_a_copy_that_collects_ahead_takes_the_place_of_its_former(seed, faults):
                 ahead.add(reading)
         if follows:
             served += 1
-            former, collected = ahead, collected + ahead.collect(due_us)
+            former, collected = ahead, collected + ahead.collect(due_us).to_rows()
         else:
-            collected = former.collect(due_us)
+            collected = former.collect(due_us).to_rows()
         found.append(sorted(collected, key=lambda s: (s.t_us, s.axle)))
         for reading in own:
             plain.add(reading)
-        expected.append(plain.collect(due_us))
+        expected.append(plain.collect(due_us).to_rows())
         assert former.dropped == plain.dropped
     assert found == expected
     assert served
@@ -645,7 +645,7 @@ def test_a_covariate_that_is_not_available_goes_away_and_leaves_old_samples_alon
         former.add(Reading(t, Role.HUMIDITY, 0, 60.0 if k < 15 else None))
         for r in (Reading(t, V, 0, 10.0), Reading(t, W, 1, 17.0), Reading(t, F, 1, 1e4)):
             former.add(r)
-        collected += former.collect(t)
+        collected += former.collect(t).to_rows()
     assert dict(collected[0].covariates) == {"relative_humidity_percent": 60.0}
     assert dict(collected[-1].covariates) == {}
 
@@ -664,7 +664,7 @@ def test_memory_stays_bounded_when_an_input_is_silent(silent, when):
                 if t < stop_us or silent not in (role, (role, axle)):
                     former.add(Reading(t, role, axle, 2e5 if role is N else 15.0 + k % 7))
             if k % 2:
-                former.collect(t)
+                former.collect(t).to_rows()
 
     run(0, 400)
     # CPython keeps some freed tuples of each length for later: they are no growth of ours.
@@ -695,7 +695,7 @@ def test_stated_variances_are_those_of_a_monte_carlo(what):
             former.add(Reading(t, V, 0, 8.0 + 0.02 * rng.standard_normal()))
             former.add(Reading(t, W, 1, 15.0 + 0.01 * rng.standard_normal()))
             former.add(Reading(t, F, 1, 4e4 + 3e3 * rng.standard_normal()))
-        seen += former.collect(20_000)
+        seen += former.collect(20_000).to_rows()
     assert len(seen) == 3000
     parts = {"slip": ("slip_var", "slip_common_var"), "adhesion": ("adhesion_var",)}[what]
     stated = sum(np.mean([getattr(s, part) for s in seen]) for part in parts)
@@ -709,7 +709,7 @@ def test_two_readings_of_one_stamp_count_once_and_the_later_one():
         former.add(Reading(t, F, 1, 1e4))
         former.add(Reading(t, W, 1, 99.0))
         former.add(Reading(t, W, 1, 16.0))
-    (sample,) = former.collect(20_000)
+    (sample,) = former.collect(20_000).to_rows()
     assert sample.t_us == 10_000
     assert sample.slip == pytest.approx(0.0)
     assert sample.adhesion == pytest.approx(1e4 / 245e3)
@@ -722,7 +722,7 @@ def test_foreign_axles_are_passed_over():
             for role, value in ((W, 17.0), (F, 1e4), (N, 2e5)):
                 former.add(Reading(t, role, axle, value))
         former.add(Reading(t, V, 0, 10.0))
-    assert [s.axle for s in former.collect(20_000)] == [1]
+    assert [s.axle for s in former.collect(20_000).to_rows()] == [1]
 
 
 def test_every_wheel_reading_is_a_sample_or_counted_as_dropped():
@@ -730,7 +730,7 @@ def test_every_wheel_reading_is_a_sample_or_counted_as_dropped():
     readings = drive(rng, VEHICLE, lost=0.05, none=0.03)
     former = SampleFormer(VEHICLE, CYCLES)
     samples = formed_by(former, readings)
-    samples += former.collect(10**9)
+    samples += former.collect(10**9).to_rows()
     inner = sum(
         max(len(deduplicated(readings, W, axle)[0]) - 2, 0) for axle in range(1, VEHICLE.axles + 1)
     )
