@@ -1,7 +1,9 @@
 """Objects that are copied often: values, which need no copy, and objects with a state."""
 
 from collections import deque
+from collections.abc import Hashable, Iterable
 from copy import copy, deepcopy
+from functools import cache
 from typing import Any, Self
 
 
@@ -37,12 +39,22 @@ class Stateful:
         return twin
 
 
+@cache
+def _is_shared(kind: type) -> bool:
+    """Whether objects of a class need no copies."""
+    return kind in _IMMUTABLE or issubclass(kind, Value)
+
+
+def _are_shared(items: Iterable[object]) -> bool:
+    """Whether none of the items needs a copy; by their classes, which are few."""
+    kinds: set[Hashable] = set(map(type, items))
+    return all(map(_is_shared, kinds))
+
+
 def _copy(value: Any, memo: dict[int, Any]) -> Any:
     """Deep copy of an attribute; a container that two attributes share is shared by the copies."""
     kind = type(value)
-    if kind in _IMMUTABLE or isinstance(value, Value):
-        return value
-    if kind is tuple and all(type(item) in _IMMUTABLE or isinstance(item, Value) for item in value):
+    if _is_shared(kind) or (kind is tuple and _are_shared(value)):
         return value
     if kind not in _CONTAINERS:
         return deepcopy(value, memo)
@@ -50,10 +62,8 @@ def _copy(value: Any, memo: dict[int, Any]) -> Any:
     if known is not None:
         return known
     twin = memo[id(value)] = copy(value)
-    if kind is dict:
-        for key, item in value.items():
+    items = value.values() if kind is dict else value
+    if not _are_shared(items):
+        for key, item in value.items() if kind is dict else enumerate(value):
             twin[key] = _copy(item, memo)
-    else:
-        for place, item in enumerate(value):
-            twin[place] = _copy(item, memo)
     return twin
