@@ -1,9 +1,8 @@
 """Objects that are copied often: values, which need no copy, and objects with a state."""
 
 from collections import deque
-from collections.abc import Hashable, Iterable
+from collections.abc import Iterable
 from copy import copy, deepcopy
-from functools import cache
 from typing import Any, Self
 
 
@@ -39,21 +38,26 @@ class Stateful:
         return twin
 
 
-@cache
+_shared: dict[type, bool] = dict.fromkeys(_IMMUTABLE, True)
+"""Classes seen so far, and whether their objects need no copies."""
+
+
 def _is_shared(kind: type) -> bool:
     """Whether objects of a class need no copies."""
-    return kind in _IMMUTABLE or issubclass(kind, Value)
+    known = _shared.get(kind)
+    if known is None:
+        known = _shared[kind] = issubclass(kind, Value)
+    return known
 
 
 def _are_shared(items: Iterable[object]) -> bool:
     """Whether none of the items needs a copy; by their classes, which are few."""
-    kinds: set[Hashable] = set(map(type, items))
-    return all(map(_is_shared, kinds))
+    return all(map(_is_shared, set(map(type, items))))
 
 
 def _copy(value: Any, memo: dict[int, Any]) -> Any:
     """Deep copy of an attribute; a container that two attributes share is shared by the copies."""
-    kind: Hashable = type(value)
+    kind = type(value)
     if _is_shared(kind) or (kind is tuple and _are_shared(value)):
         return value
     if kind not in _CONTAINERS:
