@@ -18,7 +18,6 @@ class Value:
         return self
 
 
-_IMMUTABLE = frozenset({bool, int, float, str, bytes, type(None)})
 _CONTAINERS = frozenset({list, dict, deque})
 
 
@@ -38,7 +37,10 @@ class Stateful:
         return twin
 
 
-_shared: dict[type, bool] = dict.fromkeys(_IMMUTABLE, True)
+_shared: dict[type, bool] = {
+    **dict.fromkeys((bool, int, float, str, bytes), True),
+    type(None): True,
+}
 """Classes seen so far, and whether their objects need no copies."""
 
 
