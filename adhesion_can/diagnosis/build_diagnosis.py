@@ -371,7 +371,7 @@ def _describe_findings(
     profile: Profile | None,
 ) -> list[str]:
     """A sentence for each finding, and one about where the plain model is wrong most."""
-    out = [cause_sentence(cause) for cause in causes]
+    out = [cause_sentence(cause, alone=len(causes) == 1) for cause in causes]
     out += saturation_sentences(found.saturated)
     if found.oscillates and found.oscillation is not None:
         out.append(oscillation_sentence(found.oscillation))

@@ -49,20 +49,25 @@ def _separation(effect: _Shown, rival: _Shown) -> str:
     return f"a drive in which {mine} and {theirs} vary independently of each other"
 
 
-def cause_sentence(cause: Cause) -> str:
-    """An effect with its size."""
+def cause_sentence(cause: Cause, *, alone: bool) -> str:
+    """An effect with its size; `alone`: whether it is the only cause."""
     if cause.effect == CURVE_SHAPE:
-        return _shape_sentence(cause)
+        return _shape_sentence(cause, alone=alone)
     return f"{cause.title[0].upper()}{cause.title[1:]} ({sizes(cause.parameters)})."
 
 
-def _shape_sentence(cause: Cause) -> str:
-    """The shape of the curve, with what it moves: the peak before and after."""
+def _shape_sentence(cause: Cause, *, alone: bool) -> str:
+    """The shape of the curve, with what it moves: the peak before and after.
+
+    Where an effect scales the adhesion, as a load dependence does, the curve by itself may be far
+    above or below what was measured.
+    """
     value = {v.name: measured(v.value, v.std, v.unit) for v in cause.parameters}
     return (
         f"{cause.title[0].upper()}{cause.title[1:]}: {FAMILIES[cause.form].title} fits better. "
         f"The peak moves from {value['mu_max_before']} at slip {value['lambda_m_before']} to "
-        f"{value['mu_max_after']} at slip {value['lambda_m_after']}."
+        f"{value['mu_max_after']} at slip {value['lambda_m_after']}"
+        f"{'' if alone else ' (that of the curve without the other effects)'}."
     )
 
 

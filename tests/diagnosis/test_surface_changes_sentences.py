@@ -15,9 +15,11 @@ from adhesion_can.diagnosis.regression.find_surface_changes import (
     find_surface_changes,
 )
 from adhesion_can.diagnosis.regression.model import EXCLUDED
-from adhesion_can.diagnosis.sentences import separation_sentence
+from adhesion_can.diagnosis.result import Cause, ParameterValue
+from adhesion_can.diagnosis.sentences import cause_sentence, separation_sentence
 from adhesion_can.offline.load_traces import load_traces
 from adhesion_can.physics.effects import EFFECTS
+from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.recordings.recording import Recording
 from tests.diagnosis.bad_logs import write
@@ -133,3 +135,12 @@ def test_of_several_rivals_none_is_forgotten():
     sentence = separation_sentence("effort_delay", ["creep_relaxation", "speed_delay"])
     assert "third" in sentence
     assert len(sentence) > len(separation_sentence("effort_delay", ["creep_relaxation"])) + 20
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_the_peak_of_a_shape_beside_effects_is_said_to_be_without_them(alone):
+    """Beside a load dependence a tyre's curve peaked at half of what was measured."""
+    names = ("mu_max_before", "mu_max_after", "lambda_m_before", "lambda_m_after")
+    peak = tuple(ParameterValue(name, 0.3, 0.01, "1", name) for name in names)
+    shape = Cause(CURVE_SHAPE, "polach", "the contact is another one", "", peak, 0.001, ())
+    assert ("without the other effects" in cause_sentence(shape, alone=alone)) is not alone
