@@ -148,6 +148,11 @@ class BlockSeries(Stateful):
         if place and place not in self.candidates:
             self.candidates = [*self.candidates, place][-CANDIDATES:]
 
+    @property
+    def awaits_change(self) -> bool:
+        """Whether the latest block alone is after a change that waits to be confirmed."""
+        return bool(self.candidates) and self.candidates[-1] == len(self.blocks) - 1
+
     def reduced(self, curve: PooledCurve) -> ReducedBlocks:
         """Blocks linearised at a curve."""
         linear = linearise(curve)

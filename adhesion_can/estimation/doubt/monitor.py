@@ -148,6 +148,8 @@ class DoubtMonitor(Stateful):
         self.assessment = UNKNOWN
         """Latest assessment."""
         self._level_squares: deque[float] = deque(maxlen=RECENT)
+        self._waits = False
+        """Whether the latest block was not assessed."""
         self.surface_holds = True
         """Whether the latest samples lie on the curve of the leading family."""
 
@@ -182,6 +184,11 @@ class DoubtMonitor(Stateful):
         if present is None or self._theta is None:
             return False
         self._theta = self._confirm_changes(self._theta)
+        # The block after a change that may be one is of an unknown surface: what was known before
+        # holds for as long, but never for two blocks, since errors look like changes as well.
+        self._waits = not self._waits and self._series.awaits_change
+        if self._waits:
+            return False
         self._assess(present, PooledCurve(self._theta))
         return True
 

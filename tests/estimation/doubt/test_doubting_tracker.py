@@ -8,6 +8,7 @@ import pytest
 
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.doubt.estimator import DoubtingTracker
+from adhesion_can.estimation.doubt.monitor import DoubtMonitor
 from adhesion_can.estimation.doubt.settings import (
     EXACT,
     DoubtSettings,
@@ -147,3 +148,31 @@ def test_the_service_doubts_unless_it_is_switched_off_and_trusts_a_model() -> No
     off = replace(config.estimators, doubt=DoubtSettings(enabled=False))
     plain = replace(config, estimators=off).make_estimator()
     assert run(plain, samples)[-1].doubt is Doubt.NOT_AVAILABLE  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_new_surface_that_is_known_stays_known(seed: int) -> None:
+    """The block after the change was compared with the curve before it: unknown for a second."""
+    rng = np.random.default_rng(seed)
+    before = make_samples(rng, 45.0)
+    after = make_samples(rng, 12.0, begin_s=45.0, theta=(0.25, 90.0, 0.2))
+    estimator = doubting()
+    run(estimator, before, 0.1)
+    known = [estimate.identifiable.both for estimate in run(estimator, after, 0.1)]
+    assert known.index(True) <= 25
+    assert all(known[known.index(True) :])
+
+
+def test_where_every_block_begins_with_a_change_every_second_one_is_assessed() -> None:
+    samples = make_samples(np.random.default_rng(4), 60.0)
+    (estimate, *_) = run(Tracker(), samples, 10.0)
+    monitor = DoubtMonitor(AXLES, DoubtSettings(), EXACT, 0.5)
+    seen = []
+    for part in in_seconds(samples, 0.1):
+        now_us = int(part.t_us[-1])
+        # A tracker that declares a change now and then, as one with a wrong model does.
+        declared_us = now_us // 1_000_000 * 1_000_000
+        if monitor.add(part, replace(estimate, surface_since_us=declared_us)):
+            seen.append(now_us)
+    late = [now_us for now_us in seen if now_us > 20_000_000]
+    assert max(np.diff(late)) <= 4_100_000
