@@ -42,5 +42,4 @@ def test_minutes_of_closed_loop_hold_memory_and_find_every_rail():
         assert phase.found_s <= 3.0
         assert phase.adhesion_used > 0.9
     tracking = sum(row.outputs.status.name == "TRACKING" for row in rows)
-    # What is missing is the doubt of the instruments, whose errors new rails show anew.
-    assert tracking > 0.95 * len(rows)
+    assert tracking > 0.97 * len(rows)
