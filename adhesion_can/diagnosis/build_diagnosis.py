@@ -8,6 +8,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.evaluate import evaluate_held_out
+from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
 from adhesion_can.diagnosis.extended_model import (
     SegmentFits,
     build_extended_model,
@@ -31,16 +32,7 @@ from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import Channel, build_channels
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
-from adhesion_can.diagnosis.result import (
-    Cause,
-    ChannelEvidence,
-    Diagnosis,
-    Evidence,
-    Gain,
-    ParameterValue,
-    Untested,
-    Verdict,
-)
+from adhesion_can.diagnosis.result import Cause, Diagnosis, Gain, ParameterValue, Verdict
 from adhesion_can.diagnosis.sentences import (
     cause_sentence,
     channel_sentence,

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from adhesion_can.diagnosis.build_diagnosis import build_diagnosis, build_empty_diagnosis
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.thinning import RATE_HZ, thin_drive
+from adhesion_can.diagnosis.evidence import Untested
 from adhesion_can.diagnosis.inference.candidates import (
     build_candidates,
     describe_insufficient_data,
@@ -59,7 +60,7 @@ from adhesion_can.diagnosis.regression.prepare_regression import (
 )
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
-from adhesion_can.diagnosis.result import Diagnosis, Untested
+from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.physics.effects.formula import Formula
 
 ShowProgress = Callable[[str, float], None]

@@ -5,9 +5,10 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from html import escape
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
 from adhesion_can.diagnosis.plot_result import CurveData, Profile, SimulationPlot
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects.channel_factor import PREFIX
@@ -17,8 +18,6 @@ from adhesion_can.result_text import html_table, plus_minus
 
 MUCH_LEFT = 1.5
 """RMSE over the noise floor from which what the plain curve leaves is not called noise."""
-SURE, WORTH_PERCENT = 0.025, 3.0
-"""P-value up to which, and gain from which, what is left is not called noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,75 +190,6 @@ class Gain:
                 }
             ),
         }
-
-
-@dataclass(frozen=True, slots=True)
-class Evidence:
-    """Evidence of the data for one effect.
-
-    Attributes:
-        effect: Effect id.
-        form: Form of the mechanism; '' where there is only one.
-        axle: Axle number of an effect at one axle; 0 for the others.
-        statistic: Statistic of the sign-flip test.
-        p_value: P-value, all effects counted.
-        absorbed: Share of the signature that the curve's own parameters imitate, 0 to 1.
-        most_alike: Id of the effect with the most similar signature, and the cosine between them.
-        gain_percent: Share by which the effect alone would lower the RMSE of the deciding data, %.
-
-    """
-
-    effect: str
-    form: str
-    axle: int
-    statistic: float
-    p_value: float
-    absorbed: float
-    most_alike: tuple[str, float]
-    gain_percent: float
-
-    @property
-    def is_sure(self) -> bool:
-        """Whether the deciding data alone would name the effect."""
-        return self.p_value <= SURE and self.gain_percent >= WORTH_PERCENT
-
-
-class Untested(NamedTuple):
-    """An effect or a quantity that the data do not identify.
-
-    Attributes:
-        what: Effect id or quantity.
-        why: Reason, a clause.
-        rejected: Whether it was tested, and is no finding for this reason.
-
-    """
-
-    what: str
-    why: str
-    rejected: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class ChannelEvidence:
-    """Dependence of the selected model's residual on one channel.
-
-    Attributes:
-        channel: Name of the channel.
-        unit: Unit of the channel.
-        p_value: P-value, all channels counted.
-        gain_percent: Share by which a spline in the channel would lower the RMSE, %.
-
-    """
-
-    channel: str
-    unit: str
-    p_value: float
-    gain_percent: float
-
-    @property
-    def is_sure(self) -> bool:
-        """Whether the residual goes with the channel for certain."""
-        return self.p_value <= SURE and self.gain_percent >= WORTH_PERCENT
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from math import isfinite
 
 from rich.table import Table
 
+from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence
 from adhesion_can.diagnosis.formatting import (
     LEAST_P,
     effect_name,
@@ -17,15 +18,7 @@ from adhesion_can.diagnosis.formatting import (
     unit_text,
     value_text,
 )
-from adhesion_can.diagnosis.result import (
-    Cause,
-    ChannelEvidence,
-    Diagnosis,
-    Evidence,
-    FamilyResult,
-    Gain,
-    Verdict,
-)
+from adhesion_can.diagnosis.result import Cause, Diagnosis, FamilyResult, Gain, Verdict
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.formula import FORMULA
 from adhesion_can.reporting.text import table

@@ -14,18 +14,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from adhesion_can.cli.common import finite
+from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
 from adhesion_can.diagnosis.formatting import measured
 from adhesion_can.diagnosis.plot_result import CurveData, Profile, SimulationPlot
 from adhesion_can.diagnosis.result import (
     Cause,
-    ChannelEvidence,
     Diagnosis,
-    Evidence,
     Gain,
     InputFile,
     ParameterValue,
     SegmentResult,
-    Untested,
     Verdict,
 )
 from adhesion_can.estimation.extended.model import ExtendedModel

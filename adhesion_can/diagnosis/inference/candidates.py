@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.kinematics import median_step
+from adhesion_can.diagnosis.evidence import Untested
 from adhesion_can.diagnosis.inference.channel_candidates import build_channel_candidates
 from adhesion_can.diagnosis.regression.candidate import Candidate
-from adhesion_can.diagnosis.result import Untested
 from adhesion_can.physics.channels import CHANNEL_BY_NAME
 from adhesion_can.physics.effects import (
     ActiveEffect,

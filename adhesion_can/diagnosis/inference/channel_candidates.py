@@ -6,8 +6,8 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.evidence import Untested
 from adhesion_can.diagnosis.regression.candidate import Candidate
-from adhesion_can.diagnosis.result import Untested
 from adhesion_can.physics.channels import FEW_VALUES, UserChannel
 from adhesion_can.physics.effects import known_effects
 from adhesion_can.physics.effects.channel_factor import LINEAR, PREFIX, STEP, ChannelFactor

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adhesion_can.diagnosis.evidence import Untested
 from adhesion_can.diagnosis.inference.curve_shape import ShapeFinding
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.hold_out_gain import compute_hold_out_gain
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model
-from adhesion_can.diagnosis.result import Gain, Untested
+from adhesion_can.diagnosis.result import Gain
 from adhesion_can.diagnosis.sentences import name_with_wave
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 

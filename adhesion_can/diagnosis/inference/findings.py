@@ -6,6 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from adhesion_can.diagnosis.evidence import Untested
 from adhesion_can.diagnosis.formatting import unit_text
 from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.delay_search import with_delay_for_lag, with_longer_delay
@@ -33,7 +34,6 @@ from adhesion_can.diagnosis.regression.model import (
 )
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
-from adhesion_can.diagnosis.result import Untested
 from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.effects.channel_factor import PREFIX
 

@@ -1,0 +1,81 @@
+"""What the data say of each effect and channel: tested with what outcome, or why not."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+SURE, WORTH_PERCENT = 0.025, 3.0
+"""P-value up to which, and gain from which, what is left is not called noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Evidence of the data for one effect.
+
+    Attributes:
+        effect: Effect id.
+        form: Form of the mechanism; '' where there is only one.
+        axle: Axle number of an effect at one axle; 0 for the others.
+        statistic: Statistic of the sign-flip test.
+        p_value: P-value, all effects counted.
+        absorbed: Share of the signature that the curve's own parameters imitate, 0 to 1.
+        most_alike: Id of the effect with the most similar signature, and the cosine between them.
+        gain_percent: Share by which the effect alone would lower the RMSE of the deciding data, %.
+
+    """
+
+    effect: str
+    form: str
+    axle: int
+    statistic: float
+    p_value: float
+    absorbed: float
+    most_alike: tuple[str, float]
+    gain_percent: float
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the deciding data alone would name the effect."""
+        return _is_sure(self.p_value, self.gain_percent)
+
+
+class Untested(NamedTuple):
+    """An effect or a quantity that the data do not identify.
+
+    Attributes:
+        what: Effect id or quantity.
+        why: Reason, a clause.
+        rejected: Whether it was tested, and is no finding for this reason.
+
+    """
+
+    what: str
+    why: str
+    rejected: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelEvidence:
+    """Dependence of the selected model's residual on one channel.
+
+    Attributes:
+        channel: Name of the channel.
+        unit: Unit of the channel.
+        p_value: P-value, all channels counted.
+        gain_percent: Share by which a spline in the channel would lower the RMSE, %.
+
+    """
+
+    channel: str
+    unit: str
+    p_value: float
+    gain_percent: float
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the residual goes with the channel for certain."""
+        return _is_sure(self.p_value, self.gain_percent)
+
+
+def _is_sure(p_value: float, gain_percent: float) -> bool:
+    """Whether what was found is neither chance nor too small to matter."""
+    return p_value <= SURE and gain_percent >= WORTH_PERCENT
