@@ -19,7 +19,7 @@ from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.likelihood import innovation
 from adhesion_can.physics.burckhardt import adhesion_slope
 from adhesion_can.physics.estimate import Estimate, Identifiable
-from adhesion_can.physics.samples import Samples
+from adhesion_can.physics.samples import NO_SAMPLES, Samples
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +78,7 @@ class WindowEstimator:
         self._evolution = evolution or EvolutionSettings()
         self._identifiability = identifiability or IdentifiabilitySettings()
         self._settings = settings or WindowSettings()
-        self._window = self._pending = Samples.from_rows([])
+        self._window = self._pending = NO_SAMPLES
         self._since_us = 0
         self._current: Estimate | None = None
 
@@ -122,7 +122,7 @@ class WindowEstimator:
             _most_likely_change(squares, max(float(latest.mean()), self._settings.ratio**2))
         ]
         self._pending = self._pending.select(slice(int(first), None))
-        self._window = Samples.from_rows([])
+        self._window = NO_SAMPLES
         self._current = replace(
             self._current,
             covariance=UNKNOWN,
@@ -145,7 +145,7 @@ class WindowEstimator:
         last = self._current if len(self._window) else None
         joined = Samples.concatenate([self._window, self._pending])
         self._window = joined.select(slice(-self._settings.most, None))
-        self._pending = Samples.from_rows([])
+        self._pending = NO_SAMPLES
         self._current = fit_from(last, self._window, self._evolution, self._identifiability)
 
 
