@@ -15,6 +15,7 @@ from rich import filesize
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import CanDatabase, load_database
 from adhesion_can.bus.decoder import Decoder
+from adhesion_can.bus.j1939 import parameter_group, unmarked_sentence
 from adhesion_can.cli.common import (
     add_json,
     add_lenient,
@@ -283,8 +284,18 @@ class _Conversion:
         else:
             ids = {id_text(*key): count for key, count in report.unknown.items()}
             what = f"no frame of a known id; it has {_counts(ids)}; {database}"
-            mend = "name the database of this bus with --dbc"
+            mend = self._sender_hint() or "name the database of this bus with --dbc"
         raise RecordingError(logs, what, mend)
+
+    def _sender_hint(self) -> str | None:
+        """Sentence about a message that another sender sends; None where no group is known."""
+        unknown = self._decoder.report.unknown
+        heard = {parameter_group(number): number for number, extended in unknown if extended}
+        for message in self._database.db.messages:
+            number = message.frame_id
+            if message.is_extended_frame and parameter_group(number) in heard:
+                return unmarked_sentence(message.name, number, heard[parameter_group(number)])
+        return None
 
     def as_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """What became of every frame and line."""

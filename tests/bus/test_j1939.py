@@ -236,6 +236,19 @@ def test_where_nothing_else_is_heard_the_commands_say_it_too(dbc, tmp_path, caps
     assert "VFrameFormat J1939PG" in said
 
 
+def test_convert_says_it_where_the_database_alone_lacks_the_mark(dbc, tmp_path, capsys):
+    remove_marks(dbc)
+    log = tmp_path / "a.log"
+    log.write_text("".join(map(format_frame, frames_of(0x0CF00400))))
+    words = ["convert", str(log), "--dbc", str(dbc), "--out", str(tmp_path / "a.csv")]
+    assert main(words) == 2
+    said = capsys.readouterr().err
+    assert "EEC1 (0xcf004fe): 0xcf00400 has its parameter group 61444 from another sender" in said
+    log.write_text("(0.000000) can0 064#1027000000000000\n")
+    assert main(words) == 2
+    assert "name the database of this bus with --dbc" in capsys.readouterr().err
+
+
 def test_convert_names_each_sender(dbc):
     decoder = Decoder(load_database(dbc))
     decoded = decoder.decode(Block.from_frames(frames_of(0x0CF00400, 0x0CF00427)))
