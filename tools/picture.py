@@ -10,8 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from adhesion_can.config import load_configuration
+from adhesion_can.physics.status import Status
 from adhesion_can.service.core import ServiceCore
-from adhesion_can.service.states import Status
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
 

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
 from adhesion_can.api.inputs import RecordingLike, as_recordings, name_of
 from adhesion_can.offline.extract_samples import require_accepted_frame
+from adhesion_can.physics.status import Status
 from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.reporting.setpoints import FIELDS, setpoint_row
 from adhesion_can.result_text import html_table
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.replay import replay_blocks
-from adhesion_can.service.states import Status
 
 
 class SetpointTable(dict[str, NDArray[Any]]):

@@ -1,6 +1,7 @@
 """Loading of CAN databases: the packaged one and the user's."""
 
 from codecs import BOM_UTF8
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -22,6 +23,9 @@ INPUT_MESSAGES = (
 OUTPUT_MESSAGES = (
     "AdhesionSetpoint", "AdhesionModel", "AdhesionQuality", "AxleSetpoint", "ServiceStatus",
 )  # fmt: skip
+
+DEMAND_MESSAGES = ("EffortDemand1", "EffortDemand2")
+"""Messages of a bench's creep controller to the simulated locomotive."""
 
 LARGEST_FILE = 256 << 20
 """Size of a database that is read, bytes; those of whole vehicles have some 10 MiB."""
@@ -153,6 +157,12 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
         raise DatabaseError(str(path), "a diagnostics database, not a CAN database", "give a .dbc")
     _require_messages(found, path)
     return CanDatabase(path, sha256(content).hexdigest(), found, left_out)
+
+
+def database_with(names: Collection[str], database: CanDatabase) -> CanDatabase:
+    """The user's database where it defines all of these messages, else the packaged one."""
+    present = {message.name for message in database.db.messages}
+    return database if present.issuperset(names) else load_database()
 
 
 def _require_messages(db: Database, path: Path) -> None:

@@ -8,9 +8,9 @@ from typing import Any, TextIO
 from pythonjsonlogger.json import JsonFormatter
 
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
+from adhesion_can.physics.status import Status
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.outputs import Outputs
-from adhesion_can.service.states import Status
 
 FORMATS = ("text", "json")
 QUIET_US = 1_000_000

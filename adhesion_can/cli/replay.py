@@ -32,6 +32,7 @@ from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
+from adhesion_can.physics.status import Status
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence, open_recordings
@@ -44,7 +45,6 @@ from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.replay import ReplaySummary, replay, replay_blocks
-from adhesion_can.service.states import Status
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -54,7 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "service of --closed-loop knows them",
     )
     parser.add_argument(
-        "--closed-loop", action="store_true", help="the drive obeys AdhesionSetpoint"
+        "--closed-loop",
+        action="store_true",
+        help="the drive obeys AdhesionSetpoint, or the efforts that 'control' demands",
     )
     parser.add_argument("--load-transfer", action="store_true", help="axle loads move under effort")
     parser.add_argument(

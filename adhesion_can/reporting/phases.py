@@ -7,10 +7,10 @@ from typing import Any
 from rich.table import Table
 
 from adhesion_can.physics.doubt import DESCRIPTIONS
+from adhesion_can.physics.status import Status
 from adhesion_can.reporting.text import table
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.outputs import Outputs
-from adhesion_can.service.states import Status
 
 WITHIN = 0.05
 """Largest relative error of μ_max at which a surface counts as found, in TRACKING."""

@@ -10,10 +10,10 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.status import Status
 from adhesion_can.reporting.export import Column, Field, TableWriter, open_table
 from adhesion_can.service.output_messages import AXLE_FRAMES
 from adhesion_can.service.outputs import Outputs, Setpoint
-from adhesion_can.service.states import Status
 
 ROWS = 10_000
 """Number of rows written at once."""

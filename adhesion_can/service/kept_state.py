@@ -16,8 +16,8 @@ from adhesion_can.config import Configuration
 from adhesion_can.estimation.extended.model import LARGEST_BASE
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.status import Status
 from adhesion_can.service.outputs import Outputs
-from adhesion_can.service.states import Status
 
 FORMAT, VERSION = "adhesion-can state", 1
 MOST_SURFACES = 8

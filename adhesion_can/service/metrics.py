@@ -20,11 +20,11 @@ from prometheus_client.registry import Collector
 
 from adhesion_can.bus.rejection import REJECTIONS
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.status import Status
 from adhesion_can.service.counters import COUNTERS
 from adhesion_can.service.lateness import BOUNDS_US
 from adhesion_can.service.live import LiveService
 from adhesion_can.service.outputs import Outputs
-from adhesion_can.service.states import Status
 from adhesion_can.version import __version__
 
 PREFIX = "adhesion_can_"

@@ -1,20 +1,17 @@
 """Composition of the output messages: outputs to protected frames."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
-from cantools.database.can import Message
-
-from adhesion_can.bus.codec import MessagePlan
 from adhesion_can.bus.database import (
     OUTPUT_MESSAGES,
     CanDatabase,
     cycle_us,
-    e2e_data_id,
+    database_with,
     load_database,
 )
-from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame
+from adhesion_can.bus.protected_message import ProtectedMessage
 from adhesion_can.bus.roles import BoundMessage
 from adhesion_can.errors import ConfigError, DatabaseError
 from adhesion_can.service.output_layout import require_layout
@@ -44,23 +41,6 @@ class Health(NamedTuple):
     rejected: int
     lost: int
     loop_time_p99_us: float | None
-
-
-class _Encoder:
-    """Encoder of one output message, with its counter and its protection."""
-
-    def __init__(self, message: Message) -> None:
-        self.plan = MessagePlan(message)
-        self.cycle_us = cycle_us(message) or 0
-        data_id = e2e_data_id(message)
-        self._data_id = message.frame_id if data_id is None else data_id
-        self._count = 0
-
-    def frame(self, t_us: int, values: Mapping[str, float | None]) -> Frame:
-        payload = self.plan.encode(values)
-        protect(payload, self._data_id, self._count)
-        self._count = (self._count + 1) % COUNTS
-        return Frame(t_us, self.plan.frame_id, bytes(payload), is_extended=self.plan.is_extended)
 
 
 def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
@@ -99,12 +79,10 @@ class OutputMessages:
     """
 
     def __init__(self, database: CanDatabase, inputs: tuple[BoundMessage, ...]) -> None:
-        present = {message.name for message in database.db.messages}
-        source = load_database()
-        if present.issuperset(OUTPUT_MESSAGES):
-            _require_signals(database, source)
-            source = database
-        self._encoders = {name: _Encoder(source.message(name)) for name in OUTPUT_MESSAGES}
+        source = database_with(OUTPUT_MESSAGES, database)
+        if source is database:
+            _require_signals(database, load_database())
+        self._encoders = {name: ProtectedMessage(source.message(name)) for name in OUTPUT_MESSAGES}
         input_names = {(m.plan.frame_id, m.plan.is_extended): m.plan.name for m in inputs}
         for name, encoder in self._encoders.items():
             key = (encoder.plan.frame_id, encoder.plan.is_extended)

@@ -10,7 +10,8 @@ from adhesion_can.physics.burckhardt import slip_at_share
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.readings import Role
-from adhesion_can.service.states import VALUES, Status, Values
+from adhesion_can.physics.status import Status
+from adhesion_can.service.states import VALUES, Values
 
 
 @dataclass(frozen=True, slots=True)

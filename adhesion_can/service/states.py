@@ -14,25 +14,15 @@ the setpoints' numbers in each status. `StatusMachine` owns the timers:
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum, IntEnum, auto
+from enum import Enum, auto
 from typing import NamedTuple
 
 from adhesion_can.config import ServiceSettings
 from adhesion_can.physics.estimate import CHANGED, Estimate
+from adhesion_can.physics.status import Status
 
 FAULT_HOLD_US = 1_000_000
 """Shortest time for which FAULT is sent, µs, so that no receiver misses it."""
-
-
-class Status(IntEnum):
-    """Status of the service as `AdhesionSetpoint.Status` carries it."""
-
-    INIT = 0
-    TRACKING = 1
-    LOW_EXCITATION = 2
-    SURFACE_CHANGE = 3
-    STALE_INPUT = 4
-    FAULT = 5
 
 
 class Values(Enum):

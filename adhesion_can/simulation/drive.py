@@ -4,10 +4,13 @@ A curve that is not excited cannot be identified. So the drive probes: it sweeps
 axles from near zero to beyond the peak, each axle at another phase, so that the train's effort
 hardly changes. A drive that is left alone probes all the time. A drive that obeys the service
 probes while the service does not know the surface, and holds the service's setpoint otherwise.
+Where a creep controller outside demands efforts, the motors follow these.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from math import isfinite
 
 import numpy as np
 
@@ -29,6 +32,8 @@ class DriveSettings:
         period_s: Duration of a probing sweep up and down, s.
         probe_s: Time for which an obeying drive goes on probing after the surface is known, s.
         v_min: Smallest speed in the creep setpoint slip · max(v, v_min), m/s.
+        demand_timeout_s: Age of the latest effort demand from which on the motors give no effort,
+            s: three cycles.
 
     """
 
@@ -41,6 +46,7 @@ class DriveSettings:
     period_s: float = 4.0
     probe_s: float = 3.0
     v_min: float = 1.0
+    demand_timeout_s: float = 0.03
 
 
 class Pattern(Enum):
@@ -118,6 +124,9 @@ class Drive:
 
     def __post_init__(self) -> None:
         self._integral = np.zeros(self.axles)
+        self._demand = np.zeros(self.axles)
+        self._demanded_s = np.full(self.axles, -np.inf)
+        self._has_demand = False
         self.effort: Array = np.zeros(self.axles)
         """Effort at the rim of each axle, N, shape (axles,)."""
 
@@ -140,15 +149,42 @@ class Drive:
             dt: Duration of the step, s.
 
         """
+        wanted = (
+            self._follow_demand(time_s)
+            if self._has_demand
+            else self._control_creep(self.setpoint(time_s, speed) - creep_speed, dt)
+        )
+        share = 1.0 - np.exp(-dt / self.settings.lag_s)
+        self.effort = self.effort + (wanted - self.effort) * share
+        return self.effort
+
+    def _control_creep(self, error: Array, dt: float) -> Array:
         s = self.settings
-        error = self.setpoint(time_s, speed) - creep_speed
         wanted = s.gain * error + self._integral
         limited = np.minimum(np.maximum(wanted, -s.effort_max), s.effort_max)
         # Anti-windup by conditional integration: at the limit the integral stands still.
         free = (wanted == limited) | (np.sign(error) != np.sign(wanted))
         self._integral = self._integral + dt * s.integral_gain * error * free
-        self.effort = self.effort + (limited - self.effort) * (1.0 - np.exp(-dt / s.lag_s))
-        return self.effort
+        return np.asarray(limited)
+
+    def _follow_demand(self, time_s: float) -> Array:
+        s = self.settings
+        fresh = time_s - self._demanded_s <= s.demand_timeout_s
+        return np.where(fresh, np.clip(self._demand, -s.effort_max, s.effort_max), 0.0)
+
+    def demand_efforts(self, time_s: float, efforts: Mapping[int, float]) -> None:
+        """Give the motors over to a creep controller outside: from now on they follow its demands.
+
+        Args:
+            time_s: Simulated time, s.
+            efforts: Efforts at the rim by axle number, N; NaN: none is demanded.
+
+        """
+        for axle, effort in efforts.items():
+            known = isfinite(effort)
+            self._demand[axle - 1] = effort if known else 0.0
+            self._demanded_s[axle - 1] = time_s if known else -np.inf
+        self._has_demand = True
 
     def update_command(self, time_s: float, *, known: bool, creep_speed: float | None) -> None:
         """Note the content of an `AdhesionSetpoint`.

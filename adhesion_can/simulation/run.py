@@ -2,19 +2,23 @@
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
+from math import nan
 from typing import Any
 
 import numpy as np
 
+from adhesion_can.bus.checked_message import CheckedMessage, SignalValues
 from adhesion_can.bus.codec import MessagePlan
-from adhesion_can.bus.database import CanDatabase
+from adhesion_can.bus.database import DEMAND_MESSAGES, CanDatabase
 from adhesion_can.bus.frame import Frame, to_us
+from adhesion_can.bus.rejection import Rejection
 from adhesion_can.errors import InputError
 from adhesion_can.physics.burckhardt import Surface
 from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.curves.nearest import nearest_burckhardt
 from adhesion_can.physics.curves.surfaces import FamilySurface
 from adhesion_can.physics.effects import ActiveEffect, build_instruments
+from adhesion_can.physics.status import Status
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.drive import Drive, DriveSettings
 from adhesion_can.simulation.plant import Plant, Track
@@ -22,8 +26,6 @@ from adhesion_can.simulation.scenarios import Scenario
 from adhesion_can.simulation.sensors import NoiseSettings, PlantState, Sensors
 
 STEP_US = 2000
-TRACKING = 1
-"""`Status` in which the service knows the surface."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class RunSettings:
         effects: Mechanisms beyond the curve, and errors of sensors and data.
         noise: Standard deviations of the sensors' noise.
         drive: Gains and limits of the creep controller.
-        obey: Whether the drive follows `AdhesionSetpoint`.
+        obey: Whether the drive follows `AdhesionSetpoint`, or `EffortDemand` where that comes.
         load_transfer: Whether axle loads change under effort; in some scenarios they always do.
         along_track: Whether each axle finds a change of surface where the leading one found it, or
             all at the same time.
@@ -91,6 +93,7 @@ class Simulation:
         rng = np.random.default_rng(settings.seed)
         self._sensors = Sensors(database, settings.noise, rng, instruments)
         self._setpoint = MessagePlan(database.message("AdhesionSetpoint"))
+        self._demands = [CheckedMessage(database.message(name)) for name in DEMAND_MESSAGES]
         self._latest: PlantState | None = None
         """State at the end of the last step, which is that at the start of the next one."""
         self.now_us = 0
@@ -114,7 +117,11 @@ class Simulation:
         return self._sensors.due(self._latest, before, start_us, self.now_us)
 
     def receive(self, frame: Frame) -> None:
-        """Process a frame from the bus: `AdhesionSetpoint` is for the drive, others are ignored."""
+        """Process a frame from the bus: setpoints and demands are for the drive, others ignored."""
+        for message in self._demands:
+            if message.is_carried_by(frame):
+                self._follow(message.read(frame))
+                return
         if frame.arbitration_id != self._setpoint.frame_id or not frame.is_data:
             return
         word = int.from_bytes(frame.data, "little")
@@ -123,9 +130,20 @@ class Simulation:
         missing = raw == signals["CreepSpeedSetpoint"].not_available
         self._drive.update_command(
             self.now_us / 1e6,
-            known=signals["Status"].raw(word) == TRACKING,
+            known=signals["Status"].raw(word) == Status.TRACKING,
             creep_speed=None if missing else signals["CreepSpeedSetpoint"].value(raw),
         )
+
+    def _follow(self, demand: SignalValues | Rejection) -> None:
+        """Give a message's efforts to the drive; rejected frames are as if they had not come."""
+        if isinstance(demand, Rejection) or not self.settings.obey:
+            return
+        efforts = {
+            axle: nan if (value := demand[name]) is None else value
+            for axle in range(1, self.settings.vehicle.axles + 1)
+            if (name := f"EffortDemand_Ax{axle}") in demand
+        }
+        self._drive.demand_efforts(self.now_us / 1e6, efforts)
 
     def adhesion_used(self) -> float:
         """Adhesion that the axles use now, Σ F / Σ N."""

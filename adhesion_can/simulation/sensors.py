@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.bus.codec import MessagePlan
-from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase, cycle_us, e2e_data_id
-from adhesion_can.bus.e2e import COUNTS, protect
+from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase
 from adhesion_can.bus.frame import Frame, to_us
+from adhesion_can.bus.protected_message import ProtectedMessage
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.readings import Direction, SpeedSource
 from adhesion_can.simulation.surroundings import DEFAULT_CONDITIONS, Conditions
@@ -121,21 +120,14 @@ class Transmitter:
     """
 
     def __init__(self, database: CanDatabase, name: str, slot: int) -> None:
-        message = database.message(name)
         self.name = name
-        self._plan = MessagePlan(message)
-        self._data_id = e2e_data_id(message) or message.frame_id
-        self._count = 0
-        self.cycle_us = cycle_us(message) or 0
+        self._message = ProtectedMessage(database.message(name))
         self.due_us = slot * SLOT_US
 
     def frame(self, values: Mapping[str, float | None]) -> Frame:
         """The frame now due; the next one is due a cycle later."""
-        payload = self._plan.encode(values)
-        protect(payload, self._data_id, self._count)
-        frame = Frame(self.due_us, self._plan.frame_id, bytes(payload))
-        self._count = (self._count + 1) % COUNTS
-        self.due_us += self.cycle_us
+        frame = self._message.frame(self.due_us, values)
+        self.due_us += self._message.cycle_us
         return frame
 
 

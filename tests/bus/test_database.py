@@ -8,6 +8,7 @@ import cantools
 import pytest
 
 from adhesion_can.bus.database import (
+    DEMAND_MESSAGES,
     INPUT_MESSAGES,
     OUTPUT_MESSAGES,
     cycle_us,
@@ -129,6 +130,8 @@ CONTRACT = {
         "FramesLost": u16(32, 1, "-", 65534),
         "LoopTimeP99": u16(48, 10, "us", 655340),
     },
+    (0x301, "EffortDemand1", 10, "DRIVE"): axles("EffortDemand", 1, effort),
+    (0x302, "EffortDemand2", 10, "DRIVE"): axles("EffortDemand", 4, effort),
 }
 FRAME_FIELDS = {
     "Crc": (0, 8, False, 1, 0, "-", 0, 255, 0),
@@ -185,7 +188,7 @@ def test_message_frame_cycle_and_attributes(strict_database, row):
     assert message.receivers
     assert message.receivers <= {"LOCO", "DRIVE", "ADHESION"} - {sender}
     assert ("ADHESION" in message.receivers) is (number < 0x200)
-    assert ("DRIVE" in message.receivers) or number < 0x200
+    assert ("DRIVE" in message.receivers) or number < 0x200 or sender == "DRIVE"
 
 
 @pytest.mark.parametrize("row", ROWS, ids=IDS)
@@ -249,7 +252,8 @@ def test_the_raw_text_has_no_motorola_and_no_unnamed_signal():
     assert len(layouts) == sum(len(FRAME_FIELDS | signals) for *_, signals in ROWS)
     assert {order for *_, order, _ in layouts} == {"1"}
     signed = {name for name, *_, sign in layouts if sign == "-"}
-    assert signed == {f"TractiveEffort_Ax{i}" for i in range(1, 7)} | {"Gradient", "Curvature"}
+    efforts = {f"{kind}_Ax{i}" for kind in ("TractiveEffort", "EffortDemand") for i in range(1, 7)}
+    assert signed == efforts | {"Gradient", "Curvature"}
 
 
 def test_all_ones_stands_outside_the_range_of_every_number(strict_database):
@@ -282,7 +286,7 @@ def test_packaged_database_is_this_one_and_complete():
     assert packaged_path().read_bytes() == DBC.read_bytes()
     database = load_database()
     names = {m.name for m in database.db.messages}
-    assert names == set(INPUT_MESSAGES) | set(OUTPUT_MESSAGES)
+    assert names == set(INPUT_MESSAGES) | set(OUTPUT_MESSAGES) | set(DEMAND_MESSAGES)
     assert set(OUTPUT_MESSAGES) == {row[1] for row in ROWS if row[3] == "ADHESION"}, (
         "what we send is what node ADHESION sends"
     )

@@ -13,9 +13,9 @@ from adhesion_can.cli.main import main
 from adhesion_can.cli.narrator import Narrator
 from adhesion_can.config import Configuration
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.status import Status
 from adhesion_can.recordings.candump import format_frame, parse_line
 from adhesion_can.service.outputs import Outputs
-from adhesion_can.service.states import Status
 from tests.service.test_core import KNOWN
 from tests.wire import Bench, decoded
 

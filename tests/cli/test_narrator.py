@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from adhesion_can.cli.main import main
 from adhesion_can.cli.narrator import BURST, LINES_PER_S, Narrator
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.status import Status
 from adhesion_can.service.outputs import Outputs, Setpoint
-from adhesion_can.service.states import Status
 
 
 class Clock:

@@ -20,8 +20,8 @@ from adhesion_can.estimation.tracker.settings import MemorySettings, PriorSettin
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, adhesion, peak
 from adhesion_can.physics.samples import Samples
+from adhesion_can.physics.status import Status
 from adhesion_can.service.core import ServiceCore
-from adhesion_can.service.states import Status
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
 from adhesion_can.simulation.sensors import NoiseSettings

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.status import Status
 from adhesion_can.reporting.phases import Row, phase_table, phases
 from adhesion_can.reporting.text import console
 from adhesion_can.service.outputs import Outputs, Setpoint
-from adhesion_can.service.states import Status
 
 SURFACES = [
     {"name": name, "from_s": start, "to_s": start + 1.0, "mu_max": 0.3, "lambda_m": 0.05}

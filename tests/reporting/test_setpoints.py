@@ -8,9 +8,9 @@ from asammdf import MDF
 from pyarrow import parquet
 
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.status import Status
 from adhesion_can.reporting.setpoints import FIELDS, setpoint_row, setpoint_table
 from adhesion_can.service.outputs import Outputs, Setpoint
-from adhesion_can.service.states import Status
 
 DOUBTS = [*Doubt, Doubt.NONE, Doubt.NOT_AVAILABLE]
 NAMES = [None if doubt is Doubt.NOT_AVAILABLE else doubt.name for doubt in DOUBTS]

@@ -14,8 +14,8 @@ from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.status import Status
 from adhesion_can.service.core import ServiceCore
-from adhesion_can.service.states import Status
 from tests.wire import DBC, INPUTS, REQUIRED, Bench, decoded, seal_ok, sealed, values
 
 CONFIG = load_configuration()

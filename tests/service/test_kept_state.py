@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from adhesion_can.cli.run import _resumed
 from adhesion_can.config import load_configuration
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.status import Status
 from adhesion_can.service.kept_state import (
     MOST_SURFACES,
     KeptState,
@@ -27,7 +28,6 @@ from adhesion_can.service.kept_state import (
 )
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.state_keeper import StateKeeper
-from adhesion_can.service.states import Status
 
 DRY, WET = (0.4, 60.0, 0.3), (0.25, 90.0, 0.2)
 DAY_S, HOUR_US = 86_400.0, 3_600_000_000

@@ -5,9 +5,9 @@ import pytest
 from adhesion_can.bus.database import OUTPUT_MESSAGES, load_database
 from adhesion_can.errors import DatabaseError
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.status import Status
 from adhesion_can.service.output_messages import SETPOINT, Health, OutputMessages
 from adhesion_can.service.outputs import Outputs, Setpoint
-from adhesion_can.service.states import Status
 from tests.bus.bus_helpers import DBC, e2e_checksum
 from tests.wire import decoded
 

@@ -8,13 +8,13 @@ import pytest
 from adhesion_can.config import load_configuration
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.readings import Role
+from adhesion_can.physics.status import Status
 from adhesion_can.service.outputs import (
     OutputBuilder,
     Outputs,
     Setpoint,
     compute_target_slip,
 )
-from adhesion_can.service.states import Status
 from tests.service.test_core import CONFIG, KNOWN
 
 CURRENT = [Status.TRACKING, Status.LOW_EXCITATION, Status.SURFACE_CHANGE]

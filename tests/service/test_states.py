@@ -7,12 +7,12 @@ import pytest
 from adhesion_can.bus.database import load_database
 from adhesion_can.config import ServiceSettings
 from adhesion_can.physics.estimate import Identifiable
+from adhesion_can.physics.status import Status
 from adhesion_can.service.states import (
     FAULT_HOLD_US,
     TRANSITIONS,
     VALUES,
     Conditions,
-    Status,
     StatusMachine,
     select_status,
 )

@@ -9,8 +9,8 @@ from _report import over_cores
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.status import Status
 from adhesion_can.service.core import ServiceCore
-from adhesion_can.service.states import Status
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
 from adhesion_can.simulation.sensors import NoiseSettings

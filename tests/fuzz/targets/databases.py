@@ -16,9 +16,9 @@ from adhesion_can.bus.database import load_database
 from adhesion_can.bus.decoder import Decoder
 from adhesion_can.bus.frame import MAX_PAYLOAD
 from adhesion_can.bus.signal_columns import MessageSignals
+from adhesion_can.physics.status import Status
 from adhesion_can.service.output_messages import Health, OutputMessages
 from adhesion_can.service.outputs import Outputs, Setpoint
-from adhesion_can.service.states import Status
 from tests.fuzz.octets import Octets
 from tests.fuzz.rule import file_of, value_or_refusal
 

@@ -7,9 +7,9 @@ from math import isfinite
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, STOP, Frame, Mark
 from adhesion_can.config import load_configuration
+from adhesion_can.physics.status import Status
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import replay, replay_blocks
-from adhesion_can.service.states import Status
 from tests.fuzz.octets import Octets
 from tests.wire import INPUTS, REQUIRED, Bench, decoded, seal_ok, sealed
 
