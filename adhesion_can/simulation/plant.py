@@ -11,6 +11,7 @@ Effects in the contact turn the curve into F = factor μ(λ') N, with λ' the sl
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi, sin
+from typing import Protocol
 
 import numpy as np
 
@@ -253,6 +254,19 @@ class TrackSection:
         """Values of the parameters of the surface's curve."""
         surface = self.surface
         return surface.values if isinstance(surface, FamilySurface) else surface.theta
+
+
+class Rails(Protocol):
+    """Curves under the axles."""
+
+    def under(self, time_s: float, position: float) -> AxleCurves:
+        """Values of the curve's parameters under each axle, shape (axles,) each.
+
+        Args:
+            time_s: Simulated time, s.
+            position: Position of the leading axle, m.
+
+        """
 
 
 class Track:

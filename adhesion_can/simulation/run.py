@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.bus.checked_message import CheckedMessage, SignalValues
 from adhesion_can.bus.codec import MessagePlan
 from adhesion_can.bus.database import DEMAND_MESSAGES, CanDatabase
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.bus.rejection import Rejection
 from adhesion_can.errors import InputError
-from adhesion_can.physics.burckhardt import Surface
+from adhesion_can.physics.burckhardt import Surface, peak
 from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.curves.nearest import nearest_burckhardt
 from adhesion_can.physics.curves.surfaces import FamilySurface
@@ -21,7 +22,7 @@ from adhesion_can.physics.effects import ActiveEffect, build_instruments
 from adhesion_can.physics.status import Status
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.drive import Drive, DriveSettings
-from adhesion_can.simulation.plant import Plant, Track
+from adhesion_can.simulation.plant import SLOWEST, Plant, Rails, Track
 from adhesion_can.simulation.scenarios import Scenario
 from adhesion_can.simulation.sensors import NoiseSettings, PlantState, Sensors
 
@@ -65,10 +66,13 @@ class Simulation:
     Args:
         settings: Settings of the run.
         database: The message set of adhesion-can.
+        rails: Curves under the axles in place of the scenario's surfaces, and of their family.
 
     """
 
-    def __init__(self, settings: RunSettings, database: CanDatabase) -> None:
+    def __init__(
+        self, settings: RunSettings, database: CanDatabase, rails: Rails | None = None
+    ) -> None:
         self.settings = settings
         scenario, instruments = settings.scenario, build_instruments(settings.effects)
         vehicle = instruments.vehicle(settings.vehicle)
@@ -88,7 +92,8 @@ class Simulation:
             family=scenario.family,
         )
         self.sections = scenario.sections(settings.duration_s)
-        self._track = Track(self.sections, axles_behind(vehicle, along=settings.along_track))
+        behind = axles_behind(vehicle, along=settings.along_track)
+        self._track: Rails = rails or Track(self.sections, behind)
         self._drive = Drive(vehicle.axles, settings.drive, scenario.pattern, settings.obey)
         rng = np.random.default_rng(settings.seed)
         self._sensors = Sensors(database, settings.noise, rng, instruments)
@@ -144,6 +149,26 @@ class Simulation:
             if (name := f"EffortDemand_Ax{axle}") in demand
         }
         self._drive.demand_efforts(self.now_us / 1e6, efforts)
+
+    def find_peaks(self) -> tuple[Array, Array]:
+        """Largest adhesion under each axle now and its slip ratio, shape (axles,) each.
+
+        They are those of the curves, without effects in the contact.
+        """
+        plant = self.plant
+        values = self._track.under(plant.time_s, plant.position)
+        family = self.settings.scenario.family
+        if family is None:
+            c1, c2, c3 = values
+            top = peak(c1, c2, c3)
+            return np.asarray(top.mu_max), np.asarray(top.lambda_m)
+        speed = max(plant.speed, SLOWEST)
+        tops = [
+            family.peak([float(x[axle]) for x in values], Conditions(speed, float(load)))
+            for axle, load in enumerate(plant.load)
+        ]
+        places = [float(top.lambda_m) for top in tops]
+        return np.array([float(top.mu_max) for top in tops]), np.array(places)
 
     def adhesion_used(self) -> float:
         """Adhesion that the axles use now, Σ F / Σ N."""

@@ -31,6 +31,7 @@ class Scenario:
         meaning: Description in one line.
         speed_swing: Relative amplitude with which the profile lets the speed swing.
         load_transfer: Whether axle loads always change under effort.
+        gradient: Constant gradient of the track, m/m; None: a profile keeps the train near `speed`.
         surroundings: Air, rail, sand and curves along the run.
 
     """
@@ -42,6 +43,7 @@ class Scenario:
     meaning: str = ""
     speed_swing: float = 0.0
     load_transfer: bool = False
+    gradient: float | None = None
     surroundings: Surroundings = field(default_factory=Surroundings)
 
     @property
@@ -51,11 +53,13 @@ class Scenario:
         return first.family if isinstance(first, FamilySurface) else None
 
     @property
-    def profile(self) -> GradientProfile:
+    def profile(self) -> GradientProfile | float:
         """Gradient profile of the track: the climb for full effort on dry rail comes at 6 m/s more.
 
         Where the speed is to change, the track is as steep as it must be for the train to follow.
         """
+        if self.gradient is not None:
+            return self.gradient
         if not self.speed_swing:
             return GradientProfile(self.speed, rise=0.005)
         return GradientProfile(

@@ -1,0 +1,125 @@
+"""Settings of the reference creep controller."""
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class LoopSettings:
+    """Gains and limits of the creep speed control of an axle.
+
+    Attributes:
+        cycle_s: Time between two steps, s.
+        bandwidth: Crossover frequency at the peak of the curve, where the wheelset is an
+            integrator, rad/s. Larger: quicker; above 80 the dead time of a cycle makes it swing.
+        integral_rate: Zero of the PI controller, 1/s.
+        stable_rate: Bandwidth on the stable side, where the contact is stiff, 1/s.
+        effort_max: Largest effort of an axle, N.
+        rise_max: Largest rate of a rising effort, N/s.
+        fall_max: Largest rate of a falling effort, N/s.
+
+    """
+
+    cycle_s: float = 0.01
+    bandwidth: float = 58.0
+    integral_rate: float = 20.0
+    stable_rate: float = 6.0
+    effort_max: float = 120e3
+    rise_max: float = 300e3
+    fall_max: float = 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class SearchSettings:
+    """Search of the peak by pairs of axles at two slips at once.
+
+    Attributes:
+        spread: Relative distance of both slips from their mean. Larger: surer, at a larger loss of
+            force, which grows with its square.
+        near_spread: The same near the peak.
+        dwell_s: Time for which a pair keeps its two slips, s.
+        settling_s: Time at the begin of it that does not count, s.
+        gain: Relative change of the slip per unit of elasticity.
+        goal: Elasticity d ln μ/d ln λ to search for. Larger: less slip, less force.
+        step_max: Largest relative change of the slip in a step, logarithm.
+        step_min: Largest change of the slip near the peak, logarithm.
+        slip_min: Smallest slip ratio.
+        slip_max: Largest slip ratio.
+
+    """
+
+    spread: float = 0.15
+    near_spread: float = 0.09
+    dwell_s: float = 0.2
+    settling_s: float = 0.06
+    gain: float = 2.0
+    goal: float = 0.04
+    step_max: float = 0.6
+    step_min: float = 0.12
+    slip_min: float = 0.004
+    slip_max: float = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class ExcursionSettings:
+    """Excursions that keep the curve known while it is held.
+
+    Attributes:
+        duration_s: Duration of an excursion of one axle, s.
+        period_s: Time from one excursion to the next while the service knows the peak, s.
+        busy_period_s: The same while it does not, s.
+        low: Slip of the lower plateau over λ_m.
+        high: Slip of the upper plateau over λ_m; λ_m is identifiable only from slips beyond it.
+        contradiction: Difference between measured and expected contrast of the plateaus, over
+            μ_max, from which the curve counts as contradicted, where it is significant.
+        contradictions: Number of excursions in a row that contradict the curve before it is given
+            up.
+
+    """
+
+    duration_s: float = 1.2
+    period_s: float = 3.0
+    busy_period_s: float = 1.6
+    low: float = 0.6
+    high: float = 1.2
+    contradiction: float = 0.05
+    contradictions: int = 2
+
+
+@dataclass(frozen=True, slots=True)
+class ControlSettings:
+    """Settings of the reference creep controller.
+
+    Attributes:
+        target_share: Share of μ_max that the held slip aims at.
+        caution: Share of the standard deviation of λ_m by which the held slip stays below.
+        trusted_std: Largest relative standard deviation of a λ_m that is held.
+        agreement: Largest logarithm of the ratio of the service's slip to the one that the search
+            found, up to which the service's is held.
+        distrust_s: Time for which a curve that excursions contradicted is not held again, s.
+        first_slip: Slip ratio at which the search begins.
+        first_rate: Rate at which the slip rises to it, 1/s.
+        slow_speed: Vehicle speed below which a small slip is held and nothing is searched, m/s:
+            speeds are too inexact there.
+        slow_slip: That slip ratio.
+        slow_floor: Smallest speed in the creep of that slip, m/s.
+        speed_timeout_s: Time for which a missing vehicle speed is extrapolated, s.
+        loop: Creep speed control of an axle.
+        search: Search of the peak.
+        excursions: Excursions while the service's slip is held.
+
+    """
+
+    target_share: float = 0.998
+    caution: float = 0.15
+    trusted_std: float = 0.3
+    agreement: float = 0.4
+    distrust_s: float = 20.0
+    first_slip: float = 0.03
+    first_rate: float = 0.25
+    slow_speed: float = 1.5
+    slow_slip: float = 0.04
+    slow_floor: float = 0.4
+    speed_timeout_s: float = 1.0
+    loop: LoopSettings = field(default_factory=LoopSettings)
+    search: SearchSettings = field(default_factory=SearchSettings)
+    excursions: ExcursionSettings = field(default_factory=ExcursionSettings)
