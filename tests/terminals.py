@@ -14,9 +14,10 @@ from pathlib import Path
 README = Path(__file__).resolve().parent.parent / "README.md"
 
 
-def bench_lines(name):
-    """Command lines of the block that the README marks with <!-- bench: name -->."""
-    block = re.search(rf"<!-- bench: {name} -->\n```sh\n(.*?)```", README.read_text(), re.DOTALL)
+def bench_lines(name, document=README):
+    """Command lines of the block that a document marks with <!-- bench: name -->."""
+    text = document.read_text()
+    block = re.search(rf"<!-- bench: {name} -->\n```sh\n(.*?)```", text, re.DOTALL)
     return block[1].strip().splitlines()
 
 

@@ -125,11 +125,15 @@ class _Loop:
                 self.received += 1
                 demands = frames.feed(from_message(message)._replace(t_us=_now_us()))
             self._send(demands)
+            self._note_mode(demands)
         self._send(frames.stop(_now_us()))
 
     def _send(self, demands: list[Frame]) -> None:
         for demand in demands:
             self._bus.send(to_message(demand))
+
+    def _note_mode(self, demands: list[Frame]) -> None:
+        """Count a step, and say what the controller goes by where that has changed."""
         if demands:
             mode = self._controller.mode
             self._counts[mode] += 1

@@ -544,7 +544,7 @@ def test_the_wheel_carries_the_dbc(tmp_path):
         env={**os.environ, "PYTHONPATH": str(tmp_path / "site")}, check=True, timeout=60,
     )  # fmt: skip
     assert Path(done.stdout.strip()) == tmp_path / "site/adhesion_can/dbc/adhesion.dbc"
-    assert len(DB.messages) == 14
+    assert len(DB.messages) == 16
 
 
 def test_one_broken_stamp_far_ahead_costs_its_own_frame_alone(recording, tmp_path, capsys):

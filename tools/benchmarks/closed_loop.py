@@ -132,10 +132,8 @@ def _print_tables(numbers, found):
         cells = [found[CASES[number].name, name] for name in CONTROLLERS]
         texts = [f"{100 * x['utilisation']:.1f} / {100 * x['slip_energy']:.1f}" for x in cells]
         print(f"| {CASES[number].name} | {' | '.join(texts)} |")
-    print(
-        "\nours: largest creep over that of the peak, s beyond twice it (mean of the axles) and three"
-    )
-    print("times it (worst axle), share of the slip energy in excursions, share of the time held")
+    print("\nours: largest creep over that of the peak, s beyond twice it (mean of the axles) and")
+    print("three times it (worst axle), share of the slip energy in excursions, of the time held")
     print("| case | worst | beyond 2 | beyond 3 | excursions | held |")
     print("|---|---|---|---|---|---|")
     for number in numbers:

@@ -1,0 +1,127 @@
+"""`control`: three parties on one bus, each a process of its own, and what is wrong usage."""
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import can
+import pytest
+
+from adhesion_can.cli.main import main
+from tests.cli.test_multicast import NETWORK, ROOT, own_network
+from tests.terminals import Terminal, bench_lines
+
+PAGE = ROOT / "docs" / "creep_control.md"
+
+
+@pytest.mark.skipif(not own_network(), reason="needs root, unshare and ip for a network of its own")
+def test_three_parties_pull_on_one_bus_as_printed(tmp_path):
+    code = "import pathlib, tests.cli.test_control as t; "
+    code += f"t.bench(pathlib.Path({str(tmp_path)!r}))"
+    done = subprocess.run(
+        ["unshare", "-n", "sh", "-c", NETWORK + '"$0" -c "$1"', sys.executable, code],
+        cwd=ROOT, capture_output=True, text=True, timeout=500, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def bench(folder):
+    """The bench of docs/creep_control.md: the motors follow the controller, and it pulls."""
+    from adhesion_can.recordings.recording import from_message
+    from tests.wire import decoded, seal_ok
+
+    run, control, simulate = bench_lines("control", PAGE)
+    terminals, seen, ended = [], [], threading.Event()
+
+    def open_one(command, name):
+        terminals.append(Terminal(command, folder, name))
+        return terminals[-1]
+
+    def listen(bus):
+        while not ended.is_set():
+            message = bus.recv(0.1)
+            if message is not None:
+                seen.append(from_message(message))
+
+    with can.Bus(interface="udp_multicast", channel="239.74.163.2", hop_limit=0) as bus:
+        listener = threading.Thread(target=listen, args=(bus,))
+        listener.start()
+        try:
+            service = open_one(run, "run")
+            service.wait_for("listening on")
+            controller = open_one(f"{control} --json control.json", "control")
+            controller.wait_for("controlling on")
+            assert open_one(simulate, "simulate").wait(300) == 0
+            assert controller.interrupt(60) == 0
+            assert service.interrupt(60) == 0
+        finally:
+            ended.set()
+            listener.join()
+            for terminal in terminals:
+                if terminal.process.poll() is None:
+                    terminal.kill()
+    demands = [frame for frame in seen if frame.arbitration_id == 0x301]
+    # Some 2000 in the 20 s; on a busy machine datagrams are lost and steps come late.
+    assert len(demands) > 300
+    assert all(map(seal_ok, demands))
+    efforts = [decoded(f)["TractiveEffort_Ax1"] for f in seen if f.arbitration_id == 0x121]
+    assert max(x for x in efforts if isinstance(x, int | float)) > 60e3
+    document = json.loads((folder / "control.json").read_text())
+    assert document["steps"] > 300
+    assert document["rejected"] == 0
+    assert document["share_of_steps"]["search"] + document["share_of_steps"]["hold"] > 0.5
+    said = (folder / "control.err").read_text()
+    assert "SEARCH: searching the peak by pairs of axles" in said
+    last = decoded(demands[-1])
+    assert (
+        str(last["EffortDemand_Ax1"]) in ("not available", "0.0") or last["EffortDemand_Ax1"] < 2e5
+    )
+
+
+def test_it_ends_by_itself_and_restores_nothing_it_did_not_change(tmp_path):
+    """Alone on a bus: no frame, no step, status 0, and what it did as JSON."""
+    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    out = tmp_path / "c.json"
+    try:
+        words = ["control", "-i", "virtual", "-c", "alone", "--duration", "0.2"]
+        assert main([*words, "--json", str(out)]) == 0
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    document = json.loads(out.read_text())
+    assert (document["received"], document["steps"]) == (0, 0)
+    assert document["sent"] == 2  # the last two: no effort is demanded
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["--duration", "-1"], "--duration"),
+        (["--config", "{tmp}/one.toml"], "one driven axle"),
+        (["--config", "{tmp}/none.toml"], "no signal has the role vehicle_speed"),
+    ],
+)
+def test_wrong_usage_is_one_line(words, expected, tmp_path, capsys):
+    axle = 'wheel_speed.1 = "WheelSpeeds1.WheelSpeed_Ax1"\n'
+    speed = 'vehicle_speed = "VehicleSpeed.VehicleSpeed"\n'
+    (tmp_path / "one.toml").write_text(f"[vehicle]\naxles = 1\n[roles]\n{axle}{speed}")
+    (tmp_path / "none.toml").write_text(f"[vehicle]\naxles = 1\n[roles]\n{axle}")
+    words = [word.format(tmp=tmp_path) for word in words]
+    assert main(["control", "-i", "virtual", "-c", "wrong", *words]) == 2
+    said = capsys.readouterr().err
+    assert expected in said
+    assert said.count("\n") == 1
+
+
+def test_a_bus_that_is_not_there_is_named(capsys):
+    assert main(["control", "-i", "socketcan", "-c", "nosuchcan7"]) == 2
+    assert "nosuchcan7" in capsys.readouterr().err
+
+
+def test_the_page_names_the_commands_that_it_needs():
+    lines = bench_lines("control", PAGE)
+    assert [line.split()[1] for line in lines] == ["run", "control", "simulate"]
+    assert Path(ROOT / "README.md").read_text().count("docs/creep_control.md") >= 1
