@@ -19,7 +19,6 @@ from typing import Any
 
 import can
 from rich.live import Live
-from rich.table import Table
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.common import (
@@ -38,7 +37,7 @@ from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.recording import from_message, to_message
 from adhesion_can.reporting.phases import Row, phase_table, phases
 from adhesion_can.reporting.provenance import provenance
-from adhesion_can.reporting.text import console, table
+from adhesion_can.reporting.text import FittingTable, console, table
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.live import LiveService
@@ -238,7 +237,7 @@ def _print_line(out: Any, bench: _Bench) -> None:
     )
 
 
-def _live_table(bench: _Bench) -> Table:
+def _live_table(bench: _Bench) -> FittingTable:
     simulation = bench.simulation
     true = _true_surface(bench)
     outputs = bench.rows[-1].outputs if bench.rows else Outputs()

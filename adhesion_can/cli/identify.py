@@ -116,14 +116,11 @@ def _print(
     result: BatchResult, problems: list[str], model: ExtendedModel | None, factor: float
 ) -> None:
     out = console()
-    rows = [
-        (f"{s.from_us / 1e6:.1f} .. {s.to_us / 1e6:.1f}", *_cells(s.estimate))
-        for s in result.segments
-    ]
+    rows = [(result.times.span(s.from_us, s.to_us), *_cells(s.estimate)) for s in result.segments]
     if len(result.segments) > 1:
         rows.append(("all together", *_cells(result.whole)))
     columns = ("time s", "samples", "mu_max", "lambda_m", "c1", "c2", "c3", "noise", "identifiable")
-    out.print(table("Batch fit, ± standard deviation", columns, rows))
+    out.print(table(f"Batch fit, ± standard deviation{result.times.note}", columns, rows))
     if model is not None:
         effects = ", ".join(model.names) or "no effects"
         where = model.where
@@ -139,9 +136,11 @@ def _print(
             "describe the data, see the segments."
         )
     for segment in result.segments:
-        if segment.sentence:
-            out.print(segment.sentence, markup=False)
-    vague = [s for s in result.segments if not (s.estimate.identifiable.both or s.sentence)]
+        if segment.directions.sentence:
+            out.print(segment.sentence(result.times), markup=False)
+    vague = [
+        s for s in result.segments if not (s.estimate.identifiable.both or s.directions.sentence)
+    ]
     if vague:
         out.print(
             f"{len(vague)} of {len(result.segments)} segments have no identifiable peak: "

@@ -34,7 +34,7 @@ from adhesion_can.estimation.variable_projection import (
 )
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
-from adhesion_can.result_text import html_table, plus_minus
+from adhesion_can.result_text import TimeScale, html_table, plus_minus
 
 if TYPE_CHECKING:
     from adhesion_can.estimation.curve_result import CurveComparison
@@ -83,11 +83,10 @@ class Segment(NamedTuple):
     estimate: Estimate
     directions: Directions = Directions()
 
-    @property
-    def sentence(self) -> str:
+    def sentence(self, times: TimeScale) -> str:
         """What speaks against one curve, with the times; '' where nothing does."""
         why = self.directions.sentence
-        return why and f"{self.from_us / 1e6:.1f} .. {self.to_us / 1e6:.1f} s: {why}"
+        return why and f"{times.span(self.from_us, self.to_us)} s: {why}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +108,11 @@ class BatchResult:
     left_out: int
     curves: "tuple[CurveComparison | None, ...]" = ()
     whole_curves: "CurveComparison | None" = None
+
+    @property
+    def times(self) -> TimeScale:
+        """Scale of the segments' times for people."""
+        return TimeScale.beginning_at(self.segments[0].from_us)
 
     def to_dict(self) -> dict[str, Any]:
         """Estimates of all samples together and of each segment, as JSON has them."""
@@ -132,7 +136,7 @@ class BatchResult:
     def _repr_html_(self) -> str:
         rows = [
             (
-                f"{s.from_us / 1e6:.1f} .. {s.to_us / 1e6:.1f}",
+                self.times.span(s.from_us, s.to_us),
                 str(s.estimate.samples),
                 plus_minus(s.estimate.mu_max, s.estimate.to_dict()["mu_max"]["std"]),
                 plus_minus(s.estimate.lambda_m, s.estimate.to_dict()["lambda_m"]["std"]),
@@ -141,7 +145,8 @@ class BatchResult:
             for s in self.segments
         ]
         columns = ("time s", "samples", "mu_max", "lambda_m", "identifiable")
-        return html_table("Batch fit by segment, ± standard deviation", columns, rows)
+        title = f"Batch fit by segment, ± standard deviation{self.times.note}"
+        return html_table(title, columns, rows)
 
 
 def fit(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Estimate:

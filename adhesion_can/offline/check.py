@@ -341,7 +341,7 @@ def describe_excitation(
     findings.append(f"{len(samples)} samples, |slip| from {low:.4f} to {high:.4f} (5 % to 98 %)")
     known = [s for s in fitted.segments if s.estimate.identifiable.both]
     text = f"{len(known)} of {len(fitted.segments)} segments have an identifiable peak"
-    differing = [s.sentence for s in fitted.segments if s.sentence]
+    differing = [s.sentence(fitted.times) for s in fitted.segments if s.directions.sentence]
     limits.extend(differing)
     if known:
         findings.append(text)

@@ -3,11 +3,9 @@
 from collections.abc import Collection
 from math import inf
 
-from rich.table import Table
-
 from adhesion_can.calibration.coasting import SOFTEST_CONTACT, CalibrationSettings
 from adhesion_can.calibration.fit import AxleRadius, Calibration, Quantity
-from adhesion_can.reporting.text import table
+from adhesion_can.reporting.text import FittingTable, table
 from adhesion_can.result_text import plus_minus
 
 IMPLAUSIBLE = 0.1
@@ -85,7 +83,7 @@ def _would_be(std: float, unit: str) -> str:
     return "no bound" if std == inf else f"standard error would be {std:.2g} {unit}"
 
 
-def radius_table(result: Calibration, rim: Collection[int]) -> Table:
+def radius_table(result: Calibration, rim: Collection[int]) -> FittingTable:
     """Table of the radii, a row per axle; `rim` has the axles with the speed of the rim."""
     rows = [
         (

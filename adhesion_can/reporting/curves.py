@@ -2,27 +2,27 @@
 
 from math import exp, isfinite
 
-from rich.table import Table
-
 from adhesion_can.estimation.batch_fit import BatchResult, Segment
 from adhesion_can.estimation.curve_comparison import LEAST_SAMPLES
 from adhesion_can.estimation.curve_fit import FamilyFit
 from adhesion_can.estimation.curve_result import COLUMNS, CurveComparison
 from adhesion_can.physics.curves import FAMILIES
-from adhesion_can.reporting.text import table
-from adhesion_can.result_text import plus_minus
+from adhesion_can.reporting.text import FittingTable, table
+from adhesion_can.result_text import TimeScale, plus_minus
 
 CREEP_SPEED = 1.0
 """Creep speed for which the fall of the friction is stated, m/s."""
 
 
-def render_curves(result: BatchResult) -> list[Table | str]:
+def render_curves(result: BatchResult) -> list[FittingTable | str]:
     """Table and sentences for each segment whose families were compared."""
     alone = len(result.segments) == 1
     parts = [
         part
         for segment, comparison in zip(result.segments, result.curves, strict=False)
-        for part in _render_comparison(comparison, "" if alone else _span(segment))
+        for part in _render_comparison(
+            comparison, "" if alone else f", {result.times.span(segment.from_us, segment.to_us)} s"
+        )
     ]
     if alone or not result.curves:
         return parts
@@ -33,8 +33,8 @@ def render_curves(result: BatchResult) -> list[Table | str]:
     ]
 
 
-def _span(segment: Segment) -> str:
-    return f", {segment.from_us / 1e6:.1f} .. {segment.to_us / 1e6:.1f} s"
+def _span(times: TimeScale, segment: Segment) -> str:
+    return f", {times.span(segment.from_us, segment.to_us)} s"
 
 
 def _judge_changes(result: BatchResult) -> list[str]:
@@ -61,12 +61,12 @@ def _judge_changes(result: BatchResult) -> list[str]:
     return [sentence]
 
 
-def _render_comparison(comparison: CurveComparison | None, where: str) -> list[Table | str]:
+def _render_comparison(comparison: CurveComparison | None, where: str) -> list[FittingTable | str]:
     if comparison is None:
         return [f"Curve families{where}: fewer than {LEAST_SAMPLES} samples, none compared."]
     rows = [row[:-1] for row in comparison.rows()]
     title = f"Curve families{where}, {comparison.samples} samples"
-    parts: list[Table | str] = [table(title, COLUMNS[:-1], rows)]
+    parts: list[FittingTable | str] = [table(title, COLUMNS[:-1], rows)]
     parts += [
         f"{scored.fit.family.name}: {_parameters(scored.fit)}" for scored in comparison.families
     ]

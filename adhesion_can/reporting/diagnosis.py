@@ -3,8 +3,6 @@
 from collections.abc import Iterator, Sequence
 from math import isfinite
 
-from rich.table import Table
-
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence
 from adhesion_can.diagnosis.formatting import (
     LEAST_P,
@@ -21,7 +19,7 @@ from adhesion_can.diagnosis.formatting import (
 from adhesion_can.diagnosis.result import Cause, Diagnosis, FamilyResult, Gain, Verdict
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.formula import FORMULA
-from adhesion_can.reporting.text import table
+from adhesion_can.reporting.text import FittingTable, table
 
 ABOUT_AS_GOOD = 0.05
 """Share by which a family's held-out score may exceed the best one's to count as about as good."""
@@ -271,7 +269,7 @@ def channel_rows(channels: Sequence[ChannelEvidence]) -> list[tuple[str, ...]]:
 # ----------------------------------------------------------------------------------- terminal
 
 
-def terminal(found: Diagnosis) -> Iterator[str | Table]:
+def terminal(found: Diagnosis) -> Iterator[str | FittingTable]:
     """Lines and tables for a terminal, in order."""
     yield from verdict_sentences(found)
     named = {value for cause in found.causes for value in cause_rows([cause])}

@@ -23,6 +23,7 @@ from adhesion_can.reporting.charts import (
     thinned,
 )
 from adhesion_can.reporting.page import Figure
+from adhesion_can.result_text import TimeScale
 
 BEFORE, AFTER, MEASURED = "#d55e00", "#0b5fa5", "#8a95a3"
 PLAIN, EXTENDED = "plain curve (before)", "extended (after)"
@@ -78,7 +79,8 @@ def gain_figure(gain: Gain) -> Figure:
 
 def simulation_figure(simulation_plot: SimulationPlot, *, extended: bool) -> Figure:
     """Wheel speed and adhesion of one axle: measured, before and, where extended, after."""
-    t = simulation_plot.time_s
+    times = TimeScale.beginning_at(round(float(simulation_plot.time_s[0]) * 1e6))
+    t = simulation_plot.time_s - times.zero_us / 1e6
     data: list[Trace] = []
     measured, before, after = (
         simulation_plot.wheel_speed,
@@ -109,7 +111,7 @@ def simulation_figure(simulation_plot: SimulationPlot, *, extended: bool) -> Fig
         {"title": {"text": "adhesion<br>coefficient μ"}},
     ]
     height = 560
-    layout = panel_layout(axes, "time, s", height)
+    layout = panel_layout(axes, f"time, s{times.note}", height)
     caption = (
         f"{simulation_plot.recording}, axle {simulation_plot.axle}, measured against simulated. "
         "Wheel speed is "

@@ -3,13 +3,11 @@
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 
-from rich.table import Table as RichTable
-
 from adhesion_can.diagnosis.evaluate import Evaluation, PartEvaluation
 from adhesion_can.diagnosis.formatting import short
 from adhesion_can.diagnosis.result import Comparison
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
-from adhesion_can.reporting.text import table
+from adhesion_can.reporting.text import FittingTable, table
 
 COLUMNS = ("data", "rows", "plain", "as written", "gain", "refitted", "gain ")
 MEANING = (
@@ -19,7 +17,7 @@ MEANING = (
 )
 
 
-def render_evaluation(found: Evaluation) -> Iterator[str | RichTable]:
+def render_evaluation(found: Evaluation) -> Iterator[str | FittingTable]:
     """Parts for a terminal."""
     yield table("RMSE of the adhesion, and gain over the plain curve", COLUMNS, _rows(found))
     yield verdict(found)

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rich.table import Table
-
 from adhesion_can.physics.doubt import DESCRIPTIONS
 from adhesion_can.physics.status import Status
-from adhesion_can.reporting.text import table
+from adhesion_can.reporting.text import FittingTable, table
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.outputs import Outputs
 
@@ -101,7 +99,7 @@ def _found(outputs: Outputs, mu_max: float) -> bool:
     )
 
 
-def phase_table(found: Sequence[Phase]) -> Table:
+def phase_table(found: Sequence[Phase]) -> FittingTable:
     """Table of truth and estimate, a row a surface; with a column of doubts where there are any."""
     columns = (
         "surface", "from s", "mu_max", "estimated", "error", "lambda_m", "estimated",

@@ -5,9 +5,11 @@ from collections.abc import Iterable, Sequence
 from typing import IO
 
 from rich import box
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.measure import Measurement
 from rich.table import Table
 
+UNLIMITED = 10_000
 PIPE_WIDTH = 120
 """Columns where the output is no terminal, so that a file does not depend on who wrote it."""
 
@@ -15,15 +17,54 @@ PIPE_WIDTH = 120
 def console(file: IO[str] | None = None) -> Console:
     """Console on stdout, or on `file`."""
     file = file or sys.stdout
-    width = None if file.isatty() else PIPE_WIDTH
-    return Console(file=file, width=width, highlight=False, soft_wrap=True)
+    # On a terminal lines break between words; in a pipe a sentence stays a line.
+    is_terminal = file.isatty()
+    width = None if is_terminal else PIPE_WIDTH
+    return Console(file=file, width=width, highlight=False, soft_wrap=not is_terminal)
 
 
-def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+class FittingTable:
+    """A table that cuts no cell: where it is too wide, it goes on below with its first column.
+
+    Args:
+        title: Title.
+        columns: Headings.
+        rows: Cells, row by row.
+
+    """
+
+    def __init__(self, title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+        self.title = title
+        self.columns = list(columns)
+        self.rows = [list(row) for row in rows]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        title, begin = self.title, 1
+        while True:
+            end = len(self.columns)
+            while end > begin + 1 and not self._fits(console, options, begin, end):
+                end -= 1
+            yield self._part(title, begin, end)
+            if end >= len(self.columns):
+                return
+            title, begin = "", end
+
+    def _fits(self, console: Console, options: ConsoleOptions, begin: int, end: int) -> bool:
+        wide = options.update(max_width=UNLIMITED)
+        width = Measurement.get(console, wide, self._part("", begin, end)).maximum
+        return width <= options.max_width
+
+    def _part(self, title: str, begin: int, end: int) -> Table:
+        """The first column to the left, some of the others to the right."""
+        made = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+        for i in (0, *range(begin, end)):
+            name = self.columns[i]
+            made.add_column(name, justify="left" if i == 0 else "right", no_wrap=True)
+        for row in self.rows:
+            made.add_row(row[0], *row[begin:end])
+        return made
+
+
+def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> FittingTable:
     """A table: the first column to the left, the others to the right."""
-    made = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for i, name in enumerate(columns):
-        made.add_column(name, justify="left" if i == 0 else "right", no_wrap=True)
-    for row in rows:
-        made.add_row(*row)
-    return made
+    return FittingTable(title, columns, rows)

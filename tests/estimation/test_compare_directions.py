@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from adhesion_can import identify
+from adhesion_can.result_text import TimeScale
 
 SEEDS = range(20)
 
@@ -31,7 +32,7 @@ def test_another_adhesion_in_braking_leaves_no_identifiable_peak(factor):
         (one,) = identify(slip, np.where(slip < 0, factor, 1.0) * adhesion).segments
         assert not one.estimate.identifiable.mu_max
         assert np.sign(one.directions.difference) == np.sign(1.0 - factor)
-        assert "adhesion of traction" in one.sentence
+        assert "adhesion of traction" in one.sentence(TimeScale())
 
 
 def test_slips_without_a_force_are_no_fall_beyond_a_peak():
@@ -46,7 +47,7 @@ def test_slips_without_a_force_are_no_fall_beyond_a_peak():
         (one,) = identify(slip, adhesion).segments
         assert not one.estimate.identifiable.mu_max
         assert one.directions.opposite > 0.25
-        assert "opposite signs" in one.sentence
+        assert "opposite signs" in one.sentence(TimeScale())
 
 
 def test_a_mild_asymmetry_leaves_the_peak_identified():

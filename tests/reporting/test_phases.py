@@ -27,7 +27,7 @@ def found(doubts):
 
 
 def headings(table):
-    return [column.header for column in table.columns]
+    return table.columns
 
 
 def test_json_has_the_doubt_at_the_end_of_each_surface():
