@@ -22,6 +22,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.silence import SilenceWatch, bus_name
 from adhesion_can.control.creep_controller import CreepController, Mode
 from adhesion_can.control.frames import ControllerOnBus, build_reference
 from adhesion_can.recordings.recording import from_message, to_message
@@ -62,10 +63,15 @@ def run(options: argparse.Namespace) -> int:
     frames = ControllerOnBus(config, controller)
     bus = ReconnectingBus(bus_opener(options), frames.ids, _say, wait_for_it=options.wait)
     try:
-        loop = _Loop(frames, controller, bus)
+        name = bus_name(options, bus.channel_info)
+        silence = SilenceWatch(
+            f"nothing is received on {name} yet: start 'simulate --closed-loop' and 'run' on it",
+            _say,
+        )
+        loop = _Loop(frames, controller, bus, silence)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, loop.stop)
-        _say(f"controlling on {bus.channel_info}; Ctrl-C ends")
+        _say(f"controlling on {name}; Ctrl-C ends")
         loop.run(options.duration)
     finally:
         bus.shutdown()
@@ -91,11 +97,16 @@ class _Loop:
     """Frames of a bus through a controller, until it is stopped."""
 
     def __init__(
-        self, frames: ControllerOnBus, controller: CreepController, bus: ReconnectingBus
+        self,
+        frames: ControllerOnBus,
+        controller: CreepController,
+        bus: ReconnectingBus,
+        silence: SilenceWatch,
     ) -> None:
         self._frames = frames
         self._controller = controller
         self._bus = bus
+        self._silence = silence
         self._stopped = False
         self._mode: Mode | None = None
         self._counts = dict.fromkeys(Mode, 0)
@@ -119,6 +130,7 @@ class _Loop:
             due_us = frames.next_due_us
             wait_s = WAIT_S if due_us is None else min(max(due_us - _now_us(), 0) / 1e6, WAIT_S)
             message = self._bus.receive(wait_s)
+            self._silence.look(heard=message is not None)
             if message is None:
                 demands = frames.advance(_now_us())
             else:

@@ -28,6 +28,7 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.cli.extras_of_run import listening_address, read_secoc, serve_metrics
 from adhesion_can.cli.narrator import FORMATS, Narrator
+from adhesion_can.cli.silence import SilenceWatch, bus_name
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.reporting.provenance import provenance
@@ -46,6 +47,9 @@ from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from adhesion_can.service.service_manager import ServiceManager
 from adhesion_can.service.state_keeper import StateKeeper
+
+SHOWN_MESSAGES = 3
+"""Number of messages that are named where nothing is received."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -121,6 +125,8 @@ def run(options: argparse.Namespace) -> int:
         )
         stack.callback(bus.shutdown)
         log = stack.enter_context(FrameLog(options.log, narrator.warn)) if options.log else None
+        name = bus_name(options, bus.channel_info)
+        silence = _watch_for_silence(config, name, narrator.warn)
         service = LiveService(
             core,
             bus,
@@ -128,7 +134,7 @@ def run(options: argparse.Namespace) -> int:
             secure=read_secoc(options, core.messages.sizes),
             dry_run=options.dry_run,
             notify=narrator.warn,
-            each_turn=manager.alive,
+            each_turn=lambda: _look_around(manager, silence, service),
         )
 
         if options.metrics is not None:
@@ -149,8 +155,8 @@ def run(options: argparse.Namespace) -> int:
             signal.signal(number, stop)
         signal.signal(signal.SIGHUP, hang_up)
         # Said last: who waits for it may send a signal at once.
-        narrator.print(f"listening on {bus.channel_info}; Ctrl-C ends")
-        manager.ready(f"listening on {bus.channel_info}")
+        narrator.print(f"listening on {name}; Ctrl-C ends")
+        manager.ready(f"listening on {name}")
         until = (
             None if options.duration is None else service.clock() + round(options.duration * 1e6)
         )
@@ -175,6 +181,25 @@ def run(options: argparse.Namespace) -> int:
             f"{counters['send_errors']} not taken by the bus; {counters['samples']} samples"
         )
     return 0
+
+
+def _watch_for_silence(
+    config: Configuration, bus: str, notify: Callable[[str], None]
+) -> SilenceWatch:
+    plans = [message.plan for message in config.messages]
+    named = ", ".join(f"{plan.name} {plan.frame_id:#x}" for plan in plans[:SHOWN_MESSAGES])
+    more = ", .." if len(plans) > SHOWN_MESSAGES else ""
+    sentence = (
+        f"nothing is received on {bus} yet: is it the vehicle's bus, and does it carry "
+        f"{named}{more}? (candump or python -m can.viewer shows it)"
+    )
+    return SilenceWatch(sentence, notify)
+
+
+def _look_around(manager: ServiceManager, silence: SilenceWatch, service: LiveService) -> None:
+    """What is done at each turn of the loop."""
+    manager.alive()
+    silence.look(heard=service.counts.received > 0)
 
 
 def _read_state(config: Configuration, path: Path, notify: Callable[[str], None]) -> KeptState:

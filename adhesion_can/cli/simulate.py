@@ -1,6 +1,7 @@
 """`simulate`: the locomotive, as a log as fast as it goes or on a bus in real time."""
 
 import argparse
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from adhesion_can.cli.common import (
     require_outputs,
     write_json,
 )
+from adhesion_can.cli.silence import SilenceWatch, bus_name
 from adhesion_can.config import Configuration
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.files import whole_file
@@ -83,10 +85,13 @@ def run(options: argparse.Namespace) -> int:
     simulation = Simulation(settings, database)
     if on_bus:
         with bus_opener(options)() as bus:
-            _on_bus(simulation, bus)
+            where = bus_name(options, str(bus.channel_info))
+            sent = _on_bus(simulation, bus, where)
     else:
+        where = str(options.log)
         core = ServiceCore(config) if options.closed_loop else None
-        _to_log(simulation, options.log, core)
+        sent = _to_log(simulation, options.log, core)
+    print(f"{where}: {sent} frames of {settings.duration_s:g} s of '{settings.scenario.name}'")
     if options.truth is not None:
         write_json(str(options.truth), {**simulation.truth(), **provenance(config)})
     return 0
@@ -106,16 +111,19 @@ def _settings(options: argparse.Namespace, config: Configuration) -> RunSettings
     )
 
 
-def _to_log(simulation: Simulation, path: Path, core: ServiceCore | None) -> None:
-    duration = simulation.settings.duration_s
+def _to_log(simulation: Simulation, path: Path, core: ServiceCore | None) -> int:
+    """Write the drive; returns the number of the locomotive's frames."""
+    duration, count = simulation.settings.duration_s, 0
     with whole_file(path) as file, progress("simulating", duration, "s") as show:
         for frames in simulation.run():
             for frame in frames:
                 if core is not None:
                     _answer(simulation, core, frame, file)
                 file.write(format_frame(frame))
+            count += len(frames)
             if simulation.now_us % 1_000_000 == 0:
                 show(simulation.now_us / 1e6)
+    return count
 
 
 def _answer(simulation: Simulation, core: ServiceCore, frame: Frame, file: Any) -> None:
@@ -125,8 +133,14 @@ def _answer(simulation: Simulation, core: ServiceCore, frame: Frame, file: Any) 
         simulation.receive(answer)
 
 
-def _on_bus(simulation: Simulation, bus: can.BusABC) -> None:
-    began = time.monotonic()
+def _on_bus(simulation: Simulation, bus: can.BusABC, name: str) -> int:
+    """Send the drive in real time; returns the number of its frames."""
+    began, count = time.monotonic(), 0
+    silence = SilenceWatch(
+        f"--closed-loop: nobody answers on {name} yet, the drive probes by itself; start "
+        "'adhesion-can run' there",
+        lambda line: print(line, file=sys.stderr, flush=True),
+    )
     with progress("simulating", simulation.settings.duration_s, "s") as show:
         for frames in simulation.run():
             ahead = simulation.now_us / 1e6 - (time.monotonic() - began)
@@ -136,14 +150,18 @@ def _on_bus(simulation: Simulation, bus: can.BusABC) -> None:
                 for frame in frames:
                     bus.send(to_message(frame))
                 _receive_all(simulation, bus)
+                count += len(frames)
             except (can.CanError, OSError) as error:
                 raise BusError(
-                    str(bus.channel_info),
+                    name,
                     f"the bus is gone ({error})",
                     "bring it up and begin again",
                 ) from error
+            if simulation.settings.obey:
+                silence.look(heard=simulation.is_answered)
             if simulation.now_us % 1_000_000 == 0:
                 show(simulation.now_us / 1e6)
+    return count
 
 
 def _receive_all(simulation: Simulation, bus: can.BusABC) -> None:

@@ -99,6 +99,8 @@ class Simulation:
         self._sensors = Sensors(database, settings.noise, rng, instruments)
         self._setpoint = MessagePlan(database.message("AdhesionSetpoint"))
         self._demands = [CheckedMessage(database.message(name)) for name in DEMAND_MESSAGES]
+        self.is_answered = False
+        """Whether a setpoint or a demand for the drive has come."""
         self._latest: PlantState | None = None
         """State at the end of the last step, which is that at the start of the next one."""
         self.now_us = 0
@@ -129,6 +131,7 @@ class Simulation:
                 return
         if frame.arbitration_id != self._setpoint.frame_id or not frame.is_data:
             return
+        self.is_answered = True
         word = int.from_bytes(frame.data, "little")
         signals = self._setpoint.signals
         raw = signals["CreepSpeedSetpoint"].raw(word)
@@ -143,6 +146,7 @@ class Simulation:
         """Give a message's efforts to the drive; rejected frames are as if they had not come."""
         if isinstance(demand, Rejection) or not self.settings.obey:
             return
+        self.is_answered = True
         efforts = {
             axle: nan if (value := demand[name]) is None else value
             for axle in range(1, self.settings.vehicle.axles + 1)

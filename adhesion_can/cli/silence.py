@@ -1,0 +1,54 @@
+"""A word where nobody is heard on a bus, and the name of the bus for people."""
+
+import argparse
+import time
+from collections.abc import Callable
+
+SILENT_S = 2.0
+"""Time without a frame after which it is said, s; every cyclic message comes sooner."""
+UNNAMED = "unknown"
+"""What python-can calls a bus that does not name itself."""
+
+
+class SilenceWatch:
+    """Tells once that what is waited for has not come.
+
+    Args:
+        sentence: What is said.
+        notify: Callback with the sentence.
+        clock: Monotonic clock, s.
+
+    """
+
+    def __init__(
+        self,
+        sentence: str,
+        notify: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._sentence = sentence
+        self._notify = notify
+        self._clock = clock
+        self._since_s: float | None = None
+        self._is_over = False
+
+    def look(self, *, heard: bool) -> None:
+        """Look whether it has come; cheap, for every turn of a loop."""
+        if self._is_over:
+            return
+        now_s = self._clock()
+        if self._since_s is None:
+            self._since_s = now_s
+        if heard:
+            self._is_over = True
+        elif now_s - self._since_s >= SILENT_S:
+            self._notify(self._sentence)
+            self._is_over = True
+
+
+def bus_name(options: argparse.Namespace, channel_info: str) -> str:
+    """Name of a bus: its own, or interface and channel where python-can knows none."""
+    if channel_info != UNNAMED:
+        return channel_info
+    words = (getattr(options, "interface", None), getattr(options, "channel", None))
+    return " ".join(str(word) for word in words if word) or channel_info
