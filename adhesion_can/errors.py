@@ -3,6 +3,8 @@
 Every message names what is wrong, where, and how to mend it, on one line.
 """
 
+from collections.abc import Iterable
+
 
 class AdhesionCanError(Exception):
     """Base of every error that this package raises on purpose."""
@@ -46,3 +48,18 @@ class BusError(InputError):
 
 class PluginError(InputError):
     """An installed extension that cannot be loaded, or that is no effect or estimator."""
+
+
+def suggest(name: str, known: Iterable[str]) -> str:
+    """Names that are written alike, as a clause for an error; '' where there is none.
+
+    Args:
+        name: Name that was given.
+        known: Names that there are.
+
+    """
+    from difflib import get_close_matches  # noqa: PLC0415  needed where a name is wrong, no sooner
+
+    forms = {one.lower(): one for one in known}
+    found = get_close_matches(name.lower(), forms, n=3, cutoff=0.5)
+    return f"near are {', '.join(forms[one] for one in found)}" if found else ""

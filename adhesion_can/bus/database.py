@@ -14,7 +14,7 @@ from cantools.database.errors import Error as CantoolsError
 
 from adhesion_can.bus.database_text import require_small_ranges
 from adhesion_can.bus.lenient_database import load_without_faulty_messages
-from adhesion_can.errors import DatabaseError
+from adhesion_can.errors import DatabaseError, suggest
 
 INPUT_MESSAGES = (
     "WheelSpeeds1", "WheelSpeeds2", "VehicleSpeed", "TractiveEffort1", "TractiveEffort2",
@@ -98,10 +98,13 @@ class CanDatabase:
         signals = message.signals if message else []
         signal = next((s for s in signals if s.name == signal_name), None)
         if message is None or signal is None:
+            there = [f"{m.name}.{s.name}" for m in self.db.messages for s in m.signals]
+            near = suggest(f"{message_name}.{signal_name}", there)
             raise DatabaseError(
                 where,
                 f"no such {'message' if message is None else 'signal'}, needed for role {role}",
-                "map the role to your own Message.Signal in a file for --config",
+                f"{near or 'cantools dump lists what there is'}; map the role to your own "
+                "Message.Signal in a file for --config",
             )
         return message, signal
 
@@ -187,7 +190,9 @@ def _content(path: Path) -> bytes:
             content = file.read(LARGEST_FILE + 1)
     except OSError as error:
         raise DatabaseError(
-            str(path), error.strerror or "cannot be read", "check the path"
+            str(path),
+            f"{error.strerror or 'cannot be read'} ({path.absolute()})",
+            "check the path; that of a configuration's [bus] is beside the configuration",
         ) from error
     if len(content) > LARGEST_FILE:
         raise DatabaseError(

@@ -3,7 +3,6 @@
 import argparse
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,7 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
-from adhesion_can.errors import InputError, RecordingError
+from adhesion_can.errors import InputError, RecordingError, suggest
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.recording import Recording
@@ -192,14 +191,8 @@ def _matches(glob: str, message: str, signal: str) -> bool:
 
 
 def _suggest_names(glob: str, names: Iterable[tuple[str, str]]) -> str:
-    forms = {}
-    for message, signal in names:
-        for form in (message, signal, f"{message}.{signal}"):
-            forms[form.lower()] = form
-    found = get_close_matches(glob.lower(), forms, n=3, cutoff=0.5)
-    if not found:
-        return "'cantools dump' lists what there is"
-    return f"near are {', '.join(forms[name] for name in found)}"
+    forms = [form for message, signal in names for form in (message, signal, f"{message}.{signal}")]
+    return suggest(glob, forms) or "'cantools dump' lists what there is"
 
 
 class _Conversion:

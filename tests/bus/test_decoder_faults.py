@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from adhesion_can.bus.block import EXTENDED, Block
 from adhesion_can.bus.codec import MessagePlan
-from adhesion_can.bus.database import CanDatabase, e2e_data_id, load_database
+from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase, e2e_data_id, load_database
 from adhesion_can.bus.decoder import Decoder
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.bus.id_codes import UNSEEN, KeyCodes
@@ -36,7 +36,7 @@ def database(*messages):
 def faulty_drive(seed, frames=3000):
     """Our input messages with every fault of a bus, their values within their ranges."""
     rng = random.Random(seed)
-    messages = [m for m in OWN.db.messages if m.senders != ["ADHESION"]]
+    messages = [OWN.message(name) for name in INPUT_MESSAGES]
     plans = {m.name: MessagePlan(m) for m in messages}
     counts, t_us, items = Counter(), 1_000_000, []
     for _ in range(frames):
