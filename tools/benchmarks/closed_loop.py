@@ -41,7 +41,7 @@ def pull(task):
     figures = Figures(simulation)
     for step, sent in enumerate(simulation.run()):
         if name == Oracle.name:
-            controller.lambda_m = simulation.find_peaks()[1]
+            controller.lambda_m = figures.peaks[1]
         for frame in sent:
             for own in [*(core.feed(frame) if core else ()), frame]:
                 for demand in frames.feed(own):
@@ -62,10 +62,16 @@ class Figures:
         self._away_s = np.zeros(len(simulation.plant.force))
         self._held = self._samples = 0
         self._trace = []
+        self.peaks = simulation.find_peaks()
+        """Largest adhesion under each axle and its slip ratio."""
+        # A family's peak is looked for along its curve, and moves with speed and load alone.
+        self._peaks_every = 1 if simulation.settings.scenario.family is None else 10
 
     def add(self, ours):
         plant = self._simulation.plant
-        mu_max, lambda_m = self._simulation.find_peaks()
+        if self._samples % self._peaks_every == 0:
+            self.peaks = self._simulation.find_peaks()
+        mu_max, lambda_m = self.peaks
         available = np.minimum(mu_max * plant.load, self._limit).sum()
         lost = plant.force * plant.slip * plant.speed * SAMPLE_S
         self._force += plant.force.sum()
