@@ -23,8 +23,6 @@ from adhesion_can.control.speed_filter import SpeedFilter
 from adhesion_can.physics.status import Status
 from adhesion_can.physics.vehicle import Locomotive
 
-V_MIN = 1.0
-"""Smallest speed in the creep of a slip ratio, m/s."""
 CONVERGED = 0.25
 """Elasticity below which the search is near the peak."""
 FOUND_SHARE = 0.85
@@ -103,8 +101,7 @@ class CreepController:
         creep = measured.rim_speed - speed
         if speed < self._settings.slow_speed:
             return self._pull_slowly(speed, creep)
-        scale = max(speed, V_MIN)
-        slip = creep / scale
+        slip = creep / speed
         curve = advice.trusted_curve(self._settings.trusted_std)
         self._choose_mode(measured.time_s, curve)
         if self.mode is Mode.HOLD and curve is not None:
@@ -114,12 +111,12 @@ class CreepController:
             self.slip = self._excursions.step(
                 measured, slip, held, curve.lambda_m, curve=curve, known=known
             )
-            return self._loop.step(self.slip * scale, creep, curve.elasticity(self.slip))
+            return self._loop.step(self.slip * speed, creep, curve.elasticity(self.slip))
         if self._rising:
             self.slip = self._rise(measured.time_s)
         else:
             self.slip = self._search_on(measured, slip)
-        return self._loop.step(self.slip * scale, creep, self._search.elasticity)
+        return self._loop.step(self.slip * speed, creep, self._search.elasticity)
 
     def _search_on(self, measured: Measurement, slip: Array) -> Array:
         """Slips of the search; near the peak one axle goes on an excursion now and then.

@@ -118,7 +118,7 @@ class Excursions:
         others = np.arange(self._axles) != place
         contrast = change[place] - np.nanmedian(change[others])
         expected = curve.adhesion(low.slip()[place]) - curve.adhesion(high.slip()[place])
-        top = float(peak(*curve.theta, 1.0).mu_max)
+        top = float(peak(*curve.theta).mu_max)
         error = np.hypot(low.standard_error()[place], high.standard_error()[place])
         allowed = max(self._settings.contradiction * top, SIGNIFICANCE * float(error))
         within = not abs(float(contrast - expected)) > allowed

@@ -89,7 +89,9 @@ class ControllerOnBus:
             for signal in message.signals
         }
         self._new_speed: float | None = None
-        self._waiting: set[int] = set()
+        self._axles = range(1, vehicle.axles + 1)
+        self._waiting = set(self._axles)
+        """Axles whose wheel speed has not come since the last step."""
         self._stepped_us: int | None = None
         self.advice = Advice()
         """Latest contents of the service's messages."""
@@ -145,8 +147,6 @@ class ControllerOnBus:
             if reading.role is Role.VEHICLE_SPEED:
                 self._new_speed = reading.value
             elif reading.role is Role.WHEEL_SPEED:
-                if self._stepped_us is None and not self._waiting:
-                    self._waiting = set(range(1, self._vehicle.axles + 1))
                 self._waiting.discard(reading.axle)
 
     def _step(self, t_us: int) -> list[Frame]:
@@ -155,7 +155,7 @@ class ControllerOnBus:
             if t_us - self._advised_us > stale_us:
                 self.advice, self._advised_us = Advice(), None
         self._stepped_us = t_us
-        self._waiting = set(range(1, self._vehicle.axles + 1))
+        self._waiting = set(self._axles)
         effort = np.nan_to_num(self._by_axle(Role.TRACTIVE_EFFORT, t_us))
         static = self._vehicle.loads(effort)
         load = self._by_axle(Role.AXLE_LOAD, t_us)
@@ -172,7 +172,7 @@ class ControllerOnBus:
     def _by_axle(self, role: Role, t_us: int) -> Array:
         """Latest values of a role, shape (axles,); NaN where they are stale or not received."""
         found = np.full(self._vehicle.axles, nan)
-        for axle in range(1, self._vehicle.axles + 1):
+        for axle in self._axles:
             value = self._values.get((role, axle))
             if value is not None:
                 at_us, number = value

@@ -6,12 +6,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.physics.burckhardt import CurveParameters, slip_at_share
+from adhesion_can.physics.burckhardt import (
+    SLIP_MAX,
+    CurveParameters,
+    adhesion,
+    adhesion_slope,
+    slip_at_share,
+)
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.status import Status
 
-SLIP_RANGE = 1.0
-"""End of the range of slip ratios in which the held slip is looked for."""
+LEAST_ADHESION = 1e-3
+"""Smallest adhesion that an elasticity divides by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,17 +101,15 @@ class KnownCurve:
     def slips(self, share: float, axles: int) -> Array:
         """Smallest slip ratio of each axle with that share of its peak, shape (axles,)."""
         c1, c2, c3 = self.theta
-        slip = min(slip_at_share(share, c1, c2, c3, slip_max=SLIP_RANGE), self.lambda_m)
+        slip = min(slip_at_share(share, c1, c2, c3, slip_max=SLIP_MAX), self.lambda_m)
         own = [self.axles.get(axle, self.lambda_m) for axle in range(1, axles + 1)]
         return np.asarray(slip * np.array(own) / self.lambda_m)
 
     def adhesion(self, slip: Array | float) -> Array:
-        """Adhesion at slip ratios, by Burckhardt's equation (eq. 5)."""
-        c1, c2, c3 = self.theta
-        return np.asarray(c1 * (1.0 - np.exp(-c2 * np.asarray(slip))) - c3 * np.asarray(slip))
+        """Adhesion at slip ratios (eq. 5), same shape."""
+        return adhesion(np.asarray(slip), *self.theta)
 
     def elasticity(self, slip: Array) -> Array:
         """Elasticity d ln μ/d ln λ at slip ratios, same shape."""
-        c1, c2, c3 = self.theta
-        slope = c1 * c2 * np.exp(-c2 * slip) - c3
-        return np.asarray(slip * slope / np.maximum(self.adhesion(slip), 1e-3))
+        slope = adhesion_slope(slip, *self.theta)
+        return np.asarray(slip * slope / np.maximum(self.adhesion(slip), LEAST_ADHESION))

@@ -2,8 +2,6 @@
 
 import json
 import signal
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -11,7 +9,7 @@ import can
 import pytest
 
 from adhesion_can.cli.main import main
-from tests.cli.test_multicast import NETWORK, ROOT, own_network
+from tests.cli.test_multicast import ROOT, own_network, run_in_own_network
 from tests.terminals import Terminal, bench_lines
 
 PAGE = ROOT / "docs" / "creep_control.md"
@@ -19,13 +17,7 @@ PAGE = ROOT / "docs" / "creep_control.md"
 
 @pytest.mark.skipif(not own_network(), reason="needs root, unshare and ip for a network of its own")
 def test_three_parties_pull_on_one_bus_as_printed(tmp_path):
-    code = "import pathlib, tests.cli.test_control as t; "
-    code += f"t.bench(pathlib.Path({str(tmp_path)!r}))"
-    done = subprocess.run(
-        ["unshare", "-n", "sh", "-c", NETWORK + '"$0" -c "$1"', sys.executable, code],
-        cwd=ROOT, capture_output=True, text=True, timeout=500, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    run_in_own_network("tests.cli.test_control", tmp_path)
 
 
 def bench(folder):

@@ -23,8 +23,12 @@ def own_network():
 
 @pytest.mark.skipif(not own_network(), reason="needs root, unshare and ip for a network of its own")
 def test_the_readme_bench_over_multicast_as_printed(tmp_path):
-    code = "import pathlib, tests.cli.test_multicast as t; "
-    code += f"t.bench(pathlib.Path({str(tmp_path)!r}))"
+    run_in_own_network("tests.cli.test_multicast", tmp_path)
+
+
+def run_in_own_network(module, folder):
+    """The function `bench` of a test module, called with a folder in a network of its own."""
+    code = f"import pathlib, {module} as t; t.bench(pathlib.Path({str(folder)!r}))"
     done = subprocess.run(
         ["unshare", "-n", "sh", "-c", NETWORK + '"$0" -c "$1"', sys.executable, code],
         cwd=ROOT, capture_output=True, text=True, timeout=500, check=False,
