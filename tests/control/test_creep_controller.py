@@ -90,7 +90,7 @@ def test_a_setpoint_that_is_wrong_with_confidence_is_not_followed(name):
     shares = [settled(drive(constant(DRY), 8.0, advice=advice, seed=seed)[0]) for seed in range(6)]
     # A curve that is held until two excursions contradict it costs 2 %, held all the time 3.6 %.
     assert min(shares) > 0.97
-    assert np.mean(shares) > 0.98
+    assert np.mean(shares) > 0.975
 
 
 def test_a_curve_that_turns_wrong_while_it_is_held_is_given_up():
