@@ -63,6 +63,7 @@ class EstimationLoop:
         """Drop estimator and estimate, and begin with a fresh estimator."""
         self._estimator = self._make_estimator()
         self._prepared: _Prepared | None = None
+        self._replaced: Estimator | None = None
         self.estimate: Estimate | None = None
         """Latest estimate of the curve; None where there is none."""
 
@@ -89,6 +90,8 @@ class EstimationLoop:
         prepared, self._prepared = self._prepared, None
         self.was_prepared = prepared is not None and prepared.serves(samples, t_us)
         if prepared is not None and self.was_prepared:
+            # Taking the old one apart takes a while: that is left to the next idle time.
+            self._replaced = self._estimator
             self._estimator, outcome = prepared.estimator, prepared.outcome
         else:
             outcome = _outcome(self._estimator, samples, t_us)
@@ -114,6 +117,7 @@ class EstimationLoop:
             cannot be copied.
 
         """
+        self._replaced = None
         try:
             estimator = copy.deepcopy(self._estimator)
         except TypeError:  # a lock, a file or a generator is in it

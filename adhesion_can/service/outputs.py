@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import inf
+from typing import NamedTuple
 
 from adhesion_can.config import Configuration
 from adhesion_can.physics.burckhardt import slip_at_share
@@ -14,8 +15,7 @@ from adhesion_can.physics.status import Status
 from adhesion_can.service.states import VALUES, Values
 
 
-@dataclass(frozen=True, slots=True)
-class Setpoint:
+class Setpoint(NamedTuple):
     """Setpoint of one axle, or of all axles together; None stands for 'not available'.
 
     Attributes:

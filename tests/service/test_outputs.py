@@ -1,6 +1,6 @@
 """The numbers of the setpoints: current, held or none, by hand from a known curve."""
 
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import replace
 from math import exp, inf
 
 import pytest
@@ -134,9 +134,9 @@ def test_a_speed_from_driven_axles_takes_the_confidence_and_leaves_the_numbers(b
 def test_what_was_sent_cannot_be_changed_afterwards(builder):
     """The builder holds it, and listeners have it."""
     found = build(builder)
-    with pytest.raises(FrozenInstanceError):
+    with pytest.raises(AttributeError):
         found.status = Status.FAULT
-    with pytest.raises(FrozenInstanceError):
+    with pytest.raises(AttributeError):
         found.setpoint.mu_max = 1.0
 
 
