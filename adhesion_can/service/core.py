@@ -157,9 +157,16 @@ class ServiceCore:
             self._early.repeat()
             if self._inputs.next_expected_us < t_us:
                 self._early.begin(t_us)
-            estimate = self._estimation.prepare(samples, t_us)
-            if estimate is not None:
-                self._builder.prepare(estimate)
+            self._estimation.prepare(samples, t_us)
+        if self._estimation.prepared is not None:
+            # Mostly the status stays as it is, and no other speed comes any more.
+            self._builder.prepare(
+                self.outputs.status,
+                t_us,
+                self._estimation.prepared,
+                self._inputs.speed,
+                speed_derived=self.speed_derived,
+            )
         return self._estimation.can_prepare
 
     @property

@@ -118,7 +118,8 @@ class FrameInputs:
         """Those of `_messages` that carry a required signal."""
         self._ahead: _Ahead | None = None
         self._replaced: SampleFormer | None = None
-        self._speed: float | None = None
+        self.speed: float | None = None
+        """Latest vehicle speed, m/s; None where it is not available."""
         self.speed_source = float(SpeedSource.UNKNOWN)
         """Latest source of the vehicle speed, a value of `SpeedSource`."""
 
@@ -143,7 +144,7 @@ class FrameInputs:
             if value is not None and role in REQUIRED:
                 message.last_us = reading.t_us
             if role is Role.VEHICLE_SPEED:
-                self._speed = value
+                self.speed = value
             elif role is Role.SPEED_SOURCE and value is not None:
                 self.speed_source = value
             self._former.add(reading)
@@ -161,7 +162,7 @@ class FrameInputs:
         return InputSnapshot(
             samples=samples,
             stale=any(t_us - message.last_us > message.timeout_us for message in self._supervised),
-            speed=self._speed,
+            speed=self.speed,
             totals=self._count_frames,
             dropped=self._former.dropped,
         )
