@@ -136,7 +136,8 @@ def test_the_examples_of_the_theory_are_right():
     for shown in (
         f"$\\lambda$ = {float(kinematics.slip_ratio(16.8, 10.0, 0.625)):.2f}.",
         f"takes {inertial:.0f} N, and $\\mu$ = {adhesion:.4f}",
-        f"$\\lambda_m$ = {float(top.lambda_m):.4f} with $\\mu_\\text{{max}}$ = {float(top.mu_max):.4f}",
+        f"$\\lambda_m$ = {float(top.lambda_m):.4f} with",
+        f"with $\\mu_\\text{{max}}$ = {float(top.mu_max):.4f}",
         f"$\\lambda_t$ = {target:.4f}: 2 % less force takes {1 - target / float(top.lambda_m):.0%}",
     ):
         assert shown.replace("%", " %").replace("  %", " %") in text, shown

@@ -32,15 +32,6 @@ _EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>
 _LINK = re.compile(r"(?<!!)\[([^\]]*)\]\(([^)#\s]*)(#[^)\s]*)?\)")
 
 
-def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """The decisions in the navigation, in the order of their numbers."""
-    decisions = [f"decisions/{path.name}" for path in _decisions()]
-    for part in config.nav or []:
-        if "Decisions" in part:
-            part["Decisions"] = ["decisions/index.md", *decisions]
-    return config
-
-
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Pages and files that do not stand in docs/ as the site shows them."""
 

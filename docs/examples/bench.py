@@ -46,7 +46,9 @@ def main(duration_s: float = 20.0) -> None:
                 process.wait(30)
 
 
-def listen(bus: can.BusABC, message: cantools.database.Message, locomotive: subprocess.Popen) -> None:
+def listen(
+    bus: can.BusABC, message: cantools.database.Message, locomotive: subprocess.Popen
+) -> None:
     """Terminal 3: one line a second, until the locomotive has arrived."""
     told, seen, begun = 0.0, 0, time.monotonic()
     while locomotive.poll() is None and time.monotonic() - begun < 300:

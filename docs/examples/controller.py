@@ -44,9 +44,7 @@ class SetpointReceiver:
         if identifier not in (SETPOINT, QUALITY) or not self._is_good(identifier, payload):
             return
         status_or_doubt = payload[1] >> 4
-        first, second, third = (
-            int.from_bytes(payload[n : n + 2], "little") for n in (2, 4, 6)
-        )
+        first, second, third = (int.from_bytes(payload[n : n + 2], "little") for n in (2, 4, 6))
         if identifier == QUALITY:
             self.doubt = status_or_doubt
             self.lambda_m_std = 1.0 if second == NOT_AVAILABLE else second * 1e-5

@@ -25,9 +25,12 @@ def main(duration_s: float = 120.0) -> None:
     for cause in diagnosis.causes:
         print(f"named:   {cause.effect}, {cause.title}")
         for one in cause.parameters:
-            print(f"         {one.name} = {one.value:.4g} +- {one.std:.2g} {one.unit} (hidden: {size:g})")
+            value = f"{one.name} = {one.value:.4g} +- {one.std:.2g} {one.unit}"
+            print(f"         {value} (hidden: {size:g})")
         print(f"rivals:  {', '.join(cause.rivals) or 'none that these data could mean instead'}")
     gain = diagnosis.gain
+    if gain is None:
+        sys.exit("this drive is too short to hold anything back: give it 60 s or more")
     low, high = gain.interval
     print(
         f"gain:    RMSE {gain.rmse_before:.4f} -> {gain.rmse_after:.4f} on held-out data, "

@@ -25,10 +25,10 @@ BU_: TCU
 BO_ 1280 Odometer: 8 TCU
  SG_ Speed : 7|16@0+ (0.01,0) [0|120] "km/h" TCU
 """ + "".join(
-    f'''BO_ {1296 + axle} Bogie{axle}: 8 TCU
+    f"""BO_ {1296 + axle} Bogie{axle}: 8 TCU
  SG_ Wheel{axle} : 7|16@0+ (0.1,0) [0|3000] "rpm" TCU
  SG_ Force{axle} : 23|16@0- (0.02,0) [-600|600] "kN" TCU
-'''
+"""
     for axle in AXLES
 )
 DATABASE += 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 10000;\n'
