@@ -1,10 +1,14 @@
 """What the documents say of keys, figures and files is true."""
 
+import argparse
+import importlib
 import re
+import shlex
 from pathlib import Path
 
 import pytest
 
+from adhesion_can.cli.main import COMMANDS
 from adhesion_can.config.load import settings_sections
 from adhesion_can.physics import burckhardt, kinematics
 from adhesion_can.physics.readings import Role
@@ -141,3 +145,22 @@ def test_the_examples_of_the_theory_are_right():
         f"$\\lambda_t$ = {target:.4f}: 2 % less force takes {1 - target / float(top.lambda_m):.0%}",
     ):
         assert shown.replace("%", " %").replace("  %", " %") in text, shown
+
+
+def printed_commands():
+    """Command lines of ours that the documents print."""
+    lines = []
+    for page in PAGES:
+        if "decisions" not in page.parts:
+            text = page.read_text().replace("\\\n", " ")
+            lines += re.findall(r"^ *adhesion-can (.*)$", text, re.MULTILINE)
+    return sorted(set(lines))
+
+
+@pytest.mark.parametrize("line", printed_commands())
+def test_a_printed_command_has_only_arguments_that_exist(line):
+    command, *arguments = shlex.split(line.partition(" > ")[0], comments=True)
+    assert command in COMMANDS
+    parser = argparse.ArgumentParser(exit_on_error=False)
+    importlib.import_module(f"adhesion_can.cli.{command}").add_arguments(parser)
+    parser.parse_args(arguments)

@@ -107,7 +107,9 @@ def test_every_public_name_is_on_the_page_of_the_api(site, pages):
     assert "Setpoints that the service would have sent while recordings were made" in text
 
 
-def test_every_decision_and_the_pictures_of_the_notebook_are_there(site):
+def test_every_decision_every_example_and_the_pictures_of_the_notebook_are_there(site):
     decisions = {path.stem for path in (ROOT / "docs" / "decisions").glob("[0-9]*.md")}
     assert decisions <= {path.stem for path in (site / "decisions").glob("*.html")}
     assert len(list((site / "examples").glob("tour-*.png"))) >= 3
+    scripts = {path.stem for path in (ROOT / "docs" / "examples").glob("*.py")}
+    assert scripts <= {path.stem for path in (site / "examples").glob("*.html")}

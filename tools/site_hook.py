@@ -25,8 +25,8 @@ OUTSIDE = {
 """Files of the repository outside docs/ that the site has, and their places there."""
 NOTEBOOK = "examples/tour.ipynb"
 """The notebook, which becomes the page `tour.md` beside it."""
-CODE = (".py", ".toml", ".csv")
-"""Endings of files that are not shown: a link to one becomes its text."""
+NOT_SHOWN = (".py", ".toml", ".csv")
+"""Endings of files that the site does not have: a link to one becomes its text."""
 
 _EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', flags=re.DOTALL)
 _LINK = re.compile(r"(?<!!)\[([^\]]*)\]\(([^)#\s]*)(#[^)\s]*)?\)")
@@ -41,6 +41,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for source, place in OUTSIDE.items():
         add(place, (ROOT / source).read_bytes())
     add("decisions/index.md", decisions_page())
+    for script in _scripts():
+        code = f"# {script.name}\n\n```python\n{script.read_text()}```\n"
+        add(f"examples/{script.stem}.md", code)
     text, pictures = notebook_page(ROOT / "docs" / NOTEBOOK)
     add(NOTEBOOK.replace(".ipynb", ".md"), text)
     for name, content in pictures.items():
@@ -64,8 +67,8 @@ def on_page_content(content: str, **_: object) -> str:
 def site_link(link: re.Match[str], here: str, source: str) -> str:
     """A link of the repository as one of the site.
 
-    What leaves docs/ leads to the site's copy, a folder to its first page, the notebook to its
-    page; a file that the site does not have loses its link.
+    What leaves docs/ leads to the site's copy, a folder to its first page, an example to its page;
+    a file that the site does not have loses its link.
 
     Args:
         link: Link with text, path and anchor as groups.
@@ -79,10 +82,10 @@ def site_link(link: re.Match[str], here: str, source: str) -> str:
     target = posixpath.normpath(posixpath.join(posixpath.dirname(source), address))
     if (ROOT / target).is_dir():
         target += "/index.md" if target == "docs/decisions" else "/README.md"
-    if target == f"docs/{NOTEBOOK}":
-        target = target.replace(".ipynb", ".md")
+    if target == f"docs/{NOTEBOOK}" or ROOT / target in _scripts():
+        target = str(Path(target).with_suffix(".md"))
     place = OUTSIDE.get(target, target.removeprefix("docs/"))
-    if target.endswith(CODE) or (place == target and target not in OUTSIDE):
+    if target.endswith(NOT_SHOWN) or (place == target and target not in OUTSIDE):
         return text
     return f"[{text}]({posixpath.relpath(place, posixpath.dirname(here))}{anchor})"
 
@@ -91,6 +94,10 @@ def _drawn(equation: re.Match[str]) -> str:
     block = equation[1] == "div"
     math = convert(html.unescape(equation[2]), display="block" if block else "inline")
     return f"<div>{math}</div>" if block else math
+
+
+def _scripts() -> list[Path]:
+    return sorted((ROOT / "docs" / "examples").glob("*.py"))
 
 
 def _decisions() -> list[Path]:

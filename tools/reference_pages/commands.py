@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from importlib import import_module
 
 from adhesion_can.cli.main import COMMANDS
-from reference_pages.markdown import GENERATED, code, page, table
+from reference_pages.markdown import GENERATED, code, page, plain, table
 
 INTRODUCTION = """
 Exit status: 0 done, 1 a check failed, 2 bad input, with one line that says what, where and how to
@@ -57,7 +57,7 @@ def argument_rows(
         if action.help == argparse.SUPPRESS:
             continue
         text = formatter._expand_help(action) if action.help else of_group  # noqa: SLF001
-        yield [code(spelling(action)), text]
+        yield [code(spelling(action)), plain(text)]
 
 
 def spelling(action: argparse.Action) -> str:

@@ -3,7 +3,7 @@
 from cantools.database.can import Message, Signal
 
 from adhesion_can.bus.database import INPUT_MESSAGES, OUTPUT_MESSAGES, load_database
-from reference_pages.markdown import GENERATED, code, page, table
+from reference_pages.markdown import GENERATED, code, page, plain, table
 
 INTRODUCTION = """
 Classic CAN of {rate} kbit/s, 11-bit ids, little-endian signals, 8 bytes a message. Value = raw ·
@@ -33,7 +33,7 @@ def messages_page() -> str:
             f"[`{m.name}`](#{m.name.lower()})",
             f"{m.cycle_time} ms",
             ", ".join(m.senders),
-            str(m.comment),
+            plain(m.comment),
         ]
         for m in database.messages
     ]
@@ -63,7 +63,7 @@ def about(message: Message) -> str:
         kind = "output of the service"
     senders = ", ".join(message.senders)
     head = f"0x{message.frame_id:03X}, each {message.cycle_time} ms, sent by {senders}; {kind}."
-    return f"{head} {message.comment}"
+    return f"{head} {plain(message.comment)}"
 
 
 def signal_row(signal: Signal) -> list[str]:
@@ -80,7 +80,7 @@ def signal_row(signal: Signal) -> list[str]:
         f"{signal.offset:g}",
         f"{signal.minimum:.10g} .. {signal.maximum:.10g}",
         "" if signal.unit in (None, "-") else str(signal.unit),
-        str(signal.comment),
+        plain(signal.comment),
     ]
 
 
