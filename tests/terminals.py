@@ -1,4 +1,4 @@
-"""The README's benches, run as printed: each line of a block is a terminal."""
+"""The benches of the documents, run as printed: each line of a block is a terminal."""
 
 import multiprocessing
 import os
@@ -11,7 +11,9 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-README = Path(__file__).resolve().parent.parent / "README.md"
+ROOT = Path(__file__).resolve().parent.parent
+README = ROOT / "README.md"
+BENCH_GUIDE = ROOT / "docs" / "guides" / "bench.md"
 
 
 def bench_lines(name, document=README):

@@ -21,9 +21,9 @@ class _RoleTable:
         unit: Unit of the signal's values; '?' for the unit of the database.
         factor: Factor on the value after the conversion of its unit, 1.
         sign: 1, or -1 where the signal counts the other way.
-        offset: Zero error in the role's SI unit, subtracted last.
-        protection: Protection of the message, one of `PROTECTIONS`; '' for that of the database.
-        data_id: Data ID of the protection, 0..65535; None: that of the database.
+        offset: Zero error, in the unit of the role, subtracted last.
+        protection: Protection of the message, `e2e-p01` or `none`; '' for that of the database.
+        data_id: Data ID of the protection, 0..65535; without it that of the database.
         cycle_ms: Cycle of the message, ms; 0 for that of the database.
         not_available: Whether a raw value of all ones means that the signal is not available.
 

@@ -30,7 +30,7 @@ class IdentifiabilitySettings(Value):
         mu_max_reach: Slip ratio that as many samples must exceed for an identifiable μ_max, as a
             share of λ̂_m. Larger: stricter.
         slip_max: Largest |λ| of a usable sample, and end of the range of slip in which the peak is
-            looked for. Larger: samples of slides are used, which may follow no single curve.
+            looked for, 1. Larger: samples of slides are used, which may follow no single curve.
         samples: Least number of samples; fewer do not even determine their own noise.
 
     """

@@ -21,7 +21,7 @@ from adhesion_can.recordings.candump import parse_line
 from adhesion_can.service.kernel_losses import count_unsent
 from adhesion_can.simulation.scenarios import surface_by_name
 from tests.socketcan.slow_bench import SETPOINTS_PER_S, write_configuration, write_drive
-from tests.terminals import ForkedTerminal, Terminal, bench_lines
+from tests.terminals import BENCH_GUIDE, ForkedTerminal, Terminal, bench_lines
 from tests.wire import decoded, seal_ok
 
 pytestmark = pytest.mark.timeout(900)
@@ -191,7 +191,7 @@ def test_the_service_survives_a_bus_that_goes_down(terminals, tmp_path):
     reason="an emulated machine cannot follow the full bus (tests/cli runs it over multicast)",
 )
 def test_the_readme_bench_as_printed(terminals):
-    run, simulate, dump_line = bench_lines("vcan0")
+    run, simulate, dump_line = bench_lines("vcan0", BENCH_GUIDE)
     dump = candump(terminals, command=dump_line)
     service = terminals(run, "run")
     service.wait_for("listening on")

@@ -18,13 +18,13 @@ class EvolutionSettings:
         lower: Lower bounds of (c1, c2, c3), 1.
         upper: Upper bounds of (c1, c2, c3), 1.
         population_std: Standard deviations σ of the first population around the last estimate, of
-            (c1, c2, c3), eq. 16. Larger: wider search, slower convergence.
+            (c1, c2, c3), eq. 16, 1. Larger: wider search, slower convergence.
         innovation: Size of a block's innovation in eq. 17: 'mean' of |z̃|, or 'sum', as the paper
             puts it, which for 500 samples saturates F at 1.1.
         start: First population: 'previous' around the last estimate, eq. 16, or 'uniform' over the
             bounds, as in the ordinary algorithm.
         factor: Fixed variation factor F; None for eq. 17.
-        theta0: First estimate of (c1, c2, c3); None draws it from the bounds, as in the paper's
+        theta0: First estimate of (c1, c2, c3), 1; None draws it from the bounds, as in the paper's
             experiment 1.
         block: Number of samples of a block. Larger: less noise, later estimates.
         seed: Seed of the random numbers.
@@ -73,11 +73,11 @@ class ChangeSettings:
         window: Number of latest samples that are tested. Larger: smaller changes are detected,
             later.
         ratio: Root mean square of the innovations, over the one that noise explains, from which a
-            change is declared. Larger: fewer false alarms, and small changes are missed.
+            change is declared, 1. Larger: fewer false alarms, and small changes are missed.
         floor: Least standard deviation of the adhesion noise in the test, 1. Larger: less
             sensitive on very quiet data.
         structure: F statistic of the innovations' means over neighbouring slips that a change
-            needs, so that a mere increase of the noise is no change. Larger: fewer false alarms.
+            needs, 1, so that a mere increase of the noise is no change. Larger: fewer false alarms.
 
     """
 
