@@ -7,7 +7,12 @@ import numpy as np
 from rich.text import Text
 
 from adhesion_can.arrays import Array
-from adhesion_can.monitoring.snapshot import HistoryPoint, ServiceView, Snapshot
+from adhesion_can.monitoring.snapshot import (
+    HistoryPoint,
+    OperatingPoint,
+    ServiceView,
+    Snapshot,
+)
 from adhesion_can.physics.burckhardt import adhesion, adhesion_slope
 from adhesion_can.reporting.terminal.boxes import boxed
 from adhesion_can.reporting.terminal.canvas import DOTS_ACROSS, Canvas, nice_ceiling
@@ -22,7 +27,7 @@ TRUTH, SETPOINT = "bold red", "yellow"
 LEGENDS = (
     "░ 95 %  ◆ peak  ┊ setpoint  · samples  1-9 axles now",
     "░ 95 % ◆ peak ┊ setpoint 1-9 axles",
-    "░ 95 % ◆ peak ┊ set",
+    "░ 95 % ◆ peak ┊ set 1-9 axles",
 )
 MOST_AXES = 9
 """Number of axles that a digit can mark."""
@@ -66,7 +71,7 @@ def curve_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
         canvas.mark(true.lambda_m / slip_end, true.mu_max / adhesion_end, "x", TRUTH)
     if service is not None:
         _draw_curve(canvas, snapshot, service, slip_end, adhesion_end)
-    for point in snapshot.points:
+    for point in _points_of_the_rail(snapshot):
         canvas.dot(point.slip / slip_end, point.adhesion / adhesion_end, POINT)
     lines = _with_axis(canvas.rows(), adhesion_end)
     lines.append(_slip_axis(slip_end, columns))
@@ -74,6 +79,15 @@ def curve_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
     fitting = [legend + truth for legend in LEGENDS if len(legend + truth) <= width - 2]
     lines.append(Text(fitting[0] if fitting else "", "dim"))
     return boxed("adhesion over slip ratio", lines, width, height)
+
+
+def _points_of_the_rail(snapshot: Snapshot) -> list[OperatingPoint]:
+    """Samples since the rail last changed: earlier ones are of another curve."""
+    service = snapshot.service
+    if service is None or service.surface_age_s is None:
+        return list(snapshot.points)
+    since_us = service.t_us - service.surface_age_s * 1e6
+    return [point for point in snapshot.points if point.t_us >= since_us]
 
 
 def _ends(snapshot: Snapshot) -> tuple[float, float]:

@@ -12,7 +12,6 @@ from adhesion_can.monitoring.snapshot import (
     Snapshot,
 )
 from adhesion_can.reporting.terminal.boxes import boxed
-from adhesion_can.result_text import plus_minus
 
 SIGNS = {
     MessageState.OK: (" ", ""),
@@ -68,9 +67,24 @@ def matching(messages: Sequence[MessageView], wanted: str) -> list[MessageView]:
 
 
 def message_panel(
-    snapshot: Snapshot, width: int, height: int, wanted: str = "", first_row: int = 0
+    snapshot: Snapshot,
+    width: int,
+    height: int,
+    wanted: str = "",
+    first_row: int = 0,
+    key: str = "",
 ) -> list[Text]:
-    """Age, rate and faults of the messages; what is in trouble stands first where room is short."""
+    """Age, rate and faults of the messages; what is in trouble stands first where room is short.
+
+    Args:
+        snapshot: What is shown.
+        width: Width of the panel, cells.
+        height: Height of the panel, lines.
+        wanted: Part of the name or id of the messages to show; '' for all.
+        first_row: Number of messages that are scrolled past.
+        key: Key that shows all of them, for the line that counts the rest; '' for none.
+
+    """
     found = matching(snapshot.messages, wanted)
     room = height - 3
     rest = ""
@@ -80,14 +94,14 @@ def message_panel(
     shown = found[first_row : first_row + room]
     if len(found) - first_row > room:
         shown = shown[:-1]
-        rest = _rest(found[first_row + len(shown) :])
+        rest = _rest(found[first_row + len(shown) :], width - 2, key)
     wide = width >= WIDE
     heading = _WIDE_HEADING if wide else _NARROW_HEADING
     lines = [Text(heading, "dim"), *(_message_row(view, width, wide=wide) for view in shown)]
     if rest:
-        lines.append(Text(rest[: width - 2], "dim"))
+        lines.append(Text(rest, "dim"))
     if wanted and not found:
-        lines.append(Text("none has this in its name or number", "dim")[: width - 2])
+        lines.append(Text("none has this in name or id", "dim"))
     title = f"messages with {wanted!r}" if wanted else "messages"
     if len(title) > width - 6:
         title = "messages (filtered)"
@@ -100,12 +114,14 @@ _WIDE_HEADING = (
 )
 
 
-def _rest(views: Sequence[MessageView]) -> str:
+def _rest(views: Sequence[MessageView], width: int, key: str) -> str:
     trouble = sum(view.state in (MessageState.SILENT, MessageState.FAULTY) for view in views)
     never = sum(view.state is MessageState.NEVER for view in views)
     parts = [f"{trouble} in trouble"] if trouble else []
     parts += [f"{never} never came"] if never else []
-    return f"+{len(views)} more: m" + (f" ({', '.join(parts)})" if parts else "")
+    short = f"+{len(views)} more" + (f": {key}" if key else "")
+    long = f"{short} ({', '.join(parts)})" if parts else short
+    return long if len(long) <= width else short
 
 
 def _message_row(view: MessageView, width: int, *, wide: bool) -> Text:
@@ -153,8 +169,6 @@ def service_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
         curve = "-" if theta is None else f"c1 {theta[0]:.4f}, c2 {theta[1]:.2f}, c3 {theta[2]:.4f}"
         rejected, lost = _plain(service.rejected, "rejected", 0), _plain(service.lost, "lost", 0)
         lines = [
-            f"mu_max    {plus_minus(service.mu_max, service.mu_max_std)}",
-            f"lambda_m  {plus_minus(service.lambda_m, service.lambda_m_std)}",
             f"curve     {curve}",
             f"rail      {_plain(service.surface_age_s, 's since its change', 1)}",
             f"creep     {_plain(service.creep_speed, 'm/s wanted of all axles', 3)}",

@@ -24,7 +24,7 @@ LEFT = 41
 """Width of the table of axles."""
 TALL = 32
 """Height from which more lines of words are shown."""
-LEAST_SERVICE = 6
+LEAST_SERVICE = 9
 """Smallest height of the panel about the service."""
 KEY_WIDTH = 7
 """Width of the keys in the help, cells."""
@@ -138,7 +138,7 @@ class MonitorView:
     options: ViewOptions
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        height = options.height or console.height - 1
+        height = options.height or console.height
         yield from draw(self.snapshot, options.max_width, height, self.options)
 
 
@@ -178,7 +178,7 @@ def _state_of(snapshot: Snapshot, transport: Transport) -> list[str]:
 
 
 def _overview(snapshot: Snapshot, width: int, height: int, options: ViewOptions) -> list[Text]:
-    word_lines = 5 if height >= TALL else 3
+    word_lines = 5 if height >= TALL else 3 + (options.keys == "")
     said = wrapped(sentences(snapshot), width, word_lines, "" if options.keys == "" else "w")
     said += [Text()] * (word_lines - len(said))
     room = height - word_lines
@@ -198,7 +198,8 @@ def _overview(snapshot: Snapshot, width: int, height: int, options: ViewOptions)
         column += service_panel(snapshot, left, tables - axles)
     else:
         column = axle_panel(snapshot, left, tables)
-    table = message_panel(snapshot, width - left, tables, options.wanted, options.first_row)
+    key = "" if options.keys == "" else "m"
+    table = message_panel(snapshot, width - left, tables, options.wanted, options.first_row, key)
     return [*said, *upper, *side_by_side(column, table)]
 
 

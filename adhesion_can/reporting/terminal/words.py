@@ -54,8 +54,6 @@ def _sentences(snapshot: Snapshot) -> Iterator[Text]:
     if transport.is_live and not transport.is_open:
         yield Text("The bus is down; it is opened again as soon as that can be done.", "bold red")
     yield from _service_sentences(snapshot, service)
-    for remark in snapshot.remarks:
-        yield Text(remark)
     if snapshot.true_peak is not None:
         true = snapshot.true_peak
         yield Text(
@@ -74,6 +72,7 @@ def _service_sentences(snapshot: Snapshot, service: ServiceView | None) -> Itera
     transport = snapshot.transport
     if service is None:
         yield Text(_no_service(snapshot, transport), "yellow")
+        yield from map(Text, snapshot.remarks)
         return
     if service.is_silent:
         silent_s = (snapshot.t_us - service.t_us) / 1e6
@@ -93,11 +92,12 @@ def _service_sentences(snapshot: Snapshot, service: ServiceView | None) -> Itera
     reason = _reason(snapshot, service)
     if reason:
         yield Text(reason, style if service.status is Status.STALE_INPUT else "")
-    if service.creep_speed is not None and snapshot.speed is not None:
-        yield Text(_held(snapshot, service.creep_speed, snapshot.speed))
     doubt = doubt_sentence(service.doubt)
     if doubt:
         yield Text(f"{doubt[:1].upper()}{doubt[1:]}.", "magenta")
+    yield from map(Text, snapshot.remarks)
+    if service.creep_speed is not None and snapshot.speed is not None:
+        yield Text(_held(snapshot, service.creep_speed, snapshot.speed))
 
 
 def _held(snapshot: Snapshot, wanted: float, speed: float) -> str:
