@@ -70,9 +70,10 @@ def wrapped(sentences: Iterable[Text], width: int, height: int, key: str = "") -
             continue
         if cell_len(lines[-1].plain) + 2 + len(more.plain) <= width:
             return [*lines[:-1], Text.assemble(lines[-1], "  ", more)]
-        if len(lines) < height:
+        if len(lines) < height and len(more.plain) <= width:
             return [*lines, more]
-    return [Text(f"({len(parts)} sentences{hint})", "dim")][:height]
+    none = f"({len(parts)} sentences{hint})"
+    return [Text(none, "dim")] if len(none) <= width and height else []
 
 
 def _broken(sentence: Text, width: int) -> list[Text]:

@@ -138,9 +138,12 @@ def _message_row(view: MessageView, width: int, *, wide: bool) -> Text:
         f"{sign} {view.number:8} {_shortened(name, NAME):{NAME}}{age:>8}{rate:>7}"
         f"{_count(rejected):>9}{_count(view.lost):>7}  {view.state}"
     )
-    reasons = " ".join(f"{reason} {_count(number)}" for reason, number in view.rejected.items())
-    if reasons and len(text) + 2 + len(reasons) <= width - 2:
-        text += f": {reasons}"
+    counts = sorted(view.rejected.items(), key=lambda item: -item[1])
+    full = " ".join(f"{reason} {_count(number)}" for reason, number in counts)
+    for reasons in (full, *(reason for reason, _ in counts[:1])):
+        if len(text) + 2 + len(reasons) <= width - 2:
+            text += f": {reasons}" if reasons else ""
+            break
     return Text(text, style)
 
 

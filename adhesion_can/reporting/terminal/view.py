@@ -204,17 +204,15 @@ def _overview(snapshot: Snapshot, width: int, height: int, options: ViewOptions)
 
 
 def _help(width: int, height: int) -> list[Text]:
-    inner = max(width - 2, 1)
+    if width < LEAST_WIDTH or height < LEAST_HEIGHT - 2:
+        return wrapped([Text(f"{key}: {meaning}") for key, meaning in HELP], width, height)
+    inner = width - 2
     lines: list[Text] = []
     for key, meaning in HELP:
-        parts = wrapped([Text(meaning)], max(inner - KEY_WIDTH, 1), height)
+        parts = wrapped([Text(meaning)], inner - KEY_WIDTH, height)
         names = [key, *[""] * (len(parts) - 1)]
         for name, part in zip(names, parts, strict=True):
             lines.append(Text.assemble((f"{name:>{KEY_WIDTH - 2}}  ", "bold"), part))
     signs = [Text(line) for line in SIGNS_HELP.splitlines()]
-    room = height - 2 - len(lines)
-    if room > 0:
-        lines += wrapped(signs, inner, room)
-    if width < LEAST_WIDTH or len(lines) > height - 2:
-        return wrapped([Text(f"{key}: {meaning}") for key, meaning in HELP], width, height)
+    lines += wrapped(signs, inner, height - 2 - len(lines))
     return boxed("help", lines, width, height)
