@@ -213,30 +213,34 @@ def _app_maker() -> Callable[[MonitorSession, float | None], None]:
             "pip install 'adhesion-can[tui]'",
         ) from error
 
-    def run_app(session: MonitorSession, duration_s: float | None) -> None:
-        app = MonitorApp(session)
-        if duration_s is not None:
-            app.call_later(lambda: app.set_timer(duration_s, app.exit))
-        app.run()
-
-    return run_app
+    return lambda session, duration_s: MonitorApp(session, duration_s).run()
 
 
 def _write_lines(options: argparse.Namespace, session: MonitorSession, source: Source) -> None:
     """Lines at even times until the end of the recording, of the duration, or Ctrl-C."""
-    stop = threading.Event()
-
-    def ask_to_stop(_: int, __: FrameType | None) -> None:
-        stop.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, ask_to_stop)
-    with _json_file(options.json) as file:
+    with _asked_to_stop() as stop, _json_file(options.json) as file:
         for snapshot in _snapshots(options, session, source, stop):
             if talk(options):
                 print(plain_line(snapshot), flush=True)
             if file is not None:
                 print(json.dumps(finite(as_json(snapshot)), allow_nan=False), file=file, flush=True)
+
+
+@contextmanager
+def _asked_to_stop() -> Iterator[threading.Event]:
+    """Event that Ctrl-C and SIGTERM set meanwhile."""
+    stop = threading.Event()
+
+    def ask(_: int, __: FrameType | None) -> None:
+        stop.set()
+
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, ask) for number in numbers]
+    try:
+        yield stop
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
 
 
 @contextmanager

@@ -53,11 +53,12 @@ class MonitorApp(App[None]):
 
     Args:
         session: Session; who made it closes it.
-        chosen: What is shown at first.
+        duration_s: Time after which it ends by itself, s; None: it does not.
 
     """
 
     CSS = "Screen { background: ansi_default; } Input { dock: bottom; display: none; }"
+    TITLE = "adhesion-can monitor"
     ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("q", "quit"),
@@ -78,11 +79,11 @@ class MonitorApp(App[None]):
         Binding("pageup", f"scroll_rows(-{SCROLLED})"),
     ]
 
-    def __init__(self, session: MonitorSession, chosen: ViewOptions | None = None) -> None:
+    def __init__(self, session: MonitorSession, duration_s: float | None = None) -> None:
         super().__init__(ansi_color=True)
         self.session = session
         self.view = BusView()
-        self.view.chosen = chosen or ViewOptions()
+        self._duration_s = duration_s
         self._asked = ""
 
     def compose(self) -> ComposeResult:
@@ -96,6 +97,8 @@ class MonitorApp(App[None]):
         self.view.focus()
         self.turn()
         self.set_interval(PERIOD_S, self.turn)
+        if self._duration_s is not None:
+            self.set_timer(self._duration_s, self.exit)
 
     def turn(self) -> None:
         """Take what came, and draw it."""

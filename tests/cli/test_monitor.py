@@ -24,6 +24,7 @@ from adhesion_can.service.bus_listener import EVERY_ID, BusListener
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from tests.monitoring.recorded import DURATION_S, OWN, closed_loop, write_log
+from tests.terminals import Terminal
 from tests.wire import Bench
 
 
@@ -209,6 +210,16 @@ def test_a_reader_that_goes_away_is_no_error(logs):
         assert process.wait(60) == 0
 
 
+def test_ctrl_c_ends_it_cleanly(logs, tmp_path):
+    command_line = f"adhesion-can monitor {logs / 'full.log'} --plain --speed 0.5 --every 0.1"
+    terminal = Terminal(f"{command_line} --json kept.jsonl --record kept.log", tmp_path, "monitor")
+    terminal.wait_for("frames/s")
+    assert terminal.interrupt() == 0
+    assert terminal.err.read_text() == ""
+    assert json.loads((tmp_path / "kept.jsonl").read_text().splitlines()[0])["frames"] > 0
+    assert next(iter(Recording(tmp_path / "kept.log"))).t_us >= 0
+
+
 # --- a bus
 
 
@@ -248,9 +259,7 @@ def wait_until(ready, timeout=30.0):
 
 
 @pytest.mark.parametrize("estimate", [False, True])
-def test_on_a_bus_it_shows_what_comes_and_sends_nothing(
-    monkeypatch, capsys, restored_signals, estimate
-):
+def test_on_a_bus_it_shows_what_comes_and_sends_nothing(monkeypatch, capsys, estimate):
     now_us = time.time_ns() // 1000
     frames = [f._replace(t_us=now_us - 400_000 + f.t_us) for f in Bench().drive(0, 300_000)]
     bus = DeafBus(frames)
@@ -307,7 +316,7 @@ def test_what_ends_the_thread_is_told():
     listener.stop()
 
 
-def test_on_a_paused_view_of_a_bus_frames_go_on(monkeypatch):
+def test_on_a_paused_view_of_a_bus_frames_go_on():
     class Source:
         origin, made_here, generation, now_us = Origin.SENT, frozenset(), 0, 0
 
@@ -392,7 +401,8 @@ def test_without_textual_it_says_what_to_install(logs, capsys, monkeypatch):
 
 
 def test_importing_the_command_imports_no_textual():
-    code = "import sys, adhesion_can.cli.monitor, adhesion_can.cli.demo; print('textual' in sys.modules)"
+    code = "import sys, adhesion_can.cli.monitor, adhesion_can.cli.demo\n"
+    code += "print('textual' in sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
     )

@@ -1,6 +1,7 @@
 """The terminal program of `monitor`, headless: keys, what is shown, what is written."""
 
 import asyncio
+from types import SimpleNamespace
 
 import pytest
 
@@ -35,7 +36,7 @@ def log(tmp_path_factory):
 
 
 def piloted(log, steps, size=(80, 24)):
-    """Run the app, and steps with it: a coroutine of app, pilot and clock."""
+    """Run the app, and steps with it: a coroutine of what has app, pilot and clock."""
     config, clock = load_configuration(), Clock()
     source = LogSource([log], survey([log], config), None, clock=clock)
     session = MonitorSession(config, source)
@@ -45,7 +46,7 @@ def piloted(log, steps, size=(80, 24)):
         async with app.run_test(size=size) as pilot:
             clock.now_s = 2.0
             app.turn()
-            await steps(app, pilot, clock)
+            await steps(SimpleNamespace(app=app, pilot=pilot, clock=clock))
         return app
 
     try:
@@ -60,78 +61,78 @@ def text_of(app):
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
 def test_it_fills_the_terminal(log, size):
-    async def steps(app, pilot, clock):
-        lines = text_of(app).splitlines()
+    async def steps(on):
+        lines = text_of(on.app).splitlines()
         assert [len(line) for line in lines] == [size[0]] * size[1]
         assert "2.0 of 8.0 s" in lines[0]
         assert lines[1].startswith("TRACKING: the peak is known")
-        assert "adhesion over slip ratio" in text_of(app)
+        assert "adhesion over slip ratio" in text_of(on.app)
 
     piloted(log, steps, size)
 
 
 def test_pause_step_and_speed(log):
-    async def steps(app, pilot, clock):
-        await pilot.press("space")
-        clock.now_s += 3.0
-        app.turn()
-        assert "PAUSED  2.0 of" in text_of(app)
-        await pilot.press("full_stop")
-        assert "PAUSED  2.1 of" in text_of(app)
-        await pilot.press("space", "plus")
-        clock.now_s += 1.0
-        app.turn()
-        assert "4.1 of 8.0 s  x2" in text_of(app)
-        await pilot.press("minus", "minus")
-        assert "x0.5" in text_of(app)
+    async def steps(on):
+        await on.pilot.press("space")
+        on.clock.now_s += 3.0
+        on.app.turn()
+        assert "PAUSED  2.0 of" in text_of(on.app)
+        await on.pilot.press("full_stop")
+        assert "PAUSED  2.1 of" in text_of(on.app)
+        await on.pilot.press("space", "plus")
+        on.clock.now_s += 1.0
+        on.app.turn()
+        assert "4.1 of 8.0 s  x2" in text_of(on.app)
+        await on.pilot.press("minus", "minus")
+        assert "x0.5" in text_of(on.app)
 
     piloted(log, steps)
 
 
 def test_a_filter_is_typed_kept_and_taken_back(log):
-    async def steps(app, pilot, clock):
-        await pilot.press("f", *"wheel", "enter")
-        assert "messages with 'wheel'" in text_of(app)
-        assert "TractiveEffort1" not in text_of(app)
+    async def steps(on):
+        await on.pilot.press("f", *"wheel", "enter")
+        assert "messages with 'wheel'" in text_of(on.app)
+        assert "TractiveEffort1" not in text_of(on.app)
         # Escape leaves it as it was.
-        await pilot.press("f", "x", "escape")
-        assert app.view.chosen.wanted == "wheel"
-        assert not app.query_one(Input).display
-        await pilot.press("f", *["backspace"] * 5, "enter")
-        assert "TractiveEffort1" in text_of(app)
-        assert app.view.chosen.page is Page.OVERVIEW
+        await on.pilot.press("f", "x", "escape")
+        assert on.app.view.chosen.wanted == "wheel"
+        assert not on.app.query_one(Input).display
+        await on.pilot.press("f", *["backspace"] * 5, "enter")
+        assert "TractiveEffort1" in text_of(on.app)
+        assert on.app.view.chosen.page is Page.OVERVIEW
 
     piloted(log, steps)
 
 
 def test_a_jump_and_one_that_is_no_time(log):
-    async def steps(app, pilot, clock):
-        await pilot.press("space", "g", *"5.5", "enter")
+    async def steps(on):
+        await on.pilot.press("space", "g", *"5.5", "enter")
         for _ in range(200):
-            app.turn()
-            if "PAUSED  5.5 of" in text_of(app):
+            on.app.turn()
+            if "PAUSED  5.5 of" in text_of(on.app):
                 break
-        assert "PAUSED  5.5 of" in text_of(app)
-        await pilot.press("g", *"soon", "enter")
-        assert "PAUSED  5.5 of" in text_of(app)
-        assert any("is no time" in note.message for note in app._notifications)
+        assert "PAUSED  5.5 of" in text_of(on.app)
+        await on.pilot.press("g", *"soon", "enter")
+        assert "PAUSED  5.5 of" in text_of(on.app)
+        assert any("is no time" in note.message for note in on.app._notifications)
 
     piloted(log, steps)
 
 
 def test_pages_and_scrolling(log):
-    async def steps(app, pilot, clock):
-        await pilot.press("m")
-        assert "ServiceStatus" in text_of(app)
-        assert "adhesion over slip ratio" not in text_of(app)
-        await pilot.press("down", "down", "up", "pagedown", "pageup", "pageup")
-        assert app.view.chosen.first_row == 0
-        await pilot.press("w")
-        assert "axles hold it" in text_of(app)
-        await pilot.press("question_mark")
-        assert "Nothing is ever sent." in text_of(app)
-        await pilot.press("question_mark")
-        assert "adhesion over slip ratio" in text_of(app)
+    async def steps(on):
+        await on.pilot.press("m")
+        assert "ServiceStatus" in text_of(on.app)
+        assert "adhesion over slip ratio" not in text_of(on.app)
+        await on.pilot.press("down", "down", "up", "pagedown", "pageup", "pageup")
+        assert on.app.view.chosen.first_row == 0
+        await on.pilot.press("w")
+        assert "axles hold it" in text_of(on.app)
+        await on.pilot.press("question_mark")
+        assert "Nothing is ever sent." in text_of(on.app)
+        await on.pilot.press("question_mark")
+        assert "adhesion over slip ratio" in text_of(on.app)
 
     piloted(log, steps)
 
@@ -139,15 +140,15 @@ def test_pages_and_scrolling(log):
 def test_a_recording_is_written_and_named(log, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
-    async def steps(app, pilot, clock):
-        await pilot.press("r")
-        clock.now_s += 1.0
-        app.turn()
-        assert " REC " in text_of(app)
-        await pilot.press("r", "w")
-        clock.now_s += 1.0
-        app.turn()
-        assert "recorded" in text_of(app)
+    async def steps(on):
+        await on.pilot.press("r")
+        on.clock.now_s += 1.0
+        on.app.turn()
+        assert " REC " in text_of(on.app)
+        await on.pilot.press("r", "w")
+        on.clock.now_s += 1.0
+        on.app.turn()
+        assert "recorded" in text_of(on.app)
 
     piloted(log, steps)
     (path,) = tmp_path.iterdir()
@@ -158,7 +159,7 @@ def test_a_recording_is_written_and_named(log, tmp_path, monkeypatch):
 
 
 def test_it_ends_with_q(log):
-    async def steps(app, pilot, clock):
-        await pilot.press("q")
+    async def steps(on):
+        await on.pilot.press("q")
 
     assert piloted(log, steps).return_code == 0

@@ -66,13 +66,13 @@ def curve_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
             sign = 1.0 if axle.slip >= 0 else -1.0
             place = (abs(axle.slip) / slip_end, sign * axle.adhesion / adhesion_end)
             canvas.mark(*place, str(axle.axle), "bold reverse")
+    for point in _points_of_the_rail(snapshot):
+        canvas.dot(point.slip / slip_end, point.adhesion / adhesion_end, POINT)
     if snapshot.true_peak is not None:
         true = snapshot.true_peak
         canvas.mark(true.lambda_m / slip_end, true.mu_max / adhesion_end, "x", TRUTH)
     if service is not None:
         _draw_curve(canvas, snapshot, service, slip_end, adhesion_end)
-    for point in _points_of_the_rail(snapshot):
-        canvas.dot(point.slip / slip_end, point.adhesion / adhesion_end, POINT)
     lines = _with_axis(canvas.rows(), adhesion_end)
     lines.append(_slip_axis(slip_end, columns))
     truth = "" if snapshot.true_peak is None else "  x truth"

@@ -23,8 +23,8 @@ SIGNS = {
 _TROUBLE = {MessageState.SILENT: 0, MessageState.FAULTY: 1, MessageState.OK: 2}
 NAME = 16
 """Width of a message's name in a narrow table, cells."""
-WIDE = 62
-"""Width from which a table of messages has all its columns."""
+WIDE = 68
+"""Width from which a table of messages has all its columns, with its frame, cells."""
 LARGEST_TEXT = 5
 """Width of a count, cells."""
 

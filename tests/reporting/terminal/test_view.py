@@ -1,5 +1,6 @@
 """The view as a pure function: nothing cut at any size, golden text, what the words say."""
 
+import io
 import os
 from dataclasses import replace
 from math import inf
@@ -65,6 +66,13 @@ def test_every_line_is_as_wide_as_asked_for(size, name, page):
     lines = draw(SNAPSHOTS[name], width, height, options)
     assert [cell_len(line.plain) for line in lines] == [width] * height
     assert not any("…" in line.plain or "\n" in line.plain for line in lines)
+
+
+@pytest.mark.parametrize("name", SNAPSHOTS)
+def test_no_width_is_one_too_narrow_for_its_columns(name):
+    for width in range(80, 161):
+        lines = draw(SNAPSHOTS[name], width, 24 + width % 20)
+        assert {cell_len(line.plain) for line in lines} == {width}
 
 
 @given_settings(max_examples=60)
@@ -149,10 +157,9 @@ def test_the_band_against_curves_drawn_by_the_deviations():
 
 
 def test_rich_prints_it_as_wide_as_the_console():
-    console = Console(width=80, height=24, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
+    console = Console(width=80, height=24, record=True, file=io.StringIO())
     console.print(MonitorView(snapshot(), ViewOptions(keys="")))
     text = console.export_text()
-    console.file.close()
     assert len(text.splitlines()) == 24
     assert "adhesion over slip ratio" in text
     assert "q quit" not in text
