@@ -144,7 +144,8 @@ def _require_options(options: argparse.Namespace) -> None:
     if not options.log:
         on_bus = on_bus or bus_is_configured()
     if on_bus is bool(options.log):
-        raise InputError("monitor", "give either a LOG or a bus (-i, -c)", "choose one of them")
+        what = "one of them is needed, and not both"
+        raise InputError("LOG or bus", what, "name a recording, or a bus by -i and -c")
     if on_bus and (options.speed is not None or options.from_s):
         raise InputError("--speed and --from", "are for recordings", "leave them out for a bus")
 
@@ -208,8 +209,8 @@ def _app_maker() -> Callable[[MonitorSession, float | None], None]:
         from adhesion_can.cli.monitor_app import MonitorApp  # noqa: PLC0415  an extra
     except ImportError as error:
         raise InputError(
-            "monitor",
-            f"its view needs Textual (no module {error.name!r}); --plain does not",
+            "the view",
+            f"needs Textual (no module {error.name!r}); --plain does not",
             "pip install 'adhesion-can[tui]'",
         ) from error
 

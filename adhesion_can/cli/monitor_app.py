@@ -3,6 +3,8 @@
 Needs the extra `tui` (Textual); it is imported where a terminal is to be drawn on.
 """
 
+import asyncio
+import signal
 from dataclasses import replace
 from functools import partial
 from typing import ClassVar
@@ -62,6 +64,7 @@ class MonitorApp(App[None]):
     ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("q", "quit"),
+        Binding("ctrl+c", "quit", priority=True),
         Binding("space", "pause"),
         Binding("full_stop", "step"),
         Binding("plus,equals_sign", "faster(2.0)"),
@@ -93,6 +96,10 @@ class MonitorApp(App[None]):
 
     def on_mount(self) -> None:
         """Begin to draw."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            # By itself an exception would end the loop, and leave the terminal as it is.
+            loop.add_signal_handler(number, self.exit)
         self.view.can_focus = True
         self.view.focus()
         self.turn()

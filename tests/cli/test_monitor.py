@@ -356,8 +356,8 @@ def test_the_inputs_of_the_packaged_database_are_its_inputs(logs):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([], "give either a LOG or a bus"),
-        (["x.log", "-i", "virtual"], "give either a LOG or a bus"),
+        ([], "one of them is needed, and not both"),
+        (["x.log", "-i", "virtual"], "one of them is needed, and not both"),
         (["x.log"], "x.log: No such file"),
         (["x.log", "--speed", "-1"], "is no speed"),
         (["x.log", "--every", "0"], "not a positive number"),

@@ -1,6 +1,7 @@
 """The terminal program of `monitor`, headless: keys, what is shown, what is written."""
 
 import asyncio
+import signal
 from types import SimpleNamespace
 
 import pytest
@@ -158,8 +159,23 @@ def test_a_recording_is_written_and_named(log, tmp_path, monkeypatch):
     assert [(f.t_us, f.data) for f in kept] == [(f.t_us, f.data) for f in expected]
 
 
-def test_it_ends_with_q(log):
+@pytest.mark.parametrize("keys", [["q"], ["ctrl+c"], ["f", "ctrl+c"]])
+def test_it_ends_with_q_and_ctrl_c(log, keys):
     async def steps(on):
-        await on.pilot.press("q")
+        await on.pilot.press(*keys)
+
+    assert piloted(log, steps).return_code == 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.usefixtures("restored_signals")
+def test_a_signal_ends_it_as_q_does(log, number):
+    async def steps(on):
+        signal.raise_signal(number)
+        for _ in range(100):
+            await on.pilot.pause(0.01)
+            if on.app._exit:
+                break
+        assert on.app._exit
 
     assert piloted(log, steps).return_code == 0

@@ -116,7 +116,7 @@ def _no_service(snapshot: Snapshot, transport: Transport) -> str:
     if transport.origin is Origin.ESTIMATED_HERE:
         return "No estimate here yet: it begins with the first accepted input."
     if not snapshot.frames:
-        return "Nothing is received yet."
+        return "Nothing is received yet: is it the vehicle's bus, and is anybody on it?"
     where = "on this bus" if transport.is_live else "in this recording so far"
     return (
         f"No service {where}: AdhesionSetpoint has not come. Start `adhesion-can run`, or say "

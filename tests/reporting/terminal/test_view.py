@@ -100,7 +100,7 @@ def test_golden_text(size):
 
 def test_a_state_without_a_frame_can_be_shown():
     text = text_of(draw(MonitorState(load_configuration()).snapshot(0), 80, 24))
-    assert "Nothing is received yet." in text
+    assert "Nothing is received yet: is it" in text
     assert "WheelSpeeds1      never" in text
 
 
