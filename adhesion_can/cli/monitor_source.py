@@ -7,7 +7,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from math import inf, isinf
 from pathlib import Path
 from typing import Protocol
@@ -95,15 +94,16 @@ class LiveSource:
         """Time of this host, µs."""
         return self._listener.clock()
 
-    def take(self) -> Iterable[Frame]:
-        """Frames that came since the last call."""
-        frames = self._listener.take()
-        if self._core is None:
-            return frames
-        # A silent bus makes the service's inputs stale; what is on its way here counts before that.
-        return chain(
-            with_answers(frames, self._core), self._core.due_frames(self.now_us - ON_ITS_WAY_US)
-        )
+    def take(self) -> Iterator[Frame]:
+        """Frames that came since the last call, as many as a turn has time for."""
+        until_s = time.monotonic() + TURN_S
+        while frames := self._listener.take(LOOKED_AT):
+            yield from frames if self._core is None else with_answers(frames, self._core)
+            if time.monotonic() >= until_s:
+                return
+        if self._core is not None:
+            # A silent bus makes the service's inputs stale; what is on its way counts before that.
+            yield from self._core.due_frames(self.now_us - ON_ITS_WAY_US)
 
     def transport(self) -> Transport:
         """How the frames come."""

@@ -76,8 +76,8 @@ class BusListener:
             self._thread.join()
         self._bus.shutdown()
 
-    def take(self) -> list[Frame]:
-        """Frames that came since the last call.
+    def take(self, limit: int = CAPACITY) -> list[Frame]:
+        """Oldest frames that were not taken yet, no more than a limit.
 
         Raises:
             Exception: What ended the thread.
@@ -86,8 +86,7 @@ class BusListener:
         if self._failure is not None:
             raise self._failure
         with self._lock:
-            frames, self._waiting = list(self._waiting), deque()
-        return frames
+            return [self._waiting.popleft() for _ in range(min(limit, len(self._waiting)))]
 
     def _listen(self) -> None:
         try:

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import time
+from collections import deque
 from math import inf
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.cli import monitor as command
 from adhesion_can.cli.main import main
 from adhesion_can.cli.monitor_session import MonitorSession
-from adhesion_can.cli.monitor_source import LogSource, survey
+from adhesion_can.cli.monitor_source import LiveSource, LogSource, survey
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
 from adhesion_can.monitoring.snapshot import Kind, MessageState, Origin
@@ -223,6 +224,9 @@ def test_ctrl_c_ends_it_cleanly(logs, tmp_path):
 # --- a bus
 
 
+NEVER_US = 10**15
+
+
 class DeafBus:
     """A bus that delivers frames and on which sending is an error."""
 
@@ -260,6 +264,8 @@ def wait_until(ready, timeout=30.0):
 
 @pytest.mark.parametrize("estimate", [False, True])
 def test_on_a_bus_it_shows_what_comes_and_sends_nothing(monkeypatch, capsys, estimate):
+    # However busy the machine is, no frame is too old to be looked at.
+    monkeypatch.setattr("adhesion_can.service.receive_queue.STALE_US", NEVER_US)
     now_us = time.time_ns() // 1000
     frames = [f._replace(t_us=now_us - 400_000 + f.t_us) for f in Bench().drive(0, 300_000)]
     bus = DeafBus(frames)
@@ -283,13 +289,27 @@ def test_what_nobody_takes_is_bounded_and_counted():
     bus = DeafBus(Frame(k, 0x100, b"\x00") for k in range(50))
     listener = BusListener(ReconnectingBus(lambda: bus, EVERY_ID), capacity=20)
     listener.start()
-    wait_until(lambda: not bus.frames)
-    time.sleep(0.05)
+    wait_until(lambda: listener.dropped == 30)
     taken = listener.take()
     listener.stop()
     assert len(taken) == 20
     assert listener.dropped == 30
     assert taken[-1].t_us >= taken[0].t_us
+
+
+def test_a_turn_takes_no_more_than_it_has_time_for(monkeypatch):
+    """What is left waits for the next turn, in order."""
+    monkeypatch.setattr("adhesion_can.cli.monitor_source.TURN_S", 0.0)
+    monkeypatch.setattr("adhesion_can.service.receive_queue.STALE_US", NEVER_US)
+    bus = DeafBus(Frame(k, 0x100, bytes([k])) for k in range(200))
+    listener = BusListener(ReconnectingBus(lambda: bus, EVERY_ID))
+    listener.start()
+    wait_until(lambda: len(listener._waiting) == 200)
+    source = LiveSource(listener, "flood", None, deque())
+    turns = [[frame.data[0] for frame in source.take()] for _ in range(5)]
+    source.close()
+    assert [len(turn) for turn in turns] == [64, 64, 64, 8, 0]
+    assert [number for turn in turns for number in turn] == list(range(200))
 
 
 def test_a_bus_that_goes_down_is_opened_again():
