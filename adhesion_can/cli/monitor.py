@@ -29,14 +29,9 @@ from adhesion_can.cli.common import (
     require_positive,
     talk,
 )
+from adhesion_can.cli.monitor_log import LogSource, survey
 from adhesion_can.cli.monitor_session import MonitorSession
-from adhesion_can.cli.monitor_source import (
-    NOTES,
-    LiveSource,
-    LogSource,
-    Source,
-    survey,
-)
+from adhesion_can.cli.monitor_source import NOTES, LiveSource, Source
 from adhesion_can.cli.silence import bus_name
 from adhesion_can.config import Configuration
 from adhesion_can.errors import ConfigError, InputError

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from adhesion_can.bus.frame import Frame
-from adhesion_can.cli.monitor_source import LogSource, Source
+from adhesion_can.cli.monitor_log import LogSource
+from adhesion_can.cli.monitor_source import Source
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file

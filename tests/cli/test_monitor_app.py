@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from adhesion_can.bus.frame import Frame
+from adhesion_can.cli.monitor_log import LogSource, survey
 from adhesion_can.cli.monitor_session import MonitorSession
-from adhesion_can.cli.monitor_source import LogSource, survey
 from adhesion_can.config import load_configuration
 from adhesion_can.recordings.recording import Recording
 from tests.monitoring.recorded import closed_loop, write_log

@@ -8,8 +8,8 @@ import tempfile
 from pathlib import Path
 
 from adhesion_can.cli.monitor_app import MonitorApp
+from adhesion_can.cli.monitor_log import LogSource, survey
 from adhesion_can.cli.monitor_session import MonitorSession
-from adhesion_can.cli.monitor_source import LogSource, survey
 from adhesion_can.config import load_configuration
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.service.core import ServiceCore
