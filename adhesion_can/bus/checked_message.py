@@ -34,6 +34,11 @@ class CheckedMessage:
             SERVICE_POLICY, message.length, e2e_data_id(message), cycle_us(message)
         )
 
+    @property
+    def lost(self) -> int:
+        """Number of frames lost since the start, by the counter."""
+        return self._acceptance.lost
+
     def is_carried_by(self, frame: Frame) -> bool:
         """Whether a frame has the id of the message."""
         plan = self.plan

@@ -33,11 +33,14 @@ from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.doubt.settings import EXACT
 from adhesion_can.files import whole_file
+from adhesion_can.monitoring.snapshot import Transport, TruePeak
+from adhesion_can.monitoring.state import MonitorState
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.recording import from_message, to_message
 from adhesion_can.reporting.phases import Row, phase_table, phases
 from adhesion_can.reporting.provenance import provenance
-from adhesion_can.reporting.text import FittingTable, console, table
+from adhesion_can.reporting.terminal.view import MonitorView, ViewOptions
+from adhesion_can.reporting.text import console
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.live import LiveService
@@ -52,6 +55,9 @@ SHORTEST_S = 12.0
 
 PACE_US = 10_000
 """Time between two waits for real time, µs; frames due within it are sent at once."""
+
+SHOWN_US = 100_000
+"""Time between two drawings, µs."""
 
 REORDER_US = 500_000
 """Longest delay of a frame at the recorder, µs: it is written in the order of the stamps."""
@@ -143,6 +149,8 @@ class _Bench:
 
     def __init__(self, config: Configuration, settings: RunSettings, log: Path) -> None:
         self.simulation = Simulation(settings, config.database)
+        self.monitor = MonitorState(config)
+        """What is on the bus, for the view."""
         self.rows: list[Row] = []
         self._log = log
         self._clock = _Clock()
@@ -171,7 +179,7 @@ class _Bench:
             finally:
                 service.stop()
                 thread.join()
-            _drain(recorder_bus, recorder)
+            self._drain(recorder_bus, recorder)
             recorder.finish()
         if self._failures:
             raise self._failures[0]
@@ -197,25 +205,27 @@ class _Bench:
             time.sleep(max(simulation.now_us / 1e6 - (time.monotonic() - began), 0.0))
             while (message := bus.recv(0.0)) is not None:
                 simulation.receive(from_message(message))
-            _drain(recorder_bus, recorder)
-            if simulation.now_us % 500_000 == 0:
+            self._drain(recorder_bus, recorder)
+            if simulation.now_us % SHOWN_US == 0:
                 show()
 
-
-def _drain(bus: can.BusABC, recorder: _Recorder) -> None:
-    while (message := bus.recv(0.0)) is not None:
-        recorder.add(from_message(message)._replace(channel="vcan0"))
+    def _drain(self, bus: can.BusABC, recorder: _Recorder) -> None:
+        while (message := bus.recv(0.0)) is not None:
+            frame = from_message(message)._replace(channel="vcan0")
+            recorder.add(frame)
+            self.monitor.feed(frame)
 
 
 @contextmanager
 def _view(options: argparse.Namespace, bench: _Bench) -> Iterator[Any]:
-    """Live table on a terminal, a line every two seconds elsewhere."""
+    """View of the bus on a terminal, a line every two seconds elsewhere."""
     out = console(sys.stdout if talk(options) else sys.stderr)
     if options.headless or not out.is_terminal:
         yield lambda: _print_line(out, bench)
         return
-    with Live(_live_table(bench), console=out, refresh_per_second=4, transient=True) as live:
-        yield lambda: live.update(_live_table(bench))
+    # Drawn by `show` alone, at its own pace.
+    with Live(_live_view(bench), console=out, screen=True, auto_refresh=False) as live:
+        yield lambda: live.update(_live_view(bench), refresh=True)
 
 
 def _true_surface(bench: _Bench) -> dict[str, Any]:
@@ -237,20 +247,19 @@ def _print_line(out: Any, bench: _Bench) -> None:
     )
 
 
-def _live_table(bench: _Bench) -> FittingTable:
-    simulation = bench.simulation
-    true = _true_surface(bench)
-    outputs = bench.rows[-1].outputs if bench.rows else Outputs()
-    point = outputs.setpoint
-    plant = simulation.plant
-    rows = [
-        ("mu_max", f"{true['mu_max']:.4f}", plus_minus(point.mu_max, outputs.mu_max_std)),
-        ("lambda_m", f"{true['lambda_m']:.4f}", plus_minus(point.lambda_m, outputs.lambda_m_std)),
-        ("adhesion used", f"{simulation.adhesion_used():.4f}", ""),
-        ("slip of axles 1..6", " ".join(f"{x:.3f}" for x in plant.slip), ""),
-    ]
-    title = (
-        f"{simulation.now_us / 1e6:5.1f} of {simulation.settings.duration_s:.0f} s   "
-        f"{true['name']} rail   {3.6 * plant.speed:.1f} km/h   {outputs.status.name}"
+def _live_view(bench: _Bench) -> MonitorView:
+    """What `monitor` shows, and what only a simulation knows."""
+    simulation, true = bench.simulation, _true_surface(bench)
+    transport = Transport(
+        name=f"{simulation.settings.scenario.name}, simulated",
+        is_live=False,
+        position_s=simulation.now_us / 1e6,
+        duration_s=simulation.settings.duration_s,
     )
-    return table(title, ("", "truth", "estimate"), rows)
+    snapshot = replace(
+        bench.monitor.snapshot(simulation.now_us),
+        transport=transport,
+        remarks=(simulation.describe_drive(),),
+        true_peak=TruePeak(true["name"], true["mu_max"], true["lambda_m"]),
+    )
+    return MonitorView(snapshot, ViewOptions(title="adhesion-can demo", keys=""))

@@ -24,6 +24,7 @@ COMMANDS: Mapping[str, str] = {
     "demo": "locomotive, service and creep controller on an embedded bus",
     "run": "the service on a bus",
     "simulate": "a simulated locomotive, to a log or on a bus",
+    "monitor": "a live view of a bus or a recording; never sends",
     "control": "the reference creep controller, on a bus",
     "replay": "the service over recordings",
     "identify": "one batch fit with standard errors",

@@ -7,7 +7,7 @@ from typing import Any, TextIO
 
 from pythonjsonlogger.json import JsonFormatter
 
-from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
+from adhesion_can.physics.doubt import Doubt, doubt_sentence
 from adhesion_can.physics.status import Status
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.outputs import Outputs
@@ -76,9 +76,9 @@ class Narrator:
         if doubt in (self._doubt, Doubt.NOT_AVAILABLE) or not self._has_room():
             return
         self._doubt = doubt
-        what = DESCRIPTIONS.get(doubt)
-        line = "no doubt any more" if what is None else f"doubt: {what}: run `diagnose`"
-        level = logging.INFO if what is None else logging.WARNING
+        sentence = doubt_sentence(doubt)
+        line = sentence or "no doubt any more"
+        level = logging.WARNING if sentence else logging.INFO
         fields = {"bus_time_s": t_us / 1e6, "doubt": doubt.name}
         self._tell(level, f"{t_us / 1e6:.2f} {line}", fields)
 

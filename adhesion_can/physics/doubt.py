@@ -35,3 +35,9 @@ DESCRIPTIONS: Mapping[Doubt, str] = {
     Doubt.SURROUNDINGS: "adhesion depends on the surroundings",
 }
 """Sentence for each condition, without a full stop."""
+
+
+def doubt_sentence(doubt: Doubt) -> str:
+    """What is doubted and what to do about it; '' where nothing is."""
+    what = DESCRIPTIONS.get(doubt)
+    return "" if what is None else f"doubt: {what}: run `diagnose`"

@@ -1,5 +1,6 @@
 """Status of the service, as its messages carry it."""
 
+from collections.abc import Mapping
 from enum import IntEnum
 
 
@@ -12,3 +13,14 @@ class Status(IntEnum):
     SURFACE_CHANGE = 3
     STALE_INPUT = 4
     FAULT = 5
+
+
+DESCRIPTIONS: Mapping[Status, str] = {
+    Status.INIT: "no estimate yet",
+    Status.TRACKING: "the peak is known",
+    Status.LOW_EXCITATION: "the data do not tell the peak",
+    Status.SURFACE_CHANGE: "the rail has changed, its peak is being learnt",
+    Status.STALE_INPUT: "a required input is silent",
+    Status.FAULT: "the estimator failed, or a second service sends",
+}
+"""Clause for each status, without a full stop."""

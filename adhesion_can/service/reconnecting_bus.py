@@ -96,6 +96,11 @@ class ReconnectingBus:
         return self._earlier_drops + self._drops
 
     @property
+    def is_open(self) -> bool:
+        """Whether the bus is open."""
+        return self._bus is not None
+
+    @property
     def channel_info(self) -> str:
         """Description of the bus."""
         return "closed" if self._bus is None else str(self._bus.channel_info)

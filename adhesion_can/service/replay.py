@@ -6,7 +6,7 @@ the same bytes sooner.
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -129,6 +129,24 @@ def replay(
             summary.sent += 1
             send(frame)
     return summary
+
+
+def with_answers(items: Iterable[Frame | Mark], core: ServiceCore) -> Iterator[Frame]:
+    """Recorded frames, and those that the service sends, in the order of their stamps.
+
+    Recorded frames with an id of the output messages are left out.
+
+    Args:
+        items: Frames and marks in the order of the recording.
+        core: Fresh core.
+
+    """
+    summary, own = ReplaySummary(), core.messages.ids
+    for item in items:
+        skipped = summary.own_skipped
+        yield from _step(item, core, own, summary)
+        if isinstance(item, Frame) and summary.own_skipped == skipped:
+            yield item
 
 
 def _step(

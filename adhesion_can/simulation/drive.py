@@ -130,11 +130,16 @@ class Drive:
         self.effort: Array = np.zeros(self.axles)
         """Effort at the rim of each axle, N, shape (axles,)."""
 
+    def holds(self, time_s: float) -> bool:
+        """Whether the drive holds the service's setpoint, and does not probe."""
+        command = self.command
+        settled = command.known and time_s - command.since_s >= self.settings.probe_s
+        return self.obey and settled and command.creep_speed is not None
+
     def setpoint(self, time_s: float, speed: float) -> Array:
         """Creep speed that each axle is to have, m/s, shape (axles,)."""
         command, settings = self.command, self.settings
-        settled = command.known and time_s - command.since_s >= settings.probe_s
-        if self.obey and settled and command.creep_speed is not None:
+        if self.holds(time_s) and command.creep_speed is not None:
             return np.full(self.axles, command.creep_speed)
         slip = probing_slip(time_s, self.axles, self.pattern, settings)
         return np.asarray(slip * max(speed, settings.v_min))

@@ -174,6 +174,20 @@ class Simulation:
         places = [float(top.lambda_m) for top in tops]
         return np.array([float(top.mu_max) for top in tops]), np.array(places)
 
+    def describe_drive(self) -> str:
+        """Sentence about what the drive does, and why."""
+        drive, time_s = self._drive, self.now_us / 1e6
+        low, high = drive.settings.slip_low, drive.settings.slip_high
+        probing = f"The drive probes, it sweeps its slips from {low:g} to {high:g}"
+        if drive.holds(time_s):
+            return "The drive holds the creep setpoint: the service knows the peak."
+        if not drive.obey:
+            return f"{probing}: it obeys nobody."
+        if not drive.command.known:
+            return f"{probing}: the service does not know the peak yet."
+        rest_s = drive.settings.probe_s - (time_s - drive.command.since_s)
+        return f"{probing}: the peak is known, it makes sure for {max(rest_s, 0.0):.1f} s more."
+
     def adhesion_used(self) -> float:
         """Adhesion that the axles use now, Σ F / Σ N."""
         return float(self.plant.force.sum() / self.plant.load.sum())

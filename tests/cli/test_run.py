@@ -138,7 +138,9 @@ def test_importing_the_package_or_the_entry_point_imports_no_library_at_all():
         assert not modules_after(code) & (HEAVY | {"numpy", "scipy", "can", "cantools", "rich"})
 
 
-@pytest.mark.parametrize("command", ["run", "replay", "check", "identify", "simulate", "calibrate"])
+@pytest.mark.parametrize(
+    "command", ["run", "replay", "check", "identify", "simulate", "calibrate", "monitor"]
+)
 def test_importing_a_command_imports_no_extra_and_no_heavy_part_of_scipy(command):
     # python-can itself imports asammdf, and so pandas, where it is installed.
     before = modules_after("import can, cantools, rich.progress")

@@ -1,0 +1,187 @@
+"""The terminal program of `monitor`: keys, and ten drawings a second of the session's view.
+
+Needs the extra `tui` (Textual); it is imported where a terminal is to be drawn on.
+"""
+
+import asyncio
+import signal
+from dataclasses import replace
+from functools import partial
+from typing import ClassVar
+
+from rich.text import Text
+from textual.app import App, ComposeResult, RenderResult
+from textual.binding import Binding, BindingType
+from textual.widget import Widget
+from textual.widgets import Input
+
+from adhesion_can.cli.monitor_session import MonitorSession
+from adhesion_can.errors import InputError
+from adhesion_can.monitoring.snapshot import Snapshot
+from adhesion_can.reporting.terminal.view import Page, ViewOptions, draw
+
+PERIOD_S = 0.1
+"""Time between two drawings, s."""
+SCROLLED = 10
+"""Number of rows that a page key scrolls."""
+PROMPTS = {
+    "filter": "messages with this in name or id; empty: all",
+    "jump": "seconds after the first frame; +10 or -10 from now",
+}
+
+
+class BusView(Widget):
+    """The view of a bus, as large as it may be."""
+
+    DEFAULT_CSS = "BusView { height: 1fr; }"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.snapshot: Snapshot | None = None
+        """What is shown; None before the first turn."""
+        self.chosen = ViewOptions()
+        """What somebody chose to see."""
+
+    def render(self) -> RenderResult:
+        """Lines of the latest snapshot."""
+        width, height = self.size
+        if self.snapshot is None or not (width and height):
+            return Text()
+        return Text("\n").join(draw(self.snapshot, width, height, self.chosen))
+
+
+class MonitorApp(App[None]):
+    """Draws a session and passes keys on to it.
+
+    Args:
+        session: Session; who made it closes it.
+        duration_s: Time after which it ends by itself, s; None: it does not.
+
+    """
+
+    CSS = "Screen { background: ansi_default; } Input { dock: bottom; display: none; }"
+    TITLE = "adhesion-can monitor"
+    ENABLE_COMMAND_PALETTE = False
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("q", "quit"),
+        Binding("ctrl+c", "quit", priority=True),
+        Binding("space", "pause"),
+        Binding("full_stop", "step"),
+        Binding("plus,equals_sign", "faster(2.0)"),
+        Binding("minus", "faster(0.5)"),
+        Binding("r", "record"),
+        Binding("f,slash", "ask('filter')"),
+        Binding("g", "ask('jump')"),
+        Binding("m", "page('MESSAGES')"),
+        Binding("w", "page('WORDS')"),
+        Binding("question_mark,h,f1", "page('HELP')"),
+        Binding("escape", "page('OVERVIEW')"),
+        Binding("down,j", "scroll_rows(1)"),
+        Binding("up,k", "scroll_rows(-1)"),
+        Binding("pagedown", f"scroll_rows({SCROLLED})"),
+        Binding("pageup", f"scroll_rows(-{SCROLLED})"),
+    ]
+
+    def __init__(self, session: MonitorSession, duration_s: float | None = None) -> None:
+        super().__init__(ansi_color=True)
+        self.session = session
+        self.view = BusView()
+        self._duration_s = duration_s
+        self._asked = ""
+
+    def compose(self) -> ComposeResult:
+        """The view, and a line for answers that is hidden until something is asked."""
+        yield self.view
+        yield Input()
+
+    def on_mount(self) -> None:
+        """Begin to draw."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            # By itself an exception would end the loop, and leave the terminal as it is.
+            loop.add_signal_handler(number, self.exit)
+        self.view.can_focus = True
+        self.view.focus()
+        self.turn()
+        self.set_interval(PERIOD_S, self.turn)
+        if self._duration_s is not None:
+            self.set_timer(self._duration_s, self.exit)
+
+    def turn(self) -> None:
+        """Take what came, and draw it."""
+        self.view.snapshot = self.session.turn()
+        self.view.refresh()
+
+    def action_pause(self) -> None:
+        """Stop or go on."""
+        self.session.toggle_pause()
+        self.turn()
+
+    def action_step(self) -> None:
+        """Show a little more."""
+        self.session.step()
+        self.turn()
+
+    def action_faster(self, factor: float) -> None:
+        """Change the speed of a recording."""
+        self.session.faster(factor)
+        self.turn()
+
+    def action_record(self) -> None:
+        """Begin or end a recording."""
+        self._guarded(self.session.toggle_recording)
+
+    def action_page(self, name: str) -> None:
+        """Show a page; the same once more: the overview."""
+        page = Page[name]
+        now = Page.OVERVIEW if self.view.chosen.page is page else page
+        self.view.chosen = replace(self.view.chosen, page=now, first_row=0)
+        self.view.refresh()
+
+    def action_scroll_rows(self, rows: int) -> None:
+        """Scroll the messages; not past the last one."""
+        shown = self.view.snapshot
+        last = 0 if shown is None else max(len(shown.messages) - 1, 0)
+        first = min(max(self.view.chosen.first_row + rows, 0), last)
+        self.view.chosen = replace(self.view.chosen, first_row=first)
+        self.view.refresh()
+
+    def action_ask(self, what: str) -> None:
+        """Ask for a filter or a time."""
+        if what == "jump" and self.session.log is None:
+            self.notify("a bus has no other time to jump to", severity="warning")
+            return
+        self._asked = what
+        line = self.query_one(Input)
+        line.placeholder = PROMPTS[what]
+        line.value = self.view.chosen.wanted if what == "filter" else ""
+        line.display = True
+        line.focus()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Take the answer."""
+        if self._asked == "filter":
+            self.view.chosen = replace(self.view.chosen, wanted=event.value.strip(), first_row=0)
+        elif event.value.strip():
+            self._guarded(partial(self.session.jump, event.value))
+        self._hide_line()
+
+    def on_key(self, event: object) -> None:
+        """Escape leaves the line for answers without one."""
+        if getattr(event, "key", "") == "escape" and self.query_one(Input).display:
+            self._hide_line()
+            getattr(event, "stop", lambda: None)()
+
+    def _hide_line(self) -> None:
+        self.query_one(Input).display = False
+        self.view.focus()
+        self.turn()
+
+    def _guarded(self, work: object) -> None:
+        """Do what may be refused, and say why it was."""
+        try:
+            if callable(work):
+                work()
+        except InputError as error:
+            self.notify(str(error), severity="error")
+        self.turn()

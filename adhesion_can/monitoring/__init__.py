@@ -1,0 +1,1 @@
+"""State of a bus as somebody who watches it sees it, from its frames alone."""

@@ -1,0 +1,96 @@
+"""A snapshot as a line of text, and as an object of JSON, for pipes."""
+
+from typing import Any
+
+from adhesion_can.monitoring.snapshot import AxleView, MessageState, MessageView, Snapshot
+from adhesion_can.reporting.terminal.words import sentences
+from adhesion_can.result_text import plus_minus
+
+
+def plain_line(snapshot: Snapshot) -> str:
+    """One line: time, status, peak, creep setpoint, speed, slips, and what is in trouble."""
+    service = snapshot.service
+    parts = [f"{snapshot.transport.position_s or snapshot.time_s:.1f} s"]
+    if service is None:
+        parts.append("no service")
+    else:
+        silent = " (silent)" if service.is_silent else ""
+        parts += [
+            f"{service.status.name}{silent}",
+            f"mu_max {plus_minus(service.mu_max, service.mu_max_std)}",
+            f"lambda_m {plus_minus(service.lambda_m, service.lambda_m_std)}",
+            f"creep {_number(service.creep_speed, 3)} m/s",
+            f"doubt {service.doubt.json_name or '-'}",
+        ]
+    speed = None if snapshot.speed is None else 3.6 * snapshot.speed
+    parts.append(f"speed {_number(speed, 1)} km/h")
+    slips = [axle.slip for axle in snapshot.axles if axle.slip is not None]
+    parts.append(f"slip {min(slips):.4f} .. {max(slips):.4f}" if slips else "slip -")
+    parts.append(f"{snapshot.frame_rate:.0f} frames/s")
+    trouble = [
+        f"{view.name or view.number} {view.state}"
+        for view in snapshot.messages
+        if view.state in (MessageState.SILENT, MessageState.FAULTY)
+    ]
+    if trouble:
+        parts.append(f"trouble: {', '.join(trouble)}")
+    return "  ".join(parts)
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def as_json(snapshot: Snapshot) -> dict[str, Any]:
+    """Object of one snapshot, SI units; None stands for 'not available' and for 'not known'."""
+    service, transport = snapshot.service, snapshot.transport
+    theta = (None, None, None) if service is None else service.theta or (None, None, None)
+    return {
+        "time_s": round(snapshot.time_s, 6),
+        "bus_time_s": snapshot.t_us / 1e6,
+        "position_s": None if transport.is_live else transport.position_s,
+        "service": None if service is None else transport.origin.name.lower(),
+        "status": None if service is None else service.status.name,
+        "silent": None if service is None else service.is_silent,
+        **{
+            name: None if service is None else getattr(service, name)
+            for name in ("mu_max", "mu_max_std", "lambda_m", "lambda_m_std")
+        },
+        "creep_setpoint_mps": None if service is None else service.creep_speed,
+        **dict(zip(("c1", "c2", "c3"), theta, strict=True)),
+        "doubt": None if service is None else service.doubt.json_name,
+        "surface_age_s": None if service is None else service.surface_age_s,
+        "speed_mps": snapshot.speed,
+        "axles": [_axle(axle) for axle in snapshot.axles],
+        "frames": snapshot.frames,
+        "frames_per_s": snapshot.frame_rate,
+        "frames_dropped": transport.dropped,
+        "messages": [_message(view) for view in snapshot.messages],
+        "words": [sentence.plain for sentence in sentences(snapshot)],
+    }
+
+
+def _axle(axle: AxleView) -> dict[str, Any]:
+    return {
+        "axle": axle.axle,
+        "slip": axle.slip,
+        "adhesion": axle.adhesion,
+        "creep_speed_mps": axle.creep_speed,
+        "mu_max": axle.mu_max,
+        "lambda_m": axle.lambda_m,
+        "creep_setpoint_mps": axle.creep_setpoint,
+    }
+
+
+def _message(view: MessageView) -> dict[str, Any]:
+    return {
+        "name": view.name or None,
+        "id": view.number,
+        "kind": str(view.kind),
+        "state": str(view.state),
+        "age_s": None if view.age_us is None else view.age_us / 1e6,
+        "rate_per_s": view.rate,
+        "accepted": view.accepted,
+        "rejected": dict(view.rejected),
+        "lost": view.lost,
+    }

@@ -1,0 +1,188 @@
+"""Tables of axles, of messages and of the service's own figures, as lines of a width."""
+
+from collections.abc import Sequence
+
+from rich.text import Text
+
+from adhesion_can.monitoring.snapshot import (
+    AxleView,
+    Kind,
+    MessageState,
+    MessageView,
+    Snapshot,
+)
+from adhesion_can.reporting.terminal.boxes import boxed
+
+SIGNS = {
+    MessageState.OK: (" ", ""),
+    MessageState.FAULTY: ("!", "bold yellow"),
+    MessageState.SILENT: ("x", "bold red"),
+    MessageState.NEVER: ("-", "dim"),
+}
+"""Sign and style of each state of a message."""
+_TROUBLE = {MessageState.SILENT: 0, MessageState.FAULTY: 1, MessageState.OK: 2}
+NAME = 16
+"""Width of a message's name in a narrow table, cells."""
+WIDE = 68
+"""Width from which a table of messages has all its columns, with its frame, cells."""
+LARGEST_TEXT = 5
+"""Width of a count, cells."""
+
+
+def axle_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
+    """Slip ratio, adhesion, peak and creep of each axle, with its setpoint."""
+    lines: list[Text] = [Text("axle  slip adhes. lambda_m creep   set", "dim")]
+    rows = [_axle_row(axle) for axle in snapshot.axles]
+    room = height - 3
+    if len(rows) > room:
+        hidden = len(rows) - (room - 1)
+        rows = [*rows[: room - 1], Text(f"+{hidden} axles: more lines show them", "dim")]
+    speed = "" if snapshot.speed is None else f", at {3.6 * snapshot.speed:.1f} km/h"
+    return boxed(f"axles, creep in m/s{speed}", lines + rows, width, height)
+
+
+def _axle_row(axle: AxleView) -> Text:
+    return Text(
+        f"{axle.axle:>3}{_number(axle.slip, 8, 4)}{_number(axle.adhesion, 7, 3)}"
+        f"{_number(axle.lambda_m, 9, 4)}{_number(axle.creep_speed, 6, 2)}"
+        f"{_number(axle.creep_setpoint, 6, 2)}"
+    )
+
+
+def _number(value: float | None, width: int, digits: int) -> str:
+    """A number to the right of a width, with fewer digits where it is large; a dash for None."""
+    if value is None:
+        return "-".rjust(width)
+    for places in range(digits, -1, -1):
+        text = f"{value:.{places}f}"
+        if len(text) < width:
+            return text.rjust(width)
+    return f"{value:.0e}".rjust(width)[:width] if abs(value) < 1e99 else "large".rjust(width)
+
+
+def matching(messages: Sequence[MessageView], wanted: str) -> list[MessageView]:
+    """Messages whose name or number contains a text, in any case; all for ''."""
+    text = wanted.lower().removeprefix("0x")
+    return [m for m in messages if text in m.name.lower() or text in m.number.lower()]
+
+
+def message_panel(
+    snapshot: Snapshot,
+    width: int,
+    height: int,
+    wanted: str = "",
+    first_row: int = 0,
+    key: str = "",
+) -> list[Text]:
+    """Age, rate and faults of the messages; what is in trouble stands first where room is short.
+
+    Args:
+        snapshot: What is shown.
+        width: Width of the panel, cells.
+        height: Height of the panel, lines.
+        wanted: Part of the name or id of the messages to show; '' for all.
+        first_row: Number of messages that are scrolled past.
+        key: Key that shows all of them, for the line that counts the rest; '' for none.
+
+    """
+    found = matching(snapshot.messages, wanted)
+    room = height - 3
+    rest = ""
+    if len(found) > room and first_row == 0:
+        # Sorting is stable: within a state the order stays.
+        found.sort(key=lambda view: _TROUBLE.get(view.state, 3))
+    shown = found[first_row : first_row + room]
+    if len(found) - first_row > room:
+        shown = shown[:-1]
+        rest = _rest(found[first_row + len(shown) :], width - 2, key)
+    wide = width >= WIDE
+    heading = _WIDE_HEADING if wide else _NARROW_HEADING
+    lines = [Text(heading, "dim"), *(_message_row(view, width, wide=wide) for view in shown)]
+    if rest:
+        lines.append(Text(rest, "dim"))
+    if wanted and not found:
+        lines.append(Text("none has this in name or id", "dim"))
+    title = f"messages with {wanted!r}" if wanted else "messages"
+    if len(title) > width - 6:
+        title = "messages (filtered)"
+    return boxed(title, lines, width, height)
+
+
+_NARROW_HEADING = f"  {'name':{NAME}}{'age ms':>7}{'1/s':>5}{'bad':>6}"
+_WIDE_HEADING = (
+    f"  {'id':8} {'name':{NAME}}{'age ms':>8}{'1/s':>7}{'rejected':>9}{'lost':>7}  state"
+)
+
+
+def _rest(views: Sequence[MessageView], width: int, key: str) -> str:
+    trouble = sum(view.state in (MessageState.SILENT, MessageState.FAULTY) for view in views)
+    never = sum(view.state is MessageState.NEVER for view in views)
+    parts = [f"{trouble} in trouble"] if trouble else []
+    parts += [f"{never} never came"] if never else []
+    short = f"+{len(views)} more" + (f": {key}" if key else "")
+    long = f"{short} ({', '.join(parts)})" if parts else short
+    return long if len(long) <= width else short
+
+
+def _message_row(view: MessageView, width: int, *, wide: bool) -> Text:
+    sign, style = SIGNS[view.state]
+    name = view.name or f"id {view.number}"
+    age = "never" if view.age_us is None else _count(view.age_us // 1000)
+    rate = "" if view.rate is None else _rate(view.rate)
+    rejected = sum(view.rejected.values())
+    if not wide:
+        bad = rejected + view.lost
+        text = f"{sign} {_shortened(name, NAME):{NAME}}{age:>7}{rate:>5}{_count(bad):>6}"
+        return Text(text, style)
+    text = (
+        f"{sign} {view.number:8} {_shortened(name, NAME):{NAME}}{age:>8}{rate:>7}"
+        f"{_count(rejected):>9}{_count(view.lost):>7}  {view.state}"
+    )
+    counts = sorted(view.rejected.items(), key=lambda item: -item[1])
+    full = " ".join(f"{reason} {_count(number)}" for reason, number in counts)
+    for reasons in (full, *(reason for reason, _ in counts[:1])):
+        if len(text) + 2 + len(reasons) <= width - 2:
+            text += f": {reasons}" if reasons else ""
+            break
+    return Text(text, style)
+
+
+def _shortened(name: str, width: int) -> str:
+    """The name; of a longer one begin and end, which mostly has the number."""
+    return name if len(name) <= width else f"{name[: width - 5]}..{name[-3:]}"
+
+
+def _count(number: int) -> str:
+    """A count in at most five cells."""
+    if number < 10**LARGEST_TEXT:
+        return str(number)
+    return f"{number // 1000}k" if number < 10_000_000 else f"{min(number // 10**6, 9999)}M"
+
+
+def _rate(rate: float) -> str:
+    return f"{rate:.0f}" if rate >= 9.95 else f"{rate:.1f}"
+
+
+def service_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
+    """Curve parameters and figures of the service itself, for terminals with room for them."""
+    service = snapshot.service
+    lines: list[str] = []
+    if service is not None:
+        theta = service.theta
+        curve = "-" if theta is None else f"c1 {theta[0]:.4f}, c2 {theta[1]:.2f}, c3 {theta[2]:.4f}"
+        rejected, lost = _plain(service.rejected, "rejected", 0), _plain(service.lost, "lost", 0)
+        lines = [
+            f"curve     {curve}",
+            f"rail      {_plain(service.surface_age_s, 's since its change', 1)}",
+            f"creep     {_plain(service.creep_speed, 'm/s wanted of all axles', 3)}",
+            f"doubt     {service.doubt.name.lower().replace('_', ' ')}",
+            f"inputs    {rejected}, {lost}, by its own count",
+            f"loop      {_plain(service.loop_time_us, 'us, 99 % of the frames', 0)}",
+        ]
+    others = sum(view.kind is Kind.OTHER for view in snapshot.messages)
+    lines.append(f"frames    {snapshot.frames}, {snapshot.frame_rate:.0f} 1/s; {others} other ids")
+    return boxed("the service", lines[: height - 2], width, height)
+
+
+def _plain(value: float | None, unit: str, digits: int) -> str:
+    return f"- {unit}" if value is None else f"{value:.{digits}f} {unit}"
