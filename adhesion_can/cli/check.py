@@ -16,13 +16,14 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
-from adhesion_can.offline.check import CheckResult, check, mean_cycle_ms
+from adhesion_can.offline.check import CheckResult, check
 from adhesion_can.offline.check_table import TableCheck, check_table
 from adhesion_can.offline.compare_noise import ComparedNoise
 from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.recordings.tables.sample_table import read_table
+from adhesion_can.reporting.data_quality import MESSAGE_COLUMNS, message_rows
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 
@@ -101,23 +102,7 @@ def _print(result: CheckResult) -> None:
         f"{result.frames} frames in {result.duration_s:.1f} s, {result.unknown} of ids that nobody "
         f"listens to; {len(result.samples)} samples"
     )
-    rows = []
-    for record in result.receiver.records:
-        cycle, nominal = mean_cycle_ms(record), record.message.cycle_us
-        rows.append(
-            (
-                f"{record.message.plan.name} {record.message.plan.frame_id:#x}",
-                str(record.frames),
-                "-" if cycle is None else f"{cycle:.2f} ms",
-                "-" if nominal is None else f"{nominal / 1e3:.0f} ms",
-                f"{record.longest_gap_us / 1e3:.0f} ms",
-                str(sum(record.rejected.values())),
-                str(record.lost),
-                str(record.not_available),
-            )
-        )
-    columns = ("message", "frames", "cycle", "nominal", "longest gap", "rejected", "lost", "n/a")
-    out.print(table("Messages", columns, rows))
+    out.print(table("Messages", MESSAGE_COLUMNS, message_rows(result.receiver.records)))
     ranges = [
         (
             name,
