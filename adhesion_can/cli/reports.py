@@ -63,6 +63,15 @@ def require_report(options: argparse.Namespace) -> None:
         require_extra("--open" if html is None else str(html))
 
 
+def missing_report(html: Path) -> str:
+    """Why a page that nobody asked for by an option cannot be written; '' where it can."""
+    try:
+        require_extra(str(html))
+    except InputError as error:
+        return f"no report: {error}"
+    return ""
+
+
 def write_report(made: Page, options: argparse.Namespace, html: Path | None = None) -> list[str]:
     """Write the page and its pictures, and open it.
 

@@ -83,7 +83,7 @@ def overview_figure(
     axes.append({"title": {"text": "speed<br>km/h"}, "rangemode": "tozero"})
     rows = _state_rows(record, scale)
     data += [row | place(3) for row in rows]
-    axes.append({"type": "category", "autorange": "reversed"})
+    axes.append({"type": "category", "range": [len(rows) - 0.4, -0.6]})
     heights = [190.0, 190.0, 110.0, 26.0 * max(len(rows), 1)]
     height = round(sum(heights)) + 150
     layout = panel_layout(axes, scale.title, height, heights)

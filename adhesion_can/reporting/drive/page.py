@@ -183,7 +183,7 @@ def _states(record: DriveRecord) -> list[Part]:
         for kind, counts in (("status", record.statuses), ("doubt", record.doubts))
         for state, count in counts.most_common()
     ]
-    columns = ("", "state", "setpoints", "share")
+    columns = ("of", "state", "setpoints", "share")
     parts: list[Part] = [Table("Setpoints by status and by doubt.", columns, rows)]
     times = TimeScale.beginning_at(record.first_us)
     ends = [change.t_us for change in record.changes[1:]]
@@ -195,7 +195,7 @@ def _states(record: DriveRecord) -> list[Part]:
             f"{(end - change.t_us) / 1e6:.2f}",
             f"{change.distance:.0f}",
             state_name(change.status),
-            state_name(change.doubt) if change.doubt in DESCRIPTIONS else "-",
+            state_name(change.doubt),
         )
         for change, end in zip(record.changes[:MOST_ROWS], ends, strict=False)
     ]

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from adhesion_can.reporting.data_quality import quality_parts
 from adhesion_can.reporting.drive.page import DriveTexts
+from adhesion_can.reporting.page import Part
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import ReplaySummary
 
@@ -34,23 +35,35 @@ def replay_texts(
         title="Replay of a drive",
         lead=lead,
         verdict=[*verdict, _quality_sentence(core, summary.frames)],
-        quality=quality_parts(
-            core.receiver.records,
-            {
-                "frames": summary.frames,
-                "frames of other ids": core.counts.foreign,
-                "frames of our own ids, passed over": summary.own_skipped,
-                "frames rejected": core.receiver.rejected,
-                "frames lost": core.receiver.lost,
-                "frames stamped before the one in front of them": core.counts.clamped,
-                "restarts of the service after a hole in time": core.counts.restarts,
-                "samples": core.counts.samples,
-            },
-            core.dropped_samples | core.left_out_samples,
-            [*problems, *core.faults],
-        ),
+        quality=core_quality(core, summary.frames, summary.own_skipped, problems),
         provenance=provenance,
     )
+
+
+def core_quality(
+    core: ServiceCore, frames: int, own_skipped: int = 0, problems: Sequence[str] = ()
+) -> list[Part]:
+    """Parts of the section on data quality, of a core that went through a drive.
+
+    Args:
+        core: Core after the drive.
+        frames: Number of frames.
+        own_skipped: Number of recorded frames of our own ids.
+        problems: Sentence for each problem of the recordings.
+
+    """
+    counts = {
+        "frames": frames,
+        "frames of other ids": core.counts.foreign,
+        "frames of our own ids, passed over": own_skipped,
+        "frames rejected": core.receiver.rejected,
+        "frames lost": core.receiver.lost,
+        "frames stamped before the one in front of them": core.counts.clamped,
+        "restarts of the service after a hole in time": core.counts.restarts,
+        "samples": core.counts.samples,
+    }
+    dropped = core.dropped_samples | core.left_out_samples
+    return quality_parts(core.receiver.records, counts, dropped, [*problems, *core.faults])
 
 
 def duration_text(seconds: float) -> str:

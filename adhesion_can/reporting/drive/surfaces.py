@@ -94,6 +94,7 @@ class SurfaceRecorder:
         self._surfaces: list[Surface] = []
         self._clouds: dict[int, Cloud] = {}
         self._since_us: int | None = None
+        self._told_us = 0
         self._waiting: list[Samples] = []
         self._size = 0
         # Which samples are drawn must not differ between two runs.
@@ -107,14 +108,29 @@ class SurfaceRecorder:
             return
         since_us = t_us - round(age * 1e6)
         if since_us != self._since_us:
-            self._since_us = since_us
-            # Where an earlier surface is taken up again, the span begins now.
-            overlaps = bool(self._surfaces) and since_us < self._surfaces[-1].from_us
-            begin = t_us if overlaps else since_us
-            self._surfaces.append(Surface(begin, t_us, distance, outputs))
-        else:
-            known = self._surfaces[-1]
-            self._surfaces[-1] = Surface(known.from_us, t_us, distance, outputs)
+            self._begin(since_us, t_us)
+        self._since_us = since_us
+        begin_us = self._surfaces[-1].from_us
+        self._surfaces[-1] = Surface(begin_us, t_us, distance, outputs)
+
+    def _begin(self, since_us: int, t_us: int) -> None:
+        """Begin a surface, or date the present one anew.
+
+        A change is told some time after it happened, and its date may be corrected by the next
+        setpoints. So a date before the present surface was told is one of the present surface; the
+        begin of the surface before it takes that one up again.
+        """
+        known, continued = self._surfaces, self._since_us is not None
+        if continued and since_us <= self._told_us:
+            if len(known) > 1 and since_us <= known[-2].from_us:
+                self._clouds.pop(len(known) - 1, None)
+                known.pop()
+            else:
+                known[-1] = replace(known[-1], from_us=since_us)
+            return
+        floor_us = known[-1].from_us if known else since_us
+        known.append(Surface(max(since_us, floor_us), t_us, 0.0, Outputs()))
+        self._told_us = t_us
 
     def add_samples(self, samples: Samples) -> None:
         """Add samples, in the order of their collection."""
