@@ -159,12 +159,16 @@ def _faults(faults: FaultHistory) -> list[Part]:
     if faults.first_us is None:
         return [Text("There is no frame to show.")]
     times = TimeScale.beginning_at(faults.first_us)
-    t_s = faults.time_s + (faults.first_us - times.zero_us) / 1e6
+    since_s, rates = faults.rates()
+    t_s = since_s + (faults.first_us - times.zero_us) / 1e6
+    bad = faults.total("rejected") + faults.total("lost")
     data: list[Trace] = []
     for row, (kind, colour, symbol) in enumerate(
         (("accepted", BLUE, "circle"), ("rejected", RED, "x"), ("lost", ORANGE, "diamond"))
     ):
-        rate = faults.per_second(kind)
+        rate = rates[kind]
+        if row and not bad:
+            continue
         if row:
             some = rate > 0
             trace = {"mode": "markers", "x": t_s[some], "y": rate[some],
@@ -175,16 +179,16 @@ def _faults(faults: FaultHistory) -> list[Part]:
     axes = [
         {"title": {"text": "accepted<br>frames/s"}, "rangemode": "tozero"},
         {"title": {"text": "rejected, lost<br>frames/s"}, "rangemode": "tozero"},
-    ]
-    layout = panel_layout(axes, f"time, s{times.note}", 380)
+    ][: 2 if bad else 1]
+    height = 380 if bad else 240
+    layout = panel_layout(axes, f"time, s{times.note}", height)
     layout["xaxis"]["range"] = [float(t_s[0]), float(max(t_s[-1], t_s[0] + 1))]
-    bad = int(sum(faults.per_second(kind).sum() for kind in ("rejected", "lost")))
     caption = (
         f"Frames of the messages that are listened to, in spans of {faults.width_us / 1e6:g} s. "
         + ("Below: those that were rejected or are missing by their counters."
            if bad else "None was rejected and none is missing by its counter.")
     )  # fmt: skip
-    return [Figure(caption, data, layout, 380, "frames-over-time")]
+    return [Figure(caption, data, layout, height, "frames-over-time")]
 
 
 def _excitation(samples: Samples) -> list[Part]:

@@ -103,8 +103,8 @@ def _draw(figure: Figure) -> Any:
     for note in layout.get("annotations", ()):
         axes = panels[_number(str(note["yref"]).split()[0])]
         place = axes.get_xaxis_transform()
-        axes.text(note["x"], note["y"], _text(note["text"]), ha="center", va="bottom",
-                  transform=place)  # fmt: skip
+        style = {"ha": "center", "va": note.get("yanchor", "bottom"), "transform": place}
+        axes.text(note["x"], note["y"], _text(note["text"]), **style)
     _add_legend(canvas, panels[numbers[-1]], figure)
     return canvas
 

@@ -169,10 +169,10 @@ def _true_line(
 
 
 def _names(truth: Sequence[Mapping[str, Any]], scale: _Abscissa) -> list[dict[str, Any]]:
-    """Names of the true surfaces, above the first panel."""
+    """Names of the true surfaces, at the top of the first panel."""
     middles = np.array([5e5 * (s["from_s"] + s["to_s"]) for s in truth], dtype=np.float64)
     return [
-        {"x": x, "xref": "x", "y": 1.0, "yref": "y domain", "yanchor": "bottom",
+        {"x": x, "xref": "x", "y": 1.0, "yref": "y domain", "yanchor": "top",
          "text": str(surface["name"]), "showarrow": False}
         for x, surface in zip(scale.of(middles).tolist(), truth, strict=True)
     ]  # fmt: skip

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from adhesion_can.physics.doubt import DESCRIPTIONS
+from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.drive.figures import overview_figure, state_name, surface_figures
 from adhesion_can.reporting.drive.recorder import DriveRecord
@@ -105,6 +105,8 @@ def _verdict(record: DriveRecord) -> list[str]:
     if doubts:
         why = ", ".join(f"{DESCRIPTIONS[d]} ({_share(n, total)})" for d, n in doubts)
         found.append(f"Doubt: {why}; 'adhesion-can diagnose' looks for the cause.")
+    elif not record.doubts[Doubt.NONE]:
+        found.append("Whether the curve explains the data was not tested: doubt was not available.")
     else:
         found.append("No doubt: the residual depends on nothing that the curve leaves out.")
     return found
