@@ -30,7 +30,8 @@ from tests.reporting.test_experiment_report import NAMES, made_of
 from tests.reporting.test_page import Elements, nothing_is_loaded
 
 EPOCH_US = 1_790_000_000_000_000
-MOST_BYTES = 6_000_000
+MOST_BYTES = 4_000_000
+"""Of an hour of drive; docs/reports.md says so. At most 6 MB are asked for."""
 
 
 def outputs(t_us, rng):
@@ -170,7 +171,7 @@ def test_a_check_is_drawn_and_shows_the_faulty_frame(browser, log):
     assert sum(rejected["y"]) == 1.0  # per second, in spans of a second
 
 
-def test_an_hour_of_drive_is_below_six_megabytes(browser, hour, tmp_path):
+def test_an_hour_of_drive_is_a_small_page(browser, hour, tmp_path):
     path = tmp_path / "hour.html"
     write_page(hour, path)
     assert path.stat().st_size < MOST_BYTES
