@@ -205,6 +205,10 @@ def test_a_page_is_printed_light_and_within_its_paper(browser, hour, tmp_path):
         "[...document.querySelectorAll('.main-svg')].map((s) => s.getBoundingClientRect().width)"
     )
     assert max(widths) <= 680
+    fills = browser.evaluate(
+        "[...document.querySelectorAll('.main-svg')].map((s) => s.style.background)"
+    )
+    assert {fill for fill in fills if fill} == {"rgb(255, 255, 255)"}
     browser.evaluate("window.dispatchEvent(new Event('afterprint'))")
     assert len(browser.pdf()) > 10_000
 
