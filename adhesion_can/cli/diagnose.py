@@ -146,7 +146,7 @@ def _quote_argument(value: Path | str) -> str:
 
 def _require_outputs(options: argparse.Namespace, config: Configuration) -> None:
     """Raise an InputError for outputs that could not be written after the work."""
-    written = {"--extended": options.extended, "--json": options.json, **report_files(options)}
+    written = {**report_files(options), "--extended": options.extended, "--json": options.json}
     read = [*options.inputs, *options.holdout, config.database.path]
     require_outputs(options, written, read)
     require_report(options)

@@ -90,11 +90,11 @@ def write_report(made: Page, options: argparse.Namespace, html: Path | None = No
         path = Path(tempfile.mkdtemp(prefix="adhesion-can-")) / f"{options.command}.html"
     if path is not None:
         write_page(made, path)
-        lines.append(f"report: {path}")
+        lines.append(f"written: {path}")
     for name in PICTURES:
         target = getattr(options, name)
         if target is not None:
-            lines += [f"picture: {one}" for one in write_pictures(made, target)]
+            lines += [f"written: {one}" for one in write_pictures(made, target)]
     if options.open and path is not None and not webbrowser.open(path.resolve().as_uri()):
         print(f"no browser was found: open {path} by hand", file=sys.stderr)
     return lines

@@ -237,7 +237,7 @@ def test_open_without_html_opens_a_temporary_file_and_says_where(log, monkeypatc
     monkeypatch.setattr(webbrowser, "open", lambda url: opened.append(url) or True)
     assert main(["check", str(log), "--open"]) == 1
     out = capsys.readouterr().out
-    path = re.search(r"report: (\S+)", out).group(1)
+    path = re.search(r"written: (\S+)", out).group(1)
     assert opened == [f"file://{path}"]
 
 
