@@ -256,3 +256,13 @@ def test_plotly_in_the_page_is_plotly():
     elements = Elements(render(MADE["experiment"]()))
     packed = elements.texts("script", id="plotly")[0]
     assert gzip.decompress(b64decode(packed)).decode() == get_plotlyjs()
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_a_drive_of_few_setpoints_without_an_estimate_is_a_page_too(count, tmp_path):
+    recorder = DriveRecorder(0.25)
+    for number in range(count):
+        recorder.add(number * 20_000, Outputs(speed=3.0))
+    made = drive_page(recorder.result(), TEXTS, 0.25)
+    assert "Data quality" in render(made)
+    assert len(write_pictures(made, tmp_path / "p.svg")) == min(count, 2)
