@@ -22,6 +22,14 @@ from adhesion_can.cli.common import (
     write_json,
 )
 from adhesion_can.cli.reading import reading
+from adhesion_can.cli.reports import (
+    add_report,
+    is_asked_for,
+    page_provenance,
+    report_files,
+    require_report,
+    write_report,
+)
 from adhesion_can.config import Configuration
 from adhesion_can.config.calibrated_file import Correction, rim_axles, with_correction
 from adhesion_can.errors import InputError
@@ -36,6 +44,7 @@ from adhesion_can.reporting.calibration import (
     radius_table,
     speed_lines,
 )
+from adhesion_can.reporting.calibration_page import CoastingPlots, page
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
 from adhesion_can.sampling.traces import Trace
@@ -90,6 +99,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--delay", type=float, metavar="S", help="known delay of the vehicle speed (else estimated)"
     )
+    add_report(parser)
     add_json(parser)
     add_configuration(parser)
 
@@ -101,10 +111,11 @@ def run(options: argparse.Namespace) -> int:
     inputs = [*options.log, *([reference_path(options.speed)[0]] if options.speed else [])]
     require_outputs(
         options,
-        {"--out": options.out, "--json": options.json},
+        {"--out": options.out, "--json": options.json, **report_files(options)},
         [*inputs, config.database.path],
         renewed="--out",
     )
+    require_report(options)
     reference = (
         None if options.speed is None else Trace.from_readings(*read_reference(options.speed))
     )
@@ -126,25 +137,26 @@ def run(options: argparse.Namespace) -> int:
     notes = calibration_notes(result, settings, rim, named)
     notes += _notes_on_source(result, loaded, reference)
     problems = describe_problems(recordings)
-    write_json(
-        options.json,
-        {
-            **result.to_dict(rim),
-            "notes": notes,
-            "problems": problems,
-            **provenance(config, inputs),
-        },
-    )
+    origin = provenance(config, inputs)
+    document = {**result.to_dict(rim), "notes": notes, "problems": problems, **origin}
+    write_json(options.json, document)
     if options.out is not None:
         text = with_correction(
             config, options.config, options.out, _correction(result, config, options, inputs)
         )
         with whole_file(options.out) as file:
             file.write(text)
+    lines = []
+    if is_asked_for(options):
+        said = page_provenance(origin, options)
+        names = [recording.path.name for recording in recordings]
+        made = CoastingPlots.build(drives, names, config.vehicle, settings, result)
+        about = [*speed_lines(result, settings), *notes, *problems]
+        lines = write_report(page(result, made, rim, about, said), options)
     if talk(options):
         out = console()
         out.print(radius_table(result, rim))
-        for line in [*speed_lines(result, settings), *notes, *problems]:
+        for line in [*speed_lines(result, settings), *notes, *problems, *lines]:
             out.print(line, markup=False)
     return 0
 

@@ -1,6 +1,7 @@
 """`check`: whether a recording or a table is usable."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from adhesion_can.api.inputs import describe_left_out
@@ -15,14 +16,32 @@ from adhesion_can.cli.common import (
     write_json,
 )
 from adhesion_can.cli.reading import reading
+from adhesion_can.cli.reports import (
+    add_report,
+    is_asked_for,
+    page_provenance,
+    report_files,
+    require_report,
+    write_report,
+)
 from adhesion_can.config import Configuration
-from adhesion_can.offline.check import CheckResult, check, mean_cycle_ms
+from adhesion_can.offline.check import CheckResult, check
 from adhesion_can.offline.check_table import TableCheck, check_table
-from adhesion_can.offline.compare_noise import ComparedNoise
 from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.recordings.tables.sample_table import read_table
+from adhesion_can.reporting.check_page import (
+    COLUMN_COLUMNS,
+    NOISE_COLUMNS,
+    SIGNAL_COLUMNS,
+    column_rows,
+    noise_row,
+    recording_page,
+    signal_rows,
+    table_page,
+)
+from adhesion_can.reporting.data_quality import MESSAGE_COLUMNS, message_rows
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 
@@ -36,6 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG|TABLE")
     add_columns(parser)
+    add_report(parser)
     add_json(parser)
     add_configuration(parser)
 
@@ -43,7 +63,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
-    require_outputs(options, {"--json": options.json}, [*options.log, config.database.path])
+    written = {"--json": options.json, **report_files(options)}
+    require_outputs(options, written, [*options.log, config.database.path])
+    require_report(options)
     if are_tables(options.log, config):
         return _check_tables(options, config)
     recordings = open_recordings(options.log)
@@ -52,9 +74,14 @@ def run(options: argparse.Namespace) -> int:
     require_known_id(result, options)
     problems = describe_problems(recordings)
     result.failures.extend(problems)
-    write_json(options.json, {**result.as_json(), **provenance(config, options.log)})
+    origin = provenance(config, options.log)
+    write_json(options.json, {**result.as_json(), **origin})
+    lines = []
+    if is_asked_for(options):
+        lines = write_report(recording_page(result, page_provenance(origin, options)), options)
     if talk(options):
         _print(result)
+        _print_lines(lines)
     return 1 if result.failures else 0
 
 
@@ -65,27 +92,27 @@ def _check_tables(options: argparse.Namespace, config: Configuration) -> int:
         rows = read_table(path, config.columns)
         results.append(check_table(name, rows, describe_left_out(rows, slip_max), config))
     document = {"tables": [result.to_dict() for result in results]}
-    write_json(options.json, {**document, **provenance(config, options.log)})
+    origin = provenance(config, options.log)
+    write_json(options.json, {**document, **origin})
+    lines = []
+    if is_asked_for(options):
+        lines = write_report(table_page(results, page_provenance(origin, options)), options)
     if talk(options):
         for result in results:
             _print_table(result)
+        _print_lines(lines)
     return 1 if any(result.failures for result in results) else 0
+
+
+def _print_lines(lines: Sequence[str]) -> None:
+    for line in lines:
+        console().print(line, markup=False)
 
 
 def _print_table(result: TableCheck) -> None:
     out = console()
-    rows = [
-        (
-            column.name,
-            "-" if column.lowest is None else f"{column.lowest:.6g}",
-            "-" if column.highest is None else f"{column.highest:.6g}",
-            str(column.missing),
-            column.meaning,
-        )
-        for column in result.columns
-    ]
     title = f"{result.name}: {result.rows} rows"
-    out.print(table(title, ("column", "lowest", "highest", "empty", "taken for"), rows))
+    out.print(table(title, COLUMN_COLUMNS, column_rows(result)))
     _print_sentences(result)
 
 
@@ -101,38 +128,11 @@ def _print(result: CheckResult) -> None:
         f"{result.frames} frames in {result.duration_s:.1f} s, {result.unknown} of ids that nobody "
         f"listens to; {len(result.samples)} samples"
     )
-    rows = []
-    for record in result.receiver.records:
-        cycle, nominal = mean_cycle_ms(record), record.message.cycle_us
-        rows.append(
-            (
-                f"{record.message.plan.name} {record.message.plan.frame_id:#x}",
-                str(record.frames),
-                "-" if cycle is None else f"{cycle:.2f} ms",
-                "-" if nominal is None else f"{nominal / 1e3:.0f} ms",
-                f"{record.longest_gap_us / 1e3:.0f} ms",
-                str(sum(record.rejected.values())),
-                str(record.lost),
-                str(record.not_available),
-            )
-        )
-    columns = ("message", "frames", "cycle", "nominal", "longest gap", "rejected", "lost", "n/a")
-    out.print(table("Messages", columns, rows))
-    ranges = [
-        (
-            name,
-            str(seen.readings),
-            "-" if seen.readings == seen.not_available else f"{seen.lowest:.6g}",
-            "-" if seen.readings == seen.not_available else f"{seen.highest:.6g}",
-        )
-        for name, seen in result.signals.items()
-        if seen.readings
-    ]
-    out.print(table("Signals (SI units)", ("role", "readings", "lowest", "highest"), ranges))
+    out.print(table("Messages", MESSAGE_COLUMNS, message_rows(result.receiver.records)))
+    out.print(table("Signals (SI units)", SIGNAL_COLUMNS, signal_rows(result)))
     if result.noise:
-        noise = [_noise_row(compared) for compared in result.noise]
-        heads = ("sensor", "estimated", "configured", "errors last", "unit")
-        out.print(table("Noise, standard deviation", heads, noise))
+        noise = [noise_row(compared) for compared in result.noise]
+        out.print(table("Noise, standard deviation", NOISE_COLUMNS, noise))
     _print_sentences(result)
 
 
@@ -147,19 +147,3 @@ def _print_sentences(result: CheckResult | TableCheck) -> None:
         for line in lines:
             out.print(f"{head}: {line}", markup=False)
     out.print("verdict: not usable as it is" if result.failures else "verdict: usable")
-
-
-def _noise_row(compared: ComparedNoise) -> tuple[str, ...]:
-    """Estimated and configured noise of a sensor, as text."""
-    found, lasts = compared.estimate, "not known"
-    if found.std is None:
-        estimated = f"not known: {found.reason}"
-    elif found.reason:
-        estimated = f"below {found.std_error:.3g}"
-    else:
-        estimated = f"{found.std:.3g}"
-    if found.std is not None and found.lasts_s is not None:
-        lasts = (
-            f"{found.lasts_s:.2g} s" if found.lasts_s else f"not seen up to {found.seen_s:.2g} s"
-        )
-    return compared.name, estimated, f"{compared.configured:.3g}", lasts, compared.unit

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +29,14 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.reports import (
+    add_report,
+    missing_report,
+    page_provenance,
+    report_files,
+    require_report,
+    write_report,
+)
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.doubt.settings import EXACT
@@ -37,7 +45,11 @@ from adhesion_can.monitoring.snapshot import Transport, TruePeak
 from adhesion_can.monitoring.state import MonitorState
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.recording import from_message, to_message
-from adhesion_can.reporting.phases import Row, phase_table, phases
+from adhesion_can.reporting.drive.demonstrated import demo_texts
+from adhesion_can.reporting.drive.page import page
+from adhesion_can.reporting.drive.recorder import DriveRecorder
+from adhesion_can.reporting.page import Page
+from adhesion_can.reporting.phases import Phase, Row, phase_table, phases
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.terminal.view import MonitorView, ViewOptions
 from adhesion_can.reporting.text import console
@@ -76,8 +88,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path("adhesion-can-demo"),
         metavar="DIR",
-        help="folder for recording and truth (default ./adhesion-can-demo)",
+        help="folder for report, recording and truth (default ./adhesion-can-demo)",
     )
+    add_report(parser, html=False)
     add_json(parser)
 
 
@@ -90,7 +103,11 @@ def run(options: argparse.Namespace) -> int:
         )
     make_folder(options.out, "--out")
     own = {f"--out {name}": options.out / name for name in ("demo.log", "truth.json", "demo.json")}
-    require_outputs(options, {**own, "--json": options.json})
+    html = options.out / "report.html"
+    own["--out report.html"] = html
+    require_outputs(options, {**own, **report_files(options), "--json": options.json})
+    require_report(options)
+    missing = missing_report(html)
     config = load_configuration()
     # The simulated locomotive's instruments have no error, as those of a calibrated vehicle.
     config = replace(config, estimators=replace(config.estimators, instruments=EXACT))
@@ -103,6 +120,9 @@ def run(options: argparse.Namespace) -> int:
     summary = {"phases": [phase.as_json() for phase in found], **provenance(config)}
     write_json(str(options.out / "demo.json"), summary)
     write_json(options.json, summary)
+    written = [missing]
+    if not missing:
+        written = write_report(_page(bench, found, options), options, html)
     if talk(options):
         out = console()
         out.print(phase_table(found))
@@ -110,7 +130,18 @@ def run(options: argparse.Namespace) -> int:
         out.print(
             f"recording of all frames: {options.out / 'demo.log'} (adhesion-can replay takes it)"
         )
+        for line in written:
+            out.print(line, markup=False)
     return 0
+
+
+def _page(bench: "_Bench", found: Sequence[Phase], options: argparse.Namespace) -> Page:
+    """Report of the demo."""
+    configuration = bench.core.configuration
+    said = page_provenance(provenance(configuration), options)
+    texts = demo_texts(bench.simulation.truth(), found, bench.core, said)
+    slip_max = configuration.estimators.identifiability.slip_max
+    return page(bench.recorder.result(), texts, slip_max)
 
 
 class _Clock:
@@ -152,14 +183,18 @@ class _Bench:
         self.monitor = MonitorState(config)
         """What is on the bus, for the view."""
         self.rows: list[Row] = []
+        self.recorder = DriveRecorder(config.estimators.identifiability.slip_max)
         self._log = log
         self._clock = _Clock()
         self._channel = f"demo-{uuid.uuid4().hex[:8]}"
-        self._core = ServiceCore(config, on_setpoint=self._setpoint)
+        self.core = ServiceCore(
+            config, on_setpoint=self._setpoint, on_samples=self.recorder.add_samples
+        )
         self._failures: list[BaseException] = []
 
     def _setpoint(self, t_us: int, outputs: Outputs) -> None:
         self.rows.append(Row(t_us, outputs, self.simulation.adhesion_used()))
+        self.recorder.add(t_us, outputs)
 
     def _open(self) -> can.BusABC:
         return can.Bus(interface="virtual", channel=self._channel, preserve_timestamps=True)
@@ -167,7 +202,7 @@ class _Bench:
     def run(self, view: Any) -> None:
         """Run the demo to its end; errors of any party come out here."""
         service = LiveService(
-            self._core, ReconnectingBus(self._open, self._core.ids), clock=self._clock
+            self.core, ReconnectingBus(self._open, self.core.ids), clock=self._clock
         )
         thread = threading.Thread(target=self._guarded, args=(service.run,), name="service")
         with whole_file(self._log) as file, self._open() as recorder_bus, self._open() as bus:

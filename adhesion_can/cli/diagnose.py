@@ -27,6 +27,13 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.reports import (
+    add_report,
+    is_asked_for,
+    report_files,
+    require_report,
+    write_report,
+)
 from adhesion_can.config import Configuration
 from adhesion_can.config.model_file import write_model
 from adhesion_can.diagnosis.diagnose import ShowProgress
@@ -37,7 +44,6 @@ from adhesion_can.reporting.diagnosis import (
     terminal,
 )
 from adhesion_can.reporting.diagnosis_page import page
-from adhesion_can.reporting.page import require_extra, write_page
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
 from adhesion_can.version import __version__
@@ -59,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LOG|TABLE",
         help="measure the gain on these alone (default: on blocks of the inputs)",
     )
-    parser.add_argument("--html", type=Path, metavar="F", help="write a page (extra 'report')")
+    add_report(parser)
     parser.add_argument(
         "--extended",
         type=Path,
@@ -104,12 +110,12 @@ def run(options: argparse.Namespace) -> int:
             write_model(_with_provenance(found.model, found, command), options.extended)
             written.append(options.extended)
     write_json(options.json, {**found.to_dict(), "problems": problems, **origin})
-    if options.html is not None:
-        write_page(page(found, _page_provenance(origin), problems), options.html)
-        written.append(options.html)
+    report = []
+    if is_asked_for(options):
+        report = write_report(page(found, _page_provenance(origin), problems), options)
     if talk(options):
         written += [] if options.json is None else [options.json]
-        _print(found, [*problems, *(f"written: {path}" for path in written)])
+        _print(found, [*problems, *(f"written: {path}" for path in written), *report])
     return 0
 
 
@@ -140,11 +146,10 @@ def _quote_argument(value: Path | str) -> str:
 
 def _require_outputs(options: argparse.Namespace, config: Configuration) -> None:
     """Raise an InputError for outputs that could not be written after the work."""
-    written = {f"--{name}": getattr(options, name) for name in ("html", "extended", "json")}
+    written = {**report_files(options), "--extended": options.extended, "--json": options.json}
     read = [*options.inputs, *options.holdout, config.database.path]
     require_outputs(options, written, read)
-    if options.html is not None:
-        require_extra(str(options.html))
+    require_report(options)
 
 
 # ------------------------------------------------------------------------------------ work

@@ -15,8 +15,15 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.reports import (
+    add_report,
+    is_asked_for,
+    page_provenance,
+    report_files,
+    require_report,
+    write_report,
+)
 from adhesion_can.reporting.evaluation import page, render_evaluation
-from adhesion_can.reporting.page import require_extra, write_page
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
 
@@ -31,8 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", type=Path, metavar="F", required=True, help="model that 'diagnose' wrote"
     )
-    parser.add_argument("--html", type=Path, metavar="F", help="write a page (extra 'report')")
     add_columns(parser)
+    add_report(parser)
     add_json(parser)
     add_configuration(parser)
 
@@ -40,10 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
-    written = {"--html": options.html, "--json": options.json}
+    written = {"--json": options.json, **report_files(options)}
     require_outputs(options, written, [*options.inputs, config.database.path])
-    if options.html is not None:
-        require_extra(str(options.html))
+    require_report(options)
     input_files = list_input_files(options.inputs, columns=config.columns)
     with progress("reading", len(input_files), "") as done:
         loaded = load_inputs(
@@ -53,13 +59,14 @@ def run(options: argparse.Namespace) -> int:
     problems = [problem for one in loaded for problem in one.problems]
     origin = provenance(config, options.inputs)
     write_json(options.json, {**found.to_dict(), "problems": problems, **origin})
-    if options.html is not None:
-        entries = {"model": str(options.model), "version": str(origin["version"])}
-        write_page(page(found, str(options.model), problems, entries), options.html)
+    lines = []
+    if is_asked_for(options):
+        entries = page_provenance(origin, options)
+        lines = write_report(page(found, str(options.model), problems, entries), options)
     if talk(options):
         out = console()
         for part in render_evaluation(found):
             out.print(part, markup=False) if isinstance(part, str) else out.print(part)
-        for problem in problems:
-            out.print(problem, markup=False)
+        for line in (*problems, *lines):
+            out.print(line, markup=False)
     return 0

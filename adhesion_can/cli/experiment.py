@@ -24,6 +24,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.reports import add_report, report_files, require_report, write_report
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.registry import estimator_by_name, known_estimators, oracle
 from adhesion_can.experiments.figures_of_merit import NoiseLevelResult, collect_runs
@@ -44,7 +45,7 @@ from adhesion_can.reporting.experiment import (
     page,
     verdict,
 )
-from adhesion_can.reporting.page import require_extra, write_page
+from adhesion_can.reporting.page import require_extra
 from adhesion_can.reporting.text import PIPE_WIDTH, console, table
 from adhesion_can.version import __version__
 
@@ -91,6 +92,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="only this one, besides the paper's own and the oracle; may be repeated: "
         + ", ".join(known_estimators()),
     )
+    add_report(parser, html=False)
     add_json(parser)
 
 
@@ -111,12 +113,15 @@ def run(options: argparse.Namespace) -> int:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(CSV_COLUMNS)
         writer.writerows(csv_rows(outcomes))
+    report: list[str] = []
     if missing is None:
         texts = {name: str(value) for name, value in provenance.items() if value}
-        write_page(page(outcomes, texts), out.with_suffix(".html"))
+        report = write_report(page(outcomes, texts), options, out.with_suffix(".html"))
     write_json(options.json, numbers)
     if talk(options):
         _print(outcomes, out, missing)
+        for line in report[1:]:
+            print(line)
     return 0
 
 
@@ -134,7 +139,8 @@ def _check(options: argparse.Namespace) -> None:
     make_folder(options.out, "--out")
     out = options.out / f"experiment-{options.number}"
     own = {f"--out {suffix}": out.with_suffix(suffix) for suffix in (".html", ".json", ".csv")}
-    require_outputs(options, {**own, "--json": options.json})
+    require_outputs(options, {**own, **report_files(options), "--json": options.json})
+    require_report(options)
 
 
 def _missing_extra(page_file: Path) -> InputError | None:

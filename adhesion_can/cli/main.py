@@ -8,6 +8,7 @@ import argparse
 import errno
 import gc
 import os
+import shlex
 import signal
 import sys
 import threading
@@ -112,6 +113,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except AdhesionCanError as error:  # of an installed extension that a help text names
         print(f"adhesion-can: {error}", file=sys.stderr)
         return 2
+    words = sys.argv[1:] if arguments is None else arguments
+    options.command_line = shlex.join(["adhesion-can", *map(str, words)])
     try:
         with _terminable():
             status: int = options.run(options)

@@ -23,6 +23,14 @@ from adhesion_can.cli.common import (
     write_json,
 )
 from adhesion_can.cli.reading import reading
+from adhesion_can.cli.reports import (
+    add_report,
+    is_asked_for,
+    page_provenance,
+    report_files,
+    require_report,
+    write_report,
+)
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.registry import known_estimators
@@ -36,6 +44,9 @@ from adhesion_can.physics.status import Status
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence, open_recordings
+from adhesion_can.reporting.drive.page import page
+from adhesion_can.reporting.drive.recorder import DriveRecorder, NoRecorder
+from adhesion_can.reporting.drive.replayed import replay_texts
 from adhesion_can.reporting.export import require_format
 from adhesion_can.reporting.provenance import provenance, texts
 from adhesion_can.reporting.sample_rows import sample_table
@@ -79,11 +90,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     span.add_argument("--to", dest="to_s", type=float, metavar="S")
     parser.add_argument("--realtime", action="store_true", help="at the recording's own speed")
     add_model(parser, MODEL_ONLINE)
+    add_report(parser)
     add_json(parser)
     add_configuration(parser)
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after another
     """Run the command."""
     _require_span(options)
     config = configuration(options)
@@ -98,9 +110,13 @@ def run(options: argparse.Namespace) -> int:
         frames = stack.enter_context(whole_file(options.frames)) if options.frames else None
         channel = _Channel()
 
+        slip_max = config.estimators.identifiability.slip_max
+        recorder = DriveRecorder(slip_max) if is_asked_for(options) else NoRecorder()
+
         def on_setpoint(t_us: int, outputs: Outputs) -> None:
             setpoints.add(outputs)
             write_row(t_us, outputs)
+            recorder.add(t_us, outputs)
 
         def send(frame: Frame) -> None:
             if frames is not None:
@@ -112,6 +128,7 @@ def run(options: argparse.Namespace) -> int:
         def on_samples(samples: Samples) -> None:
             collector.add(samples)
             add_samples(samples, core.estimate)
+            recorder.add_samples(samples)
 
         watched = stack.enter_context(reading("replaying", recordings))
         span = {"from_s": options.from_s, "to_s": options.to_s}
@@ -130,9 +147,16 @@ def run(options: argparse.Namespace) -> int:
     document = _document(summary, core, setpoints, problems)
     document["fit"] = None if misfit is None else misfit.as_json()
     write_json(options.json, {**document, **origin})
+    fit = _describe_fit(misfit, config)
+    written = []
+    if isinstance(recorder, DriveRecorder):
+        said = page_provenance(origin, options)
+        about = replay_texts(summary, core, problems, [fit], said)
+        written = write_report(page(recorder.result(), about, slip_max), options)
     if talk(options):
         _print(summary, core, setpoints, problems)
-        _print_fit(misfit, config)
+        for line in (fit, *written):
+            console().print(line, markup=False)
     return 0
 
 
@@ -152,7 +176,9 @@ def _require_span(options: argparse.Namespace) -> None:
 def _require_outputs(options: argparse.Namespace, config: Configuration) -> None:
     tables = {"--table": options.table, "--samples": options.samples}
     written = {"--frames": options.frames, "--json": options.json, **tables}
+    written |= report_files(options)
     require_outputs(options, written, [*options.log, config.database.path])
+    require_report(options)
     for option, path in tables.items():
         if path:
             require_format(path, option)
@@ -279,14 +305,12 @@ def _print(
         out.print(line, markup=False)
 
 
-def _print_fit(misfit: Misfit | None, config: Configuration) -> None:
-    out = console()
+def _describe_fit(misfit: Misfit | None, config: Configuration) -> str:
+    """Sentence on the error of the adhesion about the best-fitting curves."""
     if misfit is None:
-        out.print("Too few samples for a misfit of the curve.")
-        return
+        return "Too few samples for a misfit of the curve."
     count = misfit.segments
     curves = "one curve" if count == 1 else f"{count} curves, one a surface"
     if config.model is not None and config.model.names:
         curves += f" with {', '.join(config.model.names)}"
-    text = f"RMSE of the adhesion about {curves}: {misfit.rmse:.4f} ({misfit.samples} samples)"
-    out.print(text, markup=False)
+    return f"RMSE of the adhesion about {curves}: {misfit.rmse:.4f} ({misfit.samples} samples)"

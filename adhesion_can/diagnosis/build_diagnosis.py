@@ -23,6 +23,7 @@ from adhesion_can.diagnosis.inference.one_speed import find_rivals_at_one_speed,
 from adhesion_can.diagnosis.peak_spread import compare_peaks, fit_other_forms
 from adhesion_can.diagnosis.plot_data import (
     build_curve_data,
+    build_prediction_plot,
     build_profile,
     build_simulation_plots,
     find_plotted_channel,
@@ -136,6 +137,7 @@ def build_diagnosis(
         model=model,
         profile=profile,
         simulation_plots=tuple(simulation_plots),
+        prediction=build_prediction_plot(data, plain, extended.model),
         curves=build_curve_data(data, surface, extended.model),
         samples={drive.name: len(drive) for drive in drives},
         lost=_count_lost_rows(drives),

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
-from adhesion_can.diagnosis.plot_result import CurveData, Profile, SimulationPlot
+from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
 from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
@@ -156,6 +156,31 @@ def _evaluate_drive(drive: DriveData, model: Model, surface: int) -> Evaluation:
     """A model with the curve of one surface, evaluated on every row of a drive."""
     data = RegressionData((drive,), np.zeros(len(drive), dtype=np.int64), 1)
     return evaluate_model(data, model.curves.select(surface), model.active_effects)
+
+
+def build_prediction_plot(
+    data: RegressionData, plain: Model, extended: Model
+) -> PredictionPlot | None:
+    """Measured against predicted adhesion of sample tables, which have no wheel speed to simulate.
+
+    Args:
+        data: Rows of all drives.
+        plain: Model without effects.
+        extended: Model with effects.
+
+    Returns:
+        Rows evenly spaced; None where the data are recordings, or no row is used.
+
+    """
+    rows = np.flatnonzero(data.surface != EXCLUDED)
+    if not len(rows) or not all(drive.table for drive in data.drives):
+        return None
+    before = evaluate_model(data, plain.curves, plain.active_effects)
+    after = evaluate_model(data, extended.curves, extended.active_effects)
+    shown = rows[:: -(-len(rows) // POINTS)]
+    return PredictionPlot(
+        before.adhesion[shown], before.predicted[shown], after.predicted[shown], len(rows)
+    )
 
 
 def simulate_wheel_speed(

@@ -64,6 +64,24 @@ class SimulationPlot:
 
 
 @dataclass(frozen=True, slots=True)
+class PredictionPlot:
+    """Measured against predicted adhesion of a sample table: some of its rows; shape (n,) each.
+
+    Attributes:
+        measured: Measured adhesion.
+        before: Adhesion that the plain model predicts.
+        after: Adhesion that the extended model predicts.
+        rows: Number of rows of which these are a part.
+
+    """
+
+    measured: Array
+    before: Array
+    after: Array
+    rows: int
+
+
+@dataclass(frozen=True, slots=True)
 class CurveData:
     """Data of one surface for plots: some of its rows; shape (n,) each.
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
-from adhesion_can.diagnosis.plot_result import CurveData, Profile, SimulationPlot
+from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects.channel_factor import PREFIX
 from adhesion_can.physics.effects.formula import FORMULA
@@ -276,12 +276,13 @@ class Diagnosis:
         surfaces: Adhesion curves of every segment.
         model: Extended model; None where no curve with a peak could be fitted.
         profile: Mean residual over the channel that matters; None: no channel does.
-        simulation_plots: Measured against simulated signals.
+        simulation_plots: Measured against simulated signals; none of a sample table.
         curves: Data of the longest segment; None without data.
         samples: Number of rows by input name.
         lost: Number of unusable rows by input name and reason.
         input_files: Input files; () where the data came from no file.
         families: Curve families side by side, Burckhardt's first; () without a verdict.
+        prediction: Measured against predicted adhesion of sample tables; None of recordings.
 
     """
 
@@ -303,6 +304,7 @@ class Diagnosis:
     lost: Mapping[str, int] = field(default_factory=dict)
     input_files: tuple[InputFile, ...] = ()
     families: tuple[FamilyResult, ...] = ()
+    prediction: PredictionPlot | None = None
 
     @property
     def longest_segment(self) -> SegmentResult | None:

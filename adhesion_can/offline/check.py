@@ -15,6 +15,7 @@ from adhesion_can.config import UNKNOWN_CYCLE, Configuration
 from adhesion_can.estimation.batch_fit import BatchResult, identify
 from adhesion_can.offline.compare_noise import NOISY_ROLES, ComparedNoise, compare_noise
 from adhesion_can.offline.extract_samples import SampleExtractor
+from adhesion_can.offline.fault_history import FaultHistory
 from adhesion_can.offline.load_traces import LoadedTraces
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.physics.readings import Role, role_name
@@ -72,6 +73,7 @@ class CheckResult:
         findings: Quantities that can be estimated from it, a sentence each.
         warnings: Settings that the recording contradicts, a sentence each.
         noise: Noise of the sensors as their readings show it, beside the configured one.
+        faults: Frames that were accepted, rejected and lost over time.
 
     """
 
@@ -88,6 +90,7 @@ class CheckResult:
     findings: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     noise: tuple[ComparedNoise, ...] = ()
+    faults: FaultHistory = field(default_factory=FaultHistory)
 
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
@@ -157,7 +160,8 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
         for (role, axle), (_, values) in readings.items():
             signals[role_name(role, axle)].add(values)
 
-    extractor = SampleExtractor(configuration, add_readings)
+    faults = FaultHistory()
+    extractor = SampleExtractor(configuration, add_readings, faults.add)
     samples = extractor.run(blocks)
     counts = extractor.counts
     result = CheckResult(
@@ -170,6 +174,7 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
         samples,
         extractor.dropped,
         noise=compare_noise(traces, configuration),
+        faults=faults,
     )
     _check_messages(result)
     _check_senders(result)

@@ -46,6 +46,7 @@ class TableCheck:
         warnings: What is odd about it, or not used, a sentence each.
         limits: What cannot be estimated from it, a sentence each.
         findings: What can be estimated from it, a sentence each.
+        samples: Samples of the table.
 
     """
 
@@ -56,6 +57,7 @@ class TableCheck:
     warnings: list[str] = field(default_factory=list)
     limits: list[str] = field(default_factory=list)
     findings: list[str] = field(default_factory=list)
+    samples: Samples | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """For `--json`."""
@@ -82,7 +84,7 @@ def check_table(name: str, table: Table, left_out: list[str], config: Configurat
 
     """
     samples = table.samples
-    result = TableCheck(name, table.rows, tuple(_columns(table)))
+    result = TableCheck(name, table.rows, tuple(_columns(table)), samples=samples)
     result.warnings.extend(left_out)
     result.findings.extend(table.notes)
     odd = inspect_samples(samples, table=True, timed=table.timed)

@@ -5,9 +5,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adhesion_can.bus.block import Block, Kind, clamped
 from adhesion_can.bus.receiver import Receiver
+from adhesion_can.bus.receiver_columns import ReceivedBlock
 from adhesion_can.config import Configuration
 from adhesion_can.errors import RecordingError
 from adhesion_can.physics.samples import Samples
@@ -23,11 +25,15 @@ class SampleExtractor:
     Args:
         configuration: Messages, roles, vehicle and settings of the sampling.
         on_readings: Callback with the readings of each block's accepted frames.
+        on_received: Callback with the stamps of each block's frames, µs, and what became of them.
 
     """
 
     def __init__(
-        self, configuration: Configuration, on_readings: Callable[[Readings], None] = lambda _: None
+        self,
+        configuration: Configuration,
+        on_readings: Callable[[Readings], None] = lambda _: None,
+        on_received: Callable[[NDArray[np.int64], ReceivedBlock], None] = lambda _, __: None,
     ) -> None:
         self.receiver = Receiver(configuration.messages)
         self.counts: Counter[str] = Counter()
@@ -35,6 +41,7 @@ class SampleExtractor:
         self.first_us: int | None = None
         self.last_us = 0
         self._on_readings = on_readings
+        self._on_received = on_received
         self._former = configuration.make_column_former()
         self._formed: list[Samples] = []
 
@@ -66,6 +73,7 @@ class SampleExtractor:
         received = self.receiver.accept_block(frames, t_us)
         self.counts["unknown"] += received.foreign
         self._on_readings(received.readings)
+        self._on_received(t_us, received)
         self._former.add(received.readings)
         first, self.last_us = self.last_us, int(t_us[-1])
         begin = first + UPDATE_US - (first - self.first_us) % UPDATE_US

@@ -83,9 +83,15 @@ def _would_be(std: float, unit: str) -> str:
     return "no bound" if std == inf else f"standard error would be {std:.2g} {unit}"
 
 
-def radius_table(result: Calibration, rim: Collection[int]) -> FittingTable:
-    """Table of the radii, a row per axle; `rim` has the axles with the speed of the rim."""
-    rows = [
+def radius_columns(result: Calibration) -> tuple[str, ...]:
+    """Headings of the table of the radii."""
+    kind = "coasting" if result.effort_known else "steady speed"
+    return ("axle", "configured m", "radius m", "change %", f"{kind} s", "corrects")
+
+
+def radius_rows(result: Calibration, rim: Collection[int]) -> list[tuple[str, ...]]:
+    """Cells of the radii, a row per axle; `rim` has the axles with the speed of the rim."""
+    return [
         (
             str(axle.axle),
             f"{axle.configured:.4f}",
@@ -100,9 +106,12 @@ def radius_table(result: Calibration, rim: Collection[int]) -> FittingTable:
         )
         for axle in result.axles
     ]
-    kind = "coasting" if result.effort_known else "steady speed"
-    columns = ("axle", "configured m", "radius m", "change %", f"{kind} s", "corrects")
-    return table("Wheel radii, ± standard error", columns, rows)
+
+
+def radius_table(result: Calibration, rim: Collection[int]) -> FittingTable:
+    """Table of the radii, a row per axle; `rim` has the axles with the speed of the rim."""
+    title = "Wheel radii, ± standard error"
+    return table(title, radius_columns(result), radius_rows(result, rim))
 
 
 def speed_lines(result: Calibration, settings: CalibrationSettings) -> list[str]:

@@ -5,6 +5,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 
@@ -33,12 +34,24 @@ def place(row: int) -> Trace:
     return {"xaxis": f"x{suffix(row)}", "yaxis": f"y{suffix(row)}"}
 
 
-def domains(count: int, height: int, gap: int) -> list[list[float]]:
-    """Vertical extents of panels one under the other, `gap` px apart, as shares of the height."""
+def domains(
+    count: int, height: int, gap: int, weights: Sequence[float] | None = None
+) -> list[list[float]]:
+    """Vertical extents of panels one under the other, `gap` px apart, as shares of the height.
+
+    Args:
+        count: Number of panels.
+        height: Height of the figure, px.
+        gap: Distance between two panels, px.
+        weights: Heights of the panels relative to each other; None: all are alike.
+
+    """
     space = gap / (height - MARGINS)
-    each = (1.0 - space * (count - 1)) / count
-    bottoms = (max((count - 1 - row) * (each + space), 0.0) for row in range(count))
-    return [[bottom, min(bottom + each, 1.0)] for bottom in bottoms]
+    shares = np.ones(count) if weights is None else np.asarray(weights, dtype=np.float64)
+    heights = (1.0 - space * (count - 1)) * shares / shares.sum()
+    tops = 1.0 - np.concatenate([[0.0], np.cumsum(heights + space)[:-1]])
+    pairs = zip(tops.tolist(), heights.tolist(), strict=True)
+    return [[max(top - own, 0.0), min(top, 1.0)] for top, own in pairs]
 
 
 def vertical_line(x: float, row: int, dash: str) -> Trace:
@@ -63,10 +76,24 @@ def log_axis(numbers: Sequence[float]) -> Trace:
     return {"type": "log", "range": [low, high], "tickvals": ticks, "ticktext": texts}
 
 
-def panel_layout(axes: Sequence[Mapping[str, Any]], title: str, height: int) -> dict[str, Any]:
-    """Layout of panels one under the other with a common abscissa."""
+def panel_layout(
+    axes: Sequence[Mapping[str, Any]],
+    title: str,
+    height: int,
+    weights: Sequence[float] | None = None,
+) -> dict[str, Any]:
+    """Layout of panels one under the other with a common abscissa.
+
+    Args:
+        axes: Ordinate of each panel.
+        title: Title of the abscissa.
+        height: Height of the figure, px.
+        weights: Heights of the panels relative to each other; None: all are alike.
+
+    """
     layout: dict[str, Any] = {}
-    for row, (y, domain) in enumerate(zip(axes, domains(len(axes), height, gap=22), strict=True)):
+    places = domains(len(axes), height, 22, weights)
+    for row, (y, domain) in enumerate(zip(axes, places, strict=True)):
         own, last = suffix(row), row + 1 == len(axes)
         layout[f"yaxis{own}"] = {**y, "domain": domain}
         x = {"anchor": f"y{own}", "showticklabels": last}
@@ -98,6 +125,34 @@ def faded(colour: str) -> str:
     """Transparent colour of an area, from the '#rrggbb' of its line."""
     red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
     return f"rgba({red},{green},{blue},0.13)"
+
+
+def runs(rows: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First row, and the row after the last one, of each run of true values; shape (n,)."""
+    edges = np.flatnonzero(np.diff(rows.astype(np.int8), prepend=0, append=0)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def band(x: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Outline of the area between two series, for a trace that is filled to itself.
+
+    Args:
+        x: Abscissa, shape (n,).
+        lower: Lower end, shape (n,); where one of the three is not finite the area is cut.
+        upper: Upper end, shape (n,).
+
+    Returns:
+        Abscissa and ordinate, with NaN between one part of the area and the next.
+
+    """
+    known = np.isfinite(x) & np.isfinite(lower) & np.isfinite(upper)
+    xs, ys = [np.empty(0)], [np.empty(0)]
+    for first, end in runs(known):
+        part = slice(first, end)
+        gap = [np.nan] if len(xs) > 1 else []
+        xs += [np.array(gap), x[part], x[part][::-1]]
+        ys += [np.array(gap), upper[part], lower[part][::-1]]
+    return np.concatenate(xs), np.concatenate(ys)
 
 
 def thinned(x: Array, *ys: Array, at_most: int = AT_MOST) -> tuple[Array, ...]:

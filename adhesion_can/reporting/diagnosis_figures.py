@@ -7,7 +7,12 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.formatting import short, unit_text
-from adhesion_can.diagnosis.plot_result import CurveData, Profile, SimulationPlot
+from adhesion_can.diagnosis.plot_result import (
+    CurveData,
+    PredictionPlot,
+    Profile,
+    SimulationPlot,
+)
 from adhesion_can.diagnosis.result import FamilyResult, Gain, SegmentResult
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.channels import channel_label
@@ -119,6 +124,36 @@ def simulation_figure(simulation_plot: SimulationPlot, *, extended: bool) -> Fig
         f"{simulation_plot.restart_s:g} s; adhesion is predicted from the measured slip."
     )
     return Figure(caption, data, layout, height)
+
+
+def prediction_figure(prediction: PredictionPlot, *, extended: bool) -> Figure:
+    """Measured against predicted adhesion: before and, where extended, after."""
+    shown = [(_BEFORE, prediction.before), (_AFTER, prediction.after)][: 1 + extended]
+    measured = prediction.measured
+    ends = _y_span([measured, *(predicted for _, predicted in shown)])
+    data: list[Trace] = []
+    axes = []
+    for row, (style, predicted) in enumerate(shown):
+        error = float(np.sqrt(np.nanmean((measured - predicted) ** 2)))
+        marker = {"color": style["line"]["color"], "size": 4, "opacity": 0.5}
+        points = {"type": "scatter", "mode": "markers", "x": measured, "y": predicted}
+        name = f"{style['name']}, RMSE {short(error)}"
+        data.append(points | {"name": name, "marker": marker, "hoverinfo": "skip"} | place(row))
+        line = {"color": DARK, "width": 1.2, "dash": "dash"}
+        ideal = {"type": "scatter", "mode": "lines", "name": "predicted = measured", "line": line}
+        data.append(ideal | {"x": ends, "y": ends, "showlegend": row == 0} | place(row))
+        which = "before" if row == 0 else "after"
+        axes.append({"title": {"text": f"predicted μ, {which}"}, "range": ends})
+    height = 90 + 260 * len(shown)
+    layout = panel_layout(axes, "measured adhesion coefficient μ", height)
+    for row in range(len(shown)):
+        layout[f"xaxis{suffix(row)}"]["range"] = ends
+    caption = (
+        f"Measured against predicted adhesion, {len(measured)} of {prediction.rows} rows. A table "
+        "of samples has no wheel speed of its own to simulate; adhesion is predicted from the slip "
+        "of each row. On the dashed line the model is right."
+    )
+    return Figure(caption, data, layout, height, "measured-against-predicted")
 
 
 def profile_figure(profile: Profile) -> Figure:

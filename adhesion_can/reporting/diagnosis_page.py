@@ -25,6 +25,7 @@ from adhesion_can.reporting.diagnosis_figures import (
     curve_figure,
     family_figure,
     gain_figure,
+    prediction_figure,
     profile_figure,
     simulation_figure,
 )
@@ -114,6 +115,8 @@ def _gain(found: Diagnosis) -> Parts:
 
 
 def _simulation_plots(found: Diagnosis) -> Parts:
+    if found.prediction is not None:
+        return [prediction_figure(found.prediction, extended=has_extension(found))]
     if not found.simulation_plots:
         return [Text("There is no span to show.")]
     return [

@@ -99,13 +99,15 @@ def _found(outputs: Outputs, mu_max: float) -> bool:
     )
 
 
-def phase_table(found: Sequence[Phase]) -> FittingTable:
-    """Table of truth and estimate, a row a surface; with a column of doubts where there are any."""
-    columns = (
-        "surface", "from s", "mu_max", "estimated", "error", "lambda_m", "estimated",
-        "found", "used", "doubt",
-    )  # fmt: skip
-    rows = []
+PHASE_COLUMNS = (
+    "surface", "from s", "mu_max", "estimated", "error", "lambda_m", "estimated",
+    "found", "used", "doubt",
+)  # fmt: skip
+
+
+def phase_rows(found: Sequence[Phase]) -> list[tuple[str, ...]]:
+    """Cells of truth and estimate, a row a surface."""
+    rows: list[tuple[str, ...]] = []
     for phase in found:
         out, true = phase.last or Outputs(), phase.truth
         point = out.setpoint
@@ -123,7 +125,13 @@ def phase_table(found: Sequence[Phase]) -> FittingTable:
                 out.doubt.name.lower().replace("_", " ") if out.doubt in DESCRIPTIONS else "-",
             )
         )
+    return rows
+
+
+def phase_table(found: Sequence[Phase]) -> FittingTable:
+    """Table of truth and estimate, a row a surface; with a column of doubts where there are any."""
+    rows = phase_rows(found)
     doubtful = any(phase.last and phase.last.doubt in DESCRIPTIONS for phase in found)
-    width = len(columns) if doubtful else len(columns) - 1
+    width = len(PHASE_COLUMNS) if doubtful else len(PHASE_COLUMNS) - 1
     title = "Truth and estimate at the end of each surface"
-    return table(title, columns[:width], [row[:width] for row in rows])
+    return table(title, PHASE_COLUMNS[:width], [row[:width] for row in rows])

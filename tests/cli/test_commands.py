@@ -376,7 +376,11 @@ def test_the_demo_ends_with_its_table_and_a_recording_that_replay_takes(tmp_path
     # At most what is due in 14 s; a machine that is busy may start the service late.
     assert 7 * 371 < result["frames_own_skipped"] <= 14 * 371 + 30
     assert result["frames_rejected"] == result["frames_lost"] == 0
-    assert {p.name for p in out.iterdir()} == {"demo.log", "demo.json", "truth.json", "r.json"}
+    written = {"demo.log", "demo.json", "truth.json", "report.html", "r.json"}
+    assert {p.name for p in out.iterdir()} == written
+    report = (out / "report.html").read_text()
+    assert "Truth and estimate at the end of each surface." in report
+    assert report.count('"name":"truth"') >= 2 * 2  # of two quantities, over time and over distance
 
 
 # --- bad input

@@ -16,7 +16,7 @@ from hypothesis.extra.numpy import arrays
 from adhesion_can.cli.common import finite
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
 from adhesion_can.diagnosis.formatting import measured
-from adhesion_can.diagnosis.plot_result import CurveData, Profile, SimulationPlot
+from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
 from adhesion_can.diagnosis.result import (
     Cause,
     Diagnosis,
@@ -567,3 +567,15 @@ def test_a_leap_of_the_abscissa_is_a_gap():
     np.testing.assert_array_equal(y[~np.isnan(y)], x + 1)
     one = np.array([1.0])
     assert insert_gaps(one, one) == (one, one)
+
+
+def test_a_table_shows_measured_against_predicted_adhesion():
+    measured = np.linspace(-0.3, 0.3, 50)
+    plot = PredictionPlot(measured, 0.8 * measured, measured + 0.01, 500)
+    made = page(replace(named(), simulation_plots=(), prediction=plot), PROVENANCE)
+    (part,) = next(s for s in made.sections if s.title == "Measured against simulated").parts
+    assert "50 of 500 rows" in part.caption
+    points = [trace for trace in part.data if trace["mode"] == "markers"]
+    rmse = 0.2 * np.sqrt(np.mean(measured**2))
+    assert [trace["name"].split("RMSE ")[1] for trace in points] == [f"{rmse:.3g}", "0.01"]
+    go.Figure(part.data, part.layout)

@@ -2,8 +2,6 @@
 
 import json
 import re
-import shutil
-import subprocess
 import sys
 from html.parser import HTMLParser
 from importlib import resources
@@ -14,6 +12,7 @@ import pytest
 from adhesion_can.errors import InputError
 from adhesion_can.reporting.page import (
     Figure,
+    Grid,
     Page,
     Section,
     Table,
@@ -22,6 +21,7 @@ from adhesion_can.reporting.page import (
     require_extra,
     write_page,
 )
+from adhesion_can.reporting.trace_summary import SUMMARY_COLUMNS
 
 NASTY = "</script><script>alert(1)</script><img src=http://example.org/x.png> & \"'"
 
@@ -110,8 +110,20 @@ def test_all_that_is_told_stands_in_the_page():
         "a note", "How it went", "version", "1.2.3",
     ):  # fmt: skip
         assert words in flat
-    assert elements.texts("th") == ["name", "value"]
-    assert elements.texts("td") == ["x", "1.5", "y", "-"]
+    assert elements.texts("th")[:2] == ["name", "value"]
+    assert elements.texts("td")[:4] == ["x", "1.5", "y", "-"]
+
+
+def test_the_numbers_of_a_figure_stand_below_it():
+    trace = {"name": "μ<sub>max</sub>", "x": [1, 2, 3, 4], "y": [0.5, None, np.nan, 0.25]}
+    elements = Elements(render(page(Figure("f", [trace, {"x": [9], "y": [9]}]))))
+    assert elements.texts("th") == [*SUMMARY_COLUMNS]
+    assert elements.texts("td") == ["μmax", "2", "1", "4", "0.25", "0.5", "0.25"]
+
+
+def test_figures_of_a_grid_are_drawn_like_others():
+    made = page(Grid([figure(), figure()]), figure())
+    assert len(made.figures) == len(Elements(render(made)).figures()) == 3
 
 
 def test_what_is_told_is_never_markup():
@@ -124,7 +136,7 @@ def test_what_is_told_is_never_markup():
     elements = nothing_is_loaded(render(told))
     assert len(elements.texts("script")) == 3  # the figure, Plotly, what draws
     assert elements.figures()[0]["data"][0]["name"] == NASTY
-    assert elements.texts("td") == [NASTY]
+    assert elements.texts("td")[:2] == [NASTY, NASTY]  # of the table, and of the figure's numbers
 
 
 def test_numbers_arrive_and_what_is_not_finite_is_null():
@@ -157,23 +169,3 @@ def test_without_the_extra_the_error_names_it(module, monkeypatch, tmp_path):
 def test_the_template_is_part_of_the_package():
     folder = resources.files("adhesion_can.reporting") / "templates"
     assert "<!DOCTYPE html>" in (folder / "page.html").read_text("utf-8")
-
-
-@pytest.mark.slow
-def test_a_browser_draws_every_figure_without_a_word_on_its_console(tmp_path):
-    browser = shutil.which("chromium") or shutil.which("google-chrome")
-    if browser is None:
-        pytest.skip("no Chromium here")
-    path = tmp_path / "page.html"
-    write_page(page(figure(), figure(y=[1.0, np.nan])), path)
-    done = subprocess.run(
-        [
-            browser, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr",
-            f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=8000", "--dump-dom",
-            path.as_uri(),
-        ],
-        capture_output=True, text=True, timeout=100, check=True,
-    )  # fmt: skip
-    assert "CONSOLE" not in done.stderr
-    assert done.stdout.count('class="plot js-plotly-plot"') == 2
-    assert done.stdout.count('class="scatterlayer') >= 2

@@ -1,0 +1,232 @@
+"""Page of a calibration: radii with intervals, the coasting they come from, and what is left."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.arrays import Array
+from adhesion_can.calibration.coasting import CalibrationSettings, CoastingDrive, find_coasting
+from adhesion_can.calibration.fit import Calibration
+from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.reporting.calibration import radius_columns, radius_rows
+from adhesion_can.reporting.charts import Trace, insert_gaps, panel_layout, place, runs, thinned
+from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
+from adhesion_can.result_text import TimeScale
+
+BEFORE, AFTER, GREY = "#d55e00", "#0b5fa5", "#8a95a3"
+BLOCK_S = 1.0
+"""Time over which residuals are averaged for the figure, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class DrivePlot:
+    """Coasting of one drive; n stamps of the vehicle speed, m axles.
+
+    Attributes:
+        name: Name of the recording.
+        t_us: Stamps, µs, shape (n,).
+        speed: Vehicle speed, m/s, shape (n,).
+        used: Whether the axle's value is used, shape (n, m).
+        before: Vehicle speed less rolling speed with the configured radii, m/s, shape (n, m).
+        after: Vehicle speed less rolling speed with what was found, m/s, shape (n, m).
+
+    """
+
+    name: str
+    t_us: NDArray[np.int64]
+    speed: Array
+    used: NDArray[np.bool_]
+    before: Array
+    after: Array
+
+
+@dataclass(frozen=True, slots=True)
+class CoastingPlots:
+    """Coasting of all drives.
+
+    Attributes:
+        axles: Numbers of the axles.
+        drives: Coasting of each drive.
+
+    """
+
+    axles: tuple[int, ...]
+    drives: tuple[DrivePlot, ...]
+
+    @classmethod
+    def build(
+        cls,
+        drives: Sequence[CoastingDrive],
+        names: Sequence[str],
+        vehicle: Locomotive,
+        settings: CalibrationSettings,
+        result: Calibration,
+    ) -> "CoastingPlots":
+        """Coasting of drives, with the residuals before and after a calibration.
+
+        Args:
+            drives: Signals of the drives.
+            names: Names of their recordings.
+            vehicle: Vehicle with the configured radii.
+            settings: Definition of coasting.
+            result: Calibration of these drives.
+
+        """
+        axles = tuple(axle.axle for axle in result.axles)
+        configured = np.array([axle.configured for axle in result.axles])
+        found = np.array([axle.ratio for axle in result.axles]) * configured
+        offset = 0.0 if result.offset is None else result.offset.value
+        plots = []
+        for drive, name in zip(drives, names, strict=True):
+            rows = find_coasting(drive, axles, vehicle, settings)
+            late = rows.speed + result.delay_used_s * rows.acceleration
+            plots.append(
+                DrivePlot(
+                    name,
+                    drive.speed.t_us,
+                    rows.speed,
+                    rows.used,
+                    rows.speed[:, None] - rows.rolling * configured,
+                    late[:, None] - rows.rolling * found - offset,
+                )
+            )
+        return cls(axles, tuple(plots))
+
+
+def page(
+    result: Calibration,
+    plots: CoastingPlots,
+    rim: Collection[int],
+    notes: Sequence[str],
+    provenance: Mapping[str, str],
+) -> Page:
+    """Build the page of a calibration.
+
+    Args:
+        result: Result of the calibration.
+        plots: Coasting of the drives.
+        rim: Axles whose wheel speed is sent as speed of the rim.
+        notes: Speed errors, limits, assumptions and problems, one sentence each.
+        provenance: Version, hashes and command by name.
+
+    """
+    known = [axle for axle in result.axles if axle.estimate is not None]
+    largest = max(known, key=lambda axle: abs(axle.ratio - 1), default=None)
+    verdict = [f"{len(known)} of {len(result.axles)} radii found."]
+    if largest is not None:
+        verdict.append(
+            f"Largest change: axle {largest.axle}, {100 * (largest.ratio - 1):+.2f} %; uncorrected "
+            f"it shifts the slip ratio by {abs(largest.ratio - 1):.4f}."
+        )
+    before, after = (_rms(plots, name) for name in ("before", "after"))
+    verdict.append(
+        f"Vehicle speed less rolling speed while coasting: {before:.4f} m/s before, {after:.4f} "
+        "m/s after (root mean square)."
+    )
+    note = "The interval of a figure is one of 95 %, by Student's t over the blocks."
+    table = Table(
+        "Radii, ± standard error.", radius_columns(result), radius_rows(result, rim), note
+    )
+    coasting = [_coasting_figure(plots.axles, drive) for drive in plots.drives if len(drive.t_us)]
+    left = [_residual_figure(plots.axles, drive) for drive in plots.drives if drive.used.any()]
+    return Page(
+        title="Wheel radii and errors of the vehicle speed",
+        lead=f"Calibration from coasting in {', '.join(drive.name for drive in plots.drives)}.",
+        verdict=verdict,
+        sections=[
+            Section("Radii", [table, _radius_figure(result)]),
+            Section("Limits and notes", [Items(notes)]),
+            Section("Coasting", coasting or [Text("There is no vehicle speed to show.")]),
+            Section("What is left", left or [Text("No axle coasts.")]),
+        ],
+        provenance=provenance,
+    )
+
+
+def _rms(plots: CoastingPlots, name: str) -> float:
+    parts = [getattr(drive, name)[drive.used] for drive in plots.drives]
+    values = np.concatenate([part[np.isfinite(part)] for part in parts])
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def _radius_figure(result: Calibration) -> Figure:
+    """Change of each radius with its interval."""
+    known = [(a, a.estimate) for a in result.axles if a.estimate is not None]
+    change = [100 * (axle.ratio - 1) for axle, _ in known]
+    reach = [100 * (q.interval[1] - q.value) / axle.configured for axle, q in known]
+    names = [f"axle {axle.axle}" for axle, _ in known]
+    bars = {"type": "data", "array": reach, "color": AFTER, "thickness": 1.6, "width": 5}
+    points = {"type": "scatter", "mode": "markers", "name": "radius found", "x": change, "y": names,
+              "error_x": bars, "marker": {"color": AFTER, "size": 9}}  # fmt: skip
+    line = {"color": GREY, "width": 1.2, "dash": "dash"}
+    ends = [-0.6, len(names) - 0.4]
+    layout = {
+        "xaxis": {"title": {"text": "change against the configured radius, %"}},
+        "yaxis": {"type": "category", "range": ends[::-1]},
+        "shapes": [{"type": "line", "xref": "x", "yref": "y domain", "x0": 0, "x1": 0, "y0": 0,
+                    "y1": 1, "line": line}],
+    }  # fmt: skip
+    caption = "Radii found, with 95 % intervals; the dashed line is the configured radius."
+    return Figure(caption, [points], layout, 110 + 30 * len(names), "radii")
+
+
+def _coasting_figure(axles: Sequence[int], drive: DrivePlot) -> Figure:
+    """Vehicle speed, and the spans in which each axle coasts."""
+    times = TimeScale.beginning_at(int(drive.t_us[0]))
+    t_s = (drive.t_us - times.zero_us) / 1e6
+    x, y = thinned(*insert_gaps(t_s, 3.6 * drive.speed))
+    data: list[Trace] = [
+        {"type": "scatter", "mode": "lines", "name": "vehicle speed", "x": x, "y": y,
+         "line": {"color": BEFORE, "width": 1.5}} | place(0)
+    ]  # fmt: skip
+    for axle, used in zip(axles, drive.used.T, strict=True):
+        name, spans = f"axle {axle}", runs(used)
+        xs = [v for first, end in spans for v in (t_s[first], t_s[end - 1], None)]
+        ys = [v for _ in spans for v in (name, name, None)]
+        data.append({"type": "scatter", "mode": "lines", "name": name, "showlegend": False,
+                     "x": xs or [None], "y": ys or [name],
+                     "line": {"color": AFTER, "width": 8}} | place(1))  # fmt: skip
+    axes: list[Trace] = [
+        {"title": {"text": "speed<br>km/h"}, "rangemode": "tozero"},
+        {"type": "category", "range": [len(axles) - 0.4, -0.6]},
+    ]
+    height = 280 + 24 * len(axles)
+    layout = panel_layout(axes, f"time, s{times.note}", height, (130.0, 24.0 * len(axles)))
+    caption = f"{drive.name}: vehicle speed, and the spans in which an axle coasts and is used."
+    return Figure(caption, data, layout, height, "coasting")
+
+
+def _residual_figure(axles: Sequence[int], drive: DrivePlot) -> Figure:
+    """Vehicle speed less rolling speed, before and after, in means of a second."""
+    times = TimeScale.beginning_at(int(drive.t_us[0]))
+    second = ((drive.t_us - drive.t_us[0]) // round(BLOCK_S * 1e6)).astype(np.int64)
+    begin_s = (int(drive.t_us[0]) - times.zero_us) / 1e6
+    data: list[Trace] = []
+    for name, colour, symbol, values in (
+        ("before", BEFORE, "x", drive.before),
+        ("after", AFTER, "circle", drive.after),
+    ):
+        xs, ys = [], []
+        for column, used in zip(values.T, drive.used.T, strict=True):
+            rows = used & np.isfinite(column)
+            count = np.bincount(second[rows])
+            some = count > 0
+            mean = np.bincount(second[rows], column[rows])[some] / count[some]
+            xs.append(begin_s + (np.flatnonzero(some) + 0.5) * BLOCK_S)
+            ys.append(mean)
+        data.append(
+            {"type": "scatter", "mode": "markers", "name": name, "x": np.concatenate(xs),
+             "y": np.concatenate(ys),
+             "marker": {"color": colour, "size": 5, "opacity": 0.6, "symbol": symbol}}
+        )  # fmt: skip
+    layout = {
+        "xaxis": {"title": {"text": f"time, s{times.note}"}},
+        "yaxis": {"title": {"text": "v − r·ω, m/s"}, "zeroline": True, "zerolinecolor": GREY},
+    }
+    caption = (
+        f"{drive.name}: vehicle speed less rolling speed of the {len(axles)} axles while they "
+        "coast, means of a second: with the configured radii, and with what was found."
+    )
+    return Figure(caption, data, layout, 340, "residual")

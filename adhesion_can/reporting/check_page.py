@@ -1,0 +1,226 @@
+"""Page of a check, and the tables that it shares with the terminal."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from adhesion_can.offline.check import CheckResult
+from adhesion_can.offline.check_table import TableCheck
+from adhesion_can.offline.compare_noise import ComparedNoise
+from adhesion_can.offline.fault_history import FaultHistory
+from adhesion_can.physics.samples import Samples
+from adhesion_can.reporting.charts import Trace, panel_layout, place
+from adhesion_can.reporting.data_quality import quality_parts
+from adhesion_can.reporting.page import Figure, Items, Page, Part, Section, Table, Text
+from adhesion_can.result_text import TimeScale
+
+SIGNAL_COLUMNS = ("role", "readings", "lowest", "highest")
+NOISE_COLUMNS = ("sensor", "estimated", "configured", "errors last", "unit")
+COLUMN_COLUMNS = ("column", "lowest", "highest", "empty", "taken for")
+BLUE, ORANGE, RED, GREY = "#0b5fa5", "#d55e00", "#b03a5b", "#8a95a3"
+MOST_POINTS = 4000
+"""Largest number of samples that are drawn."""
+
+
+def signal_rows(result: CheckResult) -> list[tuple[str, ...]]:
+    """Cells of the table of signals, a row each."""
+    return [
+        (
+            name,
+            str(seen.readings),
+            "-" if seen.readings == seen.not_available else f"{seen.lowest:.6g}",
+            "-" if seen.readings == seen.not_available else f"{seen.highest:.6g}",
+        )
+        for name, seen in result.signals.items()
+        if seen.readings
+    ]
+
+
+def column_rows(result: TableCheck) -> list[tuple[str, ...]]:
+    """Cells of the table of columns, a row each."""
+    return [
+        (
+            column.name,
+            "-" if column.lowest is None else f"{column.lowest:.6g}",
+            "-" if column.highest is None else f"{column.highest:.6g}",
+            str(column.missing),
+            column.meaning,
+        )
+        for column in result.columns
+    ]
+
+
+def noise_row(compared: ComparedNoise) -> tuple[str, ...]:
+    """Estimated and configured noise of a sensor, as text."""
+    found, lasts = compared.estimate, "not known"
+    if found.std is None:
+        estimated = f"not known: {found.reason}"
+    elif found.reason:
+        estimated = f"below {found.std_error:.3g}"
+    else:
+        estimated = f"{found.std:.3g}"
+    if found.std is not None and found.lasts_s is not None:
+        lasts = (
+            f"{found.lasts_s:.2g} s" if found.lasts_s else f"not seen up to {found.seen_s:.2g} s"
+        )
+    return compared.name, estimated, f"{compared.configured:.3g}", lasts, compared.unit
+
+
+def recording_page(result: CheckResult, provenance: Mapping[str, str]) -> Page:
+    """Build the page of the check of recordings.
+
+    Args:
+        result: Result of the check.
+        provenance: Version, hashes and command by name.
+
+    """
+    counts = {
+        "frames": result.frames,
+        "frames of ids that nobody listens to": result.unknown,
+        "frames stamped before the one in front of them": result.clamped,
+        "samples": len(result.samples),
+    }
+    records = result.receiver.records
+    sections: dict[str, list[Part]] = {
+        "Findings": _findings([result]),
+        "Frames over time": _faults(result.faults),
+        "Messages": quality_parts(records, counts, result.dropped, ()),
+        "Signals": [Table("Range of each signal, SI units.", SIGNAL_COLUMNS, signal_rows(result))],
+        "Excitation": _excitation(result.samples),
+    }
+    if result.noise:
+        rows = [noise_row(compared) for compared in result.noise]
+        caption = "Noise of the sensors as the readings show it, standard deviation."
+        sections["Noise"] = [Table(caption, NOISE_COLUMNS, rows)]
+    lead = (
+        f"{result.frames} frames in {result.duration_s:.1f} s, gone through as the service would; "
+        f"{len(result.samples)} samples of slip and adhesion."
+    )
+    return _page("Is this recording usable?", lead, [result], sections, provenance)
+
+
+def table_page(results: Sequence[TableCheck], provenance: Mapping[str, str]) -> Page:
+    """Build the page of the check of tables of samples.
+
+    Args:
+        results: Results of the check, one a table.
+        provenance: Version, hashes and command by name.
+
+    """
+    sections: dict[str, list[Part]] = {"Findings": _findings(results)}
+    for result in results:
+        parts: list[Part] = [
+            Table(f"Columns of {result.name}.", COLUMN_COLUMNS, column_rows(result),
+                  sentence_columns=(4,))
+        ]  # fmt: skip
+        if result.samples is not None:
+            parts += _excitation(result.samples)
+        sections[result.name] = parts
+    rows = sum(result.rows for result in results)
+    lead = f"{rows} rows of {', '.join(result.name for result in results)}."
+    return _page("Is this table usable?", lead, results, sections, provenance)
+
+
+def _page(
+    title: str,
+    lead: str,
+    results: Sequence[CheckResult | TableCheck],
+    sections: Mapping[str, Sequence[Part]],
+    provenance: Mapping[str, str],
+) -> Page:
+    failures = [line for result in results for line in result.failures]
+    verdict = "Usable." if not failures else "Not usable as it is:"
+    found = [line for result in results for line in result.findings]
+    return Page(
+        title=title,
+        lead=lead,
+        verdict=[verdict, *(failures or found)],
+        sections=[Section(name, parts) for name, parts in sections.items()],
+        provenance=provenance,
+    )
+
+
+def _findings(results: Sequence[CheckResult | TableCheck]) -> list[Part]:
+    """All sentences of a check by their kind."""
+    parts: list[Part] = []
+    for head, name in (
+        ("Wrong:", "failures"),
+        ("Odd:", "warnings"),
+        ("Cannot be estimated from these data:", "limits"),
+        ("Can be estimated:", "findings"),
+    ):
+        lines = [line for result in results for line in getattr(result, name)]
+        if lines:
+            parts += [Text(head), Items(lines)]
+    return parts or [Text("Nothing to say.")]
+
+
+def _faults(faults: FaultHistory) -> list[Part]:
+    if faults.first_us is None:
+        return [Text("There is no frame to show.")]
+    times = TimeScale.beginning_at(faults.first_us)
+    since_s, rates = faults.rates()
+    t_s = since_s + (faults.first_us - times.zero_us) / 1e6
+    bad = faults.total("rejected") + faults.total("lost")
+    data: list[Trace] = []
+    for row, (kind, colour, symbol) in enumerate(
+        (("accepted", BLUE, "circle"), ("rejected", RED, "x"), ("lost", ORANGE, "diamond"))
+    ):
+        rate = rates[kind]
+        if row and not bad:
+            continue
+        if row:
+            some = rate > 0
+            trace = {"mode": "markers", "x": t_s[some], "y": rate[some],
+                     "marker": {"color": colour, "size": 7, "symbol": symbol}}  # fmt: skip
+        else:
+            trace = {"mode": "lines", "x": t_s, "y": rate, "line": {"color": colour, "width": 1.5}}
+        data.append({"type": "scatter", "name": kind} | trace | place(min(row, 1)))
+    axes = [
+        {"title": {"text": "accepted<br>frames/s"}, "rangemode": "tozero"},
+        {"title": {"text": "rejected, lost<br>frames/s"}, "rangemode": "tozero"},
+    ][: 2 if bad else 1]
+    height = 380 if bad else 240
+    layout = panel_layout(axes, f"time, s{times.note}", height)
+    layout["xaxis"]["range"] = [float(t_s[0]), float(max(t_s[-1], t_s[0] + 1))]
+    caption = (
+        f"Frames of the messages that are listened to, in spans of {faults.width_us / 1e6:g} s. "
+        + ("Below: those that were rejected or are missing by their counters."
+           if bad else "None was rejected and none is missing by its counter.")
+    )  # fmt: skip
+    return [Figure(caption, data, layout, height, "frames-over-time")]
+
+
+def _excitation(samples: Samples) -> list[Part]:
+    """Histogram of the slips that were driven, and the samples themselves."""
+    usable = np.isfinite(samples.slip) & np.isfinite(samples.adhesion)
+    slip, adhesion = samples.slip[usable], samples.adhesion[usable]
+    if not len(slip):
+        return [Text("Not one sample could be formed, so there is no slip to show.")]
+    low, high = np.quantile(slip, (0.001, 0.999))
+    room = max(0.05 * float(high - low), 1e-4)
+    edges = np.linspace(float(low) - room, float(high) + room, 81)
+    counts, _ = np.histogram(slip, edges)
+    bars = {"type": "bar", "name": "samples", "x": (edges[1:] + edges[:-1]) / 2, "y": counts,
+            "marker": {"color": BLUE}}  # fmt: skip
+    thin = slice(None, None, -(-len(slip) // MOST_POINTS))
+    points = {"type": "scatter", "mode": "markers", "name": "adhesion", "x": slip[thin],
+              "y": adhesion[thin], "hoverinfo": "skip",
+              "marker": {"color": GREY, "size": 3, "opacity": 0.45}}  # fmt: skip
+    tall = np.quantile(adhesion, (0.001, 0.999))
+    space = max(0.08 * float(tall[1] - tall[0]), 1e-3)
+    axes: list[Trace] = [
+        {"title": {"text": "samples"}, "rangemode": "tozero"},
+        {"title": {"text": "adhesion μ"},
+         "range": [float(tall[0]) - space, float(tall[1]) + space]},
+    ]  # fmt: skip
+    layout = panel_layout(axes, "slip ratio λ", 460, (1.0, 1.6)) | {"bargap": 0.05}
+    for name in ("xaxis", "xaxis2"):
+        layout[name]["range"] = [float(edges[0]), float(edges[-1])]
+    drawn = len(slip[thin])
+    caption = (
+        "Slips that were driven: number of samples, and below the adhesion "
+        f"({drawn} of {len(slip)} samples, evenly over time). A peak can be identified where the "
+        "slips reach beyond it."
+    )
+    return [Figure(caption, [bars | place(0), points | place(1)], layout, 460, "excitation")]

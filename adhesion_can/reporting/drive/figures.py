@@ -1,0 +1,317 @@
+"""Figures of a drive: estimates over time and over distance, and the curve of each surface."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from adhesion_can.arrays import Array
+from adhesion_can.physics.burckhardt import adhesion
+from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
+from adhesion_can.physics.status import Status
+from adhesion_can.reporting.charts import (
+    DARK,
+    Trace,
+    band,
+    faded,
+    insert_gaps,
+    panel_layout,
+    place,
+    runs,
+    suffix,
+)
+from adhesion_can.reporting.drive.history import DOUBTS, STATUSES
+from adhesion_can.reporting.drive.recorder import DriveRecord
+from adhesion_can.reporting.drive.surfaces import Cloud, Surface
+from adhesion_can.reporting.page import Figure
+from adhesion_can.result_text import TimeScale, plus_minus
+
+BLUE, ORANGE, GREY, GREEN = "#0b5fa5", "#d55e00", "#8a95a3", "#2e8b57"
+STATUS_COLOURS: Mapping[Status, str] = {
+    Status.INIT: GREY,
+    Status.TRACKING: GREEN,
+    Status.LOW_EXCITATION: BLUE,
+    Status.SURFACE_CHANGE: "#b8860b",
+    Status.STALE_INPUT: ORANGE,
+    Status.FAULT: "#b03a5b",
+}
+"""Colour of each status; its name stands beside it."""
+KMH = 3.6
+"""Kilometres per hour in a metre per second."""
+MOST_LINES = 150
+"""Number of surface changes beyond which they are not drawn as lines."""
+FROM_KM = 2000.0
+"""Distance from which a drive is shown in kilometres, m."""
+
+
+def overview_figure(
+    record: DriveRecord, truth: Sequence[Mapping[str, Any]] = (), *, over_distance: bool = False
+) -> Figure:
+    """Estimates with their bands, speed, status and doubt over time or distance.
+
+    Args:
+        record: Drive as the service saw it.
+        truth: Surfaces of a simulated drive, as the file of --truth has them.
+        over_distance: Whether distance is the abscissa; else time is.
+
+    """
+    history = record.history
+    scale = _Abscissa(record, over_distance=over_distance)
+    t_s = (history.first_us + history.last_us) / 2e6
+    at = scale.of(history.first_us / 2 + history.last_us / 2)
+    columns = (at, *history.lowest.T, *history.highest.T, *history.lower.T, *history.upper.T)
+    _, x, *rest = insert_gaps(t_s, *columns)
+    lowest, highest, lower, upper = rest[:3], rest[3:6], rest[6:8], rest[8:10]
+    data: list[Trace] = []
+    axes: list[dict[str, Any]] = []
+    for row, (symbol, name) in enumerate(
+        (("μ<sub>max</sub>", "mu_max"), ("λ<sub>m</sub>", "lambda_m"))
+    ):
+        shown = {"legendgroup": "band", "name": "95 % interval", "showlegend": row == 0}
+        bx, by = band(x, lower[row], upper[row])
+        area = {"fill": "toself", "fillcolor": faded(BLUE), "hoverinfo": "skip"}
+        data.append(_line(bx, by, BLUE, width=0) | area | shown | place(row))
+        line = _line(*_envelope(x, lowest[row], highest[row]), BLUE, width=1.5)
+        shown = {"legendgroup": "estimate", "name": "estimate", "showlegend": row == 0}
+        data.append(line | shown | place(row))
+        if truth:
+            data.append(_true_line(truth, name, scale, first=row == 0) | place(row))
+        highs = [highest[row], np.array([float(s[name]) for s in truth])]
+        axes.append({"title": {"text": symbol}, "range": [0.0, _top(highs)]})
+    speed = _line(*_envelope(x, KMH * lowest[2], KMH * highest[2]), ORANGE, width=1.5)
+    data.append(speed | {"name": "vehicle speed", "showlegend": False} | place(2))
+    axes.append({"title": {"text": "speed<br>km/h"}, "rangemode": "tozero"})
+    rows = _state_rows(record, scale)
+    data += [row | place(3) for row in rows]
+    axes.append({"type": "category", "range": [len(rows) - 0.4, -0.6]})
+    heights = [190.0, 190.0, 110.0, 26.0 * max(len(rows), 1)]
+    height = round(sum(heights)) + 150
+    layout = panel_layout(axes, scale.title, height, heights)
+    if len(record.surfaces) <= MOST_LINES:
+        begins = np.array([s.from_us for s in record.surfaces[1:]], dtype=np.float64)
+        layout["shapes"] = [
+            {"type": "line", "xref": "x", "yref": f"y{suffix(row)} domain", "x0": at, "x1": at,
+             "y0": 0, "y1": 1, "line": {"color": GREY, "width": 1, "dash": "dot"}}
+            for at in scale.of(begins).tolist() for row in range(3)
+        ]  # fmt: skip
+    layout["annotations"] = _names(truth, scale)
+    where = "distance" if over_distance else "time"
+    caption = (
+        f"Estimates over {where}: maximum adhesion, the slip ratio at it, vehicle speed, and the "
+        "status and doubt that were sent. Dotted lines: changes of the surface that the service "
+        f"declared. {_resolution(record)}"
+    )
+    return Figure(caption, data, layout, height, f"over-{where}")
+
+
+def _resolution(record: DriveRecord) -> str:
+    count = len(record.history)
+    total = sum(record.statuses.values())
+    if total <= count:
+        return "Every setpoint is drawn."
+    return (
+        f"{total} setpoints in {count} spans of time: of each the smallest and the largest value, "
+        "and the widest interval, are drawn."
+    )
+
+
+class _Abscissa:
+    """Time in s, or distance in m or km, at stamps of a drive."""
+
+    def __init__(self, record: DriveRecord, *, over_distance: bool) -> None:
+        times = TimeScale.beginning_at(record.first_us)
+        self._zero_us = times.zero_us
+        self._known: tuple[Array, Array] | None = None
+        self.title = f"time, s{times.note}"
+        if over_distance:
+            far = record.distance >= FROM_KM
+            self.title = "distance travelled, km" if far else "distance travelled, m"
+            way = record.history.distance / (1000.0 if far else 1.0)
+            self._known = record.history.last_us.astype(np.float64), way
+
+    def of(self, t_us: Array) -> Array:
+        """Abscissa at stamps, µs, shape (n,)."""
+        if self._known is None:
+            return np.asarray((t_us - self._zero_us) / 1e6)
+        if not len(self._known[0]):
+            return np.zeros(len(t_us))
+        return np.interp(t_us, *self._known)
+
+
+def _line(x: Array, y: Array, colour: str, width: float) -> Trace:
+    style = {"color": colour, "width": width}
+    return {"type": "scatter", "mode": "lines", "x": x, "y": y, "line": style}
+
+
+def _envelope(x: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """A line through the smallest and the largest value of each bin."""
+    if np.array_equal(low, high, equal_nan=True):
+        return x, low
+    return np.repeat(x, 2), np.column_stack([low, high]).ravel()
+
+
+def _top(series: Sequence[Array]) -> float:
+    """Upper end of an axis from 0: all but the outermost values, and some room."""
+    values = np.concatenate(series)
+    values = values[np.isfinite(values)]
+    return 1.2 * float(np.quantile(values, 0.995)) if len(values) else 0.5
+
+
+def _true_line(
+    truth: Sequence[Mapping[str, Any]], name: str, scale: _Abscissa, *, first: bool
+) -> Trace:
+    ends = np.array([[s["from_s"], s["to_s"]] for s in truth], dtype=np.float64)
+    x = np.append(scale.of(1e6 * ends.ravel()).reshape(-1, 2), np.full((len(ends), 1), np.nan), 1)
+    y = np.repeat([float(s[name]) for s in truth], 3)
+    style = {"color": DARK, "width": 1.5, "dash": "dash"}
+    shown = {"name": "truth", "legendgroup": "truth", "showlegend": first}
+    return {"type": "scatter", "mode": "lines", "x": x.ravel(), "y": y, "line": style} | shown
+
+
+def _names(truth: Sequence[Mapping[str, Any]], scale: _Abscissa) -> list[dict[str, Any]]:
+    """Names of the true surfaces, at the top of the first panel."""
+    middles = np.array([5e5 * (s["from_s"] + s["to_s"]) for s in truth], dtype=np.float64)
+    return [
+        {"x": x, "xref": "x", "y": 1.0, "yref": "y domain", "yanchor": "top",
+         "text": str(surface["name"]), "showarrow": False}
+        for x, surface in zip(scale.of(middles).tolist(), truth, strict=True)
+    ]  # fmt: skip
+
+
+def state_name(state: Status | Doubt) -> str:
+    """Name of a status or doubt in a text."""
+    return state.name.lower().replace("_", " ")
+
+
+def _state_rows(record: DriveRecord, scale: _Abscissa) -> list[Trace]:
+    """Bar over the spans of each status and doubt that occurs."""
+    history = record.history
+    begins, ends = (scale.of(v.astype(np.float64)) for v in (history.first_us, history.last_us))
+    found = [
+        (state_name(status), STATUS_COLOURS[status], history.statuses[:, place])
+        for place, status in enumerate(STATUSES)
+    ]
+    found += [
+        (f"doubt: {state_name(doubt)}", ORANGE, history.doubts[:, place])
+        for place, doubt in enumerate(DOUBTS)
+        if doubt in DESCRIPTIONS
+    ]
+    rows: list[Trace] = []
+    for name, colour, counts in found:
+        spans = runs(counts > 0)
+        if not spans:
+            continue
+        x = [v for first, end in spans for v in (begins[first], ends[end - 1], None)]
+        y = [v for _ in spans for v in (name, name, None)]
+        style = {"color": colour, "width": 9}
+        rows.append({"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y,
+                     "line": style, "showlegend": False})  # fmt: skip
+    return rows
+
+
+# ------------------------------------------------------------------------------------- curves
+
+
+def surface_figures(
+    record: DriveRecord,
+    shown: Sequence[Surface],
+    slip_max: float,
+    truth: Sequence[Mapping[str, Any]] = (),
+) -> list[Figure]:
+    """Curve of each surface with its data.
+
+    Args:
+        record: Drive as the service saw it.
+        shown: Surfaces to show.
+        slip_max: Largest slip ratio that the estimator uses.
+        truth: Surfaces of a simulated drive, as the file of --truth has them.
+
+    """
+    times = TimeScale.beginning_at(record.first_us)
+    number = {id(surface): place for place, surface in enumerate(record.surfaces, start=1)}
+    return [
+        _curve_figure(surface, number[id(surface)], times, slip_max, truth) for surface in shown
+    ]
+
+
+def _curve_figure(
+    surface: Surface,
+    number: int,
+    times: TimeScale,
+    slip_max: float,
+    truth: Sequence[Mapping[str, Any]],
+) -> Figure:
+    out, cloud = surface.last, surface.cloud or Cloud.empty()
+    slip = np.abs(cloud.slip)
+    adhesions = cloud.adhesion * np.copysign(1.0, cloud.slip)
+    driven = float(np.quantile(slip, 0.999)) if len(slip) else 0.1
+    end = min(1.05 * max(driven, 1.3 * (out.setpoint.lambda_m or 0.0)), slip_max)
+    grid = np.linspace(0.0, end, 161)
+    data: list[Trace] = [
+        {"type": "scatter", "mode": "markers", "name": name, "x": slip[rows], "y": adhesions[rows],
+         "marker": {"color": colour, "size": 4, "opacity": 0.45, "symbol": symbol},
+         "hoverinfo": "skip"}
+        for name, colour, symbol, rows in (
+            ("traction", GREY, "circle", cloud.slip >= 0),
+            ("braking", ORANGE, "x", cloud.slip < 0),
+        )
+        if rows.any()
+    ]  # fmt: skip
+    true = _true_surface(surface, truth)
+    if out.theta is not None:
+        data.append(
+            _line(grid, adhesion(grid, *out.theta), BLUE, 2.4) | {"name": "curve sent last"}
+        )
+    if true is not None:
+        theta = (float(true[name]) for name in ("c1", "c2", "c3"))
+        style = {"color": DARK, "width": 1.5, "dash": "dash"}
+        data.append(
+            _line(grid, adhesion(grid, *theta), DARK, 1.5) | {"name": "truth", "line": style}
+        )
+    point = out.setpoint
+    if point.mu_max is not None and point.lambda_m is not None:
+        data.append(_peak(point.lambda_m, point.mu_max, out.lambda_m_std, out.mu_max_std))
+    span = times.span(surface.from_us, surface.to_us).replace(" .. ", " to ")
+    name = "" if true is None else f" ({true['name']})"
+    caption = (
+        f"Surface {number}{name}, {span} s: μ_max {plus_minus(point.mu_max, out.mu_max_std)}, "
+        f"λ_m {plus_minus(point.lambda_m, out.lambda_m_std)}; "
+        f"{len(slip)} of {cloud.total} samples are drawn."
+    )
+    layout = {
+        "xaxis": {"title": {"text": "slip ratio |λ|"}, "range": [0.0, end]},
+        "yaxis": {"title": {"text": "adhesion μ"}, "range": _span(adhesions, point.mu_max)},
+    }
+    return Figure(caption, data, layout, 300, f"surface-{number}")
+
+
+def _span(values: Array, peak: float | None) -> list[float]:
+    known = np.append(values, peak if peak is not None else 0.3)
+    low, high = np.quantile(known, (0.005, 0.995))
+    top = max(float(high), peak or 0.0)
+    return [min(float(low), 0.0) - 0.04 * top, 1.12 * top]
+
+
+def _true_surface(surface: Surface, truth: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+    """True surface on which the end of a surface lies."""
+    end_s = surface.to_us / 1e6
+    return next((one for one in truth if one["from_s"] < end_s <= one["to_s"] + 0.1), None)
+
+
+def _peak(
+    lambda_m: float, mu_max: float, lambda_m_std: float | None, mu_max_std: float | None
+) -> Trace:
+    def bars(std: float | None) -> dict[str, Any]:
+        known = std if std is not None and np.isfinite(std) else 0.0
+        return {"type": "data", "array": [known], "color": BLUE, "thickness": 1.4, "width": 4}
+
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": "peak ± standard deviation",
+        "x": [lambda_m],
+        "y": [mu_max],
+        "error_x": bars(lambda_m_std),
+        "error_y": bars(mu_max_std),
+        "marker": {"color": BLUE, "size": 10, "symbol": "diamond"},
+    }
