@@ -112,6 +112,8 @@ def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
     def open_bus() -> can.BusABC:
         from can.cli import create_bus_from_namespace  # noqa: PLC0415  few commands open a bus
 
+        if getattr(options, "interface", None) is None and not bus_is_configured():
+            raise BusError("-i", "no interface is named", "say for instance -i socketcan -c vcan0")
         try:
             return create_bus_from_namespace(options)
         except argparse.ArgumentError as error:
@@ -187,6 +189,15 @@ def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], N
     with bar:
         task = bar.add_task(what, total=total)
         yield lambda done: bar.update(task, completed=done)
+
+
+def own_command() -> str:
+    """The command as it can be typed again: the path by which it was called, from here."""
+    called = Path(sys.argv[0])
+    if called.name != "adhesion-can":
+        return "adhesion-can"
+    here = Path.cwd()
+    return str(called.relative_to(here) if called.is_relative_to(here) else called)
 
 
 def left_out_lines(left_out: Mapping[str, int]) -> list[str]:

@@ -17,7 +17,7 @@ from importlib import import_module
 from types import FrameType
 from typing import Any, NoReturn
 
-from adhesion_can.errors import AdhesionCanError
+from adhesion_can.errors import AdhesionCanError, suggest
 from adhesion_can.version import __version__
 
 COMMANDS: Mapping[str, str] = {
@@ -49,6 +49,18 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}; see '{self.prog} --help'\n")
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """A value that is none of the choices, with those that are written alike."""
+        if action.choices is None or value in action.choices:
+            return
+        known = [str(choice) for choice in action.choices]
+        near = suggest(str(value), known)
+        mend = near or f"known: {', '.join(known)}"
+        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
+            self.error(f"no command {value!r}; {mend}")
+        name = "/".join(action.option_strings) or str(action.metavar or action.dest)
+        self.error(f"{name}: no {str(value)!r}; {mend}")
+
 
 class _CommandParser(_Parser):
     """Parser of one command, whose options are added when the command is called."""
@@ -63,7 +75,17 @@ class _CommandParser(_Parser):
             self.command = None
             module.add_arguments(self)
             self.set_defaults(run=module.run)
-        return super().parse_known_args(args, namespace)
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(self._describe_unknown(unknown[0]))  # its own help, not that of the whole
+        return options, unknown
+
+    def _describe_unknown(self, word: str) -> str:
+        if not word.startswith("-"):
+            return f"{word!r} is one word too many"
+        name = word.partition("=")[0]
+        near = suggest(name, self._option_string_actions)
+        return f"no option {name}" + (f"; {near}" if near else "")
 
 
 @contextmanager

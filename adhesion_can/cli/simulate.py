@@ -79,7 +79,8 @@ def run(options: argparse.Namespace) -> int:
     if options.log is None:
         on_bus = on_bus or bus_is_configured()
     if on_bus is (options.log is not None):
-        raise InputError("simulate", "give either --log or a bus (-i, -c)", "choose one of them")
+        given = "both are given" if on_bus else "neither is given"
+        raise InputError("--log and -i", given, "name a log, or a bus with -i and -c")
     written = {"--log": options.log, "--truth": options.truth}
     require_outputs(options, written, [config.database.path])
     simulation = Simulation(settings, database)
