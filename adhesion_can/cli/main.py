@@ -32,6 +32,7 @@ COMMANDS: Mapping[str, str] = {
     "evaluate": "a model on data that it has not seen",
     "experiment": "the paper's experiments, every estimator side by side",
     "check": "is this recording usable",
+    "init": "a commented configuration from a database",
     "convert": "any recording with any database to columns",
 }
 """One line about each command; the command's module in this package bears its name."""
