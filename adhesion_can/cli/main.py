@@ -75,6 +75,11 @@ class _CommandParser(_Parser):
                 module = import_module(f"adhesion_can.cli.{self.command}")
             self.command = None
             module.add_arguments(self)
+            self.add_argument(
+                "--progress",
+                action=argparse.BooleanOptionalAction,
+                help="say on stderr how far long work is (default: on a terminal)",
+            )
             self.set_defaults(run=module.run)
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
@@ -134,6 +139,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except AdhesionCanError as error:  # of an installed extension that a help text names
         print(f"adhesion-can: {error}", file=sys.stderr)
         return 2
+    if options.progress is not None or "adhesion_can.cli.bars" in sys.modules:
+        from adhesion_can.cli.bars import Bar  # noqa: PLC0415  short commands have no bar
+
+        Bar.wanted = options.progress
     try:
         with _terminable():
             status: int = options.run(options)
