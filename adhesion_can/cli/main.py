@@ -34,6 +34,7 @@ COMMANDS: Mapping[str, str] = {
     "check": "is this recording usable",
     "init": "a commented configuration from a database",
     "convert": "any recording with any database to columns",
+    "completion": "a script by which a shell completes commands and options",
 }
 """One line about each command; the command's module in this package bears its name."""
 
@@ -69,18 +70,23 @@ class _CommandParser(_Parser):
     command: str | None = None
     """Command whose options have not been added yet; None: they have."""
 
+    def load(self) -> None:
+        """Add the options of the command, once."""
+        if self.command is None:
+            return
+        with _garbage_collection_paused():
+            module = import_module(f"adhesion_can.cli.{self.command}")
+        self.command = None
+        module.add_arguments(self)
+        self.add_argument(
+            "--progress",
+            action=argparse.BooleanOptionalAction,
+            help="say on stderr how far long work is (default: on a terminal)",
+        )
+        self.set_defaults(run=module.run)
+
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        if self.command is not None:
-            with _garbage_collection_paused():
-                module = import_module(f"adhesion_can.cli.{self.command}")
-            self.command = None
-            module.add_arguments(self)
-            self.add_argument(
-                "--progress",
-                action=argparse.BooleanOptionalAction,
-                help="say on stderr how far long work is (default: on a terminal)",
-            )
-            self.set_defaults(run=module.run)
+        self.load()
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(self._describe_unknown(unknown[0]))  # its own help, not that of the whole
