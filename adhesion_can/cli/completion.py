@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> int:
         import shtab  # noqa: PLC0415  an extra
     except ImportError as error:
         raise InputError(
-            "completion", "needs the package shtab", "pip install 'adhesion-can[completion]'"
+            "shtab", "is not installed", "pip install 'adhesion-can[completion]'"
         ) from error
     from adhesion_can.cli.main import COMMANDS, build_parser  # noqa: PLC0415  it imports this one
 
