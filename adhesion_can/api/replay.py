@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
 from adhesion_can.api.inputs import RecordingLike, as_recordings, name_of
 from adhesion_can.offline.extract_samples import require_accepted_frame
+from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.physics.status import Status
 from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.reporting.setpoints import FIELDS, setpoint_row
 from adhesion_can.result_text import html_table
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.outputs import Outputs
-from adhesion_can.service.replay import replay_blocks
+from adhesion_can.service.replay import replay_blocks, require_frames_in_span
 
 
 class SetpointTable(dict[str, NDArray[Any]]):
@@ -82,8 +83,9 @@ def replay(
 
     opened = as_recordings(recordings)
     core = ServiceCore(settings, lambda: settings.make_estimator(estimator), add)
-    blocks = blocks_in_sequence(opened)
+    blocks = in_seconds(blocks_in_sequence(opened), settings.messages, name_of(opened))
     summary = replay_blocks(blocks, core, lambda _: None, from_s=from_s, to_s=to_s)
+    require_frames_in_span(summary, from_s, name_of(opened))
     require_accepted_frame(core.receiver, summary.frames, name_of(opened))
     values = np.array(rows, dtype=np.float64).reshape(-1, len(FIELDS)).T
     status, *numbers, doubt, family = values

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
-from adhesion_can.bus.database import load_database
 from adhesion_can.bus.frame import Frame
+from adhesion_can.bus.roles import packaged_choices
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.correction import require_axles, require_channels
@@ -94,9 +94,20 @@ def simulate(
     if isinstance(effects, Mapping):
         effects = [name if size is None else f"{name}={size!r}" for name, size in effects.items()]
     settings = build_run_settings(scenario, duration_s, seed, effects, config)
-    simulation = Simulation(settings, load_database())
+    simulation = make_simulation(settings, config)
     frames = tuple(frame for step in simulation.run() for frame in step)
     return SimulatedDrive(frames, simulation.truth())
+
+
+def make_simulation(settings: RunSettings, config: Configuration) -> Simulation:
+    """A simulation that writes the configured database, by the roles of its signals.
+
+    Raises:
+        InputError: A message of the configuration cannot be written.
+
+    """
+    is_packaged = set(config.choices) <= set(packaged_choices())
+    return Simulation(settings, config.database, messages=None if is_packaged else config.messages)
 
 
 def build_run_settings(

@@ -29,6 +29,9 @@ DEMAND_MESSAGES = ("EffortDemand1", "EffortDemand2")
 
 LARGEST_FILE = 256 << 20
 """Size of a database that is read, bytes; those of whole vehicles have some 10 MiB."""
+DATABASE_SUFFIXES = frozenset({".dbc", ".kcd", ".arxml", ".sym", ".cdd"})
+"""Suffixes of the formats of databases."""
+_GIVE_DATABASE = "give a .dbc, .kcd, .arxml or .sym file"
 LONGEST_CYCLE_MS = 86_400_000
 """Longest cycle of a message, ms: a day."""
 
@@ -132,6 +135,8 @@ def _load_packaged() -> CanDatabase:
 def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
     """A database from its file; errors as in `load_database`."""
     content = _content(path)
+    if path.suffix.lower() not in DATABASE_SUFFIXES:
+        raise DatabaseError(str(path), "no CAN database by its name", _GIVE_DATABASE)
     require_small_ranges(content, str(path))
     left_out: tuple[str, ...] = ()
     found: object
@@ -145,7 +150,7 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
             found = cantools.database.load_file(path, encoding=_encoding(content), strict=False)
     except (UnsupportedDatabaseFormatError, CantoolsError) as error:
         reason = " ".join(str(error).split())[:200]
-        mend = "give a .dbc, .kcd, .arxml or .sym file"
+        mend = _GIVE_DATABASE
         if "in message" in reason and not lenient:
             mend = "mend the message, or say --lenient to leave it out"
         raise DatabaseError(str(path), f"not a CAN database ({reason})", mend) from error

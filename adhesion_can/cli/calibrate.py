@@ -194,7 +194,8 @@ def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[st
         f"no axle {kind} for {settings.coasting_min_s:g} s in {settings.blocks_min} blocks of "
         f"{settings.block_s:g} s (longest {longest:.1f} s above {settings.speed_min:g} m/s)"
     )
-    return what, f"record a drive in which one does, or raise {option}"
+    mend = f"record a drive in which one does, or raise {option}; of the simulated scenarios "
+    return what, f"{mend}'sweep' coasts, from 90 s on"
 
 
 def _notes_on_source(

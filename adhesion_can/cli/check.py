@@ -28,6 +28,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.offline.check import CheckResult, check
 from adhesion_can.offline.check_table import TableCheck, check_table
 from adhesion_can.offline.extract_samples import require_accepted_frame
+from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.recordings.tables.sample_table import read_table
@@ -69,8 +70,10 @@ def run(options: argparse.Namespace) -> int:
     if are_tables(options.log, config):
         return _check_tables(options, config)
     recordings = open_recordings(options.log)
+    where = ", ".join(map(str, options.log))
     with reading("checking", recordings) as watched:
-        result = check(watched(blocks_in_sequence(recordings)), config)
+        blocks = watched(blocks_in_sequence(recordings))
+        result = check(in_seconds(blocks, config.messages, where), config)
     require_known_id(result, options)
     problems = describe_problems(recordings)
     result.failures.extend(problems)

@@ -13,10 +13,10 @@ from typing import Any
 import can
 
 from adhesion_can.bus.database import CanDatabase
+from adhesion_can.cli.bars import bar
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.files import whole_file
-from adhesion_can.reporting.text import console
 
 
 def add_configuration(parser: argparse.ArgumentParser) -> None:
@@ -112,6 +112,8 @@ def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
     def open_bus() -> can.BusABC:
         from can.cli import create_bus_from_namespace  # noqa: PLC0415  few commands open a bus
 
+        if getattr(options, "interface", None) is None and not bus_is_configured():
+            raise BusError("-i", "no interface is named", "say for instance -i socketcan -c vcan0")
         try:
             return create_bus_from_namespace(options)
         except argparse.ArgumentError as error:
@@ -165,28 +167,19 @@ def talk(options: argparse.Namespace) -> bool:
 
 @contextmanager
 def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], None]]:
-    """Progress bar on stderr where it is a terminal; gives the function that updates it."""
-    from rich.progress import (  # noqa: PLC0415  a fifth of the start of a short command
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    """Progress of work that is counted; gives the function that takes how much is done."""
+    of_all = f"of {total:g} {unit}".rstrip()
+    with bar(what) as shown:
+        yield lambda done: shown.update(done / total if total else 1.0, f"{done:.0f} {of_all}")
 
-    err = console(sys.stderr)
-    bar = Progress(
-        TextColumn(what),
-        BarColumn(),
-        MofNCompleteColumn() if unit == "" else TextColumn(f"{{task.completed:.0f}} {unit}"),
-        TimeRemainingColumn(),
-        console=err,
-        transient=True,
-        disable=not err.is_terminal,
-    )
-    with bar:
-        task = bar.add_task(what, total=total)
-        yield lambda done: bar.update(task, completed=done)
+
+def own_command() -> str:
+    """The command as it can be typed again: the path by which it was called, from here."""
+    called = Path(sys.argv[0])
+    if called.name != "adhesion-can":
+        return "adhesion-can"
+    here = Path.cwd()
+    return str(called.relative_to(here) if called.is_relative_to(here) else called)
 
 
 def left_out_lines(left_out: Mapping[str, int]) -> list[str]:

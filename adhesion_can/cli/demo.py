@@ -24,6 +24,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.common import (
     add_json,
     make_folder,
+    own_command,
     require_outputs,
     require_positive,
     talk,
@@ -127,11 +128,11 @@ def run(options: argparse.Namespace) -> int:
         out = console()
         out.print(phase_table(found))
         out.print("found: time until mu_max was within 5 % and TRACKING; used: adhesion, of mu_max")
-        out.print(
-            f"recording of all frames: {options.out / 'demo.log'} (adhesion-can replay takes it)"
-        )
+        command, log = own_command(), options.out / "demo.log"
+        out.print(f"recording of all frames: {log}", markup=False)
         for line in written:
             out.print(line, markup=False)
+        out.print(f"next: {command} replay {log}, or {command} --help", markup=False)
     return 0
 
 

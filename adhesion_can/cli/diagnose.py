@@ -2,14 +2,11 @@
 
 import argparse
 import shlex
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from adhesion_can.api.diagnosis import (
     diagnose_inputs,
@@ -18,6 +15,7 @@ from adhesion_can.api.diagnosis import (
     load_inputs,
     read_formulas,
 )
+from adhesion_can.cli.bars import bar
 from adhesion_can.cli.common import (
     add_columns,
     add_configuration,
@@ -157,20 +155,9 @@ def _require_outputs(options: argparse.Namespace, config: Configuration) -> None
 
 @contextmanager
 def _progress() -> Iterator[ShowProgress]:
-    """Progress bar on stderr where it is a terminal."""
-    err = console(sys.stderr)
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        console=err,
-        transient=True,
-        disable=not err.is_terminal,
-    )
-    with bar:
-        task = bar.add_task("reading", total=1.0)
-        yield lambda work, done: bar.update(task, description=work, completed=done)
+    """Progress of the work."""
+    with bar("reading") as shown:
+        yield lambda work, done: shown.update(done, what=work)
 
 
 # --------------------------------------------------------------------------------- results

@@ -18,7 +18,7 @@ from importlib import import_module
 from types import FrameType
 from typing import Any, NoReturn
 
-from adhesion_can.errors import AdhesionCanError
+from adhesion_can.errors import AdhesionCanError, suggest
 from adhesion_can.version import __version__
 
 COMMANDS: Mapping[str, str] = {
@@ -34,7 +34,9 @@ COMMANDS: Mapping[str, str] = {
     "evaluate": "a model on data that it has not seen",
     "experiment": "the paper's experiments, every estimator side by side",
     "check": "is this recording usable",
+    "init": "a commented configuration from a database",
     "convert": "any recording with any database to columns",
+    "completion": "a script by which a shell completes commands and options",
 }
 """One line about each command; the command's module in this package bears its name."""
 
@@ -51,6 +53,18 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}; see '{self.prog} --help'\n")
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """A value that is none of the choices, with those that are written alike."""
+        if action.choices is None or value in action.choices:
+            return
+        known = [str(choice) for choice in action.choices]
+        near = suggest(str(value), known)
+        mend = near or f"known: {', '.join(known)}"
+        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
+            self.error(f"no command {value!r}; {mend}")
+        name = "/".join(action.option_strings) or str(action.metavar or action.dest)
+        self.error(f"{name}: no {str(value)!r}; {mend}")
+
 
 class _CommandParser(_Parser):
     """Parser of one command, whose options are added when the command is called."""
@@ -58,14 +72,34 @@ class _CommandParser(_Parser):
     command: str | None = None
     """Command whose options have not been added yet; None: they have."""
 
+    def load(self) -> None:
+        """Add the options of the command, once."""
+        if self.command is None:
+            return
+        with _garbage_collection_paused():
+            module = import_module(f"adhesion_can.cli.{self.command}")
+        self.command = None
+        module.add_arguments(self)
+        self.add_argument(
+            "--progress",
+            action=argparse.BooleanOptionalAction,
+            help="say on stderr how far long work is (default: on a terminal)",
+        )
+        self.set_defaults(run=module.run)
+
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        if self.command is not None:
-            with _garbage_collection_paused():
-                module = import_module(f"adhesion_can.cli.{self.command}")
-            self.command = None
-            module.add_arguments(self)
-            self.set_defaults(run=module.run)
-        return super().parse_known_args(args, namespace)
+        self.load()
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(self._describe_unknown(unknown[0]))  # its own help, not that of the whole
+        return options, unknown
+
+    def _describe_unknown(self, word: str) -> str:
+        if not word.startswith("-"):
+            return f"{word!r} is one word too many"
+        name = word.partition("=")[0]
+        near = suggest(name, self._option_string_actions)
+        return f"no option {name}" + (f"; {near}" if near else "")
 
 
 @contextmanager
@@ -115,6 +149,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     words = sys.argv[1:] if arguments is None else arguments
     options.command_line = shlex.join(["adhesion-can", *map(str, words)])
+    if options.progress is not None or "adhesion_can.cli.bars" in sys.modules:
+        from adhesion_can.cli.bars import Bar  # noqa: PLC0415  short commands have no bar
+
+        Bar.wanted = options.progress
     try:
         with _terminable():
             status: int = options.run(options)

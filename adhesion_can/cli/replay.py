@@ -37,6 +37,7 @@ from adhesion_can.estimation.registry import known_estimators
 from adhesion_can.files import whole_file
 from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
+from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
@@ -55,7 +56,7 @@ from adhesion_can.reporting.text import console, table
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.outputs import Outputs
-from adhesion_can.service.replay import ReplaySummary, replay, replay_blocks
+from adhesion_can.service.replay import ReplaySummary, replay, replay_blocks, require_frames_in_span
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -131,17 +132,19 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
             recorder.add_samples(samples)
 
         watched = stack.enter_context(reading("replaying", recordings))
+        where = ", ".join(map(str, options.log))
         span = {"from_s": options.from_s, "to_s": options.to_s}
         core = ServiceCore(config, make, on_setpoint, on_samples)
         if options.realtime:
             items = channel.watch_items(in_sequence(recordings))
             summary = replay(items, core, send, **span, realtime=True)
         else:
-            blocks = watched(blocks_in_sequence(recordings))
+            blocks = in_seconds(watched(blocks_in_sequence(recordings)), config.messages, where)
             summary = replay_blocks(channel.watch_blocks(blocks), core, send, **span)
         for recording in recordings:
             summary.kinds.update(recording.report.kinds)
-        require_accepted_frame(core.receiver, summary.frames, ", ".join(map(str, options.log)))
+        require_frames_in_span(summary, options.from_s, where)
+        require_accepted_frame(core.receiver, summary.frames, where)
     problems = describe_problems(recordings)
     misfit = collector.compute()
     document = _document(summary, core, setpoints, problems)

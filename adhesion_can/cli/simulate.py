@@ -8,8 +8,7 @@ from typing import Any
 
 import can
 
-from adhesion_can.api.simulation import build_run_settings
-from adhesion_can.bus.database import load_database
+from adhesion_can.api.simulation import build_run_settings, make_simulation
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.common import (
     add_bus,
@@ -74,15 +73,15 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
     settings = _settings(options, config)
-    database = load_database(options.dbc, lenient=options.lenient)
     on_bus = "interface" in options or "channel" in options
     if options.log is None:
         on_bus = on_bus or bus_is_configured()
     if on_bus is (options.log is not None):
-        raise InputError("simulate", "give either --log or a bus (-i, -c)", "choose one of them")
+        given = "both are given" if on_bus else "neither is given"
+        raise InputError("--log and -i", given, "name a log, or a bus with -i and -c")
     written = {"--log": options.log, "--truth": options.truth}
     require_outputs(options, written, [config.database.path])
-    simulation = Simulation(settings, database)
+    simulation = make_simulation(settings, config)
     if on_bus:
         with bus_opener(options)() as bus:
             where = bus_name(options, str(bus.channel_info))

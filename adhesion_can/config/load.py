@@ -8,7 +8,7 @@ the units that keys name.
 from dataclasses import replace
 from pathlib import Path
 
-from adhesion_can.bus.database import load_database
+from adhesion_can.bus.database import DATABASE_SUFFIXES, load_database
 from adhesion_can.bus.roles import OPTIONAL_MESSAGES, packaged_choices
 from adhesion_can.config.channels_section import load_channels
 from adhesion_can.config.configuration import Configuration
@@ -54,6 +54,10 @@ def load_configuration(
             Configuration(
                 vehicle=Locomotive(), database=load_database(dbc, lenient=lenient), choices=()
             )
+        )
+    if path.suffix.lower() in DATABASE_SUFFIXES:
+        raise ConfigError(
+            str(path), "a CAN database by its name, not a configuration", "give it with --dbc"
         )
     document, sha256 = load_toml(path)
     where = path.name

@@ -20,6 +20,16 @@ WHOLE_VEHICLE: Mapping[str, str] = {
 }
 """Field of `Locomotive` by key, for single values."""
 
+VEHICLE_DATA: Mapping[str, str] = {
+    "wheel_radius_m": "radius of the worn wheels, m: one number, or a list with one for each axle",
+    "axle_load_N": "static load of an axle, N: one number, or a list with one for each axle",
+    "wheelset_inertia_kgm2": "inertia of a driven wheelset with gear and motor, kg m^2",
+    "train_mass_kg": "mass of the train with the vehicle, kg",
+}
+"""Data that only the vehicle's owner knows, and their meaning, by key."""
+FILL_IN = "fill in"
+"""Text in place of a value in a new configuration file."""
+
 GEOMETRY: Mapping[str, str] = {
     "axles_per_bogie": "axles_per_bogie",
     "pivot_distance_m": "pivot_distance",
@@ -46,6 +56,10 @@ def load_vehicle(value: object, where: str) -> Locomotive:
     known = ("axles", *PER_AXLE, *WHOLE_VEHICLE)
     unknown = {key: v for key, v in table.items() if key not in (*known, "geometry")}
     reject_unknown_keys(unknown, place, (*sorted(known), "geometry"))
+    for key, given in table.items():
+        if given == FILL_IN:
+            meaning = VEHICLE_DATA.get(key, "number of the axles")
+            raise ConfigError(f"{place}.{key}", "not filled in", f"write the {meaning}")
     default = Locomotive()
     number = typed(table["axles"], int, f"{place}.axles") if "axles" in table else None
     stated = {} if number is None else {"axles": number}

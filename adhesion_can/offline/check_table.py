@@ -1,6 +1,6 @@
 """Check of a table of samples: what each column was taken for, and what can be estimated."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -10,9 +10,12 @@ from adhesion_can.arrays import Array
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import identify
 from adhesion_can.offline.check import describe_excitation
-from adhesion_can.offline.plausibility import inspect_samples
+from adhesion_can.offline.plausibility import LEAST_ROWS, inspect_samples
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.tables.sample_table import Table
+
+SLOW_ROWS_S = 3.0
+"""Time between two rows, s, beyond which their times are more often ms or us."""
 
 
 class ColumnRange(NamedTuple):
@@ -87,12 +90,28 @@ def check_table(name: str, table: Table, left_out: list[str], config: Configurat
     result = TableCheck(name, table.rows, tuple(_columns(table)), samples=samples)
     result.warnings.extend(left_out)
     result.findings.extend(table.notes)
+    result.warnings.extend(_slow_rows(table))
     odd = inspect_samples(samples, table=True, timed=table.timed)
     for finding in odd:
         (result.failures if finding.fatal else result.warnings).append(finding.sentence)
     if not result.failures:
         _check_excitation(result, table, config)
     return result
+
+
+def _slow_rows(table: Table) -> Iterator[str]:
+    """Rows so far apart that their times may be of another unit."""
+    samples = table.samples
+    if not table.timed or len(samples) < LEAST_ROWS:
+        return
+    axle = samples.axle == samples.axle[0]
+    step_s = float(np.median(np.diff(np.sort(samples.t_us[axle])))) / 1e6
+    if step_s > SLOW_ROWS_S:
+        unit = "ms" if step_s < 1e3 * SLOW_ROWS_S else "us"
+        yield (
+            f"time_s: the rows of an axle are {step_s:.4g} s apart; if the column is in {unit}, "
+            f"say --column time_s=time_s,unit={unit}"
+        )
 
 
 def _columns(table: Table) -> list[ColumnRange]:

@@ -12,6 +12,7 @@ from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.receiver_columns import ReceivedBlock
 from adhesion_can.config import Configuration
 from adhesion_can.errors import RecordingError
+from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.column_former import Readings
 
@@ -105,7 +106,7 @@ def extract_samples(
     """
     configuration.require_identification()
     extractor = SampleExtractor(configuration)
-    samples = extractor.run(blocks)
+    samples = extractor.run(in_seconds(blocks, configuration.messages, where))
     require_accepted_frame(extractor.receiver, extractor.counts["frames"], where)
     return samples, extractor.receiver
 

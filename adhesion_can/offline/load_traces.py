@@ -11,6 +11,7 @@ from adhesion_can.bus.block import Block, Kind, clamped
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
 from adhesion_can.offline.extract_samples import require_accepted_frame
+from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.physics.readings import Role, SpeedSource
 from adhesion_can.sampling.column_former import Readings
 from adhesion_can.sampling.traces import Trace
@@ -88,7 +89,7 @@ def load_traces(blocks: Iterable[Block], config: Configuration, where: str) -> L
 
     """
     receiver, loaded, frames, now_us = Receiver(config.messages), LoadedTraces(), 0, 0
-    for block in blocks:
+    for block in in_seconds(blocks, config.messages, where):
         own = block.select(block.kind <= Kind.ERROR)
         if not len(own):
             continue

@@ -175,7 +175,7 @@ def _signs(points: Points) -> Iterator[Finding]:
     if count < LEAST_ROWS:
         return
     opposite = float(np.mean(points.slip[clear] * points.adhesion[clear] < 0))
-    if opposite <= MOST_OPPOSITE:
+    if opposite <= MOST_OPPOSITE or (not points.table and known_ratio(points.slip) is not None):
         return
     mend = "both are below 0 in braking; write sign = -1 for the role that is reversed"
     if points.table:

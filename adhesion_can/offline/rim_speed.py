@@ -15,8 +15,11 @@ from adhesion_can.sampling.traces import Trace
 
 LEAST_ROWS = 20
 """Rows without which a ratio says nothing."""
-TOLERANCE = 0.1
-"""Relative distance to a known ratio within which half of the rows must be."""
+TOLERANCE, WIDE_TOLERANCE = 0.1, 0.25
+"""Relative distance to a known ratio within which half of the rows must be; the wide one where no
+wheel that slips can have it."""
+SLIPPING = (0.4, 2.5)
+"""Ratios of wheels that slip heavily or spin."""
 _VEHICLE_UNIT = "check the unit of vehicle_speed"
 _WHEEL_UNIT = "check the unit of wheel_speed"
 MENDS: Mapping[float, str] = {
@@ -64,7 +67,9 @@ def known_ratio(slip: Array) -> float | None:
         return None
     low, high = np.quantile(1.0 + slip, (0.25, 0.75))
     for ratio in MENDS:
-        if max(abs(low - ratio), abs(high - ratio)) <= TOLERANCE * abs(ratio):
+        slipping = ratio < 0.0 or SLIPPING[0] < ratio < SLIPPING[1]
+        within = (TOLERANCE if slipping else WIDE_TOLERANCE) * abs(ratio)
+        if max(abs(low - ratio), abs(high - ratio)) <= within:
             return ratio
     return None
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.frame import ADVANCE, STOP, Frame, Mark
+from adhesion_can.errors import RecordingError
 from adhesion_can.service.column_replay import ColumnReplay
 from adhesion_can.service.core import ServiceCore
 
@@ -28,6 +29,7 @@ class ReplaySummary:
         sent: Number of frames that the service sent.
         first_us: Stamp of the first recorded frame, µs; None where there is none.
         last_us: Stamp of the last recorded frame, µs; None where there is none.
+        length_us: Time from the first row of the recording to the last one that was read, µs.
         kinds: Number of lines or objects of the files, by kind.
 
     """
@@ -37,7 +39,19 @@ class ReplaySummary:
     sent: int = 0
     first_us: int | None = None
     last_us: int | None = None
+    length_us: int = field(default=0, compare=False)
     kinds: Counter[str] = field(default_factory=Counter)
+
+
+def require_frames_in_span(summary: ReplaySummary, from_s: float, where: str) -> None:
+    """Raise a RecordingError where a recording ends before the part that is asked for begins."""
+    length_s = summary.length_us / 1e6
+    if not summary.frames and from_s > length_s:
+        raise RecordingError(
+            where,
+            f"ends {length_s:.3f} s after its first frame, before --from {from_s:g}",
+            "give seconds since the first frame, not the recording's stamps",
+        )
 
 
 def replay_blocks(
@@ -69,6 +83,7 @@ def replay_blocks(
         if origin is None:
             origin = int(t_us[0])
         since_s = (t_us - origin) / 1e6
+        summary.length_us = int(t_us[-1]) - origin
         late = since_s > (np.inf if to_s is None else to_s)
         end = int(np.argmax(late)) if late.any() else len(block)
         rows = block.select(np.flatnonzero(since_s[:end] >= from_s))
@@ -119,6 +134,7 @@ def replay(
         if origin is None:
             origin = item.t_us
         since_s = (item.t_us - origin) / 1e6
+        summary.length_us = item.t_us - origin
         if since_s < from_s:
             continue
         if to_s is not None and since_s > to_s:

@@ -1,6 +1,6 @@
 """A simulated run: plant, drive, track and sensors stepped together, frames out."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from math import nan
 from typing import Any
@@ -10,9 +10,10 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.bus.checked_message import CheckedMessage, SignalValues
 from adhesion_can.bus.codec import MessagePlan
-from adhesion_can.bus.database import DEMAND_MESSAGES, CanDatabase
+from adhesion_can.bus.database import DEMAND_MESSAGES, OUTPUT_MESSAGES, CanDatabase, database_with
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.bus.rejection import Rejection
+from adhesion_can.bus.roles import BoundMessage
 from adhesion_can.errors import InputError
 from adhesion_can.physics.burckhardt import Surface, peak
 from adhesion_can.physics.curves import Conditions
@@ -23,6 +24,7 @@ from adhesion_can.physics.status import Status
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.drive import Drive, DriveSettings
 from adhesion_can.simulation.plant import SLOWEST, Plant, Rails, Track
+from adhesion_can.simulation.role_sensors import RoleSensors
 from adhesion_can.simulation.scenarios import Scenario
 from adhesion_can.simulation.sensors import NoiseSettings, PlantState, Sensors
 
@@ -65,13 +67,19 @@ class Simulation:
 
     Args:
         settings: Settings of the run.
-        database: The message set of adhesion-can.
+        database: Database; what it lacks of the message set of adhesion-can is the packaged one's.
+        messages: Input messages with the roles of their signals; None: the packaged ones, looked
+            up in the database by name.
         rails: Curves under the axles in place of the scenario's surfaces, and of their family.
 
     """
 
     def __init__(
-        self, settings: RunSettings, database: CanDatabase, rails: Rails | None = None
+        self,
+        settings: RunSettings,
+        database: CanDatabase,
+        rails: Rails | None = None,
+        messages: Sequence[BoundMessage] | None = None,
     ) -> None:
         self.settings = settings
         scenario, instruments = settings.scenario, build_instruments(settings.effects)
@@ -96,9 +104,15 @@ class Simulation:
         self._track: Rails = rails or Track(self.sections, behind)
         self._drive = Drive(vehicle.axles, settings.drive, scenario.pattern, settings.obey)
         rng = np.random.default_rng(settings.seed)
-        self._sensors = Sensors(database, settings.noise, rng, instruments)
-        self._setpoint = MessagePlan(database.message("AdhesionSetpoint"))
-        self._demands = [CheckedMessage(database.message(name)) for name in DEMAND_MESSAGES]
+        self._sensors = (
+            Sensors(database, settings.noise, rng, instruments)
+            if messages is None
+            else RoleSensors(messages, settings.noise, rng, instruments)
+        )
+        answers = database_with(OUTPUT_MESSAGES, database)
+        demands = database_with(DEMAND_MESSAGES, database)
+        self._setpoint = MessagePlan(answers.message("AdhesionSetpoint"))
+        self._demands = [CheckedMessage(demands.message(name)) for name in DEMAND_MESSAGES]
         self.is_answered = False
         """Whether a setpoint or a demand for the drive has come."""
         self._latest: PlantState | None = None

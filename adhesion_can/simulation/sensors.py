@@ -11,7 +11,7 @@ from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.bus.protected_message import ProtectedMessage
 from adhesion_can.physics.instruments import PERFECT, Instruments
-from adhesion_can.physics.readings import Direction, SpeedSource
+from adhesion_can.physics.readings import Direction, Role, SpeedSource
 from adhesion_can.simulation.surroundings import DEFAULT_CONDITIONS, Conditions
 
 SLOT_US = 250
@@ -131,17 +131,24 @@ class Transmitter:
         return frame
 
 
-def _delays_us(instruments: Instruments) -> dict[str, int]:
-    """Age of each message's values at its stamp, µs; where one is early the others are late."""
+def delays_by_role_us(instruments: Instruments) -> dict[Role, int]:
+    """Age of the values of each role at their stamp, µs; where one is early the others are late."""
     delays = {
-        "WheelSpeeds1": instruments.wheel_speed_delay,
-        "WheelSpeeds2": instruments.wheel_speed_delay,
-        "VehicleSpeed": instruments.speed_delay,
-        "TractiveEffort1": instruments.effort_delay,
-        "TractiveEffort2": instruments.effort_delay,
+        Role.WHEEL_SPEED: instruments.wheel_speed_delay,
+        Role.VEHICLE_SPEED: instruments.speed_delay,
+        Role.TRACTIVE_EFFORT: instruments.effort_delay,
     }
     earliest = min(*delays.values(), 0.0)
-    return {name: to_us(delay - earliest) for name, delay in delays.items()}
+    return {role: to_us(delay - earliest) for role, delay in delays.items()}
+
+
+_ROLES = {
+    "WheelSpeeds1": Role.WHEEL_SPEED,
+    "WheelSpeeds2": Role.WHEEL_SPEED,
+    "VehicleSpeed": Role.VEHICLE_SPEED,
+    "TractiveEffort1": Role.TRACTIVE_EFFORT,
+    "TractiveEffort2": Role.TRACTIVE_EFFORT,
+}
 
 
 class Sensors:
@@ -165,7 +172,8 @@ class Sensors:
         self._noise = noise
         self._rng = rng
         self._instruments = instruments
-        self._delay_us = _delays_us(instruments)
+        of_roles = delays_by_role_us(instruments)
+        self._delay_us = {name: of_roles[role] for name, role in _ROLES.items()}
         longest_us = max(self._delay_us.values())
         self._history = StateHistory(longest_us) if longest_us else None
         self._transmitters = [

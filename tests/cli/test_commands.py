@@ -463,7 +463,7 @@ def test_a_bus_that_does_not_exist(capsys, tmp_path):
     ("arguments", "words"),
     [
         (["simulate", "--scenario", "ice", "--log", "x"], "no scenario 'ice'"),
-        (["simulate", "--scenario", "dry"], "either --log or a bus"),
+        (["simulate", "--scenario", "dry"], "--log and -i: neither is given"),
         (["simulate", "--scenario", "dry", "--log", "x", "--duration", "-1"], "--duration"),
         (["simulate", "--scenario", "dry", "--log", "x", "--duration", "nan"], "--duration"),
         (["simulate", "--scenario", "dry", "--log", "x", "--seed", "-1"], "--seed"),
@@ -477,7 +477,7 @@ def test_a_bus_that_does_not_exist(capsys, tmp_path):
         (["replay", "x", "--table", "x.xls"], "of no known format"),
         (["replay"], "required"),
         (["demo", "--duration", "3"], "too short"),
-        (["conquer"], "invalid choice"),
+        (["conquer"], "no command 'conquer'"),
         ([], "required"),
     ],
 )

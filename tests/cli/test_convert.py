@@ -427,9 +427,10 @@ def test_a_full_disk_is_reported_and_leaves_nothing(tmp_path, capsys, suffix):
     assert [path.name for path in tmp_path.iterdir()] == ["a.log"]
 
 
-def test_a_terminal_sees_the_progress_and_a_pipe_does_not(log, tmp_path, capsys):
+@pytest.mark.parametrize("option", [["--progress"], ["--no-progress"], []])
+def test_a_terminal_sees_the_progress_of_long_work_or_when_asked(log, tmp_path, capsys, option):
     main_end, other_end = pty.openpty()
-    command = [sys.executable, "-W", "error", "-m", "adhesion_can.cli.main", "convert"]
+    command = [sys.executable, "-W", "error", "-m", "adhesion_can.cli.main", "convert", *option]
     done = subprocess.run(
         [*command, log, "--out", tmp_path / "o.csv"],
         check=True,
@@ -437,11 +438,12 @@ def test_a_terminal_sees_the_progress_and_a_pipe_does_not(log, tmp_path, capsys)
         stderr=other_end,
         text=True,
     )
-    os.close(other_end)
+    os.write(other_end, b"end")
     shown = os.read(main_end, 100_000).decode()
+    os.close(other_end)
     os.close(main_end)
-    assert "44 frames" in shown
-    assert "M/s" in shown
+    assert ("44 frames" in shown) is (option == ["--progress"])
+    assert ("k/s" in shown) is (option == ["--progress"])
     assert convert(log, "--out", tmp_path / "o.csv") == 0
     assert capsys.readouterr() == (done.stdout, "")
 

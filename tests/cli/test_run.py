@@ -155,7 +155,7 @@ def test_a_bus_from_the_environment_serves_simulate_too(monkeypatch, capsys):
         assert listener.recv(0.1) is not None
     monkeypatch.delenv("CAN_INTERFACE")
     assert main(["simulate", "--scenario", "dry", "--duration", "0.5"]) == 2
-    assert "either --log or a bus" in capsys.readouterr().err
+    assert "--log and -i: neither is given" in capsys.readouterr().err
 
 
 def test_a_crash_keeps_what_was_recorded(tmp_path, monkeypatch):

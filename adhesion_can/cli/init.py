@@ -1,0 +1,132 @@
+"""`init`: a commented configuration from a database, its roles guessed by name and unit."""
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from adhesion_can.bus.database import load_database
+from adhesion_can.bus.guess_roles import GuessedRoles, RoleGuess, guess_roles
+from adhesion_can.cli.common import (
+    add_lenient,
+    require_outputs,
+    require_positive,
+    tell_left_out,
+)
+from adhesion_can.config.initial_file import InitialConfiguration, count_axles, initial_text
+from adhesion_can.config.vehicle_section import VEHICLE_DATA
+from adhesion_can.errors import InputError
+from adhesion_can.files import whole_file
+
+_OPTIONS = {
+    "wheel_radius_m": ("--wheel-radius", "M"),
+    "axle_load_N": ("--axle-load", "N"),
+    "wheelset_inertia_kgm2": ("--inertia", "KGM2"),
+    "train_mass_kg": ("--train-mass", "KG"),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
+    parser.description = (
+        "Writes a commented configuration for --config. Roles are guessed from names, units and "
+        "value tables; where two signals fit a role about equally well you are asked. What stays "
+        "open is commented out, or says 'fill in'."
+    )
+    parser.add_argument("--dbc", type=Path, required=True, metavar="F", help="CAN database")
+    parser.add_argument(
+        "--out", type=Path, metavar="CONFIG.toml", help="file to write (default: stdout)"
+    )
+    parser.add_argument("--yes", action="store_true", help="take the clear guesses and ask nothing")
+    for key, (option, unit) in _OPTIONS.items():
+        parser.add_argument(option, dest=key, type=float, metavar=unit, help=VEHICLE_DATA[key])
+    add_lenient(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    given = {key: value for key in _OPTIONS if (value := getattr(options, key)) is not None}
+    for key, value in given.items():
+        require_positive(value, _OPTIONS[key][0])
+    require_outputs(options, {"--out": options.out})
+    database = load_database(options.dbc, lenient=options.lenient)
+    tell_left_out(database)
+    guessed = guess_roles(database.db.messages)
+    initial = InitialConfiguration(database, guessed, count_axles(guessed), given)
+    if not options.yes:
+        if not sys.stdin.isatty():
+            raise InputError(str(options.dbc), _summary(initial), "say --yes to take the guesses")
+        initial = _ask(initial)
+    text = initial_text(initial, options.out)
+    if options.out is None:
+        sys.stdout.write(text)
+    else:
+        with whole_file(options.out) as file:
+            file.write(text)
+    where = "" if options.out is None else f"{options.out}: "
+    print(f"{where}{_summary(initial)}", file=sys.stderr)
+    return 0
+
+
+def _summary(initial: InitialConfiguration) -> str:
+    """What was guessed and what is open, as one line."""
+    unclear = list(initial.guessed.rivals)
+    parts = [f"{len(initial.guessed.taken)} roles guessed"]
+    if unclear:
+        parts.append(f"unclear {', '.join(unclear)}")
+    if initial.missing:
+        parts.append(f"missing {', '.join(initial.missing)}")
+    if initial.to_fill_in:
+        parts.append(f"to fill in {', '.join(initial.to_fill_in)}")
+    return "; ".join(parts)
+
+
+def _ask(initial: InitialConfiguration) -> InitialConfiguration:
+    """The configuration with the answers of a person; an empty answer leaves a thing open."""
+    taken, open_roles = list(initial.guessed.taken), dict(initial.guessed.rivals)
+    for name, rivals in initial.guessed.rivals.items():
+        used = {guess.place for guess in taken}
+        free = [rival for rival in rivals if rival.place not in used]
+        chosen = _ask_rival(name, free)
+        if chosen is not None:
+            taken.append(chosen)
+            del open_roles[name]
+    guessed = GuessedRoles(tuple(taken), open_roles)
+    vehicle = dict(initial.vehicle)
+    axles = count_axles(guessed)
+    if axles is None and (number := _ask_number("axles: number of the axles")) is not None:
+        axles = int(number)
+    for key, meaning in VEHICLE_DATA.items():
+        if key not in vehicle and (number := _ask_number(f"{key}: {meaning}")) is not None:
+            vehicle[key] = number
+    return replace(initial, guessed=guessed, axles=axles, vehicle=vehicle)
+
+
+def _ask_rival(name: str, rivals: list[RoleGuess]) -> RoleGuess | None:
+    if not rivals:
+        return None
+    print(f"{name} may be", file=sys.stderr)
+    for number, rival in enumerate(rivals, start=1):
+        unit = rival.signal.unit or "no unit"
+        print(f"  {number}  {rival.place} ({unit})", file=sys.stderr)
+    while answer := _answer("number, or Enter for none: "):
+        if answer.isdecimal() and 1 <= int(answer) <= len(rivals):
+            return rivals[int(answer) - 1]
+    return None
+
+
+def _ask_number(question: str) -> float | None:
+    while answer := _answer(f"{question} (Enter: later): "):
+        try:
+            number = float(answer)
+        except ValueError:
+            continue
+        if 0.0 < number < float("inf"):
+            return number
+    return None
+
+
+def _answer(question: str) -> str:
+    """Answer of a person; '' at the end of the input."""
+    print(question, end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip()

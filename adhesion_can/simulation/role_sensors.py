@@ -1,0 +1,171 @@
+"""Sensors on the bus of any database, whose signals have the roles of a configuration."""
+
+from collections.abc import Mapping, Sequence
+from statistics import fmean
+
+import numpy as np
+
+from adhesion_can.bus.e2e import COUNTS, protect
+from adhesion_can.bus.frame import Frame
+from adhesion_can.bus.roles import BoundMessage, BoundSignal
+from adhesion_can.errors import InputError
+from adhesion_can.physics.instruments import Instruments
+from adhesion_can.physics.readings import Direction, Role, SpeedSource
+from adhesion_can.simulation.sensors import (
+    SLOT_US,
+    NoiseSettings,
+    PlantState,
+    StateHistory,
+    delays_by_role_us,
+)
+
+
+class RoleTransmitter:
+    """One message: when it is due next, and its payload from values by signal.
+
+    Args:
+        message: Message with the roles of its signals.
+        slot: Place in the order of the bus, from 0: the phase of the message.
+
+    """
+
+    def __init__(self, message: BoundMessage, slot: int) -> None:
+        plan = message.plan
+        for signal in message.signals:
+            if plan.multiplexed.get(signal.plan.name):
+                raise InputError(
+                    f"roles.{signal.name}",
+                    f"{plan.name}.{signal.plan.name} is multiplexed, and the simulation sends none",
+                    "map the role to another signal, or leave it out",
+                )
+        if message.cycle_us is None:
+            raise InputError(
+                f"roles.{message.signals[0].name}",
+                f"the cycle of {plan.name} is unknown, so nobody knows when to send it",
+                "state cycle_ms at its role, or GenMsgCycleTime in the database",
+            )
+        self.name = plan.name
+        self.signals = message.signals
+        self.due_us = slot * SLOT_US
+        self._message = message
+        self._cycle_us = message.cycle_us
+        self._count = 0
+
+    def frame(self, values: Mapping[str, float | None]) -> Frame:
+        """The frame now due; the next one is due a cycle later."""
+        message, plan = self._message, self._message.plan
+        payload = plan.encode(values)
+        if message.data_id is not None:
+            protect(payload, message.data_id, self._count)
+            self._count = (self._count + 1) % COUNTS
+        frame = Frame(
+            self.due_us,
+            plan.frame_id,
+            bytes(payload),
+            channel=message.channel or "",
+            is_extended=plan.is_extended,
+            is_fd=plan.size > 8,
+        )
+        self.due_us += self._cycle_us
+        return frame
+
+
+class RoleSensors:
+    """All messages that a configuration listens for, each at its cycle.
+
+    Args:
+        messages: Messages with the roles of their signals.
+        noise: Standard deviations of the noise.
+        rng: Generator of the noise.
+        instruments: Errors of the sensors beside the noise.
+
+    Raises:
+        InputError: A signal is multiplexed, or the cycle of a message is unknown.
+
+    """
+
+    def __init__(
+        self,
+        messages: Sequence[BoundMessage],
+        noise: NoiseSettings,
+        rng: np.random.Generator,
+        instruments: Instruments,
+    ) -> None:
+        self._noise = noise
+        self._rng = rng
+        self._instruments = instruments
+        self._delay_us = delays_by_role_us(instruments)
+        longest_us = max(self._delay_us.values())
+        self._history = StateHistory(longest_us)
+        sent = [message for message in messages if message.roles - {Role.CHANNEL}]
+        self._transmitters = [RoleTransmitter(one, slot) for slot, one in enumerate(sent)]
+
+    def due(
+        self, after: PlantState, before: PlantState, from_us: int, until_us: int
+    ) -> list[Frame]:
+        """Frames due until `until_us`, as those of `Sensors.due`."""
+        if self._history.is_empty:
+            self._history.add(from_us, before)
+        self._history.add(until_us, after)
+        frames = []
+        for transmitter in self._transmitters:
+            while transmitter.due_us <= until_us:
+                values = self._values(transmitter)
+                frames.append(transmitter.frame(values))
+        return sorted(frames, key=lambda frame: frame.t_us)
+
+    def _values(self, transmitter: RoleTransmitter) -> dict[str, float | None]:
+        """Values of a message's signals, in their units, at its due time."""
+        given: dict[str, list[float | None]] = {}
+        for signal in transmitter.signals:
+            t_us = transmitter.due_us - self._delay_us.get(signal.role, 0)
+            value = self._measure(signal, self._history.at(t_us))
+            given.setdefault(signal.plan.name, []).append(
+                None if value is None else (value + signal.offset) / signal.scale
+            )
+        values: dict[str, float | None] = {}
+        for signal in transmitter.signals:
+            # One force of several axles has shares that agree but for their noise.
+            known = [value for value in given[signal.plan.name] if value is not None]
+            value = fmean(known) if known else None
+            if value is not None or signal.plan.not_available is not None:
+                values[signal.plan.name] = value
+            if value is not None and not signal.plan.in_range(value):
+                raise InputError(
+                    f"roles.{signal.name}",
+                    f"{transmitter.name}.{signal.plan.name} would be {value:.6g}, beyond its range "
+                    f"in the database ({signal.plan.minimum:g} to {signal.plan.maximum:g})",
+                    "correct the range, the unit of the role or its sign, or simulate another "
+                    "scenario",
+                )
+        return values
+
+    def _measure(self, signal: BoundSignal, state: PlantState) -> float | None:
+        """Measured value of a role, SI; None where the locomotive has no such sensor."""
+        noise, instruments, axle = self._noise, self._instruments, signal.axle - 1
+        conditions = state.conditions
+        match signal.role:
+            case Role.WHEEL_SPEED:
+                return max(float(state.wheel_speed[axle]) + self._draw(noise.wheel_speed), 0.0)
+            case Role.VEHICLE_SPEED:
+                speed = (1.0 + instruments.speed_error) * state.speed
+                return max(speed + self._draw(noise.vehicle_speed), 0.0)
+            case Role.TRACTIVE_EFFORT:
+                bias = float(np.broadcast_to(instruments.effort_bias, state.effort.shape)[axle])
+                return float(state.effort[axle]) + bias + self._draw(noise.effort)
+            case Role.AXLE_LOAD:
+                return float(state.load[axle]) + self._draw(noise.load)
+        return {
+            Role.SPEED_SOURCE: float(SpeedSource.RADAR),
+            Role.DIRECTION: float(Direction.FORWARD),
+            Role.AMBIENT_TEMPERATURE: conditions.ambient_temperature,
+            Role.RAIL_TEMPERATURE: conditions.rail_temperature,
+            Role.HUMIDITY: conditions.humidity,
+            Role.SANDING: conditions.sanding,
+            Role.RAIN: conditions.rain,
+            Role.GRADIENT: state.gradient,
+            Role.CURVATURE: conditions.curvature,
+        }.get(signal.role)
+
+    def _draw(self, std: float) -> float:
+        return std * float(self._rng.standard_normal())

@@ -1,0 +1,91 @@
+"""`init`: the file that it writes, what it asks, and that nothing is invented."""
+
+import sys
+import tomllib
+from io import StringIO
+from pathlib import Path
+
+import pytest
+
+from adhesion_can.bus.database import packaged_path
+from adhesion_can.cli.main import main
+from adhesion_can.config import load_configuration
+from adhesion_can.errors import ConfigError
+
+TRAM = Path(__file__).resolve().parents[1] / "data" / "tram.dbc"
+VEHICLE = [
+    "--wheel-radius",
+    "0.33",
+    "--axle-load",
+    "90e3",
+    "--inertia",
+    "60",
+    "--train-mass",
+    "4e4",
+]
+
+
+class Terminal(StringIO):
+    """Typed lines."""
+
+    def isatty(self):
+        return True
+
+
+def test_the_file_of_a_tram_loads(tmp_path, capsys):
+    out = tmp_path / "tram.toml"
+    assert main(["init", "--dbc", str(TRAM), "--yes", "--out", str(out), *VEHICLE]) == 0
+    assert "12 roles guessed" in capsys.readouterr().err
+    config = load_configuration(out)
+    config.require_identification()
+    assert config.vehicle.wheel_radius == (0.33,) * 4
+    scales = {s.name: s.scale for m in config.messages for s in m.signals}
+    assert scales["wheel_speed.3"] == pytest.approx(0.10471976)
+    assert scales["tractive_effort.1"] == 1e3
+    assert "positive in traction" in out.read_text()
+
+
+def test_our_own_database_needs_the_vehicle_alone(tmp_path):
+    out = tmp_path / "own.toml"
+    assert main(["init", "--dbc", str(packaged_path()), "--yes", "--out", str(out), *VEHICLE]) == 0
+    assert {c.name for c in load_configuration(out).choices} == {
+        c.name for c in load_configuration().choices
+    }
+
+
+def test_what_nobody_said_is_to_be_filled_in(tmp_path, capsys):
+    """No invented radius: each is an error until it is written."""
+    out = tmp_path / "tram.toml"
+    assert main(["init", "--dbc", str(TRAM), "--yes", "--out", str(out)]) == 0
+    assert "to fill in wheel_radius_m, axle_load_N" in capsys.readouterr().err
+    with pytest.raises(ConfigError, match="wheel_radius_m: not filled in; write the radius of the"):
+        load_configuration(out)
+
+
+def test_without_a_terminal_nothing_is_taken_silently(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", StringIO(""))
+    out = tmp_path / "tram.toml"
+    assert main(["init", "--dbc", str(TRAM), "--out", str(out)]) == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    assert "12 roles guessed" in line
+    assert "say --yes" in line
+    assert not out.exists()
+
+
+def test_rivals_are_asked_and_empty_answers_leave_them_open(tmp_path, monkeypatch, capsys):
+    dbc, out = tmp_path / "two.dbc", tmp_path / "two.toml"
+    rival = ' SG_ v_Zug : 24|16@1+ (0.1,0) [0|320] "km/h" Vector__XXX\n SG_ Fahrtrichtung'
+    dbc.write_text(TRAM.read_text().replace(" SG_ Fahrtrichtung", rival, 1))
+    monkeypatch.setattr(sys, "stdin", Terminal("7\n2\n0.33\nabc\n90000\n60\n\n"))
+    assert main(["init", "--dbc", str(dbc), "--out", str(out)]) == 0
+    asked = capsys.readouterr().err
+    assert "1  GW_Odometrie.v_Fzg (km/h)" in asked
+    document = tomllib.loads(out.read_text())
+    assert document["roles"]["vehicle_speed"] == "GW_Odometrie.v_Zug"
+    assert document["vehicle"]["axle_load_N"] == 90000
+    assert document["vehicle"]["train_mass_kg"] == "fill in"
+    monkeypatch.setattr(sys, "stdin", Terminal(""))
+    assert main(["init", "--dbc", str(dbc), "--out", str(out)]) == 0
+    assert "vehicle_speed" not in tomllib.loads(out.read_text())["roles"]
+    assert "# vehicle_speed: unclear, one of these or none" in out.read_text()

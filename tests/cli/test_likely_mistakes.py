@@ -1,0 +1,134 @@
+"""What a person is likely to type wrongly, and the one line that comes: where, what, the mend."""
+
+import csv
+import re
+
+import can
+import pytest
+
+from adhesion_can.bus.database import packaged_path
+from adhesion_can.cli.main import main
+from adhesion_can.recordings.candump import parse_line
+from adhesion_can.recordings.recording import to_message
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A drive of 3 s, its samples, and the same under wrong names, formats and units."""
+    folder = tmp_path_factory.mktemp("mistakes")
+    log, samples = folder / "drive.log", folder / "samples.csv"
+    assert main(["simulate", "--scenario", "dry", "--duration", "3", "--log", str(log)]) == 0
+    assert main(["replay", str(log), "--samples", str(samples)]) == 0
+    text, dbc = log.read_text(), packaged_path().read_text()
+    with can.ASCWriter(folder / "was.asc") as writer:
+        for line in text.splitlines(keepends=True):
+            writer(to_message(parse_line(line.encode())))
+    (folder / "was.asc").rename(folder / "asc.log")
+    (folder / "log.asc").write_text(text)
+    (folder / "empty.log").write_text("")
+    (folder / "empty.csv").write_text("")
+    (folder / "folder.log").mkdir()
+    for name, factor in (("ms", 1e3), ("us", 1e6), ("thousandth", 1e-3)):
+        (folder / f"{name}.log").write_text(with_stamps(text, lambda t, k=factor: k * t))
+    (folder / "rpm.dbc").write_text(dbc.replace('"rad/s"', '"rpm"'))
+    (folder / "other_ids.dbc").write_text(
+        re.sub(r"\b(257|258|273|289|290|305|306|321|337)\b", r"1\1", dbc)
+    )
+    for name, factor in (("ms", 1e3), ("us", 1e6)):
+        with samples.open() as source, (folder / f"{name}.csv").open("w") as target:
+            rows = list(csv.DictReader(source))
+            writer = csv.DictWriter(target, rows[0])
+            writer.writeheader()
+            writer.writerows({**row, "time_s": float(row["time_s"]) * factor} for row in rows)
+    return folder
+
+
+def with_stamps(text, change):
+    """Candump text whose stamps are changed by a function."""
+    lines = text.splitlines(keepends=True)
+    stamps = [float(line[1 : line.index(")")]) for line in lines]
+    return "".join(
+        f"({change(stamp):.6f}){line[line.index(')') + 1 :]}"
+        for stamp, line in zip(stamps, lines, strict=True)
+    )
+
+
+REFUSED = {
+    "repaly drive.log": "adhesion-can: no command 'repaly'; near are replay",
+    "replay drive.log --form 1": "replay: no option --form; near are --from",
+    "replay drive.log --tabel=x.csv": "replay: no option --tabel; near are --table",
+    "replay --zzzzz drive.log": "replay: no option --zzzzz; see 'adhesion-can replay --help'",
+    "simulate dry --scenario dry": "simulate: 'dry' is one word too many",
+    "simulate --scenario dry": "simulate: --log and -i: neither is given; name a log, or a bus",
+    "simulate --scenario dry --log a.log -c vcan0": "--log and -i: both are given",
+    "identify drive.log --curve polak": "identify: --curve: no 'polak'; near are polach",
+    "experiment 4": "experiment: 1|2|3: no '4'; known: 1, 2, 3",
+    "run -i socketkan -c vcan0": "near are socketcan",
+    "run": "run: -i: no interface is named; say for instance -i socketcan -c vcan0",
+    "run -c vcan0": "run: -i: no interface is named",
+    "replay nowhere.log": "nowhere.log: No such file or directory; check the path",
+    "replay folder.log": "folder.log: Is a directory; check the path",
+    "replay empty.log": "empty.log: not one frame in it; is it one that 'candump -L' recorded?",
+    "identify empty.csv": "empty.csv: a .csv with neither a 'slip' column",
+    "replay asc.log": "a .asc file by its content, and not what its name says; name it .asc",
+    "replay log.asc": "candump text by its content, and not what its name says; name it .log",
+    "replay samples.csv": "a table of samples, not a recording; give it to 'identify'",
+    "replay drive.log --from 100": "ends 3.000 s after its first frame, before --from 100",
+    "replay drive.log --dbc drive.log": "no CAN database by its name; give a .dbc",
+    "replay drive.log --config rpm.dbc": "a CAN database by its name, not a configuration; give",
+    "check drive.log --dbc other_ids.dbc": "is one that is listened for (WheelSpeeds1 0x4e9",
+    "replay ms.log": "its stamps look to be in ms (WheelSpeeds1 comes every 10000 ms",
+    "identify us.log": "its stamps look to be in us",
+    "check us.log": "its stamps look to be in us",
+    "replay us.log": "its stamps look to be in us",
+    "diagnose thousandth.log": "its stamps look to be a thousandth of the seconds",
+    "calibrate drive.log": "of the simulated scenarios 'sweep' coasts",
+}
+"""The line by what is typed, after 'adhesion-can', in a folder with the files of the fixture."""
+
+
+@pytest.mark.parametrize("typed", REFUSED)
+def test_a_mistake_is_one_line_that_names_the_mend(folder, monkeypatch, capsys, typed):
+    monkeypatch.chdir(folder)
+    for name in ("CAN_INTERFACE", "CAN_CHANNEL"):
+        monkeypatch.delenv(name, raising=False)
+    before = sorted(folder.iterdir())
+    try:
+        code = main(typed.split())
+    except SystemExit as error:
+        code = error.code
+    line = capsys.readouterr().err
+    assert code == 2
+    assert line.count("\n") == 1
+    assert REFUSED[typed] in line
+    assert "simulate: simulate:" not in line
+    assert sorted(folder.iterdir()) == before
+
+
+FOUND = {
+    "check drive.log --dbc rpm.dbc": "wheel_speed: it may be in rad/s and not in rpm",
+    "check ms.csv": "if the column is in ms, say --column time_s=time_s,unit=ms",
+    "check us.csv": "if the column is in us, say --column time_s=time_s,unit=us",
+}
+"""A sentence of `check` by what is typed."""
+
+
+@pytest.mark.parametrize("typed", FOUND)
+def test_check_names_the_wrong_unit(folder, monkeypatch, capsys, typed):
+    monkeypatch.chdir(folder)
+    main(typed.split())
+    said = capsys.readouterr().out
+    assert FOUND[typed] in said
+    assert "gaps of more than three cycles" not in said
+    assert "opposite signs" not in said
+
+
+def test_a_hole_or_another_rate_is_no_other_unit(folder, capsys, tmp_path):
+    """Two drives an hour apart, and a drive at half its rate, are told as what they are."""
+    text = (folder / "drive.log").read_text()
+    later = with_stamps(text, lambda t: t + 3600)
+    (tmp_path / "hole.log").write_text(text + later)
+    (tmp_path / "slow.log").write_text(with_stamps(text, lambda t: 2 * t))
+    for name in ("hole", "slow"):
+        main(["check", str(tmp_path / f"{name}.log")])
+        assert "stamps look to be" not in capsys.readouterr().out
