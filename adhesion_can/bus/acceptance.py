@@ -84,7 +84,7 @@ class MessageAcceptance:
     @property
     def lost(self) -> int:
         """Number of lost frames by the counters, all channels together."""
-        return sum(counter.lost for counter in self._counters.values())
+        return sum([counter.lost for counter in self._counters.values()])
 
     def counter(self, channel: str) -> CounterSupervision:
         """Supervision of the counter on a channel."""

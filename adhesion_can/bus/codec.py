@@ -100,6 +100,13 @@ class SignalPlan:
         return 1 << (self.length - 1)
 
     @cached_property
+    def _sent_range(self) -> tuple[int, int]:
+        """Smallest and largest raw value of a number that is sent."""
+        top = self.mask >> 1 if self.signed else self.mask
+        bottom = -(self.mask >> 1) - 1 if self.signed else 0
+        return bottom, top if self.not_available is None else top - 1
+
+    @cached_property
     def _float_format(self) -> tuple[str, str]:
         return {16: ("<e", "<H"), 32: ("<f", "<I"), 64: ("<d", "<Q")}[self.length]
 
@@ -219,10 +226,7 @@ class SignalPlan:
             real, integer = self._float_format
             (bits,) = struct.unpack(integer, struct.pack(real, (value - self.offset) / self.scale))
             return int(bits) << self.shift
-        top = self.mask >> 1 if self.signed else self.mask
-        if self.not_available is not None:
-            top -= 1
-        bottom = -(self.mask >> 1) - 1 if self.signed else 0
+        bottom, top = self._sent_range
         ratio = (value - self.offset) / self.scale
         raw = round(min(max(ratio, bottom), top))
         return (raw & self.mask) << self.shift

@@ -83,12 +83,12 @@ class Receiver:
     @property
     def rejected(self) -> int:
         """Number of frames rejected since the start."""
-        return sum(sum(record.rejected.values()) for record in self.records)
+        return sum([record.frames - record.accepted for record in self.records])
 
     @property
     def lost(self) -> int:
         """Number of frames lost since the start, by the counters."""
-        return sum(record.lost for record in self.records)
+        return sum([record.acceptance.lost for record in self.records])
 
     def accept(self, frame: Frame) -> list[Reading] | Rejection | None:
         """Check and decode one frame.

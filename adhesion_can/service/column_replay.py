@@ -152,13 +152,12 @@ class ColumnInputs:
             self._former.collect(due),
             self._find_stale(due, received).tolist(),
             self._find_speeds(due, received),
-            totals.rejected.tolist(),
-            totals.lost.tolist(),
+            zip(totals.rejected.tolist(), totals.lost.tolist(), strict=True),
             strict=True,
         )
         self._snapshots = {
-            t_us: InputSnapshot(samples, stale, speed, rejected, lost, self._former.dropped)
-            for t_us, samples, stale, speed, rejected, lost in rows
+            t_us: InputSnapshot(samples, stale, speed, partial(tuple, counts), self._former.dropped)
+            for t_us, samples, stale, speed, counts in rows
         }
 
     def snapshot(self, t_us: int) -> InputSnapshot:

@@ -12,6 +12,7 @@ each due time the parts work one after the other:
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.j1939 import IdFilter
@@ -156,9 +157,16 @@ class ServiceCore:
             self._early.repeat()
             if self._inputs.next_expected_us < t_us:
                 self._early.begin(t_us)
-            estimate = self._estimation.prepare(samples, t_us)
-            if estimate is not None:
-                self._builder.prepare(estimate)
+            self._estimation.prepare(samples, t_us)
+        if self._estimation.prepared is not None:
+            # Mostly the status stays as it is, and no other speed comes any more.
+            self._builder.prepare(
+                self.outputs.status,
+                t_us,
+                self._estimation.prepared,
+                self._inputs.speed,
+                speed_derived=self.speed_derived,
+            )
         return self._estimation.can_prepare
 
     @property
@@ -180,8 +188,7 @@ class ServiceCore:
         if not self.schedule.started:
             return frames
         self.outputs = Outputs()
-        lost = self.receiver.lost + self.counts.receive_drops
-        health = Health(self.receiver.rejected, lost, self.loop_time_p99_us)
+        health = partial(self._health, lambda: (self.receiver.rejected, self.receiver.lost))
         for name in self.messages.cycles_us:
             frames += self.messages.compose(name, self._now_us, self.outputs, health)
         # The last estimate can still be asked for.
@@ -277,13 +284,16 @@ class ServiceCore:
         while (t_us := self.schedule.next_due_us) is not None and t_us <= until_us:
             inputs = snapshot(t_us)
             self._update(t_us, inputs)
-            lost = inputs.lost + self.counts.receive_drops
-            health = Health(inputs.rejected, lost, self.loop_time_p99_us)
+            health = partial(self._health, inputs.totals)
             for name in self.schedule.pop_due(t_us):
                 yield from self.messages.compose(name, t_us, self.outputs, health)
                 if name == SETPOINT and self._on_setpoint:
                     self._on_setpoint(t_us, self.outputs)
         self._now_us = until_us
+
+    def _health(self, totals: Callable[[], tuple[int, int]]) -> Health:
+        rejected, lost = totals()
+        return Health(rejected, lost + self.counts.receive_drops, self.loop_time_p99_us)
 
     def _update(self, t_us: int, inputs: InputSnapshot) -> None:
         """Bring estimate, status and outputs to a due time."""

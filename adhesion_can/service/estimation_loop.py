@@ -63,6 +63,7 @@ class EstimationLoop:
         """Drop estimator and estimate, and begin with a fresh estimator."""
         self._estimator = self._make_estimator()
         self._prepared: _Prepared | None = None
+        self._replaced: Estimator | None = None
         self.estimate: Estimate | None = None
         """Latest estimate of the curve; None where there is none."""
 
@@ -89,6 +90,8 @@ class EstimationLoop:
         prepared, self._prepared = self._prepared, None
         self.was_prepared = prepared is not None and prepared.serves(samples, t_us)
         if prepared is not None and self.was_prepared:
+            # Taking the old one apart takes a while: that is left to the next idle time.
+            self._replaced = self._estimator
             self._estimator, outcome = prepared.estimator, prepared.outcome
         else:
             outcome = _outcome(self._estimator, samples, t_us)
@@ -102,26 +105,28 @@ class EstimationLoop:
         """Whether an update with these samples has been made ahead of its due time, µs."""
         return self._prepared is not None and self._prepared.serves(samples, t_us)
 
-    def prepare(self, samples: Samples, t_us: int) -> Estimate | None:
-        """Make the update of the next due time ahead of it.
+    @property
+    def prepared(self) -> Estimate | None:
+        """Estimate of the update made ahead; None where there is none."""
+        outcome = None if self._prepared is None else self._prepared.outcome
+        return None if isinstance(outcome, EstimatorFailure) else outcome
+
+    def prepare(self, samples: Samples, t_us: int) -> None:
+        """Make the update of the next due time ahead of it, where the estimator can be copied.
 
         Args:
             samples: Samples that became complete since the due time before, as far as is known.
             t_us: Due time, µs.
 
-        Returns:
-            Estimate that `update` will give; None where there is none, or where the estimator
-            cannot be copied.
-
         """
+        self._replaced = None
         try:
             estimator = copy.deepcopy(self._estimator)
         except TypeError:  # a lock, a file or a generator is in it
             self.can_prepare = False
-            return None
+            return
         outcome = _outcome(estimator, samples, t_us)
         self._prepared = _Prepared(samples, t_us, estimator, outcome)
-        return None if isinstance(outcome, EstimatorFailure) else outcome
 
 
 def _outcome(

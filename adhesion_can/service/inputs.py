@@ -1,6 +1,6 @@
 """Inputs of the service, read frame by frame, and their state at a due time."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple
@@ -26,8 +26,8 @@ class InputSnapshot(NamedTuple):
         samples: Samples that became complete since the due time before.
         stale: Whether a required input has been silent for more than `STALE_CYCLES` cycles.
         speed: Latest vehicle speed, m/s; None where it is not available.
-        rejected: Number of frames rejected since the service began.
-        lost: Number of frames lost since the service began, by their counters.
+        totals: Function that counts the frames rejected and, by their counters, lost since the
+            service began; few messages tell it.
         dropped: Number of wheel-speed readings that gave no sample since the last start, by reason.
 
     """
@@ -35,8 +35,7 @@ class InputSnapshot(NamedTuple):
     samples: Samples
     stale: bool
     speed: float | None
-    rejected: int
-    lost: int
+    totals: Callable[[], tuple[int, int]]
     dropped: Mapping[str, int]
 
 
@@ -118,7 +117,9 @@ class FrameInputs:
         self._supervised: list[_MessageTimeout] = []
         """Those of `_messages` that carry a required signal."""
         self._ahead: _Ahead | None = None
-        self._speed: float | None = None
+        self._replaced: SampleFormer | None = None
+        self.speed: float | None = None
+        """Latest vehicle speed, m/s; None where it is not available."""
         self.speed_source = float(SpeedSource.UNKNOWN)
         """Latest source of the vehicle speed, a value of `SpeedSource`."""
 
@@ -143,7 +144,7 @@ class FrameInputs:
             if value is not None and role in REQUIRED:
                 message.last_us = reading.t_us
             if role is Role.VEHICLE_SPEED:
-                self._speed = value
+                self.speed = value
             elif role is Role.SPEED_SOURCE and value is not None:
                 self.speed_source = value
             self._former.add(reading)
@@ -152,6 +153,8 @@ class FrameInputs:
         """State at a due time, µs; due times come in ascending order."""
         ahead = self._find_ahead(t_us)
         if ahead is not None:
+            # Taking the old one apart takes a while: that is left to the next idle time.
+            self._replaced = self._former
             self._former, samples = ahead.former, ahead.samples
         else:
             samples = self._former.collect(t_us)
@@ -159,11 +162,13 @@ class FrameInputs:
         return InputSnapshot(
             samples=samples,
             stale=any(t_us - message.last_us > message.timeout_us for message in self._supervised),
-            speed=self._speed,
-            rejected=self._receiver.rejected,
-            lost=self._receiver.lost,
+            speed=self.speed,
+            totals=self._count_frames,
             dropped=self._former.dropped,
         )
+
+    def _count_frames(self) -> tuple[int, int]:
+        return self._receiver.rejected, self._receiver.lost
 
     @property
     def next_expected_us(self) -> float:
@@ -195,6 +200,7 @@ class FrameInputs:
         """
         ahead = self._find_ahead(t_us)
         if ahead is None:
+            self._replaced = None
             former = self._former.copy()
             ahead = _Ahead(t_us, former, former.collect(t_us))
         self._ahead = ahead

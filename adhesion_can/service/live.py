@@ -173,8 +173,9 @@ class LiveService:
         if frame.is_data and ((frame.arbitration_id, frame.is_extended) in self.core.messages.ids):
             self._handle_own_id(frame)
             return
-        frame = frame._replace(t_us=max(frame.t_us, 0))
-        effective = frame._replace(t_us=max(frame.t_us, self.core.now_us))
+        if t_us < 0:
+            t_us, frame = 0, frame._replace(t_us=0)
+        effective = frame if t_us >= self.core.now_us else frame._replace(t_us=self.core.now_us)
         # What is due goes out before the frame is looked at.
         self._send(self.core.due_frames(effective.t_us))
         # The core gets the stamp as it came, and counts it when it has to clamp it.

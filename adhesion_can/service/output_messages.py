@@ -96,7 +96,7 @@ class OutputMessages:
             (one.plan.frame_id, one.plan.is_extended) for one in self._encoders.values()
         )
         """Id of every output message, and whether it has 29 bits."""
-        self._composers: dict[str, Callable[[int, Outputs, Health], list[Frame]]] = {
+        self._composers: dict[str, Callable[[int, Outputs, Callable[[], Health]], list[Frame]]] = {
             SETPOINT: self._setpoint,
             "AdhesionModel": self._model,
             QUALITY: self._quality,
@@ -133,11 +133,13 @@ class OutputMessages:
             if encoder.plan.frame_id == arbitration_id
         )
 
-    def compose(self, name: str, t_us: int, outputs: Outputs, health: Health) -> list[Frame]:
-        """Frames of one message at its due time, µs."""
+    def compose(
+        self, name: str, t_us: int, outputs: Outputs, health: Callable[[], Health]
+    ) -> list[Frame]:
+        """Frames of one message at its due time, µs; `health` is asked by the one that tells it."""
         return self._composers[name](t_us, outputs, health)
 
-    def _setpoint(self, t_us: int, outputs: Outputs, _: Health) -> list[Frame]:
+    def _setpoint(self, t_us: int, outputs: Outputs, _: object) -> list[Frame]:
         point = outputs.setpoint
         values = {
             "Status": float(outputs.status),
@@ -147,12 +149,12 @@ class OutputMessages:
         }
         return [self._encoders[SETPOINT].frame(t_us, values)]
 
-    def _model(self, t_us: int, outputs: Outputs, _: Health) -> list[Frame]:
+    def _model(self, t_us: int, outputs: Outputs, _: object) -> list[Frame]:
         theta = outputs.theta or (None, None, None)
         values = dict(zip(("C1", "C2", "C3"), theta, strict=True))
         return [self._encoders["AdhesionModel"].frame(t_us, values)]
 
-    def _quality(self, t_us: int, outputs: Outputs, _: Health) -> list[Frame]:
+    def _quality(self, t_us: int, outputs: Outputs, _: object) -> list[Frame]:
         values: dict[str, float | None] = {
             "MuMaxStd": outputs.mu_max_std,
             "LambdaMStd": outputs.lambda_m_std,
@@ -163,7 +165,7 @@ class OutputMessages:
             values[DOUBT] = float(outputs.doubt)
         return [encoder.frame(t_us, values)]
 
-    def _axles(self, t_us: int, outputs: Outputs, _: Health) -> list[Frame]:
+    def _axles(self, t_us: int, outputs: Outputs, _: object) -> list[Frame]:
         encoder = self._encoders["AxleSetpoint"]
         frames = []
         for axle in range(1, AXLE_FRAMES + 1):
@@ -177,7 +179,8 @@ class OutputMessages:
             frames.append(encoder.frame(t_us, values))
         return frames
 
-    def _health(self, t_us: int, outputs: Outputs, health: Health) -> list[Frame]:
+    def _health(self, t_us: int, outputs: Outputs, ask_health: Callable[[], Health]) -> list[Frame]:
+        health = ask_health()
         values = {
             "State": float(outputs.status),
             "FramesRejected": float(health.rejected),

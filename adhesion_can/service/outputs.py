@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import inf
+from typing import NamedTuple
 
 from adhesion_can.config import Configuration
 from adhesion_can.physics.burckhardt import slip_at_share
@@ -14,8 +15,7 @@ from adhesion_can.physics.status import Status
 from adhesion_can.service.states import VALUES, Values
 
 
-@dataclass(frozen=True, slots=True)
-class Setpoint:
+class Setpoint(NamedTuple):
     """Setpoint of one axle, or of all axles together; None stands for 'not available'.
 
     Attributes:
@@ -108,6 +108,20 @@ def build_outputs(
     )
 
 
+class _Current(NamedTuple):
+    """What the outputs follow from where current values are sent: arguments of `build`."""
+
+    status: Status
+    t_us: int
+    estimate: Estimate
+    speed: float | None
+    speed_derived: bool
+
+    def is_same(self, other: "_Current") -> bool:
+        """Whether the outputs are the same: with the very same estimate, which is a value."""
+        return self.estimate is other.estimate and self == other
+
+
 class OutputBuilder:
     """Builds the outputs of each due time: current values, values held from before, or none.
 
@@ -127,14 +141,35 @@ class OutputBuilder:
             if role is Role.WHEEL_SPEED and (Role.TRACTIVE_EFFORT, axle) in signals
         )
         self._last_current: Outputs | None = None
+        self._ahead: tuple[_Current, Outputs] | None = None
+        """What was computed ahead, and of what."""
 
     def restart(self) -> None:
         """Forget the values that could be held."""
-        self._last_current = None
+        self._last_current = self._ahead = None
 
-    def prepare(self, estimate: Estimate) -> None:
-        """Compute ahead what `build` needs of an estimate and takes longest."""
-        compute_target_slip(estimate.theta, self._share, self._slip_max)
+    def prepare(
+        self,
+        status: Status,
+        t_us: int,
+        estimate: Estimate,
+        speed: float | None,
+        *,
+        speed_derived: bool,
+    ) -> None:
+        """Compute ahead what `build` gives if its arguments are these.
+
+        Args:
+            status: Status to be expected.
+            t_us: Due time, µs.
+            estimate: Estimate to be expected.
+            speed: Vehicle speed to be expected, m/s; None where it is not available.
+            speed_derived: Whether the vehicle speed is derived from the driven axles.
+
+        """
+        if VALUES[status] is Values.CURRENT:
+            current = _Current(status, t_us, estimate, speed, speed_derived)
+            self._ahead = current, self._build_current(current)
 
     def build(
         self,
@@ -158,22 +193,31 @@ class OutputBuilder:
 
         """
         values = VALUES[status]
+        ahead, self._ahead = self._ahead, None
         if values is Values.CURRENT and estimate is not None:
-            if speed_derived:
-                estimate = _without_confidence(estimate)
-            self._last_current = build_outputs(
-                estimate,
-                status,
-                t_us,
-                max(speed or 0.0, self._v_min),
-                compute_target_slip(estimate.theta, self._share, self._slip_max),
-                self._axles,
-                speed,
-            )
+            current = _Current(status, t_us, estimate, speed, speed_derived)
+            if ahead is not None and ahead[0].is_same(current):
+                self._last_current = ahead[1]
+            else:
+                self._last_current = self._build_current(current)
             return self._last_current
         if values is Values.HELD and self._last_current is not None and may_hold:
             return replace(self._last_current, status=status, speed=speed)
         return Outputs(status, speed=speed)
+
+    def _build_current(self, current: _Current) -> Outputs:
+        estimate, speed = current.estimate, current.speed
+        if current.speed_derived:
+            estimate = _without_confidence(estimate)
+        return build_outputs(
+            estimate,
+            current.status,
+            current.t_us,
+            max(speed or 0.0, self._v_min),
+            compute_target_slip(estimate.theta, self._share, self._slip_max),
+            self._axles,
+            speed,
+        )
 
 
 def _without_confidence(estimate: Estimate) -> Estimate:

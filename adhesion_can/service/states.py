@@ -13,7 +13,6 @@ the setpoints' numbers in each status. `StatusMachine` owns the timers:
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum, auto
 from typing import NamedTuple
 
@@ -33,8 +32,7 @@ class Values(Enum):
     NOT_AVAILABLE = auto()
 
 
-@dataclass(frozen=True, slots=True)
-class Conditions:
+class Conditions(NamedTuple):
     """Conditions that decide on the status, at one due time.
 
     Attributes:

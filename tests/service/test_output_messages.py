@@ -65,7 +65,7 @@ FULL = Outputs(
 def signals(messages, name, outputs=FULL, health=HEALTH):
     """Signals of each frame of a message, without counter and checksum; None: not available."""
     found = []
-    for frame in messages.compose(name, 0, outputs, health):
+    for frame in messages.compose(name, 0, outputs, lambda: health):
         values = decoded(frame)
         own = {key: values[key] for key in values if key not in ("Checksum", "Counter", "CRC")}
         found.append({k: None if str(v) == "not available" else v for k, v in own.items()})
@@ -111,9 +111,9 @@ def test_six_axles_in_turn_and_those_without_a_setpoint_are_not_available(messag
 
 def test_each_message_counts_by_itself_from_0_to_14_and_again(messages):
     for name in ("AdhesionModel", "ServiceStatus"):
-        counts = [messages.compose(name, t, FULL, HEALTH)[0].data[1] & 15 for t in range(32)]
-        assert counts == [t % 15 for t in range(32)]
-    (frame,) = messages.compose("AdhesionModel", 4711, FULL, HEALTH)
+        frames = [messages.compose(name, t, FULL, lambda: HEALTH)[0] for t in range(32)]
+        assert [frame.data[1] & 15 for frame in frames] == [t % 15 for t in range(32)]
+    (frame,) = messages.compose("AdhesionModel", 4711, FULL, lambda: HEALTH)
     assert (frame.t_us, frame.arbitration_id, frame.is_extended) == (4711, 0x202, False)
 
 
@@ -138,7 +138,7 @@ def test_ids_of_a_user_set_the_order_and_are_found_by_their_names(tmp_path):
     assert (0x201, False) not in mine.ids
     for name, found in mine.ids_by_name.items():
         assert mine.find_name(found) == name
-    (frame,) = mine.compose(SETPOINT, 0, FULL, HEALTH)
+    (frame,) = mine.compose(SETPOINT, 0, FULL, lambda: HEALTH)
     assert (frame.arbitration_id, frame.is_extended) == (number, True)
 
 
@@ -147,7 +147,7 @@ def test_a_data_id_that_the_database_states_protects_the_frame(tmp_path, data_id
     mine = with_changes(
         tmp_path, ('BA_ "E2EDataId" BO_ 513 513;', f'BA_ "E2EDataId" BO_ 513 {data_id};')
     )
-    (frame,) = mine.compose(SETPOINT, 0, FULL, HEALTH)
+    (frame,) = mine.compose(SETPOINT, 0, FULL, lambda: HEALTH)
     assert frame.data[0] == e2e_checksum(data_id, frame.data)
 
 

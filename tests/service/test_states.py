@@ -1,6 +1,6 @@
 """Priorities of the conditions, and the timers of the status machine."""
 
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import replace
 
 import pytest
 
@@ -61,7 +61,7 @@ def test_a_condition_that_nobody_states_does_not_hold():
 
 
 def test_conditions_stay_as_they_were_judged():
-    with pytest.raises(FrozenInstanceError):
+    with pytest.raises(AttributeError):
         Conditions().fault = True
 
 

@@ -9,6 +9,7 @@ Discrete-Time Signal Processing, 3rd ed. 2010, sec. 4.2.2).
 from itertools import pairwise
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from adhesion_can.arrays import Array
 
@@ -17,7 +18,7 @@ EVEN = 0.05
 LEAST_RUN = 16
 """Rows of a run, from which it is shifted by its transform."""
 MARGIN = 32
-"""Rows by which a run is continued on either side, by its image through the end point."""
+"""Rows by which a run is continued on either side at least, by its image through the end point."""
 
 
 def shift_rows(t_s: Array, values: Array, by_s: float) -> Array:
@@ -50,9 +51,12 @@ def shift_rows(t_s: Array, values: Array, by_s: float) -> Array:
 
 def _shift_run(values: Array, by_rows: float) -> Array:
     """Values of even rows some rows later."""
-    margin = min(MARGIN, len(values) - 1)
+    longest = len(values) - 1
+    margin = min(MARGIN, longest)
+    # Of a length whose transform is quick: one with a large prime factor takes ten times as long.
+    behind = min(next_fast_len(len(values) + 2 * margin, real=True) - len(values) - margin, longest)
     front = 2.0 * values[0] - values[margin:0:-1]
-    back = 2.0 * values[-1] - values[-2 : -margin - 2 : -1]
+    back = 2.0 * values[-1] - values[-2 : -behind - 2 : -1]
     whole = np.concatenate([front, values, back])
     # A straight line between the ends is shifted by itself: a jump there would ring.
     place = np.arange(len(whole))

@@ -60,7 +60,7 @@ def outputs(data):
     for name, cycle_us in messages.cycles_us.items():
         assert cycle_us > 0
         for content in (Outputs(), full):
-            for frame in messages.compose(name, 0, content, Health(10**9, 0, None)):
+            for frame in messages.compose(name, 0, content, lambda: Health(10**9, 0, None)):
                 assert len(frame.data) == messages.sizes[name]
 
 
