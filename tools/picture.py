@@ -8,6 +8,7 @@ import matplotlib as mpl
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from pictures import closed_loop
 
 from adhesion_can.config import load_configuration
 from adhesion_can.physics.status import Status
@@ -74,6 +75,8 @@ def main():
     target = Path(sys.argv[1])
     figure.savefig(target)
     print(f"wrote {target.name}")
+    closed_loop.main(target.with_name("closed_loop.png"))
+    print("wrote closed_loop.png")
 
 
 if __name__ == "__main__":

@@ -95,20 +95,26 @@ class SwingSettings:
         error_max: Largest mean of |error|/setpoint over time and axles, each limited to 1. A change
             of the rail brings 0.2 for a moment.
         hold_s: Time for which one slip is held then, s; twice as long each time.
-        back_off: Factor of the slip and of the loop's bandwidth where it swings all the same.
+        bandwidth_first: Factor of the loop's bandwidth from then on.
+        back_off: Factor of the slip and of the bandwidth where it swings all the same.
         bandwidth_min: Smallest factor of the bandwidth.
         climb_s: Time between two steps of the slip, s.
         climb: Size of these steps, logarithm.
+        slip_min: Smallest slip ratio.
+        slip_max: Largest slip ratio.
 
     """
 
     time_constant_s: float = 0.7
     error_max: float = 0.35
-    hold_s: float = 30.0
+    hold_s: float = 60.0
+    bandwidth_first: float = 0.4
     back_off: float = 0.7
     bandwidth_min: float = 0.3
     climb_s: float = 1.0
     climb: float = 0.08
+    slip_min: float = 0.004
+    slip_max: float = 0.4
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,8 @@
 A loop with more dead time than it was laid out for swings, most of all where slips change quickly
 and beyond the peak: wheel speeds that come late, a slow drive. Then pairs at two slips tell no
 slope. What helps is one steady slip, where the contact itself damps, and less bandwidth. The slip
-climbs slowly by perturb and observe on the mean adhesion of all axles: over a second a late signal
-hardly counts.
+climbs slowly by perturb and observe: over a second a late signal hardly counts. It looks for the
+largest mean adhesion times 1 - λ, the part that moves the train, and so stays before the peak.
 """
 
 from math import exp
@@ -71,10 +71,10 @@ class SwingGuard:
     def _back_off(self, slip: float) -> None:
         s = self._settings
         if self.holds:
-            self.slip *= s.back_off
+            self._move_slip(s.back_off)
             self.bandwidth_share = max(s.back_off * self.bandwidth_share, s.bandwidth_min)
         else:
-            self.slip, self.bandwidth_share = slip, s.back_off
+            self.slip, self.bandwidth_share = slip, s.bandwidth_first
             self._left_s = self._hold_s
             self._hold_s *= 2.0
         # What was lowered needs a while to show.
@@ -90,11 +90,15 @@ class SwingGuard:
         self._steps += 1.0
         # The first half of the time belongs to the way from one slip to the next.
         if self._steps * self._cycle_s > s.climb_s / 2:
-            self._used += adhesion
+            self._used += adhesion * (1.0 - self.slip)
         if self._steps * self._cycle_s < s.climb_s:
             return
         if self._used < self._before:
             self._up = not self._up
         self._before = self._used
-        self.slip *= exp(s.climb if self._up else -s.climb)
+        self._move_slip(exp(s.climb if self._up else -s.climb))
         self._begin_step()
+
+    def _move_slip(self, factor: float) -> None:
+        s = self._settings
+        self.slip = min(max(factor * self.slip, s.slip_min), s.slip_max)
