@@ -1,7 +1,9 @@
 """Picture of creep control: force and slip on five rails in a minute, ours beside three others."""
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 
@@ -26,14 +28,24 @@ SECTION_S = 12.0
 
 
 def main(target: Path) -> None:
-    """Draw the picture.
+    """Run the controllers, and draw the picture.
 
     Args:
         target: File to write.
 
     """
     number = [case.name for case in CASES].index(CASE)
-    rows = {name: pull(Task(number, name, traced=True)) for name in LINES}
+    draw({name: pull(Task(number, name, traced=True)) for name in LINES}, target)
+
+
+def draw(rows: Mapping[str, Mapping[str, Any]], target: Path) -> None:
+    """Draw the picture.
+
+    Args:
+        rows: Rows of the bench with their traces, by controller.
+        target: File to write.
+
+    """
     figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 5.2), sharex=True, dpi=110)
     for section, (rail, shade) in enumerate(zip(RAILS, SHADES, strict=True)):
         begin = section * SECTION_S
