@@ -4,7 +4,7 @@ from itertools import permutations
 
 import numpy as np
 from _pulling_cases import CASES
-from _pulling_runs import OURS
+from _pulling_runs import OUR_OTHERS, OURS
 from _rival_controllers import RIVALS, Oracle
 
 STEADY_SHARE, CHANGING_SHARE = 0.97, 0.94
@@ -19,7 +19,8 @@ def judge(numbers, found, others, report):
     Args:
         numbers: Numbers of the cases.
         found: Rows by (case, controller), each rival at its usual setting.
-        others: Rows of the rivals at their other settings.
+        others: Rows by (case, controller, setting), those of the rivals at their other settings
+            among them, where they were driven.
         report: Report that prints and counts.
 
     """
@@ -48,42 +49,62 @@ def judge(numbers, found, others, report):
 
 
 def _judge_energy(numbers, found, others, report):
-    """Slip energy beside that of each rival, where a setting of it pulls as much as ours."""
+    """Slip energy beside that of each rival, at the same utilisation."""
     cases = [CASES[n].name for n in numbers if CASES[n].kind != "instrument"]
     for rival in RIVALS:
-        mine, theirs = [], []
+        pairs = []
         for case in cases:
-            own = found[case, OURS]
-            rows = [found[case, rival.name]]
-            rows += [others[case, rival.name, setting] for setting in rival.OTHERS]
-            front = [(row["utilisation"], row["slip_energy"]) for row in rows]
-            energy = energy_at(own["utilisation"], front)
-            if energy is not None:
-                mine.append(own["slip_energy"])
-                theirs.append(energy)
-        if not mine:
+            ours = _front(case, OURS, OUR_OTHERS, found, others)
+            theirs = _front(case, rival.name, rival.OTHERS, found, others)
+            both = energies_at_equal(ours, theirs)
+            pairs += [] if both is None else [both]
+        if not pairs:
             report.write(f"slip energy beside {rival.name}: it nowhere pulls as much as ours")
             continue
-        what = f"slip energy over that of {rival.name} in {len(mine)} of {len(cases)} cases"
-        report.at_most(what, sum(mine) / sum(theirs), ENERGY_SHARE, ".2f")
+        mine, their = np.sum(pairs, axis=0)
+        what = f"slip energy over that of {rival.name} in {len(pairs)} of {len(cases)} cases"
+        report.at_most(what, mine / their, ENERGY_SHARE, ".2f")
+
+
+def _front(case, name, settings, found, others):
+    """Points (utilisation, slip energy) of a controller's settings, as far as they were driven."""
+    keys = [(case, name, setting) for setting in settings]
+    rows = [found[case, name], *(others[key] for key in keys if key in others)]
+    return [(row["utilisation"], row["slip_energy"]) for row in rows]
+
+
+def energies_at_equal(ours, theirs):
+    """Slip energies of both at the largest utilisation that both reach.
+
+    None where they have none in common: all settings of one pull more than the best of the other,
+    by more than half a percent.
+
+    Args:
+        ours: Points (utilisation, slip energy) of our settings.
+        theirs: Those of the other's.
+
+    """
+    used = min(max(ours)[0], max(theirs)[0])
+    if any(min(front)[0] > used + BEHIND_BEST for front in (ours, theirs)):
+        return None
+    return energy_at(used, ours), energy_at(used, theirs)
 
 
 def energy_at(used, front):
-    """Smallest slip energy of a rival at a utilisation; None where it does not reach that.
+    """Smallest slip energy with which a controller reaches a utilisation.
 
-    It reaches it where a setting has as much, less half a percent. Between two settings, one with
-    less and one with more, the energy is interpolated.
+    Between two settings, one with less and one with more, the energy is interpolated.
 
     Args:
-        used: Utilisation.
+        used: Utilisation, at most the largest of the front.
         front: Points (utilisation, slip energy) of its settings.
 
     """
-    energies = [energy for one, energy in front if one >= used - BEHIND_BEST]
+    energies = [energy for one, energy in front if one >= used]
     for (one, energy), (other, more) in permutations(front, 2):
         if one < used < other:
             energies.append(energy + (used - one) / (other - one) * (more - energy))
-    return min(energies, default=None)
+    return min(energies)
 
 
 def _at_least(report, what, share, least):

@@ -1,6 +1,7 @@
 """A creep controller in a case: locomotive, service and controller by the frames of one bus."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import sqrt
 
 import numpy as np
 from _pulling_cases import CASES
@@ -9,6 +10,7 @@ from _rival_controllers import RIVALS, Oracle
 from adhesion_can.config import load_configuration
 from adhesion_can.control.creep_controller import CreepController, Mode
 from adhesion_can.control.frames import ControllerOnBus
+from adhesion_can.control.settings import ControlSettings
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.simulation.run import STEP_US, Simulation
 
@@ -16,7 +18,29 @@ OURS = "ours"
 SAMPLE_S = 0.01
 TRACE_STEPS = 20
 """Samples in a row of a trace."""
-MAKERS = {rival.name: rival for rival in (Oracle, *RIVALS)} | {OURS: CreepController}
+
+
+def make_ours(vehicle, share=None):
+    """Our controller, which aims at a share of the peak's adhesion.
+
+    Near the peak the elasticity falls with the root of what is missing there, so the search's goal
+    follows.
+    """
+    settings = ControlSettings()
+    if share is not None:
+        factor = sqrt((1.0 - share) / (1.0 - settings.target_share))
+        search = replace(
+            settings.search,
+            goal=factor * settings.search.goal,
+            slip_price=factor * settings.search.slip_price,
+        )
+        settings = replace(settings, target_share=share, search=search)
+    return CreepController(vehicle, settings)
+
+
+OUR_OTHERS = (0.985,)
+"""Shares of the peak's adhesion for the front of ours."""
+MAKERS = {rival.name: rival for rival in (Oracle, *RIVALS)} | {OURS: make_ours}
 COLUMNS = ("time_s", "force_share", "slip", "largest_over_peak", "setpoint", "lambda_m")
 """Columns of a trace: mean share of the available force; median slip ratio; largest slip of an axle
 over that of its peak; median slip that the controller wanted, null where it wants none; median slip
@@ -30,7 +54,7 @@ class Task:
     Attributes:
         case: Number of the case.
         name: Name of the controller.
-        setting: Setting of a rival; None: its own choice.
+        setting: Setting of the controller; None: its usual one.
         seed: Seed of the sensors.
         traced: Whether the trace is kept.
 

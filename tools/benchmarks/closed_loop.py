@@ -4,10 +4,10 @@ Locomotive, service and controller exchange frames as on a bench. Utilisation is
 the mean of the smaller of the available adhesion and the motors' limit, from the start on. A
 run-away is a creep beyond three times that of the peak for more than half a second.
 
-Slip energies are compared at equal utilisation, case by case: each rival is driven at two settings,
-and what counts is the least energy with which it reaches our utilisation less half a percent,
-interpolated between its settings. So it is free to choose its setting for each case. Where it does
-not reach that much, there is nothing to compare.
+Slip energies are compared at equal utilisation, case by case: ours and each rival are driven at two
+settings, and what counts is the least energy of each, interpolated between its settings, at the
+largest utilisation that both reach. So each is free to choose its setting for the case. Where one
+pulls more at all its settings than the other at its best, there is nothing to compare.
 """
 
 import json
@@ -16,12 +16,14 @@ from pathlib import Path
 
 from _pulling_cases import CASES
 from _pulling_goals import judge
-from _pulling_runs import MAKERS, OURS, Task, pull
+from _pulling_runs import MAKERS, OUR_OTHERS, OURS, Task, pull
 from _report import Report, over_cores
 from _rival_controllers import RIVALS
 from _rows import random_parser
 
 from adhesion_can.reporting.page import require_extra, write_page
+
+OTHERS = {rival.name: rival.OTHERS for rival in RIVALS} | {OURS: OUR_OTHERS}
 
 
 def main():
@@ -33,13 +35,16 @@ def main():
         "--rivals", type=Path, metavar="FILE",
         help="take the rivals from an earlier --json of the same seed",
     )  # fmt: skip
+    parser.add_argument(
+        "--usual", action="store_true", help="each controller at its usual setting alone"
+    )
     options = parser.parse_args()
     numbers = [n for n, case in enumerate(CASES) if (options.only or "") in case.name]
     if not numbers:
         parser.error(f"no case has {options.only!r} in its name")
     if options.html:
         require_extra("--html")
-    tasks, known = _tasks(numbers, options.seed), {}
+    tasks, known = _tasks(numbers, options.seed, usual=options.usual), {}
     if options.rivals:
         rows = json.loads(options.rivals.read_text(encoding="utf-8"))["rows"]
         known = {_key(row): row for row in rows if row["controller"] != OURS}
@@ -63,14 +68,16 @@ def main():
     sys.exit(0)
 
 
-def _tasks(numbers, seed):
-    usual = [Task(n, name, None, seed, traced=True) for n in numbers for name in MAKERS]
-    return usual + [
-        Task(n, rival.name, setting, seed)
+def _tasks(numbers, seed, *, usual):
+    tasks = [Task(n, name, None, seed, traced=True) for n in numbers for name in MAKERS]
+    if usual:
+        return tasks
+    return tasks + [
+        Task(n, name, setting, seed)
         for n in numbers
         if CASES[n].kind != "instrument"
-        for rival in RIVALS
-        for setting in rival.OTHERS
+        for name, settings in OTHERS.items()
+        for setting in settings
     ]
 
 
