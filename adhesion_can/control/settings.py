@@ -53,7 +53,7 @@ class SearchSettings:
     dwell_s: float = 0.2
     gain: float = 2.0
     goal: float = 0.012
-    slip_price: float = 0.35
+    slip_price: float = 0.25
     step_max: float = 0.6
     step_min: float = 0.12
     slip_min: float = 0.004

@@ -17,9 +17,9 @@ SHOWN = (Oracle.name, OURS)
 """Controllers whose lines are drawn from the start; the others wait in the legend."""
 HEIGHT = 560
 PANELS = (
-    ("force_share", "force used over available", [0.5, 1.05]),
-    ("slip", "median slip ratio", None),
-    ("largest_over_peak", "largest slip over that of its peak", [0.0, 4.0]),
+    ("force_share", "force share", [0.5, 1.05]),
+    ("slip", "slip ratio", None),
+    ("largest_over_peak", "largest / peak", [0.0, 4.0]),
 )
 
 
