@@ -68,7 +68,8 @@ def draw(rows: Mapping[str, Mapping[str, Any]], target: Path) -> None:
     )
     bottom.set_yticks(np.array([]), minor=True)
     top.legend(
-        loc="lower right",
+        loc="lower left",
+        bbox_to_anchor=(0.195, 0.01),
         fontsize=8,
         framealpha=0.9,
         title="share of the force, mean",
