@@ -3,6 +3,7 @@
     SLOW    the train hardly moves: a small slip is held, speeds are too inexact for more
     SEARCH  the slip of the peak is searched by pairs of axles, without any model
     HOLD    the service's curve is held near its peak, with excursions that keep it known
+    STEADY  the creep speeds swing: one slip for all axles, which climbs slowly
 
 From SEARCH to HOLD: the service states λ_m with a small standard deviation and without doubt, and
 it agrees with what the search found. Back: it states it no longer, or excursions contradict it.
@@ -20,6 +21,7 @@ from adhesion_can.control.gradient_search import PairedGradientSearch
 from adhesion_can.control.inputs import Advice, KnownCurve, Measurement
 from adhesion_can.control.settings import ControlSettings
 from adhesion_can.control.speed_filter import SpeedFilter
+from adhesion_can.control.swing_guard import SwingGuard
 from adhesion_can.physics.status import Status
 from adhesion_can.physics.vehicle import Locomotive
 
@@ -45,6 +47,7 @@ class Mode(Enum):
     SLOW = auto()
     SEARCH = auto()
     HOLD = auto()
+    STEADY = auto()
 
 
 class CreepController:
@@ -74,6 +77,7 @@ class CreepController:
         self._loop = CreepLoop(s.loop, mass)
         self._search = PairedGradientSearch(s.search, mass)
         self._excursions = Excursions(s.excursions, mass)
+        self._swing = SwingGuard(s.swing, s.loop.cycle_s)
         self._slow_slip, self._slow_top = 0.0, s.slow_slip
         self._rising = True
         self._distrusted: tuple[float, float] | None = None
@@ -102,6 +106,9 @@ class CreepController:
         if speed < self._settings.slow_speed:
             return self._pull_slowly(speed, creep)
         slip = creep / speed
+        if self._holds_still(measured, self.slip * speed, creep):
+            self.slip = np.full(self._axles, self._swing.slip)
+            return self._loop.step(self.slip * speed, creep, SLOW_ELASTICITY)
         curve = advice.trusted_curve(self._settings.trusted_std)
         self._choose_mode(measured.time_s, curve)
         if self.mode is Mode.HOLD and curve is not None:
@@ -117,6 +124,19 @@ class CreepController:
         else:
             self.slip = self._search_on(measured, slip)
         return self._loop.step(self.slip * speed, creep, self._search.elasticity)
+
+    def _holds_still(self, measured: Measurement, setpoint: Array, creep: Array) -> bool:
+        """Whether the creep speeds swing, so that one slip is held for all."""
+        guard = self._swing
+        if self.mode is not Mode.SLOW and not self._rising:
+            guard.step(measured, setpoint, creep, float(np.median(self.slip)))
+        self._loop.bandwidth_share = guard.bandwidth_share
+        if guard.holds:
+            self.mode = Mode.STEADY
+        elif self.mode is Mode.STEADY:
+            self.mode = Mode.SEARCH
+            self._search.begin(measured.time_s, guard.slip, SHORT_STEP)
+        return guard.holds
 
     def _search_on(self, measured: Measurement, slip: Array) -> Array:
         """Slips of the search; near the peak one axle goes on an excursion now and then.

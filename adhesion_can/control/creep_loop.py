@@ -30,7 +30,9 @@ class CreepLoop:
 
     def __init__(self, settings: LoopSettings, mass: Array) -> None:
         self._settings = settings
-        self._gain = settings.bandwidth * mass
+        self._full_gain = settings.bandwidth * mass
+        self.bandwidth_share = 1.0
+        """Share of the bandwidth that is used."""
         self._error = np.zeros(len(mass))
         self._setpoint: Array | None = None
         self.effort: Array = np.zeros(len(mass))
@@ -51,8 +53,9 @@ class CreepLoop:
         known = np.isfinite(creep)
         error = np.where(known, setpoint - creep, 0.0)
         stiffness = np.clip(elasticity, 0.0, 1.0) * np.maximum(self.effort, EFFORT_MIN) / setpoint
-        integral = s.integral_rate * self._gain + s.stable_rate * stiffness
-        change = self._gain * (error - self._error) + integral * s.cycle_s * error
+        gain, share = self.bandwidth_share * self._full_gain, self.bandwidth_share
+        integral = share * (s.integral_rate * gain + s.stable_rate * stiffness)
+        change = gain * (error - self._error) + integral * s.cycle_s * error
         if self._setpoint is not None:
             step = np.clip(np.log(setpoint / self._setpoint), -CHANGE_MAX, CHANGE_MAX)
             change += self.effort * np.clip(elasticity, 0.0, 1.0) * step

@@ -75,14 +75,12 @@ class PairedGradientSearch:
         if busy_axle is not None and busy_axle <= 2 * self._pairs:
             self._left_out[(busy_axle - 1) // 2] = True
         s = self._settings
-        age_s = measured.time_s - self._since_s
-        if age_s >= s.settling_s:
-            self._mean.add(measured, slip)
-        if age_s >= s.dwell_s and self._mean.steps:
+        self._mean.add(measured, slip)
+        if measured.time_s - self._since_s >= s.dwell_s:
             self._conclude()
             self._upper = ~self._upper
             self._since_s = measured.time_s
-            self._mean.restart()
+            self._mean.restart(measured)
             self._left_out[:] = False
         spread = s.near_spread if self.is_near else s.spread
         return np.asarray(self.slip * np.where(self._upper, 1.0 + spread, 1.0 - spread))
@@ -104,7 +102,7 @@ class PairedGradientSearch:
             return
         s = self._settings
         self.elasticity = float(np.median(contrast[tells] / distance[tells]))
-        wanted = s.gain * (self.elasticity - s.goal)
+        wanted = s.gain * (self.elasticity - s.goal - s.slip_price * self.slip)
         step = min(max(wanted, -self._step_max), self._step_max)
         self.slip = self._bounded(self.slip * float(np.exp(step)))
         if abs(wanted) < SMALL:

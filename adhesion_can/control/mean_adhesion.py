@@ -21,8 +21,15 @@ class MeanAdhesion:
         self._mass = mass
         self.restart()
 
-    def restart(self) -> None:
-        """Begin a new span."""
+    def restart(self, before: Measurement | None = None) -> None:
+        """Begin a new span.
+
+        Args:
+            before: Step before the first one of the span, at which its inertial part begins; None:
+                the first one.
+
+        """
+        self._first = before
         self.steps = 0
         """Number of steps in the span."""
         self._used = np.zeros(len(self._mass))
@@ -32,7 +39,7 @@ class MeanAdhesion:
 
     def add(self, measured: Measurement, slip: Array) -> None:
         """Add a step with the slip ratio of each axle, shape (axles,)."""
-        if not self.steps:
+        if self._first is None:
             self._first = measured
         self._last = measured
         self.steps += 1
@@ -44,6 +51,8 @@ class MeanAdhesion:
 
     def adhesion(self) -> Array:
         """Mean adhesion of each axle, shape (axles,)."""
+        if self._first is None:
+            raise ValueError("there is no step in the span")
         span_s = self._last.time_s - self._first.time_s
         used = self._used / self.steps
         if span_s > 0.0:

@@ -37,9 +37,10 @@ class SearchSettings:
             force, which grows with its square.
         near_spread: The same near the peak.
         dwell_s: Time for which a pair keeps its two slips, s.
-        settling_s: Time at the begin of it that does not count, s.
         gain: Relative change of the slip per unit of elasticity.
-        goal: Elasticity d ln μ/d ln λ to search for. Larger: less slip, less force.
+        goal: Elasticity d ln μ/d ln λ to search for at small slips. Larger: less slip, less force.
+        slip_price: What is added to it as a multiple of the slip ratio λ. With 1, force times 1 − λ
+            is greatest: the share of the wheels' power that moves the train. Less: more force.
         step_max: Largest relative change of the slip in a step, logarithm.
         step_min: Largest change of the slip near the peak, logarithm.
         slip_min: Smallest slip ratio.
@@ -50,9 +51,9 @@ class SearchSettings:
     spread: float = 0.15
     near_spread: float = 0.09
     dwell_s: float = 0.2
-    settling_s: float = 0.06
     gain: float = 2.0
-    goal: float = 0.04
+    goal: float = 0.012
+    slip_price: float = 0.25
     step_max: float = 0.6
     step_min: float = 0.12
     slip_min: float = 0.004
@@ -86,6 +87,37 @@ class ExcursionSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class SwingSettings:
+    """What is done where the creep speeds swing about their setpoints.
+
+    Attributes:
+        time_constant_s: Time constant of the mean error, s.
+        error_max: Largest mean of |error|/setpoint over time and axles, each limited to 1. A change
+            of the rail brings 0.2 for a moment.
+        hold_s: Time for which one slip is held then, s; twice as long each time.
+        bandwidth_first: Factor of the loop's bandwidth from then on.
+        back_off: Factor of the slip and of the bandwidth where it swings all the same.
+        bandwidth_min: Smallest factor of the bandwidth.
+        climb_s: Time between two steps of the slip, s.
+        climb: Size of these steps, logarithm.
+        slip_min: Smallest slip ratio.
+        slip_max: Largest slip ratio.
+
+    """
+
+    time_constant_s: float = 0.7
+    error_max: float = 0.35
+    hold_s: float = 60.0
+    bandwidth_first: float = 0.4
+    back_off: float = 0.7
+    bandwidth_min: float = 0.3
+    climb_s: float = 1.0
+    climb: float = 0.08
+    slip_min: float = 0.004
+    slip_max: float = 0.4
+
+
+@dataclass(frozen=True, slots=True)
 class ControlSettings:
     """Settings of the reference creep controller.
 
@@ -106,6 +138,7 @@ class ControlSettings:
         loop: Creep speed control of an axle.
         search: Search of the peak.
         excursions: Excursions while the service's slip is held.
+        swing: Reaction to creep speeds that swing.
 
     """
 
@@ -123,3 +156,4 @@ class ControlSettings:
     loop: LoopSettings = field(default_factory=LoopSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
     excursions: ExcursionSettings = field(default_factory=ExcursionSettings)
+    swing: SwingSettings = field(default_factory=SwingSettings)

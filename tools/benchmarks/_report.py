@@ -12,6 +12,8 @@ class Report:
     def __init__(self):
         self.met = 0
         self.missed = []
+        self.checks = []
+        """Figure, value, target and whether it was met, of each target so far."""
 
     def write(self, text):
         print(f"  {text}", flush=True)
@@ -19,6 +21,7 @@ class Report:
     def check(self, what, value, target, *, met):
         """A figure beside its target, both as text."""
         self.write(f"{what}: {value} (target {target}: {'met' if met else 'MISSED'})")
+        self.checks.append({"what": what, "value": value, "target": target, "met": bool(met)})
         if met:
             self.met += 1
         else:
