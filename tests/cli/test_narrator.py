@@ -113,4 +113,4 @@ def test_run_writes_json(capfd):
 def test_another_format_is_refused(capsys):
     with pytest.raises(SystemExit):
         main(["run", "-i", "virtual", "-c", "x", "--log-format", "xml"])
-    assert "'text', 'json'" in capsys.readouterr().err
+    assert "known: text, json" in capsys.readouterr().err

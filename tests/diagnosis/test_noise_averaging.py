@@ -39,6 +39,7 @@ def test_noise_of_the_slip_is_no_relaxation(tmp_path, seed):
     assert "creep_relaxation" not in {cause.effect for cause in found.causes}
 
 
+@pytest.mark.slow
 def test_a_contact_that_lags_is_named(tmp_path):
     """Three of four drives, with noise of the slip besides."""
     lengths = []

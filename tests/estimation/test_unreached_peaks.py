@@ -50,7 +50,9 @@ def draw_data(bound, rng, used):
     return h, c1 * -np.expm1(-c2 * h) - c3 * h + NOISE_STD * rng.standard_normal(len(h))
 
 
-@pytest.mark.parametrize("used", [0.5, 0.7, 0.9, 0.95])
+@pytest.mark.parametrize(
+    "used", [0.5, 0.95, *(pytest.param(used, marks=pytest.mark.slow) for used in (0.7, 0.9))]
+)
 def test_one_draw_is_the_exact_posterior(tools, used):
     """Mean and standard deviation of ln μ_max: over 300 surfaces up to 0.21 and 0.90 to 1.10."""
     prior, noise = Prior(PriorSettings()), NoisePrior(NOISE_STD**2, 1e6)

@@ -69,7 +69,7 @@ def test_an_unknown_family_ends_with_status_2(realdata, capsys):
     with pytest.raises(SystemExit) as stop:
         main(["identify", str(realdata / "eurosprinter_points.csv"), "--curve", "kalker"])
     assert stop.value.code == 2
-    assert "choose from" in capsys.readouterr().err
+    assert "known: burckhardt" in capsys.readouterr().err
 
 
 def test_a_diagnosis_of_few_points_says_where_each_family_has_the_peak(realdata, capsys, tmp_path):
