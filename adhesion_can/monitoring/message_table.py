@@ -21,7 +21,7 @@ TALLY_US = 100_000
 """Time between two notes of the counts, µs."""
 KEPT_US = 10_000_000
 """Time for which counts are kept, µs; faults within it are recent."""
-RATE_US, RATE_CYCLES = 1_000_000, 5
+RATE_US, RATE_CYCLES = 1_000_000, 20
 """Shortest time that a rate is taken over, µs and cycles."""
 OTHER_IDS = 256
 """Largest number of ids that no configuration knows; further ones are counted together."""
