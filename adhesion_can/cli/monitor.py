@@ -264,8 +264,10 @@ def _snapshots(
     while not stop.is_set():
         count += 1
         since_s = count * options.every
-        if options.duration is not None and since_s > options.duration + 1e-9:
-            return
+        if options.duration is not None:
+            if since_s - options.every > options.duration - 1e-9:
+                return
+            since_s = min(since_s, options.duration)  # the last line is at the end
         pace = 1.0 if log is None else log.speed
         while not stop.is_set() and (rest := began_s + since_s / pace - time.monotonic()) > 0:
             time.sleep(min(rest, LOOK_S))

@@ -185,6 +185,14 @@ def test_the_last_line_is_at_the_end_and_not_in_the_silence_behind_it(logs, caps
     assert states["WheelSpeeds1"] == "ok"
 
 
+def test_the_last_line_is_at_the_duration(logs, capsys):
+    words = ["--json", "-", "--every", "1", "--duration"]
+    short, long = ("0.5", [0.5]), ("2.5", [1.0, 2.0, 2.5])
+    for duration, expected in (short, long):
+        found = lines_of(capsys, logs / "full.log", *words, duration)
+        assert [json.loads(line)["position_s"] for line in found] == expected
+
+
 def test_values_of_json_carry_no_noise_of_floats(logs, capsys):
     (line,) = lines_of(capsys, logs / "full.log", "--json", "-", "--every", "60")
     document = json.loads(line)
