@@ -190,10 +190,10 @@ def left_out_lines(left_out: Mapping[str, int]) -> list[str]:
     ]
 
 
-def require_positive(value: float, name: str) -> None:
-    """Raise an InputError where an option must be a positive number and is not."""
+def require_positive(value: float, name: str, unit: str = "seconds") -> None:
+    """Raise an InputError where an option must be a positive number of a unit and is not."""
     if not (math.isfinite(value) and value > 0):
-        raise InputError(name, f"{value} is not a positive number", "give seconds above 0")
+        raise InputError(name, f"{value:g} is not a positive number", f"give {unit} above 0")
 
 
 def require_outputs(

@@ -126,10 +126,11 @@ def build_command_line(options: argparse.Namespace) -> str:
         arguments += ["--formula", text]
     for text in options.column:
         arguments += ["--column", text]
-    for name in ("html", "extended", "json", "config", "dbc"):
+    for name in ("html", "png", "svg", "extended", "json", "config", "dbc"):
         value = getattr(options, name)
         if value is not None:
             arguments += [f"--{name}", _quote_argument(value)]
+    arguments += [f"--{name}" for name in ("open", "lenient") if getattr(options, name)]
     return shlex.join(arguments)
 
 

@@ -19,11 +19,12 @@ from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
 
 _OPTIONS = {
-    "wheel_radius_m": ("--wheel-radius", "M"),
-    "axle_load_N": ("--axle-load", "N"),
-    "wheelset_inertia_kgm2": ("--inertia", "KGM2"),
-    "train_mass_kg": ("--train-mass", "KG"),
+    "wheel_radius_m": ("--wheel-radius", "M", "metres"),
+    "axle_load_N": ("--axle-load", "N", "newtons"),
+    "wheelset_inertia_kgm2": ("--inertia", "KGM2", "kg m^2"),
+    "train_mass_kg": ("--train-mass", "KG", "kilograms"),
 }
+"""Option of each value of the vehicle, the sign of its unit, and the unit in words."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="CONFIG.toml", help="file to write (default: stdout)"
     )
     parser.add_argument("--yes", action="store_true", help="take the clear guesses and ask nothing")
-    for key, (option, unit) in _OPTIONS.items():
+    for key, (option, unit, _) in _OPTIONS.items():
         parser.add_argument(option, dest=key, type=float, metavar=unit, help=VEHICLE_DATA[key])
     add_lenient(parser)
 
@@ -47,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     given = {key: value for key in _OPTIONS if (value := getattr(options, key)) is not None}
     for key, value in given.items():
-        require_positive(value, _OPTIONS[key][0])
+        require_positive(value, _OPTIONS[key][0], _OPTIONS[key][2])
     require_outputs(options, {"--out": options.out})
     database = load_database(options.dbc, lenient=options.lenient)
     tell_left_out(database)
@@ -94,8 +95,8 @@ def _ask(initial: InitialConfiguration) -> InitialConfiguration:
     guessed = GuessedRoles(tuple(taken), open_roles)
     vehicle = dict(initial.vehicle)
     axles = count_axles(guessed)
-    if axles is None and (number := _ask_number("axles: number of the axles")) is not None:
-        axles = int(number)
+    if axles is None:
+        axles = _ask_count("axles: number of the axles")
     for key, meaning in VEHICLE_DATA.items():
         if key not in vehicle and (number := _ask_number(f"{key}: {meaning}")) is not None:
             vehicle[key] = number
@@ -123,6 +124,13 @@ def _ask_number(question: str) -> float | None:
             continue
         if 0.0 < number < float("inf"):
             return number
+    return None
+
+
+def _ask_count(question: str) -> int | None:
+    while answer := _answer(f"{question} (Enter: later): "):
+        if answer.isdecimal() and int(answer) > 0:
+            return int(answer)
     return None
 
 

@@ -118,9 +118,8 @@ def run(options: argparse.Namespace) -> int:
         if options.record is not None:
             session.toggle_recording(options.record)
         if make_app is not None:
-            make_app(session, options.duration)
-        else:
-            _write_lines(options, session, source)
+            return make_app(session, options.duration)
+        _write_lines(options, session, source)
     return 0
 
 
@@ -193,8 +192,8 @@ def _can_estimate(config: Configuration) -> bool:
     return True
 
 
-def _app_maker() -> Callable[[MonitorSession, float | None], None]:
-    """What runs the terminal program.
+def _app_maker() -> Callable[[MonitorSession, float | None], int]:
+    """What runs the terminal program, and gives its exit status.
 
     Raises:
         InputError: The extra is not installed.
@@ -209,7 +208,12 @@ def _app_maker() -> Callable[[MonitorSession, float | None], None]:
             "pip install 'adhesion-can[tui]'",
         ) from error
 
-    return lambda session, duration_s: MonitorApp(session, duration_s).run()
+    def show(session: MonitorSession, duration_s: float | None) -> int:
+        app = MonitorApp(session, duration_s)
+        app.run()
+        return app.return_code or 0
+
+    return show
 
 
 def _write_lines(options: argparse.Namespace, session: MonitorSession, source: Source) -> None:
@@ -260,8 +264,10 @@ def _snapshots(
     while not stop.is_set():
         count += 1
         since_s = count * options.every
-        if options.duration is not None and since_s > options.duration + 1e-9:
-            return
+        if options.duration is not None:
+            if since_s - options.every > options.duration - 1e-9:
+                return
+            since_s = min(since_s, options.duration)  # the last line is at the end
         pace = 1.0 if log is None else log.speed
         while not stop.is_set() and (rest := began_s + since_s / pace - time.monotonic()) > 0:
             time.sleep(min(rest, LOOK_S))

@@ -16,6 +16,7 @@ from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import RecordingError
 from adhesion_can.monitoring.snapshot import Origin, Transport
+from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import with_answers
@@ -53,7 +54,7 @@ def survey(paths: Sequence[Path], configuration: Configuration) -> Extent:
     """Read recordings through once, in columns.
 
     Raises:
-        RecordingError: There is no frame, or a recording cannot be read.
+        RecordingError: There is no frame, a recording cannot be read, or its stamps are no seconds.
 
     """
     database = database_with(OUTPUT_MESSAGES, configuration.database)
@@ -64,7 +65,8 @@ def survey(paths: Sequence[Path], configuration: Configuration) -> Extent:
     has_service = False
     recordings = open_recordings(paths)
     with reading("reading", recordings) as watched:
-        for block in watched(blocks_in_sequence(recordings)):
+        blocks = watched(blocks_in_sequence(recordings))
+        for block in in_seconds(blocks, configuration.messages, ", ".join(map(str, paths))):
             t_us = block.t_us
             first_us = int(t_us[0]) if first_us is None else first_us
             last_us = max(last_us, int(t_us.max()))
@@ -151,9 +153,9 @@ class LogSource:
         return self._until(self._due_us, now_s + TURN_S)
 
     def take_all(self, until_us: int) -> Iterator[Frame]:
-        """Frames up to a time, µs, however long it takes."""
-        self._due_us = until_us
-        return self._until(until_us, inf)
+        """Frames up to a time, µs, however long it takes; the time stops at the latest stamp."""
+        self._due_us = min(until_us, self._extent.last_us)
+        return self._until(self._due_us, inf)
 
     def _until(self, due_us: int, until_s: float) -> Iterator[Frame]:
         count = 0

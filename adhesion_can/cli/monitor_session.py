@@ -67,10 +67,11 @@ class MonitorSession:
         return self._with_transport(self._shown)
 
     def run_until(self, t_us: int) -> Snapshot:
-        """Take the frames of a recording up to a time, µs, however long it takes."""
+        """Take the frames of a recording up to a time, µs, or its end, however long it takes."""
         if self.log is not None:
             self._feed(self.log.take_all(t_us))
-        return self._with_transport(self._state.snapshot(t_us))
+        # Behind the end of a recording every message would count as silent.
+        return self._with_transport(self._state.snapshot(self._source.now_us))
 
     def toggle_pause(self) -> None:
         """Stop or go on: a recording itself, of a bus the view."""

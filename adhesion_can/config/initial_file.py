@@ -84,7 +84,7 @@ def _vehicle(initial: InitialConfiguration) -> str:
     for key, meaning in VEHICLE_DATA.items():
         value = initial.vehicle.get(key)
         lines.append(
-            f"{key} = {f'{value:g}' if value is not None else _quoted(FILL_IN)}  # {meaning}"
+            f"{key} = {f'{value:.12g}' if value is not None else _quoted(FILL_IN)}  # {meaning}"
         )
     lines += [
         "",

@@ -16,6 +16,7 @@ from adhesion_can.bus.checked_message import CheckedMessage, SignalValues
 from adhesion_can.bus.database import DEMAND_MESSAGES, OUTPUT_MESSAGES, database_with
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.j1939 import IdFilter
+from adhesion_can.bus.output_values import status_in, theta_in
 from adhesion_can.bus.protected_message import ProtectedMessage
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.rejection import Rejection
@@ -26,7 +27,6 @@ from adhesion_can.control.settings import ControlSettings
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.readings import Reading, Role, role_name
-from adhesion_can.physics.status import Status
 
 STALE_CYCLES = 3
 """Number of cycles without a valid frame after which a signal counts as not available."""
@@ -195,18 +195,23 @@ class ControllerOnBus:
             return
         if name == "AdhesionSetpoint":
             self._advised_us = t_us
-            status = Status(int(values["Status"] or 0))
+            status = status_in(values)
             self.advice = replace(self.advice, status=status, lambda_m=values["LambdaM"])
         elif name == "AdhesionModel":
-            known = [x for x in (values[key] for key in ("C1", "C2", "C3")) if x is not None]
-            theta = (known[0], known[1], known[2]) if len(known) == 3 else None
-            self.advice = replace(self.advice, theta=theta)
+            self.advice = replace(self.advice, theta=theta_in(values))
         elif name == "AdhesionQuality":
-            # A user's database may lack the doubt.
-            doubt = Doubt(int(values.get("Doubt", None) or Doubt.NONE))
+            doubt = _doubt_in(values)
             self.advice = replace(self.advice, doubt=doubt, lambda_m_std=values["LambdaMStd"])
         elif name == "AxleSetpoint":
             self.advice = replace(self.advice, axles=_with_axle(self.advice.axles, values))
+
+
+def _doubt_in(values: SignalValues) -> Doubt:
+    """Doubt of `AdhesionQuality`; of one that only a newer service knows: the curve is doubted."""
+    number = values.get("Doubt")
+    if number is None:  # a user's database may lack it
+        return Doubt.NONE
+    return Doubt(int(number)) if number in set(Doubt) else Doubt.SHAPE
 
 
 def _with_axle(axles: Mapping[int, float], values: SignalValues) -> Mapping[int, float]:

@@ -49,7 +49,7 @@ class SwingGuard:
             measured: Measured state.
             setpoint: Creep speed that each axle was to have, m/s, shape (axles,).
             creep: Creep speed of each axle, m/s, shape (axles,); NaN: unknown, and left out.
-            slip: Mean slip ratio that was to be held.
+            slip: Median of the axles' slip ratios that were to be held.
 
         """
         s = self._settings

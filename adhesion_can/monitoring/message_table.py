@@ -24,7 +24,7 @@ KEPT_US = 10_000_000
 RATE_US, RATE_CYCLES = 1_000_000, 20
 """Shortest time that a rate is taken over, µs and cycles."""
 OTHER_IDS = 256
-"""Largest number of ids that no configuration knows; further ones are counted together."""
+"""Largest number of ids that the configuration does not use; of further ones frames alone count."""
 
 
 class WatchedMessage:

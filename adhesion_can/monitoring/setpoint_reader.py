@@ -7,9 +7,9 @@ from math import inf
 
 from adhesion_can.bus.checked_message import CheckedMessage, SignalValues
 from adhesion_can.bus.message_record import LATE_CYCLES
+from adhesion_can.bus.output_values import status_in, theta_in
 from adhesion_can.monitoring.snapshot import HistoryPoint, ServiceView
 from adhesion_can.physics.doubt import Doubt
-from adhesion_can.physics.status import Status
 
 SETPOINT, MODEL, QUALITY = "AdhesionSetpoint", "AdhesionModel", "AdhesionQuality"
 AXLE, HEALTH = "AxleSetpoint", "ServiceStatus"
@@ -45,15 +45,13 @@ class SetpointReader:
             view = replace(
                 view,
                 t_us=t_us,
-                status=_status(values.get("Status")),
+                status=status_in(values),
                 mu_max=values.get("MuMax"),
                 lambda_m=values.get("LambdaM"),
                 creep_speed=values.get("CreepSpeedSetpoint"),
             )
         elif name == MODEL:
-            known = [x for x in (values.get(key) for key in ("C1", "C2", "C3")) if x is not None]
-            theta = (known[0], known[1], known[2]) if len(known) == 3 else None
-            view = replace(view, theta=theta)
+            view = replace(view, theta=theta_in(values))
         elif name == QUALITY:
             view = replace(
                 view,
@@ -114,12 +112,6 @@ class SetpointReader:
 def _end_of_range(message: CheckedMessage, name: str) -> float:
     plan = message.plan.signals[name]
     return plan.value(plan.raw(plan.encode(inf)))
-
-
-def _status(value: float | None) -> Status:
-    """Status by its number; one that is not known counts as a fault."""
-    number = -1 if value is None else int(value)
-    return Status(number) if number in set(Status) else Status.FAULT
 
 
 def _doubt(value: float | None) -> Doubt:

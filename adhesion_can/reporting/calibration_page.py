@@ -11,11 +11,21 @@ from adhesion_can.calibration.coasting import CalibrationSettings, CoastingDrive
 from adhesion_can.calibration.fit import Calibration
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.reporting.calibration import radius_columns, radius_rows
-from adhesion_can.reporting.charts import Trace, insert_gaps, panel_layout, place, runs, thinned
+from adhesion_can.reporting.charts import (
+    BLUE,
+    GREY,
+    ORANGE,
+    Trace,
+    insert_gaps,
+    panel_layout,
+    place,
+    runs,
+    thinned,
+)
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
 from adhesion_can.result_text import TimeScale
 
-BEFORE, AFTER, GREY = "#d55e00", "#0b5fa5", "#8a95a3"
+BEFORE, AFTER = ORANGE, BLUE
 BLOCK_S = 1.0
 """Time over which residuals are averaged for the figure, s."""
 

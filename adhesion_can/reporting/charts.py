@@ -22,6 +22,9 @@ MAX_STEPS = 5.0
 
 DARK = "#1b2430"
 """Colour of lines that show the truth or a bound."""
+BLUE, ORANGE, GREY = "#0b5fa5", "#d55e00", "#8a95a3"
+GREEN, RED = "#2e8b57", "#b03a5b"
+"""Colours of the figures of all pages, which stand out from light paper by 3 : 1."""
 
 
 def suffix(row: int) -> str:

@@ -9,7 +9,7 @@ from adhesion_can.offline.check_table import TableCheck
 from adhesion_can.offline.compare_noise import ComparedNoise
 from adhesion_can.offline.fault_history import FaultHistory
 from adhesion_can.physics.samples import Samples
-from adhesion_can.reporting.charts import Trace, panel_layout, place
+from adhesion_can.reporting.charts import BLUE, GREY, ORANGE, RED, Trace, panel_layout, place
 from adhesion_can.reporting.data_quality import quality_parts
 from adhesion_can.reporting.page import Figure, Items, Page, Part, Section, Table, Text
 from adhesion_can.result_text import TimeScale
@@ -17,7 +17,6 @@ from adhesion_can.result_text import TimeScale
 SIGNAL_COLUMNS = ("role", "readings", "lowest", "highest")
 NOISE_COLUMNS = ("sensor", "estimated", "configured", "errors last", "unit")
 COLUMN_COLUMNS = ("column", "lowest", "highest", "empty", "taken for")
-BLUE, ORANGE, RED, GREY = "#0b5fa5", "#d55e00", "#b03a5b", "#8a95a3"
 MOST_POINTS = 4000
 """Largest number of samples that are drawn."""
 

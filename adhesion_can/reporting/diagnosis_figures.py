@@ -19,7 +19,10 @@ from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.reporting.charts import (
     AT_MOST,
+    BLUE,
     DARK,
+    GREY,
+    ORANGE,
     Trace,
     insert_gaps,
     panel_layout,
@@ -30,7 +33,7 @@ from adhesion_can.reporting.charts import (
 from adhesion_can.reporting.page import Figure
 from adhesion_can.result_text import TimeScale
 
-BEFORE, AFTER, MEASURED = "#d55e00", "#0b5fa5", "#8a95a3"
+BEFORE, AFTER, MEASURED = ORANGE, BLUE, GREY
 PLAIN, EXTENDED = "plain curve (before)", "extended (after)"
 FAMILY_COLOURS = (BEFORE, AFTER, "#009e73", "#cc79a7", "#b8860b")
 """Colours of the families, Burckhardt's first."""

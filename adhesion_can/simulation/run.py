@@ -9,7 +9,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.bus.checked_message import CheckedMessage, SignalValues
-from adhesion_can.bus.codec import MessagePlan
+from adhesion_can.bus.codec import MessagePlan, SignalPlan
 from adhesion_can.bus.database import DEMAND_MESSAGES, OUTPUT_MESSAGES, CanDatabase, database_with
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.bus.rejection import Rejection
@@ -60,6 +60,11 @@ class RunSettings:
     obey: bool = False
     load_transfer: bool = False
     along_track: bool = False
+
+
+def _raw(signal: SignalPlan, payload: bytes) -> int:
+    """Raw value of a signal in a payload, in the byte order of its database."""
+    return signal.raw(int.from_bytes(payload, "big" if signal.big_endian else "little"))
 
 
 class Simulation:
@@ -143,17 +148,18 @@ class Simulation:
             if message.is_carried_by(frame):
                 self._follow(message.read(frame))
                 return
-        if frame.arbitration_id != self._setpoint.frame_id or not frame.is_data:
+        plan = self._setpoint
+        same = frame.arbitration_id == plan.frame_id and frame.is_extended == plan.is_extended
+        if not same or not frame.is_data:
             return
         self.is_answered = True
-        word = int.from_bytes(frame.data, "little")
-        signals = self._setpoint.signals
-        raw = signals["CreepSpeedSetpoint"].raw(word)
-        missing = raw == signals["CreepSpeedSetpoint"].not_available
+        payload = frame.data[: plan.size]
+        creep, status = plan.signals["CreepSpeedSetpoint"], plan.signals["Status"]
+        raw = _raw(creep, payload)
         self._drive.update_command(
             self.now_us / 1e6,
-            known=signals["Status"].raw(word) == Status.TRACKING,
-            creep_speed=None if missing else signals["CreepSpeedSetpoint"].value(raw),
+            known=_raw(status, payload) == Status.TRACKING,
+            creep_speed=None if raw == creep.not_available else creep.value(raw),
         )
 
     def _follow(self, demand: SignalValues | Rejection) -> None:

@@ -149,7 +149,8 @@ def test_the_command_that_is_told_repeats_it(logs, tmp_path):
 @pytest.mark.parametrize("name", ["-x.log", "a b.log", "it's.log", "$(x).log", "ä.log"])
 def test_the_command_survives_names_of_files(name):
     arguments = ["diagnose", f"./{name}", "o.log", "--holdout", f"./h{name}", "--json", "-"]
-    first = build_parser().parse_args([*arguments, "--html", f"./{name}.html"])
+    arguments += ["--html", f"./{name}.html", "--png", f"./{name}.png", "--svg", f"./{name}.svg"]
+    first = build_parser().parse_args([*arguments, "--open", "--lenient"])
     again = build_parser().parse_args(shlex.split(build_command_line(first))[1:])
     assert vars(again) == vars(first)
 

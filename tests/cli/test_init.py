@@ -62,6 +62,20 @@ def test_what_nobody_said_is_to_be_filled_in(tmp_path, capsys):
         load_configuration(out)
 
 
+def test_a_number_is_written_as_it_was_given(tmp_path):
+    out = tmp_path / "tram.toml"
+    words = ["init", "--dbc", str(TRAM), "--yes", "--out", str(out)]
+    assert main([*words, "--train-mass", "1234567", "--axle-load", "123456.75"]) == 0
+    vehicle = tomllib.loads(out.read_text())["vehicle"]
+    assert (vehicle["train_mass_kg"], vehicle["axle_load_N"]) == (1234567, 123456.75)
+
+
+def test_a_wrong_number_is_told_in_its_own_unit(capsys):
+    assert main(["init", "--dbc", str(TRAM), "--yes", "--axle-load", "-1"]) == 2
+    told = capsys.readouterr().err
+    assert "--axle-load: -1 is not a positive number; give newtons above 0" in told
+
+
 def test_without_a_terminal_nothing_is_taken_silently(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(sys, "stdin", StringIO(""))
     out = tmp_path / "tram.toml"

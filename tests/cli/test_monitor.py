@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections import deque
+from itertools import islice
 from math import inf
 from pathlib import Path
 
@@ -173,6 +174,41 @@ def test_lines_of_a_recording(logs, capsys):
     found = lines_of(capsys, logs / "full.log", "--plain", "--every", "2")
     assert [line.split("  ")[0] for line in found] == ["2.0 s", "4.0 s", "6.0 s", "8.0 s"]
     assert all("TRACKING" in line and "frames/s" in line for line in found)
+
+
+def test_the_last_line_is_at_the_end_and_not_in_the_silence_behind_it(logs, capsys):
+    (line,) = lines_of(capsys, logs / "full.log", "--json", "-", "--every", "60")
+    document = json.loads(line)
+    assert document["position_s"] == pytest.approx(DURATION_S, abs=0.1)
+    assert (document["silent"], document["status"]) == (False, "TRACKING")
+    states = {one["name"]: one["state"] for one in document["messages"]}
+    assert states["WheelSpeeds1"] == "ok"
+
+
+def test_the_last_line_is_at_the_duration(logs, capsys):
+    words = ["--json", "-", "--every", "1", "--duration"]
+    short, long = ("0.5", [0.5]), ("2.5", [1.0, 2.0, 2.5])
+    for duration, expected in (short, long):
+        found = lines_of(capsys, logs / "full.log", *words, duration)
+        assert [json.loads(line)["position_s"] for line in found] == expected
+
+
+def test_values_of_json_carry_no_noise_of_floats(logs, capsys):
+    (line,) = lines_of(capsys, logs / "full.log", "--json", "-", "--every", "60")
+    document = json.loads(line)
+    measured = [document[name] for name in ("mu_max", "lambda_m", "c1", "c2", "speed_mps")]
+    measured += [value for axle in document["axles"] for value in axle.values()]
+    assert all(len(repr(value).lstrip("-0.").replace(".", "")) <= 6 for value in measured)
+
+
+def test_a_recording_in_other_units_is_refused_as_by_the_other_commands(logs, tmp_path, capsys):
+    path = tmp_path / "ms.log"
+    with (logs / "full.log").open() as whole, path.open("w") as file:
+        for line in islice(whole, 3000):
+            stamp, rest = line[1:].split(") ", 1)
+            file.write(f"({1e3 * float(stamp):.6f}) {rest}")
+    assert main(["monitor", str(path), "--plain"]) == 2
+    assert "its stamps look to be in ms" in capsys.readouterr().err
 
 
 def test_objects_of_json_and_a_span_of_the_recording(logs, capsys, tmp_path):

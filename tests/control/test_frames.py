@@ -148,6 +148,14 @@ def test_the_messages_of_the_service_become_advice():
     assert advice.axles == {2: pytest.approx(0.068)}
 
 
+def test_a_doubt_that_only_a_newer_service_knows_is_one_all_the_same():
+    controller = ControllerOnBus(load_configuration())
+    for frame in setpoint_frames(1, 12):
+        controller.feed(frame)
+    assert controller.advice.doubt not in (Doubt.NONE, Doubt.NOT_AVAILABLE)
+    assert controller.advice.trusted_curve(0.2) is None
+
+
 def test_what_is_not_available_is_none_and_what_is_damaged_changes_nothing():
     controller = ControllerOnBus(load_configuration())
     for frame in setpoint_frames(1, 0, c1=None):

@@ -8,11 +8,15 @@ import pytest
 
 from adhesion_can import identify, simulate
 from adhesion_can.bus.block import Block
+from adhesion_can.bus.database import load_database
+from adhesion_can.bus.protected_message import ProtectedMessage
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.roles import SignalChoice
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
 from adhesion_can.physics.readings import Role
+from adhesion_can.simulation.run import RunSettings, Simulation
+from adhesion_can.simulation.scenarios import scenario_by_name
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 TRAM = """
@@ -82,6 +86,29 @@ def test_the_file_s_database_is_written_with_the_default_roles_too(tmp_path):
     drive = simulate("dry", 0.1, configuration=tmp_path / "moved.toml")
     assert 1257 in {frame.arbitration_id for frame in drive.frames}
     assert 257 not in {frame.arbitration_id for frame in drive.frames}
+
+
+@pytest.mark.parametrize("identifier", [513, 513 | 1 << 31], ids=["standard", "extended"])
+def test_setpoints_are_read_in_the_byte_order_and_with_the_id_of_the_database(tmp_path, identifier):
+    text = (
+        (DATA.parents[1] / "dbc" / "adhesion.dbc").read_text().replace(" 513 ", f" {identifier} ")
+    )
+    for name, little, big in (
+        ("MuMax", 16, 23),
+        ("LambdaM", 32, 39),
+        ("CreepSpeedSetpoint", 48, 55),
+    ):
+        text = text.replace(f" SG_ {name} : {little}|16@1+", f" SG_ {name} : {big}|16@0+")
+    (tmp_path / "motorola.dbc").write_text(text)
+    database = load_database(tmp_path / "motorola.dbc")
+    simulation = Simulation(RunSettings(scenario_by_name("dry"), 1.0, obey=True), database)
+    values = {"Status": 1, "MuMax": 0.37, "LambdaM": 0.07, "CreepSpeedSetpoint": 0.5}
+    frame = ProtectedMessage(database.message("AdhesionSetpoint")).frame(0, values)
+    simulation.receive(frame._replace(is_extended=not frame.is_extended))
+    assert not simulation.is_answered
+    simulation.receive(frame)
+    assert simulation._drive.command.known
+    assert simulation._drive.command.creep_speed == pytest.approx(0.5)
 
 
 def test_what_cannot_be_written_is_refused(tmp_path):

@@ -10,7 +10,12 @@ from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.charts import (
+    BLUE,
     DARK,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
     Trace,
     band,
     faded,
@@ -26,14 +31,13 @@ from adhesion_can.reporting.drive.surfaces import Cloud, Surface
 from adhesion_can.reporting.page import Figure
 from adhesion_can.result_text import TimeScale, plus_minus
 
-BLUE, ORANGE, GREY, GREEN = "#0b5fa5", "#d55e00", "#8a95a3", "#2e8b57"
 STATUS_COLOURS: Mapping[Status, str] = {
     Status.INIT: GREY,
     Status.TRACKING: GREEN,
     Status.LOW_EXCITATION: BLUE,
     Status.SURFACE_CHANGE: "#b8860b",
     Status.STALE_INPUT: ORANGE,
-    Status.FAULT: "#b03a5b",
+    Status.FAULT: RED,
 }
 """Colour of each status; its name stands beside it."""
 KMH = 3.6

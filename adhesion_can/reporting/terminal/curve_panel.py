@@ -14,6 +14,7 @@ from adhesion_can.monitoring.snapshot import (
     Snapshot,
 )
 from adhesion_can.physics.burckhardt import adhesion, adhesion_slope
+from adhesion_can.physics.status import Status
 from adhesion_can.reporting.terminal.boxes import boxed
 from adhesion_can.reporting.terminal.canvas import DOTS_ACROSS, Canvas, nice_ceiling
 from adhesion_can.reporting.terminal.words import STATUS_LETTERS, STATUS_STYLES
@@ -194,12 +195,17 @@ def _strip(
     return lines
 
 
+def _severity(status: Status) -> float:
+    """Rank of a status where several hold, as the service ranks them: INIT below STALE_INPUT."""
+    return 3.5 if status is Status.INIT else float(status)
+
+
 def _status_row(points: Sequence[HistoryPoint], ages: Sequence[float], columns: int) -> Text:
     """The status in each column; the most severe one where several fall into it."""
     found: dict[int, HistoryPoint] = {}
     for age, point in zip(ages, points, strict=True):
         column = min(int(age * columns), columns - 1)
-        if column not in found or point.status > found[column].status:
+        if column not in found or _severity(point.status) > _severity(found[column].status):
             found[column] = point
     text = Text()
     for column in range(columns):

@@ -41,44 +41,55 @@ def _number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
+DIGITS = 6
+"""Significant digits of a measured value in JSON: 16 bits of a signal have five."""
+
+
 def as_json(snapshot: Snapshot) -> dict[str, Any]:
-    """Object of one snapshot, SI units; None stands for 'not available' and for 'not known'."""
+    """Object of one snapshot, SI units; None stands for 'not available' and for 'not known'.
+
+    Times are exact to the microsecond, measured values have six digits.
+    """
     service, transport = snapshot.service, snapshot.transport
     theta = (None, None, None) if service is None else service.theta or (None, None, None)
     return {
         "time_s": round(snapshot.time_s, 6),
         "bus_time_s": snapshot.t_us / 1e6,
-        "position_s": None if transport.is_live else transport.position_s,
+        "position_s": None if transport.is_live else round(transport.position_s, 6),
         "service": None if service is None else transport.origin.name.lower(),
         "status": None if service is None else service.status.name,
         "silent": None if service is None else service.is_silent,
         **{
-            name: None if service is None else getattr(service, name)
+            name: None if service is None else _rounded(getattr(service, name))
             for name in ("mu_max", "mu_max_std", "lambda_m", "lambda_m_std")
         },
-        "creep_setpoint_mps": None if service is None else service.creep_speed,
-        **dict(zip(("c1", "c2", "c3"), theta, strict=True)),
+        "creep_setpoint_mps": None if service is None else _rounded(service.creep_speed),
+        **dict(zip(("c1", "c2", "c3"), map(_rounded, theta), strict=True)),
         "doubt": None if service is None else service.doubt.json_name,
-        "surface_age_s": None if service is None else service.surface_age_s,
-        "speed_mps": snapshot.speed,
+        "surface_age_s": None if service is None else _rounded(service.surface_age_s),
+        "speed_mps": _rounded(snapshot.speed),
         "axles": [_axle(axle) for axle in snapshot.axles],
         "frames": snapshot.frames,
-        "frames_per_s": snapshot.frame_rate,
+        "frames_per_s": _rounded(snapshot.frame_rate),
         "frames_dropped": transport.dropped,
         "messages": [_message(view) for view in snapshot.messages],
         "words": [sentence.plain for sentence in sentences(snapshot)],
     }
 
 
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.{DIGITS}g}")
+
+
 def _axle(axle: AxleView) -> dict[str, Any]:
     return {
         "axle": axle.axle,
-        "slip": axle.slip,
-        "adhesion": axle.adhesion,
-        "creep_speed_mps": axle.creep_speed,
-        "mu_max": axle.mu_max,
-        "lambda_m": axle.lambda_m,
-        "creep_setpoint_mps": axle.creep_setpoint,
+        "slip": _rounded(axle.slip),
+        "adhesion": _rounded(axle.adhesion),
+        "creep_speed_mps": _rounded(axle.creep_speed),
+        "mu_max": _rounded(axle.mu_max),
+        "lambda_m": _rounded(axle.lambda_m),
+        "creep_setpoint_mps": _rounded(axle.creep_setpoint),
     }
 
 
@@ -89,7 +100,7 @@ def _message(view: MessageView) -> dict[str, Any]:
         "kind": str(view.kind),
         "state": str(view.state),
         "age_s": None if view.age_us is None else view.age_us / 1e6,
-        "rate_per_s": view.rate,
+        "rate_per_s": _rounded(view.rate),
         "accepted": view.accepted,
         "rejected": dict(view.rejected),
         "lost": view.lost,
