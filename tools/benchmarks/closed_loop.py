@@ -14,6 +14,7 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 from _pulling_cases import CASES
 from _pulling_goals import judge
 from _pulling_runs import MAKERS, OUR_OTHERS, OURS, Task, pull
@@ -56,6 +57,7 @@ def main():
     others = {(row["case"], row["controller"], row["setting"]): row for row in rows}
     report = Report()
     _print_tables(numbers, found)
+    _print_summary(numbers, found)
     judge(numbers, found, others, report)
     report.summarise()
     if options.json:
@@ -111,6 +113,23 @@ def _print_tables(numbers, found):
             f"{row['run_away_s']:.2f} s | {100 * row['excursions']:.1f} % | "
             f"{100 * row['held']:.0f} % |"
         )
+    print()
+
+
+def _print_summary(numbers, found):
+    """Mean utilisation by kind of case, and the worst of all cases."""
+    cases = [CASES[n] for n in numbers]
+    kinds = [kind for kind in ("steady", "changing") if any(c.kind == kind for c in cases)]
+    heads = [f"{sum(c.kind == kind for c in cases)} {kind}" for kind in kinds]
+    heads += [f"all {len(cases)}", "worst", "longest time beyond 3 λ_m"]
+    print(f"| force used | {' | '.join(heads)} |\n|{'---|' * (len(heads) + 1)}")
+    for name in MAKERS:
+        used = {case.name: found[case.name, name]["utilisation"] for case in cases}
+        groups = [[used[c.name] for c in cases if c.kind == kind] for kind in kinds]
+        cells = [100 * np.mean(group) for group in (*groups, list(used.values()))]
+        texts = [f"{cell:.1f} %" for cell in (*cells, 100 * min(used.values()))]
+        away_s = max(found[case.name, name]["run_away_s"] for case in cases)
+        print(f"| {name} | {' | '.join(texts)} | {away_s:.1f} s |")
     print()
 
 
