@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from adhesion_can.bus.frame import Frame
+from adhesion_can.cli import monitor as command
 from adhesion_can.cli.monitor_log import LogSource, survey
 from adhesion_can.cli.monitor_session import MonitorSession
 from adhesion_can.config import load_configuration
@@ -15,6 +16,7 @@ from tests.monitoring.recorded import closed_loop, write_log
 
 pytest.importorskip("textual")
 
+from textual.app import App
 from textual.widgets import Input
 
 from adhesion_can.cli.monitor_app import MonitorApp
@@ -179,3 +181,19 @@ def test_a_signal_ends_it_as_q_does(log, number):
         assert on.app._exit
 
     assert piloted(log, steps).return_code == 0
+
+
+@pytest.mark.parametrize(("fails", "status"), [(False, 0), (True, 1)])
+def test_a_view_that_fails_is_no_success(log, monkeypatch, capsys, fails, status):
+    def turn(app):
+        if fails:
+            raise RuntimeError("the view is broken")
+        app.exit()
+
+    monkeypatch.setattr(MonitorApp, "turn", turn)
+    monkeypatch.setattr(MonitorApp, "run", lambda app: App.run(app, headless=True))
+    config = load_configuration()
+    session = MonitorSession(config, LogSource([log], survey([log], config), None))
+    assert command._app_maker()(session, None) == status
+    session.close()
+    assert ("the view is broken" in capsys.readouterr().err) is fails
