@@ -121,9 +121,10 @@ def _ask_number(question: str) -> float | None:
         try:
             number = float(answer)
         except ValueError:
-            continue
+            number = 0.0
         if 0.0 < number < float("inf"):
             return number
+        print("one number above 0, please; a list goes into the file later", file=sys.stderr)
     return None
 
 
