@@ -40,7 +40,7 @@ def braking_car(path, seed, late, by):
 EFFECT = {"speed": "speed_delay", "wheel": "wheel_speed_delay", "force": "effort_delay"}
 
 
-@pytest.mark.parametrize("by", [0.1, -0.063])
+@pytest.mark.parametrize("by", [0.1, pytest.param(-0.063, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("late", EFFECT)
 def test_the_signal_that_is_late_or_early_is_named(tmp_path, late, by):
     named, sizes = 0, []

@@ -13,6 +13,8 @@ from tests.worlds.mechanisms import KINDS, make_mechanism, write_mechanism
 
 SIZE = 0.06
 """Root mean square of the hidden relative change."""
+QUICK = {"power", "threshold", "lag"}
+"""Kinds of laws that are always tried; the others are slow tests."""
 
 
 def found_in(folder, mechanism):
@@ -23,7 +25,10 @@ def found_in(folder, mechanism):
     return causes[0], answer
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind",
+    [kind if kind in QUICK else pytest.param(kind, marks=pytest.mark.slow) for kind in KINDS],
+)
 def test_the_form_is_found_in_most_tables(tmp_path, kind):
     """Three tables of each kind: the form is right in two at least, and none is sure of another."""
     right = 0

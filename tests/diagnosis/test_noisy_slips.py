@@ -68,7 +68,7 @@ def test_differences_do_not_reach_over_a_gap():
 
 
 @pytest.mark.parametrize(
-    "seed", [*SEEDS[:2], *(pytest.param(seed, marks=pytest.mark.slow) for seed in SEEDS[2:])]
+    "seed", [SEEDS[0], *(pytest.param(seed, marks=pytest.mark.slow) for seed in SEEDS[1:])]
 )
 def test_noise_of_the_slips_is_no_finding(tmp_path, seed):
     # Taken as exact, these slips left 'unexplained' with a gain of 19 % in every draw.

@@ -196,6 +196,13 @@ def test_what_came_otherwise_than_expected_is_computed_anew(builder, other):
     assert build(builder, **EXPECTED | other) == build(OutputBuilder(CONFIG), **EXPECTED | other)
 
 
+def test_for_a_status_without_numbers_nothing_is_prepared(builder):
+    compute_target_slip.cache_clear()
+    builder.prepare(**EXPECTED | {"status": Status.STALE_INPUT}, speed_derived=False)
+    assert not compute_target_slip.cache_info().misses
+    assert build(builder, **EXPECTED) == build(OutputBuilder(CONFIG), **EXPECTED)
+
+
 def test_what_was_prepared_serves_once(builder):
     builder.prepare(**EXPECTED, speed_derived=False)
     build(builder, Status.INIT)
