@@ -1,0 +1,1 @@
+"""Many recordings on many machines: units of work, their data set, and the fleet's diagnosis."""
