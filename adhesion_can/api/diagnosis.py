@@ -298,7 +298,9 @@ def diagnose_inputs(
                 "give a drive in which the vehicle moves and its axles pull or brake",
             )
     drives, holdout = ([read.drive for read in part] for part in parts)
-    found = _diagnose(drives, holdout, DiagnosisSettings(formulas=formulas, effect_grams=effect_grams), show=show)
+    found = _diagnose(
+        drives, holdout, DiagnosisSettings(formulas=formulas, effect_grams=effect_grams), show=show
+    )
     return replace(found, input_files=tuple(one.input_file for one in loaded))
 
 
