@@ -285,7 +285,11 @@ def _require_formula_applies(formula: Formula, drive: DriveData) -> None:
 
 
 def diagnose_inputs(
-    loaded: Sequence[LoadedInput], show: ShowProgress, formulas: tuple[Formula, ...] = ()
+    loaded: Sequence[LoadedInput],
+    show: ShowProgress,
+    formulas: tuple[Formula, ...] = (),
+    *,
+    effect_grams: bool = False,
 ) -> Diagnosis:
     """Diagnosis of loaded inputs.
 
@@ -293,6 +297,7 @@ def diagnose_inputs(
         loaded: Inputs, those that are held out included.
         show: Callback with the work in progress and the share that is done.
         formulas: Formulas that are tested as effects are.
+        effect_grams: Whether the Gram matrices of the effects are wanted.
 
     Raises:
         InputError: Not one row is usable, or a formula does not apply to them.
@@ -313,7 +318,9 @@ def diagnose_inputs(
                 "give a drive in which the vehicle moves and its axles pull or brake",
             )
     drives, holdout = ([read.drive for read in part] for part in parts)
-    found = _diagnose(drives, holdout, DiagnosisSettings(formulas=formulas), show=show)
+    found = _diagnose(
+        drives, holdout, DiagnosisSettings(formulas=formulas, effect_grams=effect_grams), show=show
+    )
     return replace(found, input_files=tuple(one.input_file for one in loaded))
 
 

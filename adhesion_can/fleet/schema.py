@@ -246,17 +246,35 @@ CAUSES = TableSchema(
 
 EFFECTS = TableSchema(
     "effects",
-    "an effect's part in the regression over many vehicles",
+    "a candidate effect's part in the regression over many units, the unit's curves projected out",
     (
         *PLACE,
+        Column("place", "int", "place of the effect in the unit's matrices, from 0", required=True),
         Column("effect", "string", "id of the effect", required=True),
-        Column("parameter", "string", "name of the parameter", required=True),
-        Column("value", "double", "estimate in `unit`"),
-        Column("std", "double", "its standard deviation in `unit`"),
-        Column("unit", "string", "unit of the parameter"),
+        Column("form", "string", "form of the mechanism; empty where there is only one",
+               required=True),
+        Column("axle", "int", "axle of an effect at one axle; 0 for the others", required=True),
+        Column("parameter", "string", "name of its first parameter, the size", required=True),
+        Column("unit", "string", "unit of the size", required=True),
+        Column("typical", "double", "typical size in `unit`", required=True),
+        Column("value", "double", "size where it alone is added to the curves, in `unit`; none "
+               "where the curves imitate all of it"),
+        Column("std", "double", "its standard error by the spread over blocks, in `unit`"),
+        Column("absorbed", "double", "share of its signature that the curves imitate", "1",
+               required=True),
+        Column("gram", "list<double>", "products of its whitened signature with those of all "
+               "effects of the unit, by `place`", required=True),
+        Column("score", "double", "product of its whitened signature with the residual",
+               required=True),
+        Column("score_variance", "double", "variance of `score` by the spread over blocks",
+               required=True),
+        Column("square", "double", "whitened sum of squares of the residual", "1", required=True),
+        Column("rows", "double", "number of rows", "1", required=True),
+        Column("blocks", "int", "number of blocks of time", "1", required=True),
+        Column("rmse", "double", "RMSE of the adhesion about the curves", "1", required=True),
     ),
-)
-"""Gram records for the diagnosis of the whole fleet."""
+)  # fmt: skip
+"""Gram matrices for the diagnosis of the whole fleet."""
 
 TABLES: tuple[TableSchema, ...] = (UNITS, SEGMENTS, CAUSES, EFFECTS)
 """All tables; `units` is written last."""
