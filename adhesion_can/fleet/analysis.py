@@ -18,6 +18,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.diagnosis.result import InputFile
 from adhesion_can.errors import AdhesionCanError, TableError
 from adhesion_can.estimation.batch_fit import BatchResult, identify
+from adhesion_can.fleet.effect_records import effect_rows
 from adhesion_can.fleet.rows import (
     Row,
     SetpointStatistics,
@@ -149,8 +150,10 @@ def _identify(analysis: Analysis, unit: "_Recording | _Table") -> Row:
 
 
 def _diagnose(analysis: Analysis, loaded: LoadedInput) -> Row:
-    found = diagnose_inputs([loaded], lambda _work, _share: None)
+    found = diagnose_inputs([loaded], lambda _work, _share: None, effect_grams=True)
     analysis.rows["causes"] = cause_rows(found)
+    if found.effect_grams is not None:
+        analysis.rows["effects"] = effect_rows(found.effect_grams)
     return diagnosis_fields(found)
 
 
