@@ -1,7 +1,7 @@
 """Evidence of units from a linear model of this file's own: no drive, no regression code.
 
-Rows are y = X φ + e with columns that are correlated, differently in each unit, and noise that lasts
-within a block. Sizes differ between units by Student's t with five degrees of freedom.
+Rows are y = X φ + e with columns that are correlated, differently in each unit, and noise that
+lasts within a block. Sizes differ between units by Student's t with five degrees of freedom.
 """
 
 from dataclasses import dataclass, field

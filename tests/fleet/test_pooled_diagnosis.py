@@ -98,11 +98,10 @@ def test_a_size_that_differs_from_drive_to_drive_is_no_vehicles():
 def test_a_speed_that_reads_high_is_not_six_worn_wheels():
     units = Fleet().draw(1)
     for place in (8, 9):
-        radii = tuple(
-            type(one)(one.axle, one.value + 0.012, one.std) for one in units[place].radii
-        )
+        radii = tuple(type(one)(one.axle, one.value + 0.012, one.std) for one in units[place].radii)
         units[place] = type(units[place])(
-            **{name: getattr(units[place], name) for name in units[place].__slots__} | {"radii": radii}
+            **{name: getattr(units[place], name) for name in units[place].__slots__}
+            | {"radii": radii}
         )
     (finding,) = diagnose_fleet(units).named[0].findings
     assert (finding.effect, finding.axle, finding.rivals) == ("speed_scale", 0, ("wheel_radius",))
