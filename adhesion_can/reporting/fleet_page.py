@@ -133,8 +133,8 @@ def _vehicles(found: "FleetDiagnosis") -> list[Part]:
     if rows:
         note = (
             "Size ± standard error; p-value with all effects counted; gain: fall of the RMSE of "
-            "the adhesion on the vehicle's recordings that had no part in the size; units: those that "
-            "show it by themselves. A radius comes from coasting. At most "
+            "the adhesion on the vehicle's recordings that had no part in the size; units: those "
+            "that show it by themselves. A radius comes from coasting. At most "
             f"{100 * found.false_discovery_rate:g} % of such vehicles are expected to be wrong. "
             + _left_out(len(named), MOST_VEHICLES, "vehicles")
         )
