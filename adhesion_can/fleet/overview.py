@@ -96,6 +96,8 @@ def summarise_fleet(
 
     """
     lines = {row["unit_id"]: row.get("line") or "" for row in units}
+    # A list of units may say where a recording was made; a TABLE says it row by row.
+    where = {row["unit_id"]: (row["longitude_deg"], row["latitude_deg"]) for row in units}
     values: dict[tuple[str, str], list[float]] = defaultdict(list)
     vehicles: dict[tuple[str, str], set[str]] = defaultdict(set)
     points: list[tuple[float, float, float]] = []
@@ -107,8 +109,10 @@ def summarise_fleet(
         place = lines[row["unit_id"]], day
         values[place].append(mu)
         vehicles[place].add(row["vehicle"])
-        if row["latitude_deg"] is not None and row["longitude_deg"] is not None:
-            points.append((row["longitude_deg"], row["latitude_deg"], mu))
+        at = row["longitude_deg"], row["latitude_deg"]
+        longitude, latitude = where[row["unit_id"]] if None in at else at
+        if longitude is not None and latitude is not None:
+            points.append((longitude, latitude, mu))
     estimates = []
     for place in sorted(values):
         low, median, high = map(float, np.quantile(values[place], (0.25, 0.5, 0.75)))

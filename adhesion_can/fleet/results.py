@@ -18,7 +18,9 @@ from adhesion_can.fleet.settings import FleetSettings
 
 JSON, TABLE, PAGE = "fleet.json", "fleet_findings.parquet", "fleet.html"
 """Names of the files in the folder of the data set."""
-_OF_UNITS = ("unit_id", "vehicle", "line", "status", "error", "verdict")
+_OF_UNITS = (
+    "unit_id", "vehicle", "line", "status", "error", "verdict", "latitude_deg", "longitude_deg",
+)  # fmt: skip
 _OF_SEGMENTS = (
     "unit_id", "vehicle", "day", "mu_max", "mu_max_std", "latitude_deg", "longitude_deg",
 )  # fmt: skip

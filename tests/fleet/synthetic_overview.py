@@ -32,7 +32,8 @@ def synthetic_overview(vehicles=30, *, drives=2, positions=True):
                 "unit_id": one.unit, "vehicle": one.vehicle, "line": one.line,
                 "status": "failed" if failed else "done",
                 "error": FAILED.format(number) if failed else None,
-                "verdict": None if failed else "nothing_found",
+                "verdict": None if failed else "nothing_found", "latitude_deg": None,
+                "longitude_deg": None,
             }
         )  # fmt: skip
         for _ in range(0 if failed else 3):
