@@ -20,8 +20,11 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.reports import missing_report, page_provenance
 from adhesion_can.errors import InputError
 from adhesion_can.fleet.schema import STEPS
+from adhesion_can.reporting.fleet_page import fleet_page
+from adhesion_can.reporting.page import render
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
 
@@ -226,6 +229,7 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: _Summary) -> Non
     config = next(iter(plan.configurations.values()))
     origin = provenance(config)
     del origin["inputs"]  # the table `units` has them, with their hashes
+    named, written = _diagnose(options, origin)
     took_s = monotonic() - summary.began_s
     failed = sorted(summary.failed)
     document = {
@@ -245,8 +249,37 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: _Summary) -> Non
     }
     write_json(options.json, document)
     if talk(options):
-        for line in _lines(options, summary, failed, took_s):
+        for line in [*_lines(options, summary, failed, took_s), *named]:
             console().print(line, markup=False)
+        console().print(
+            f"written: {options.out} (docs/fleet.md: tables, and queries to begin with)",
+            markup=False,
+        )
+        for line in written:
+            console().print(line, markup=False)
+
+
+def _diagnose(options: argparse.Namespace, origin: dict[str, Any]) -> tuple[list[str], list[str]]:
+    """Diagnosis of the whole fleet, its files and its page: sentences, and what was written."""
+    from adhesion_can.fleet.dataset import DataSet  # noqa: PLC0415  needs the extra
+    from adhesion_can.fleet.results import (  # noqa: PLC0415  needs the extra
+        PAGE,
+        diagnose_data_set,
+        write_beside,
+        write_results,
+    )
+
+    data = DataSet(options.out)
+    overview = diagnose_data_set(data)
+    files = write_results(data, overview, origin)
+    lines = [f"written: {file}" for file in files]
+    made = fleet_page(overview, page_provenance(origin, options))
+    missing = missing_report(Path(PAGE))
+    if missing:
+        lines.append(missing)
+    else:
+        lines.append(f"written: {write_beside(data, PAGE, render(made).encode())}")
+    return list(made.verdict), lines
 
 
 def _lines(
@@ -269,4 +302,4 @@ def _lines(
             lines.append(f"  and {len(failed) - FIRST} more: column error of the table units")
     for paths in summary.twice():
         lines.append(f"the same recording under {len(paths)} names: {', '.join(paths)}")
-    return [*lines, f"written: {options.out} (docs/fleet.md: tables, and queries to begin with)"]
+    return lines

@@ -7,6 +7,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import TypeVar
 
+import numpy as np
+
 from adhesion_can.api.calibration import build_coasting_drive, require_calibration_signals
 from adhesion_can.api.diagnosis import LoadedInput, diagnose_inputs, load_from_traces, load_inputs
 from adhesion_can.api.inputs import describe_left_out
@@ -145,7 +147,7 @@ def _identify(analysis: Analysis, unit: "_Recording | _Table") -> Row:
     if result is None:
         what = "not one usable sample (a moving vehicle, slip within the curve's range)"
         raise TableError(unit.file.name, what, "see the columns of 'check'")
-    analysis.rows["segments"] = segment_rows(result)
+    analysis.rows["segments"] = segment_rows(result, unit.position)
     return {}
 
 
@@ -242,6 +244,10 @@ class _Recording:
             return self._checked.fit
         return _fit(loaded, config)
 
+    def position(self, _from_us: int, _to_us: int) -> tuple[float | None, float | None]:
+        """Latitude and longitude of a span: not known."""
+        return None, None
+
     def load_drive(self) -> LoadedInput:
         """Drive data for the diagnosis."""
         return load_from_traces(self.file, self._contents.traces, self._problems, self._config)
@@ -281,6 +287,25 @@ class _Table:
     def identify(self) -> BatchResult | None:
         """Batch fit."""
         return _fit(load_table_samples([self.file.path], self._config), self._config)
+
+    def position(self, from_us: int, to_us: int) -> tuple[float | None, float | None]:
+        """Latitude and longitude in the middle of a span, °; None where none of its rows has one.
+
+        Args:
+            from_us: First stamp of the span, µs.
+            to_us: Last stamp of the span, µs.
+
+        """
+        t_us, known = self._table.samples.t_us, self._table.position
+        if known is None:
+            return None, None
+        inside = known[(t_us >= from_us) & (t_us <= to_us)]
+        inside = inside[np.isfinite(inside).all(axis=1)]
+        if not len(inside):
+            return None, None
+        # A point that was driven through, and not one beside a bent line.
+        latitude, longitude = inside[len(inside) // 2]
+        return float(latitude), float(longitude)
 
     def load_drive(self) -> LoadedInput:
         """Drive data for the diagnosis."""

@@ -60,24 +60,27 @@ def compare_places(
 
     """
     stated = np.array([bool(one) for one in place], dtype=np.bool_)
-    names, number = np.unique(np.array(place, dtype=np.str_)[stated],
-                              return_inverse=True)  # fmt: skip
+    names, number = np.unique(np.array(place, dtype=np.str_)[stated], return_inverse=True)
     vehicles = np.unique(np.array(vehicle, dtype=np.str_)[stated], return_inverse=True)[1]
-    effects = size.shape[1]
     deviation, weight = _standardised(size[stated], variance[stated])
-    pairs = np.unique(np.stack([number, vehicles]), axis=1)
-    enough = np.bincount(pairs[0], minlength=len(names)) >= LEAST_VEHICLES
+    # Several drives of a vehicle on one line count once.
+    pairs, inverse, drives = np.unique(
+        np.stack([number, vehicles]), axis=1, return_inverse=True, return_counts=True
+    )
+    on = pairs[0]
+    count = np.bincount(on, minlength=len(names))
+    enough = count >= LEAST_VEHICLES
+    effects = size.shape[1]
     if enough.sum() < 2 or not effects:
         return PlaceComparison((), *(np.empty((0, effects)) for _ in range(3)))
-    observed = _statistic(number, vehicles, deviation, len(names))
-    observed[~enough] = 0.0
-    largest = np.empty(EXCHANGES)
-    for k in range(EXCHANGES):
-        exchanged = _statistic(
-            number[rng.permutation(len(number))], vehicles, deviation, len(names)
-        )
-        largest[k] = np.abs(exchanged).max(initial=0.0)
-    reached = (largest[:, None, None] >= np.abs(observed) * (1.0 - 1e-9)).sum(axis=0)
+    values = _sums(inverse.ravel(), deviation, len(drives)) / drives[:, None]
+    starts, root = np.flatnonzero(np.diff(on, prepend=-1)), np.sqrt(count)[:, None]
+    observed = np.abs(np.add.reduceat(values, starts, axis=0)) / root
+    reached = np.zeros_like(observed)
+    for _ in range(EXCHANGES):
+        exchanged = np.add.reduceat(values[rng.permutation(len(values))], starts, axis=0)
+        largest = float((np.abs(exchanged) / root)[enough].max())
+        reached += largest >= observed * (1.0 - 1e-9)
     p_value = (1.0 + reached) / (EXCHANGES + 1.0)
     mean, std = _means(number, size[stated], weight, len(names))
     keep = np.flatnonzero(enough)
@@ -95,18 +98,6 @@ def _standardised(size: Array, variance: Array) -> tuple[Array, Array]:
         out[known, j] = np.clip(deviation, -CUT, CUT)
         weight[known, j] = 1.0 / np.maximum(whole, 1e-300)
     return out, weight
-
-
-def _statistic(
-    place: NDArray[np.int64], vehicle: NDArray[np.int64], deviation: Array, count: int
-) -> Array:
-    """Sum of the vehicles' means on each line over the root of their number, shape (L, k)."""
-    code = place * (int(vehicle.max(initial=0)) + 1) + vehicle
-    pairs, inverse, units = np.unique(code, return_inverse=True, return_counts=True)
-    means = _sums(inverse, deviation, len(pairs)) / units[:, None]
-    of_place = pairs // (int(vehicle.max(initial=0)) + 1)
-    vehicles = np.bincount(of_place, minlength=count)
-    return _sums(of_place, means, count) / np.sqrt(np.maximum(vehicles, 1))[:, None]
 
 
 def _sums(number: NDArray[np.int64], values: Array, count: int) -> Array:

@@ -1,6 +1,7 @@
 """Gram matrices of a unit's effects as rows of the table `effects`, and back."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from math import isfinite
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from adhesion_can.diagnosis.effect_grams import EffectGrams, EffectKey
 
 Row = Mapping[str, Any]
+_KEY = ("effect", "form", "axle", "parameter", "unit", "typical")
 
 
 def effect_rows(grams: EffectGrams) -> list[dict[str, Any]]:
@@ -59,7 +61,7 @@ def grams_from_rows(rows: Iterable[Row]) -> EffectGrams | None:
         raise ValueError("a matrix of the table 'effects' is not square")
     first = found[0]
     return EffectGrams(
-        keys=tuple(map(_key, found)),
+        keys=_keys(tuple(tuple(row[name] for name in _KEY) for row in found)),
         gram=gram,
         score=_column(found, "score"),
         score_variance=_column(found, "score_variance"),
@@ -71,15 +73,10 @@ def grams_from_rows(rows: Iterable[Row]) -> EffectGrams | None:
     )
 
 
-def _key(row: Row) -> EffectKey:
-    return EffectKey(
-        str(row["effect"]),
-        str(row["form"]),
-        int(row["axle"]),
-        str(row["parameter"]),
-        str(row["unit"]),
-        float(row["typical"]),
-    )
+@lru_cache(maxsize=256)
+def _keys(cells: tuple[tuple[Any, ...], ...]) -> tuple[EffectKey, ...]:
+    """Effects of a unit; most units have the same, which are kept once."""
+    return tuple(EffectKey(*one) for one in cells)
 
 
 def _column(rows: Sequence[Row], name: str) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from array import array
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from statistics import median
 from typing import Any
@@ -17,6 +17,7 @@ from adhesion_can.offline.extract_samples import UPDATE_US
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.status import Status
+from adhesion_can.recordings.tables.sample_table import POSITION
 from adhesion_can.service.outputs import Outputs
 
 Row = dict[str, Any]
@@ -97,13 +98,23 @@ class SetpointStatistics:
         }
 
 
-def segment_rows(result: BatchResult) -> list[Row]:
-    """Rows of `segments`."""
+def segment_rows(
+    result: BatchResult, position: Callable[[int, int], tuple[float | None, float | None]]
+) -> list[Row]:
+    """Rows of `segments`.
+
+    Args:
+        result: Batch fit.
+        position: Function from the first and last stamp of a segment, µs, to its latitude and
+            longitude, °.
+
+    """
     return [
         {
             "segment": place,
             "from_s": segment.from_us / 1e6,
             "to_s": segment.to_us / 1e6,
+            **dict(zip(POSITION, position(segment.from_us, segment.to_us), strict=True)),
             **_curve(segment.estimate),
             "directions_agree": segment.directions.agree,
         }

@@ -44,9 +44,10 @@ def find_fleet_effects(
             t = mean.value / mean.std
             p = float(min(1.0, 2 * scipy.stats.t.sf(abs(t), mean.units - 1) * len(left.keys)))
             shows = np.sign(mean.value) * means[seen, j] > 2.0 * deviations[seen, j]
+            if p > settings.alpha or shows.mean() < SHOWING:
+                continue
             share = gain_share(left.grams, key, mean.value)
-            enough = shows.mean() >= SHOWING and share >= settings.least_gain
-            if p <= settings.alpha and enough and (best is None or share > best[0]):
+            if share >= settings.least_gain and (best is None or share > best[0]):
                 best = share, j, mean, p
         if best is None:
             break
@@ -84,10 +85,10 @@ def find_place_effects(
         rows = np.array([i for i, place in enumerate(places) if place == name])
         own = [left.grams[i] for i in rows]
         best: tuple[float, int] | None = None
-        for j in np.flatnonzero(compared.p_value[row] <= settings.alpha):
+        for j in map(int, np.flatnonzero(compared.p_value[row] <= settings.alpha)):
             share = gain_share(own, left.keys[j], float(compared.size[row, j]))
             if share >= settings.least_gain and (best is None or share > best[0]):
-                best = share, int(j)
+                best = share, j
         if best is None or len(found) >= MOST_PLACES:
             continue
         share, j = best

@@ -6,6 +6,7 @@ of its own; each drive has its own profile, weather and noise.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, date, datetime, time
 from pathlib import Path
 
 import numpy as np
@@ -117,4 +118,6 @@ def write_drive(one: FleetDrive, path: Path, *, duration_s: float = 120.0) -> No
     locomotive = replace(locomotive, forward=bool(rng.random() < 0.5))
     profile = draw_profile(rng, duration_s, locomotive, rail)
     noise = draw_noise(rng, len(profile.t) - LEAD, 0.0)
-    write_log(drive(profile, locomotive, rail, one.effects, noise), path)
+    begin = datetime.combine(date.fromisoformat(one.day), time(6 + 3 * number), UTC)
+    readings = drive(profile, locomotive, rail, one.effects, noise)
+    write_log(readings, path, int(begin.timestamp()))
