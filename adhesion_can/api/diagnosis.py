@@ -160,6 +160,26 @@ def load_inputs(
 def _load_recording(input_file: InputFile, config: Configuration) -> LoadedInput:
     recordings = open_recordings([input_file.path])
     received = load_traces(blocks_in_sequence(recordings), config, str(input_file.path))
+    return load_from_traces(
+        input_file, received, describe_problems(recordings, names=[input_file.name]), config
+    )
+
+
+def load_from_traces(
+    input_file: InputFile, received: LoadedTraces, problems: list[str], config: Configuration
+) -> LoadedInput:
+    """Drive data of a recording whose traces are loaded.
+
+    Args:
+        input_file: File of the recording.
+        received: Traces of all its signals.
+        problems: Sentences about what was passed over while it was read.
+        config: Vehicle, roles and settings.
+
+    Raises:
+        InputError: With the data as they are no honest answer is possible.
+
+    """
     traces, v_min = received.traces(), config.sampling.v_min
     slips = slips_of_traces(traces, config.vehicle, v_min)
     odd = require_plausible(str(input_file.path), inspect_rim_speeds(slips))
@@ -171,7 +191,7 @@ def _load_recording(input_file: InputFile, config: Configuration) -> LoadedInput
         config.estimators.identifiability.slip_max,
         config.channels,
     )
-    problems = describe_problems(recordings, names=[input_file.name]) + odd
+    problems = problems + odd
     for points in _points_of_axles(drive):
         problems += require_plausible(str(input_file.path), inspect_points(points))
     return LoadedInput(
@@ -265,7 +285,11 @@ def _require_formula_applies(formula: Formula, drive: DriveData) -> None:
 
 
 def diagnose_inputs(
-    loaded: Sequence[LoadedInput], show: ShowProgress, formulas: tuple[Formula, ...] = ()
+    loaded: Sequence[LoadedInput],
+    show: ShowProgress,
+    formulas: tuple[Formula, ...] = (),
+    *,
+    effect_grams: bool = False,
 ) -> Diagnosis:
     """Diagnosis of loaded inputs.
 
@@ -273,6 +297,7 @@ def diagnose_inputs(
         loaded: Inputs, those that are held out included.
         show: Callback with the work in progress and the share that is done.
         formulas: Formulas that are tested as effects are.
+        effect_grams: Whether the Gram matrices of the effects are wanted.
 
     Raises:
         InputError: Not one row is usable, or a formula does not apply to them.
@@ -293,7 +318,9 @@ def diagnose_inputs(
                 "give a drive in which the vehicle moves and its axles pull or brake",
             )
     drives, holdout = ([read.drive for read in part] for part in parts)
-    found = _diagnose(drives, holdout, DiagnosisSettings(formulas=formulas), show=show)
+    found = _diagnose(
+        drives, holdout, DiagnosisSettings(formulas=formulas, effect_grams=effect_grams), show=show
+    )
     return replace(found, input_files=tuple(one.input_file for one in loaded))
 
 

@@ -88,6 +88,24 @@ def load_recording_samples(
     blocks = watched(blocks_in_sequence(recordings))
     name = name_of(recordings)
     samples, _ = extract_samples(blocks, config, name)
+    return clean_samples(samples, config, name, describe_problems(recordings))
+
+
+def clean_samples(
+    samples: Samples, config: Configuration, name: str, problems: list[str]
+) -> LoadedSamples:
+    """Samples of recordings, looked at and less the effects of the extended model.
+
+    Args:
+        samples: Samples in the order of their stamps.
+        config: Vehicle, and the extended model whose effects are removed.
+        name: Names of the recordings, for errors.
+        problems: Sentences about what was passed over while they were read.
+
+    Raises:
+        InputError: With the data as they are no honest answer is possible.
+
+    """
     odd = require_plausible(name, inspect_samples(samples, table=False))
     left_out: Counter[str] = Counter()
     factor = 1.0
@@ -95,7 +113,7 @@ def load_recording_samples(
         result = correct_samples(samples, config.model, config.vehicle.axles)
         factor = mean_factor(samples.select(result.kept), result.samples)
         samples, left_out = result.samples, result.left_out
-    return LoadedSamples(samples, None, [*describe_problems(recordings), *odd], left_out, factor)
+    return LoadedSamples(samples, None, [*problems, *odd], left_out, factor)
 
 
 def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSamples:

@@ -34,6 +34,7 @@ COMMANDS: Mapping[str, str] = {
     "evaluate": "a model on data that it has not seen",
     "experiment": "the paper's experiments, every estimator side by side",
     "check": "is this recording usable",
+    "fleet": "many recordings to one Parquet data set, on a cluster",
     "init": "a commented configuration from a database",
     "convert": "any recording with any database to columns",
     "completion": "a script by which a shell completes commands and options",

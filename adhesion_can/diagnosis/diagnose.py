@@ -28,6 +28,7 @@ from adhesion_can.diagnosis.inference.candidates import (
     describe_insufficient_data,
     find_untestable,
 )
+from adhesion_can.diagnosis.inference.compute_effect_grams import compute_effect_grams
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import confirm_on_hold_out
 from adhesion_can.diagnosis.inference.curve_shape import (
     choose_families,
@@ -77,6 +78,8 @@ class DiagnosisSettings:
         rate_hz: Rows per second and axle that are used for deciding.
         seed: Seed of the random signs.
         formulas: Formulas of the user's, tested as effects are.
+        effect_grams: Whether the Gram matrices of the effects are wanted, for a diagnosis of many
+            drives.
 
     """
 
@@ -84,6 +87,7 @@ class DiagnosisSettings:
     rate_hz: float = RATE_HZ
     seed: int = 1
     formulas: tuple[Formula, ...] = ()
+    effect_grams: bool = False
 
 
 def _silent(_work: str, _share: float) -> None:
@@ -131,6 +135,9 @@ def diagnose(
         other, other_shaped = analysis.explain(unchanged)
         if explains_without_changes(shaped or found, other_shaped or other):
             found, shaped = other, other_shaped
+    grams = None
+    if settings.effect_grams:
+        grams = compute_effect_grams(found.prepared, found.selection.plain.rmse)
     # Step 7
     show("gain", 0.85)
     confirmed = confirm_on_hold_out(shaped or found, other_drives=any(held_out))
@@ -150,7 +157,7 @@ def diagnose(
         other_drives=any(held_out),
     )
     show("done", 1.0)
-    return diagnosis
+    return replace(diagnosis, effect_grams=grams)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.effect_grams import EffectGrams
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
 from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
 from adhesion_can.estimation.extended.model import ExtendedModel
@@ -283,6 +284,8 @@ class Diagnosis:
         input_files: Input files; () where the data came from no file.
         families: Curve families side by side, Burckhardt's first; () without a verdict.
         prediction: Measured against predicted adhesion of sample tables; None of recordings.
+        effect_grams: Gram matrices of the effects for a diagnosis of many drives; None where they
+            were not asked for, or the data allow no verdict at all.
 
     """
 
@@ -305,6 +308,7 @@ class Diagnosis:
     input_files: tuple[InputFile, ...] = ()
     families: tuple[FamilyResult, ...] = ()
     prediction: PredictionPlot | None = None
+    effect_grams: EffectGrams | None = None
 
     @property
     def longest_segment(self) -> SegmentResult | None:

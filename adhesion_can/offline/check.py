@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from adhesion_can.arrays import Array
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.j1939 import parameter_group, source_address
 from adhesion_can.bus.message_record import MessageRecord
@@ -14,45 +13,17 @@ from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import UNKNOWN_CYCLE, Configuration
 from adhesion_can.estimation.batch_fit import BatchResult, identify
 from adhesion_can.offline.compare_noise import NOISY_ROLES, ComparedNoise, compare_noise
-from adhesion_can.offline.extract_samples import SampleExtractor
 from adhesion_can.offline.fault_history import FaultHistory
-from adhesion_can.offline.load_traces import LoadedTraces
 from adhesion_can.offline.plausibility import inspect_samples
+from adhesion_can.offline.scan import Scan, SignalRange, scan
 from adhesion_can.physics.readings import Role, role_name
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.vehicle import Locomotive
-from adhesion_can.sampling.column_former import Readings
 
 RATE_TOLERANCE = 0.1
 """Largest share by which a message's mean cycle may differ from its nominal one."""
 LOAD_TOLERANCE = 1.5
 """Factor by which a configured axle load may lie beyond the measured ones."""
-
-
-@dataclass(slots=True)
-class SignalRange:
-    """Range of a signal's readings.
-
-    Attributes:
-        lowest: Smallest value, SI unit of the role; inf where none is available.
-        highest: Largest value, SI unit of the role; -inf where none is available.
-        readings: Number of readings.
-        not_available: Number of readings that carry 'not available'.
-
-    """
-
-    lowest: float = np.inf
-    highest: float = -np.inf
-    readings: int = 0
-    not_available: int = 0
-
-    def add(self, values: Array) -> None:
-        """Add readings, SI unit of the role, NaN where not available; shape (n,)."""
-        available = values[np.isfinite(values)]
-        self.readings += len(values)
-        self.not_available += len(values) - len(available)
-        self.lowest = float(available.min(initial=self.lowest))
-        self.highest = float(available.max(initial=self.highest))
 
 
 @dataclass(frozen=True)
@@ -74,6 +45,7 @@ class CheckResult:
         warnings: Settings that the recording contradicts, a sentence each.
         noise: Noise of the sensors as their readings show it, beside the configured one.
         faults: Frames that were accepted, rejected and lost over time.
+        fit: Batch fit of the samples; None where none is usable or adhesion cannot be computed.
 
     """
 
@@ -91,6 +63,7 @@ class CheckResult:
     warnings: list[str] = field(default_factory=list)
     noise: tuple[ComparedNoise, ...] = ()
     faults: FaultHistory = field(default_factory=FaultHistory)
+    fit: BatchResult | None = None
 
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
@@ -152,29 +125,31 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
         configuration: Messages, roles and settings; a missing role becomes one of the limits.
 
     """
-    signals = {choice.name: SignalRange() for choice in configuration.choices}
-    traces = LoadedTraces()
+    return check_scan(scan(blocks, configuration, NOISY_ROLES), configuration)
 
-    def add_readings(readings: Readings) -> None:
-        traces.add({key: columns for key, columns in readings.items() if key[0] in NOISY_ROLES})
-        for (role, axle), (_, values) in readings.items():
-            signals[role_name(role, axle)].add(values)
 
-    faults = FaultHistory()
-    extractor = SampleExtractor(configuration, add_readings, faults.add)
-    samples = extractor.run(blocks)
+def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
+    """Check what a pass over a recording gave.
+
+    Args:
+        contents: Contents of the recording, with the readings of `NOISY_ROLES` at least.
+        configuration: Configuration of the pass.
+
+    """
+    extractor, samples = contents.extractor, contents.samples
     counts = extractor.counts
     result = CheckResult(
         extractor.receiver,
-        signals,
+        contents.signals,
         counts["frames"],
         counts["unknown"],
         counts["clamped"],
-        (extractor.last_us - (extractor.first_us or 0)) / 1e6,
+        contents.duration_s,
         samples,
         extractor.dropped,
-        noise=compare_noise(traces, configuration),
-        faults=faults,
+        noise=compare_noise(contents.traces, configuration),
+        faults=contents.faults,
+        fit=_fit(samples, configuration),
     )
     _check_messages(result)
     _check_senders(result)
@@ -322,12 +297,18 @@ def _check_excitation(result: CheckResult, configuration: Configuration) -> None
         reasons = ", ".join(f"{why} ({n})" for why, n in result.dropped.items()) or "no data"
         result.failures.append(f"not one sample could be formed: {reasons}")
         return
-    estimators = configuration.estimators
-    fitted = identify(result.samples, estimators.identifiability, noise=estimators.noise)
-    if fitted is None:
+    if result.fit is None:
         result.failures.append("every sample lies outside the slips that the curve is valid for")
         return
-    describe_excitation(result.samples, fitted, result.findings, result.limits)
+    describe_excitation(result.samples, result.fit, result.findings, result.limits)
+
+
+def _fit(samples: Samples, configuration: Configuration) -> BatchResult | None:
+    """Batch fit of samples; None where none is usable or a role for adhesion is missing."""
+    if configuration.missing_for_identification() or not len(samples):
+        return None
+    estimators = configuration.estimators
+    return identify(samples, estimators.identifiability, noise=estimators.noise)
 
 
 def describe_excitation(

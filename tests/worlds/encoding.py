@@ -26,8 +26,8 @@ def database() -> Database:
     return loaded
 
 
-def write_log(readings: Readings, path: Path) -> None:
-    """Write the drive as candump does with -L, each message at its cycle from 0 s on."""
+def write_log(readings: Readings, path: Path, begin_s: int = 0) -> None:
+    """Write the drive as candump does with -L, each message at its cycle from a time on, s."""
     stamps, ids, payloads = [], [], []
     for name, signals in messages(readings).items():
         message = database().get_message_by_name(name)
@@ -38,6 +38,7 @@ def write_log(readings: Readings, path: Path) -> None:
         ids.append(np.full(len(frames), message.frame_id))
         payloads.append(frames)
     t_us, number, data = np.concatenate(stamps), np.concatenate(ids), np.concatenate(payloads)
+    t_us += begin_s * 1_000_000
     order = np.lexsort((number, t_us))
     path.write_bytes(_text(t_us[order], number[order], data[order]))
 

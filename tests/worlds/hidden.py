@@ -215,7 +215,7 @@ def between(effects: Sequence[Hidden]) -> Between:
         return found.parameters[name] if found else none
 
     radius = np.full(AXLES, RADIUS)
-    if e := find(effects, "wheel_radius"):
+    for e in (e for e in effects if e.effect == "wheel_radius"):
         radius[int(e.parameters["axle"]) - 1] *= 1 + e.parameters["error"]
     return Between(
         radius=radius,

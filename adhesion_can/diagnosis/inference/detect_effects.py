@@ -16,6 +16,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.regression.gram_matrices import (
+    ROUND_OFF,
     BlockGramMatrices,
     solve_normal_equations,
 )
@@ -24,8 +25,6 @@ from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, W
 
 FLIPS = 1999
 """Number of random sign patterns."""
-ROUND_OFF = 1e-9
-"""Share of a column's square that is round-off."""
 BLOCKS_PER_DIRECTION = 3
 """Least number of blocks for each direction of a group that is tested."""
 

@@ -15,6 +15,8 @@ from adhesion_can.arrays import Array
 
 COLLINEAR = 1e-9
 """Eigenvalue of a correlation matrix, relative to the largest, below which it counts as 0."""
+ROUND_OFF = 1e-9
+"""Share of a column's square that is round-off."""
 
 
 @dataclass(frozen=True, eq=False)

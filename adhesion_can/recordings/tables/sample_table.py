@@ -1,8 +1,9 @@
 """Tables of samples: CSV (gzip too), Parquet, MATLAB or MF4, one row a sample.
 
 Columns: `time_s`, `slip`, and `adhesion` or both `longitudinal_force_N` and `normal_load_N`;
-optional `speed_mps`, `axle`, `segment`, `slip_std`, `adhesion_std`. Every other numeric column is a
-covariate by its name, and each text of a column of few texts is one as `COLUMN=TEXT`, 1 in its rows
+optional `speed_mps`, `axle`, `segment`, `slip_std`, `adhesion_std`, and the position by
+`latitude_deg` and `longitude_deg`, which is no covariate. Every other numeric column is one
+by its name, and each text of a column of few texts is one as `COLUMN=TEXT`, 1 in its rows
 and 0 in the others. Without `time_s` the rows are independent points and all have the stamp 0.
 """
 
@@ -34,7 +35,14 @@ MOST_TEXTS, LEAST_TEXT_ROWS = 12, 5
 """Texts of a column that groups the rows, and rows of each of them."""
 _OWN = frozenset({"slip_std", "adhesion_std", "residual", "left_out"})
 """Columns of `replay --samples` that say something of a row, and are no channels."""
-_KNOWN = _OWN | {"time_s", "slip", "adhesion", FORCE, LOAD, "speed_mps", "axle", "segment"}
+POSITION = ("latitude_deg", "longitude_deg")
+"""Columns of a row's position. A place on the earth is no cause: it would stand for every effect of
+a line, and a straight line in a latitude means nothing."""
+_KNOWN = (
+    _OWN
+    | set(POSITION)
+    | {"time_s", "slip", "adhesion", FORCE, LOAD, "speed_mps", "axle", "segment"}
+)
 _SUFFIXES = (".csv", ".parquet", ".mat")
 
 
@@ -52,6 +60,8 @@ class Table:
         notes: What was recognised of the file, a sentence each.
         units: Units of the columns that state one.
         unloaded: Number of the rows left out whose load is not above 0.
+        position: Latitude and longitude of each sample, °, NaN where it has none; shape (n, 2);
+            None where the table lacks one of the columns.
 
     """
 
@@ -64,6 +74,7 @@ class Table:
     notes: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     unloaded: int = 0
+    position: Array | None = None
 
 
 def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
@@ -226,7 +237,20 @@ def _table(
         timed=timed,
         notes=columns.notes,
         units=columns.units,
+        position=_position(numbers, good),
     )
+
+
+def _position(numbers: Mapping[str, Array], good: NDArray[np.bool_]) -> Array | None:
+    """Latitude and longitude of the rows that are used, °, shape (n, 2); None: not known.
+
+    A receiver without a fix says 0, 0, or what is on no globe: such a row has none.
+    """
+    if any(name not in numbers for name in POSITION):
+        return None
+    found = np.stack([numbers[name][good] for name in POSITION], axis=1)
+    wrong = (np.abs(found) > (90.0, 180.0)).any(axis=1) | (found == 0.0).all(axis=1)
+    return np.where(wrong[:, None], np.nan, found)
 
 
 def _find_unloaded(numbers: Mapping[str, Array], where: str) -> NDArray[np.bool_]:

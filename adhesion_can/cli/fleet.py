@@ -1,0 +1,305 @@
+"""`fleet`: many recordings to one Parquet data set, on the workers of a cluster."""
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+from adhesion_can.cli.bars import bar
+from adhesion_can.cli.common import (
+    add_columns,
+    add_configuration,
+    add_json,
+    add_model,
+    configuration,
+    require_outputs,
+    talk,
+    write_json,
+)
+from adhesion_can.cli.reports import missing_report, page_provenance
+from adhesion_can.errors import InputError
+from adhesion_can.fleet.schema import STEPS
+from adhesion_can.reporting.fleet_page import fleet_page
+from adhesion_can.reporting.page import render
+from adhesion_can.reporting.provenance import provenance
+from adhesion_can.reporting.text import console
+
+# These need the extra, which only the command itself does, and not its help.
+if TYPE_CHECKING:
+    from adhesion_can.fleet.plan import Plan
+    from adhesion_can.fleet.units import Unit
+    from adhesion_can.fleet.work import Outcome, Task
+
+FIRST = 5
+"""Failed units that are told; the data set has all of them."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the description and the options of the command to its parser."""
+    parser.description = (
+        "Checks, calibrates, replays, identifies and diagnoses each of many recordings, and "
+        "writes what it finds to one Parquet data set by vehicle and day, for SQL and data frames. "
+        "The same command again does only what is new or has changed."
+    )
+    parser.add_argument(
+        "inputs",
+        nargs="*",
+        metavar="LOG|TABLE|FOLDER|URL",
+        help="files, folders, patterns, or URLs such as s3://BUCKET/2026/*.log.gz",
+    )
+    parser.add_argument(
+        "--out", required=True, metavar="FOLDER|URL", help="the data set, which may be there"
+    )
+    names = parser.add_argument_group("names of the vehicles (default: the folder of the file)")
+    names.add_argument(
+        "--vehicle", metavar="REGEX", help="its first group is the name, in the whole path"
+    )
+    names.add_argument(
+        "--units",
+        type=Path,
+        metavar="F.csv",
+        help="in place of LOG: columns path, vehicle, and if you like config, line, latitude, "
+        "longitude",
+    )
+    parser.add_argument(
+        "--steps", default=",".join(STEPS), metavar="LIST", help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--retry-failed", action="store_true", help="also units that failed and are as they were"
+    )
+    cluster = parser.add_argument_group("workers (dask.distributed)")
+    cluster.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a cluster, as tcp://HOST:8786 (default: here)"
+    )
+    cluster.add_argument(
+        "--workers", type=int, metavar="N", help="processes of this machine (default: one a core)"
+    )
+    cluster.add_argument(
+        "--memory", metavar="GB", help="of each of them, which ends beyond it (default: its share)"
+    )
+    add_model(parser, "its effects are removed, as 'replay' and 'identify' do")
+    add_columns(parser)
+    add_json(parser)
+    add_configuration(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    _require_extra()
+    # The modules below need the extra.
+    from adhesion_can.fleet.dataset import DataSet  # noqa: PLC0415
+    from adhesion_can.fleet.plan import make_plan, read_steps  # noqa: PLC0415
+    from adhesion_can.fleet.work import describe_kept, is_current  # noqa: PLC0415
+
+    _require_options(options)
+    steps = read_steps(options.steps)
+    units = _units(options)
+    local = [Path(unit.path) for unit in units if "://" not in unit.path]
+    require_outputs(options, {"--json": options.json}, local)
+    plan = make_plan(units, options.out, steps, lambda path: _configuration(options, path))
+    kept = DataSet(options.out).read_units()
+    summary = _Summary(len(units))
+    tasks = []
+    for task in plan.tasks(kept, again=options.retry_failed):
+        if task.kept is not None and is_current(task):
+            summary.add(describe_kept(task.kept))
+        else:
+            tasks.append(task)
+    try:
+        if tasks:
+            _work(options, tasks, summary)
+    except (KeyboardInterrupt, SystemExit):
+        said = f"{summary.count} of {len(units)} units are complete"
+        print(f"stopped: {said}; the same command goes on from here", file=sys.stderr)
+        raise
+    _finish(options, plan, summary)
+    return 0
+
+
+def _work(options: argparse.Namespace, tasks: "Sequence[Task]", summary: "_Summary") -> None:
+    """Pass units through the workers."""
+    from adhesion_can.fleet.cluster import open_cluster, require_workers  # noqa: PLC0415
+    from adhesion_can.fleet.run import run_fleet  # noqa: PLC0415
+
+    sizes = {task.unit.path: task.unit.size or 1 for task in tasks}
+    done, total = 0, sum(sizes.values())
+    with (
+        bar("starting workers") as shown,
+        open_cluster(options.scheduler, options.workers, _memory(options.memory)) as client,
+    ):
+        require_workers(client, options.scheduler, options.out, tasks[0].unit.path)
+        for outcome in run_fleet(client, tasks):
+            summary.add(outcome)
+            done += sizes[outcome.path]
+            shown.update(done / total, summary.progress, what="fleet")
+
+
+def _require_extra() -> None:
+    try:
+        import distributed  # noqa: F401, PLC0415
+        import fsspec  # noqa: F401, PLC0415
+        import pyarrow as pa  # noqa: F401, PLC0415
+    except ImportError as error:
+        what = f"needs dask.distributed, fsspec and pyarrow (no module {error.name!r})"
+        raise InputError("fleet", what, "pip install 'adhesion-can[fleet]'") from error
+
+
+def _require_options(options: argparse.Namespace) -> None:
+    """Raise an InputError for options that do not go together."""
+    if bool(options.inputs) == (options.units is not None):
+        what = "recordings and --units together" if options.inputs else "nothing to read"
+        raise InputError("fleet", what, "give LOG .. or --units F.csv")
+    if options.units is not None and options.vehicle is not None:
+        raise InputError("--vehicle", "the manifest of --units names them", "leave one away")
+    for name in ("workers", "memory"):
+        if options.scheduler is not None and getattr(options, name) is not None:
+            what = "the workers of --scheduler have their own number and memory"
+            raise InputError(f"--{name}", what, "leave it away, or set it where they are started")
+    if options.workers is not None and options.workers < 1:
+        raise InputError(f"--workers {options.workers}", "no worker", "give 1 or more")
+    if "://" not in options.out and Path(options.out).is_file():
+        raise InputError(f"--out {options.out}", "is a file", "name a folder")
+
+
+def _memory(text: str | None) -> int | None:
+    from adhesion_can.fleet.cluster import gigabytes  # noqa: PLC0415  needs the extra
+
+    if text is None:
+        return None
+    try:
+        return gigabytes(text)
+    except ValueError as error:
+        raise InputError(f"--memory {text}", "no number of GB", "write 2 or 3.5") from error
+
+
+def _units(options: argparse.Namespace) -> "list[Unit]":
+    from adhesion_can.fleet.units import find_units, read_manifest  # noqa: PLC0415  needs the extra
+
+    if options.units is not None:
+        return read_manifest(options.units)
+    return find_units(options.inputs, options.vehicle, options.out)
+
+
+def _configuration(options: argparse.Namespace, path: Path | None) -> Any:
+    """Configuration of a unit: its own file, or that of the command."""
+    named = vars(options) | ({} if path is None else {"config": path})
+    return configuration(argparse.Namespace(**named))
+
+
+@dataclass(slots=True)
+class _Summary:
+    """What became of the units so far."""
+
+    units: int
+    count: int = 0
+    kept: int = 0
+    recorded_s: float = 0.0
+    failed: list["Outcome"] = field(default_factory=list)
+    vehicles: Counter[str] = field(default_factory=Counter)
+    contents: dict[str, list[str]] = field(default_factory=dict)
+    began_s: float = field(default_factory=monotonic)
+
+    def add(self, outcome: "Outcome") -> None:
+        """Add the outcome of a unit."""
+        self.count += 1
+        self.kept += outcome.kept
+        self.recorded_s += outcome.duration_s
+        self.vehicles[outcome.vehicle] += 1
+        if outcome.failed_step is not None:
+            self.failed.append(outcome)
+        if outcome.sha256 is not None:
+            self.contents.setdefault(outcome.sha256, []).append(outcome.path)
+
+    @property
+    def progress(self) -> str:
+        """How far it is, in a few words."""
+        failed = f", {len(self.failed)} failed" if self.failed else ""
+        return f"{self.count} of {self.units} units{failed}"
+
+    def twice(self) -> list[list[str]]:
+        """Paths of units that hold the same."""
+        return sorted(sorted(paths) for paths in self.contents.values() if len(paths) > 1)
+
+
+def _finish(options: argparse.Namespace, plan: "Plan", summary: _Summary) -> None:
+    config = next(iter(plan.configurations.values()))
+    origin = provenance(config)
+    del origin["inputs"]  # the table `units` has them, with their hashes
+    named, written = _diagnose(options, origin)
+    took_s = monotonic() - summary.began_s
+    failed = sorted(summary.failed)
+    document = {
+        "out": options.out,
+        "steps": list(plan.steps),
+        "units": summary.count,
+        "done": summary.count - len(failed),
+        "kept": summary.kept,
+        "failed": [
+            {"path": one.path, "step": one.failed_step, "error": one.error} for one in failed
+        ],
+        "same_content": summary.twice(),
+        "vehicles": dict(sorted(summary.vehicles.items())),
+        "recorded_s": summary.recorded_s,
+        "seconds": took_s,
+        **origin,
+    }
+    write_json(options.json, document)
+    if talk(options):
+        for line in [*_lines(options, summary, failed, took_s), *named]:
+            console().print(line, markup=False)
+        console().print(
+            f"written: {options.out} (docs/fleet.md: tables, and queries to begin with)",
+            markup=False,
+        )
+        for line in written:
+            console().print(line, markup=False)
+
+
+def _diagnose(options: argparse.Namespace, origin: dict[str, Any]) -> tuple[list[str], list[str]]:
+    """Diagnosis of the whole fleet, its files and its page: sentences, and what was written."""
+    from adhesion_can.fleet.dataset import DataSet  # noqa: PLC0415  needs the extra
+    from adhesion_can.fleet.results import (  # noqa: PLC0415  needs the extra
+        PAGE,
+        diagnose_data_set,
+        write_beside,
+        write_results,
+    )
+
+    data = DataSet(options.out)
+    overview = diagnose_data_set(data)
+    files = write_results(data, overview, origin)
+    lines = [f"written: {file}" for file in files]
+    made = fleet_page(overview, page_provenance(origin, options))
+    missing = missing_report(Path(PAGE))
+    if missing:
+        lines.append(missing)
+    else:
+        lines.append(f"written: {write_beside(data, PAGE, render(made).encode())}")
+    return list(made.verdict), lines
+
+
+def _lines(
+    options: argparse.Namespace, summary: _Summary, failed: "Sequence[Outcome]", took_s: float
+) -> list[str]:
+    new = summary.count - summary.kept
+    speed = f", {summary.recorded_s / took_s:.0f} x real time" if summary.recorded_s else ""
+    said = (
+        f"{summary.count} units of {len(summary.vehicles)} vehicles: {new} analysed in "
+        f"{took_s:.0f} s ({summary.recorded_s / 3600:.1f} h of recordings{speed}), "
+        f"{summary.kept} complete from before"
+    )
+    lines = [said]
+    if failed:
+        mend = "" if options.retry_failed else "; --retry-failed tries them again"
+        units = "1 unit" if len(failed) == 1 else f"{len(failed)} units"
+        lines.append(f"{units} failed; the data set has the errors{mend}:")
+        lines += [f"  {one.failed_step}: {one.error}" for one in failed[:FIRST]]
+        if len(failed) > FIRST:
+            lines.append(f"  and {len(failed) - FIRST} more: column error of the table units")
+    for paths in summary.twice():
+        lines.append(f"the same recording under {len(paths)} names: {', '.join(paths)}")
+    return lines

@@ -1,0 +1,171 @@
+"""The data set: a Parquet file a unit and table, in folders by vehicle and day.
+
+`OUT/TABLE/vehicle=V/day=2026-01-31/UNIT.parquet`. A file appears whole or not at all: by a rename
+on a disk, by one PUT in an object store. That of `units` comes last, and says that the unit is
+complete.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import pyarrow as pa
+from pyarrow import parquet
+from pyarrow.fs import FSSpecHandler, PyFileSystem
+
+from adhesion_can.errors import InputError
+from adhesion_can.fleet.places import Place, open_place
+from adhesion_can.fleet.rows import Row
+from adhesion_can.fleet.schema import SCHEMA_VERSION, TABLES, UNITS, TableSchema
+
+NO_DAY = "__HIVE_DEFAULT_PARTITION__"
+"""Name that stands for null in folders of partitions."""
+DONE, FAILED = "done", "failed"
+"""Values of the column `status`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """A unit of the data set, complete.
+
+    Attributes:
+        unit_id: Identity of the unit.
+        path: Absolute path or URL.
+        vehicle: Name of the vehicle.
+        day: Day of the first frame.
+        status: `DONE` or `FAILED`.
+        failed_step: First step that failed; None where none did.
+        error: What was wrong; None where nothing was.
+        sha256: Hash of the file; None where it could not be read.
+        fingerprint: Cheap sign of a change of the file.
+        settings: Hash of what the unit was analysed with.
+        key: Hash of content and settings; None where it could not be read.
+
+    """
+
+    unit_id: str
+    path: str
+    vehicle: str
+    day: date | None
+    status: str
+    failed_step: str | None
+    error: str | None
+    sha256: str | None
+    fingerprint: str
+    settings: str
+    key: str | None
+
+
+class DataSet:
+    """A data set in a folder or below an URL.
+
+    Args:
+        out: Path or URL of the folder.
+
+    Raises:
+        InputError: The file system is not known.
+
+    """
+
+    def __init__(self, out: str) -> None:
+        self.out = out
+        self._place: Place = open_place(out)
+
+    def read_units(self) -> dict[str, Kept]:
+        """Complete units by their paths.
+
+        Raises:
+            InputError: The folder holds another version of the tables, or cannot be read.
+
+        """
+        names = list(Kept.__slots__)
+        folder = f"{self._place.inner}/{UNITS.name}"
+        system = self._place.system
+        files = [one for one in system.find(folder) if one.endswith(".parquet")]
+        found: dict[str, Kept] = {}
+        for file in files:
+            table = self._read(file, names)
+            for row in table.to_pylist():
+                found[row["path"]] = Kept(**row)
+        return found
+
+    def _read(self, file: str, names: Sequence[str]) -> Any:
+        where = self._place.full(file)
+        try:
+            with self._place.system.open(file, "rb") as source:
+                opened = parquet.ParquetFile(source)
+                metadata = opened.schema_arrow.metadata or {}
+                version = metadata.get(b"adhesion_can.schema", b"none").decode()
+                if version == str(SCHEMA_VERSION):
+                    return opened.read(columns=list(names))
+        except (OSError, pa.ArrowException) as error:
+            reason = " ".join(str(error).split())[:150]
+            raise InputError(where, f"cannot be read ({reason})", "take it away") from error
+        what = f"of version {version} of the tables, this is {SCHEMA_VERSION}"
+        raise InputError(where, what, "give --out another folder")
+
+    def write(self, unit: Row, rows: Mapping[str, Sequence[Row]]) -> None:
+        """Write the files of a unit, that of `units` last.
+
+        Args:
+            unit: Row of `units`.
+            rows: Rows of the other tables by their names; a table that is not there has no file.
+
+        """
+        place = {name: unit.get(name) for name in ("unit_id", "vehicle", "day")}
+        for table in reversed(TABLES):
+            if table is UNITS:
+                self._write(table, unit, [unit])
+            elif table.name in rows:
+                self._write(table, unit, [row | place for row in rows[table.name]])
+
+    def _write(self, table: TableSchema, unit: Row, rows: Sequence[Row]) -> None:
+        data = pa.Table.from_pylist(list(rows), schema=table.arrow())
+        buffer = pa.BufferOutputStream()
+        parquet.write_table(data, buffer, compression="zstd")
+        path = self._file(table, unit["unit_id"], unit["vehicle"], unit.get("day"))
+        put(self._place, path, buffer.getvalue().to_pybytes())
+
+    def remove(self, kept: Kept) -> None:
+        """Remove the files of a unit, that of `units` first."""
+        for table in TABLES:
+            path = self._file(table, kept.unit_id, kept.vehicle, kept.day)
+            if self._place.system.exists(path):
+                self._place.system.rm_file(path)
+
+    def _file(self, table: TableSchema, unit_id: str, vehicle: str, day: date | None) -> str:
+        named = quote(vehicle, safe=" ")
+        dated = NO_DAY if day is None else day.isoformat()
+        folder = f"{self._place.inner.rstrip('/')}/{table.name}/vehicle={named}/day={dated}"
+        return f"{folder}/{unit_id}.parquet"
+
+    def pyarrow(self) -> tuple[Any, str]:
+        """File system of pyarrow, and the folder within it."""
+        return PyFileSystem(FSSpecHandler(self._place.system)), self._place.inner
+
+
+def put(place: Place, path: str, data: bytes) -> None:
+    """Write a file that appears whole or not at all.
+
+    Args:
+        place: Any place of the file system.
+        path: Path within the file system.
+        data: Content.
+
+    """
+    if not place.is_local:
+        place.system.pipe_file(path, data)
+        return
+    final = Path(path)
+    final.parent.mkdir(parents=True, exist_ok=True)
+    part = final.with_name(f"{final.name}.{os.getpid()}.part")
+    try:
+        part.write_bytes(data)
+        part.replace(final)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise

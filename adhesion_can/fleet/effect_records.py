@@ -1,0 +1,83 @@
+"""Gram matrices of a unit's effects as rows of the table `effects`, and back."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from adhesion_can.diagnosis.effect_grams import EffectGrams, EffectKey
+
+Row = Mapping[str, Any]
+_KEY = ("effect", "form", "axle", "parameter", "unit", "typical")
+
+
+def effect_rows(grams: EffectGrams) -> list[dict[str, Any]]:
+    """Rows of the table `effects`, one an effect, without the columns that place a unit."""
+    size, std = grams.size, grams.std
+    return [
+        {
+            "place": place,
+            "effect": key.effect,
+            "form": key.form,
+            "axle": key.axle,
+            "parameter": key.parameter,
+            "unit": key.unit,
+            "typical": key.typical,
+            "value": _finite(size[place]),
+            "std": _finite(std[place]),
+            "absorbed": float(grams.absorbed[place]),
+            "gram": grams.gram[place].tolist(),
+            "score": float(grams.score[place]),
+            "score_variance": float(grams.score_variance[place]),
+            "square": grams.square,
+            "rows": grams.rows,
+            "blocks": grams.blocks,
+            "rmse": grams.rmse,
+        }
+        for place, key in enumerate(grams.keys)
+    ]
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if isfinite(value) else None
+
+
+def grams_from_rows(rows: Iterable[Row]) -> EffectGrams | None:
+    """Gram matrices of a unit from its rows in any order; None where there are none.
+
+    Raises:
+        ValueError: A row is missing, or a row of the matrix has another length.
+
+    """
+    found = sorted(rows, key=lambda row: row["place"])
+    if not found:
+        return None
+    if [row["place"] for row in found] != list(range(len(found))):
+        raise ValueError("a row of the table 'effects' is missing")
+    gram = np.array([row["gram"] for row in found], dtype=np.float64)
+    if gram.shape != (len(found), len(found)):
+        raise ValueError("a matrix of the table 'effects' is not square")
+    first = found[0]
+    return EffectGrams(
+        keys=_keys(tuple(tuple(row[name] for name in _KEY) for row in found)),
+        gram=gram,
+        score=_column(found, "score"),
+        score_variance=_column(found, "score_variance"),
+        absorbed=_column(found, "absorbed"),
+        square=float(first["square"]),
+        rows=float(first["rows"]),
+        blocks=int(first["blocks"]),
+        rmse=float(first["rmse"]),
+    )
+
+
+@lru_cache(maxsize=256)
+def _keys(cells: tuple[tuple[Any, ...], ...]) -> tuple[EffectKey, ...]:
+    """Effects of a unit; most units have the same, which are kept once."""
+    return tuple(EffectKey(*one) for one in cells)
+
+
+def _column(rows: Sequence[Row], name: str) -> np.ndarray:
+    return np.array([row[name] for row in rows], dtype=np.float64)

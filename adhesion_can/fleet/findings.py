@@ -1,0 +1,156 @@
+"""Findings of the fleet-level diagnosis as plain values, from which report and JSON are made."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from typing import Any
+
+
+class Scope(StrEnum):
+    """What a finding belongs to."""
+
+    VEHICLE = "vehicle"
+    LINE = "line"
+    DAY = "day"
+    FLEET = "fleet"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One finding.
+
+    Attributes:
+        scope: What it belongs to.
+        where: Id of the vehicle, name of the line or date; '' for the fleet.
+        effect: Effect id.
+        form: Form of the effect; '' where there is one alone.
+        axle: Axle number from 1; 0 for an effect of the whole vehicle.
+        parameter: Name of the size.
+        unit: Unit of the size, SI.
+        value: Size; of a vehicle or line its difference from the middle of the fleet.
+        std: Standard error of the size.
+        fleet_value: Size in the middle of the fleet.
+        p_value: P-value, all effects counted.
+        gain_percent: Fall of the RMSE of the adhesion by the effect, %, on units that had no part
+            in its size; None: there is no other unit, or the size comes from coasting.
+        held_out: Whether `gain_percent` is of units that had no part in the size; else it is that
+            of the same rows, less what chance gains.
+        units: Number of units with an estimate.
+        showing: Number of them in which the size has the same sign and exceeds two standard errors.
+        source: 'regression' or 'coasting'.
+        rivals: Effects that these data cannot tell from this one, by id.
+        named_by: Number of units whose own diagnosis names the effect.
+
+    """
+
+    scope: Scope
+    where: str
+    effect: str
+    form: str
+    axle: int
+    parameter: str
+    unit: str
+    value: float
+    std: float
+    fleet_value: float
+    p_value: float
+    gain_percent: float | None
+    held_out: bool
+    units: int
+    showing: int
+    source: str = "regression"
+    rivals: tuple[str, ...] = ()
+    named_by: int = 0
+
+    @property
+    def name(self) -> str:
+        """Effect id with form and axle."""
+        words = [self.effect, self.form, f"axle {self.axle}" if self.axle else ""]
+        return " ".join(word for word in words if word)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The finding as JSON has it."""
+        return asdict(self) | {"scope": str(self.scope), "rivals": list(self.rivals)}
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleSummary:
+    """One vehicle of the fleet.
+
+    Attributes:
+        vehicle: Id of the vehicle.
+        score: Cost of what is wrong, by which vehicles are sorted: the fall of the RMSE that its
+            findings would bring, %, plus `FAILED_COST` for each share of failed units.
+        findings: Findings of the vehicle, the largest gain first.
+        units: Number of units.
+        failed: Number of units that failed or cannot be used.
+        reasons: Reasons of the failures, each once.
+
+    """
+
+    vehicle: str
+    score: float
+    findings: tuple[Finding, ...]
+    units: int
+    failed: int
+    reasons: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The vehicle as JSON has it."""
+        return {
+            "vehicle": self.vehicle,
+            "score": self.score,
+            "findings": [finding.to_dict() for finding in self.findings],
+            "units": self.units,
+            "failed": self.failed,
+            "reasons": list(self.reasons),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class FleetDiagnosis:
+    """Result of the fleet-level diagnosis.
+
+    Attributes:
+        vehicles: All vehicles, the worst first.
+        shared: Findings of the fleet, of lines and of days.
+        units: Number of units.
+        diagnosed: Number of units with Gram matrices.
+        false_discovery_rate: Expected share of wrong vehicles among those with a finding.
+        alpha: Probability of any wrong finding of the fleet, a line or a day.
+        notes: What the data do not allow to tell, a sentence each.
+        spreads: Spread between units of each effect, in its unit, by its name.
+
+    """
+
+    vehicles: tuple[VehicleSummary, ...]
+    shared: tuple[Finding, ...]
+    units: int
+    diagnosed: int
+    false_discovery_rate: float
+    alpha: float
+    notes: tuple[str, ...] = ()
+    spreads: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def named(self) -> tuple[VehicleSummary, ...]:
+        """Vehicles with a finding, the worst first."""
+        return tuple(one for one in self.vehicles if one.findings)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """All findings: those of the fleet, lines and days, then of the vehicles."""
+        return (*self.shared, *(f for one in self.vehicles for f in one.findings))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as JSON has it."""
+        return {
+            "units": self.units,
+            "diagnosed": self.diagnosed,
+            "false_discovery_rate": self.false_discovery_rate,
+            "alpha": self.alpha,
+            "shared": [finding.to_dict() for finding in self.shared],
+            "vehicles": [vehicle.to_dict() for vehicle in self.vehicles],
+            "notes": list(self.notes),
+            "spreads": dict(self.spreads),
+        }

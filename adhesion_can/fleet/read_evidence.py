@@ -1,0 +1,104 @@
+"""Evidence of all units from the tables of a data set."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from pyarrow import dataset as arrow_dataset
+from pyarrow.fs import FileSelector
+
+from adhesion_can.fleet.dataset import FAILED, DataSet
+from adhesion_can.fleet.effect_records import Row, grams_from_rows
+from adhesion_can.fleet.evidence import AxleDeviation, UnitEvidence
+from adhesion_can.fleet.schema import EFFECTS, UNITS, TableSchema
+
+_OF_UNITS = (
+    "unit_id",
+    "vehicle",
+    "day",
+    "line",
+    "status",
+    "error",
+    "usable",
+    "first_failure",
+    "causes",
+    "wheel_radii_m",
+    "wheel_radii_std_m",
+    "wheel_radii_configured_m",
+)
+
+
+def read_rows(
+    data: DataSet, table: TableSchema, columns: Sequence[str] | None = None
+) -> Iterator[list[dict[str, Any]]]:
+    """Rows of a table, a list for each of its files; none where it has no file.
+
+    Args:
+        data: Data set.
+        table: Table.
+        columns: Names of the columns; None: all.
+
+    """
+    system, folder = data.pyarrow()
+    where = f"{folder.rstrip('/')}/{table.name}"
+    found = arrow_dataset.dataset(
+        _files(system, where), filesystem=system, format="parquet", schema=table.arrow()
+    )
+    for batch in found.to_batches(columns=None if columns is None else list(columns)):
+        yield batch.to_pylist()
+
+
+def _files(system: Any, folder: str) -> list[str]:
+    selector = FileSelector(folder, recursive=True, allow_not_found=True)
+    return sorted(one.path for one in system.get_file_info(selector) if one.is_file
+                  and one.path.endswith(".parquet"))  # fmt: skip
+
+
+def read_evidence(data: DataSet) -> list[UnitEvidence]:
+    """Evidence of all units of a data set, in the order of their ids."""
+    units = [row for rows in read_rows(data, UNITS, _OF_UNITS) for row in rows]
+    effects: dict[str, list[Row]] = defaultdict(list)
+    known = {row["unit_id"] for row in units}
+    grams = {}
+    for rows in read_rows(data, EFFECTS):
+        for row in rows:
+            # A unit counts from its row in `units` on: that one is written last.
+            if row["unit_id"] in known:
+                effects[row["unit_id"]].append(row)
+        done = [name for name, own in effects.items() if len(own) == len(own[0]["gram"])]
+        for name in done:
+            grams[name] = grams_from_rows(effects.pop(name))
+    return [
+        unit_evidence(row, grams.get(row["unit_id"]))
+        for row in sorted(units, key=lambda row: row["unit_id"])
+    ]
+
+
+def unit_evidence(row: Mapping[str, Any], grams: Any = None) -> UnitEvidence:
+    """Evidence of a unit from its row of `units`.
+
+    Args:
+        row: Values by column.
+        grams: Gram matrices of its effects; None: it has none.
+
+    """
+    failed = row["status"] == FAILED
+    unusable = row["usable"] is False and row["first_failure"]
+    return UnitEvidence(
+        unit=row["unit_id"],
+        vehicle=row["vehicle"],
+        line=row["line"] or "",
+        day="" if row["day"] is None else row["day"].isoformat(),
+        grams=grams,
+        radii=tuple(_radii(row)),
+        causes=tuple(row["causes"] or ()),
+        faults=(row["first_failure"],) if unusable else (),
+        error=(row["error"] or "failed") if failed else "",
+    )
+
+
+def _radii(row: Mapping[str, Any]) -> Iterable[AxleDeviation]:
+    columns = (row[f"wheel_radii_{name}"] or () for name in ("m", "std_m", "configured_m"))
+    for axle, (radius, std, configured) in enumerate(zip(*columns, strict=True), start=1):
+        if radius is not None and std is not None:
+            yield AxleDeviation(axle, radius / configured - 1.0, std / configured)

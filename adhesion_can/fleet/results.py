@@ -1,0 +1,94 @@
+"""Fleet-level diagnosis of a data set, and the files that it leaves beside the tables."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import pyarrow as pa
+from pyarrow import parquet
+
+from adhesion_can.fleet.dataset import DataSet, put
+from adhesion_can.fleet.findings import FleetDiagnosis
+from adhesion_can.fleet.overview import FleetOverview, summarise_fleet
+from adhesion_can.fleet.places import open_place
+from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
+from adhesion_can.fleet.read_evidence import read_evidence, read_rows
+from adhesion_can.fleet.schema import FINDINGS, SEGMENTS, UNITS
+from adhesion_can.fleet.settings import FleetSettings
+
+JSON, TABLE, PAGE = "fleet.json", "fleet_findings.parquet", "fleet.html"
+"""Names of the files in the folder of the data set."""
+_OF_UNITS = (
+    "unit_id", "vehicle", "line", "status", "error", "verdict", "latitude_deg", "longitude_deg",
+)  # fmt: skip
+_OF_SEGMENTS = (
+    "unit_id", "vehicle", "day", "mu_max", "mu_max_std", "latitude_deg", "longitude_deg",
+)  # fmt: skip
+
+
+def diagnose_data_set(data: DataSet, settings: FleetSettings | None = None) -> FleetOverview:
+    """Diagnose a fleet from its data set, no recording is read again.
+
+    Args:
+        data: Data set.
+        settings: Rates of false findings and least sizes; None: the defaults.
+
+    Raises:
+        InputError: The data set cannot be read.
+
+    """
+    found = diagnose_fleet(read_evidence(data), settings)
+    units = [row for rows in read_rows(data, UNITS, _OF_UNITS) for row in rows]
+    segments = (row for rows in read_rows(data, SEGMENTS, _OF_SEGMENTS) for row in rows)
+    return summarise_fleet(found, sorted(units, key=lambda row: row["unit_id"]), segments)
+
+
+def write_results(data: DataSet, overview: FleetOverview, origin: Mapping[str, Any]) -> list[str]:
+    """Write `fleet.json` and `fleet_findings.parquet`.
+
+    Args:
+        data: Data set.
+        overview: Result of `diagnose_data_set`.
+        origin: Version and hashes.
+
+    Returns:
+        Paths or URLs of the files.
+
+    """
+    document = {
+        **overview.diagnosis.to_dict(),
+        "estimates": [
+            {name: getattr(one, name) for name in one.__slots__} for one in overview.estimates
+        ],
+        "failed": overview.failed,
+        "verdicts": dict(overview.verdicts),
+        **origin,
+    }
+    text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
+    buffer = pa.BufferOutputStream()
+    rows = pa.Table.from_pylist(finding_rows(overview.diagnosis), schema=FINDINGS.arrow())
+    parquet.write_table(rows, buffer, compression="zstd")
+    return [
+        write_beside(data, JSON, (text + "\n").encode()),
+        write_beside(data, TABLE, buffer.getvalue().to_pybytes()),
+    ]
+
+
+def finding_rows(found: FleetDiagnosis) -> list[dict[str, Any]]:
+    """Rows of the table `fleet_findings`."""
+    rows = [finding.to_dict() for finding in found.findings]
+    return [{("place" if name == "where" else name): value for name, value in row.items()}
+            for row in rows]  # fmt: skip
+
+
+def write_beside(data: DataSet, name: str, content: bytes) -> str:
+    """Write a file into the folder of the data set.
+
+    Returns:
+        Path or URL of the file.
+
+    """
+    place = open_place(data.out)
+    inner = f"{place.inner.rstrip('/')}/{name}"
+    put(place, inner, content)
+    return place.full(inner)

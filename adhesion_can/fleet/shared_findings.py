@@ -1,0 +1,147 @@
+"""Findings that several vehicles share: of the whole fleet, of a line, of a day."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import scipy
+
+from adhesion_can.diagnosis.effect_grams import EffectKey
+from adhesion_can.fleet.compare_places import compare_places
+from adhesion_can.fleet.compare_vehicles import vehicle_means
+from adhesion_can.fleet.effect_sizes import EffectSizes, gain_share, rmse_percent
+from adhesion_can.fleet.evidence import UnitEvidence
+from adhesion_can.fleet.findings import Finding, Scope
+from adhesion_can.fleet.random_effects import Mean, pool
+from adhesion_can.fleet.settings import FleetSettings
+
+MOST_SHARED = 3
+"""Largest number of effects that are named for the whole fleet."""
+MOST_PLACES = 20
+"""Largest number of lines and of days that are named."""
+SHOWING = 0.6
+"""Share of the vehicles on which an effect of the fleet must have its sign beyond two standard
+errors."""
+
+Known = list[dict[EffectKey, float]]
+"""Sizes of the effects that are taken out of each unit."""
+
+
+def find_fleet_effects(
+    sizes: EffectSizes, units: Sequence[UnitEvidence], known: Known, settings: FleetSettings
+) -> list[Finding]:
+    """Effects that are there on most vehicles, the largest gain first; noted in `known`."""
+    found: list[Finding] = []
+    vehicles = [one.vehicle for one in units]
+    while len(found) < MOST_SHARED:
+        left = sizes.without(known)
+        means, deviations = vehicle_means(vehicles, left.size, left.variance)
+        best: tuple[float, int, Mean, float] | None = None
+        for j, key in enumerate(left.keys):
+            seen = np.isfinite(means[:, j])
+            mean = pool(means[:, j], deviations[:, j] ** 2)
+            if mean.units < 2 or any(key in own for own in known):
+                continue
+            t = mean.value / mean.std
+            p = float(min(1.0, 2 * scipy.stats.t.sf(abs(t), mean.units - 1) * len(left.keys)))
+            shows = np.sign(mean.value) * means[seen, j] > 2.0 * deviations[seen, j]
+            if p > settings.alpha or shows.mean() < SHOWING:
+                continue
+            share = gain_share(left.grams, key, mean.value)
+            if share >= settings.least_gain and (best is None or share > best[0]):
+                best = share, j, mean, p
+        if best is None:
+            break
+        share, j, mean, p = best
+        key = left.keys[j]
+        for own in known:
+            own[key] = mean.value
+        showing = _showing(left, j, np.arange(len(units)), mean.value)
+        found.append(
+            _finding(
+                Scope.FLEET, "", key, mean, 0.0, p, share, int(np.isfinite(left.size[:, j]).sum()),
+                showing, _named_by(units, key),
+            )
+        )  # fmt: skip
+    return found
+
+
+def find_place_effects(
+    scope: Scope,
+    sizes: EffectSizes,
+    units: Sequence[UnitEvidence],
+    known: Known,
+    settings: FleetSettings,
+) -> list[Finding]:
+    """Effects that differ on a line, or on a day, whatever the vehicle; noted in `known`."""
+    of: Callable[[UnitEvidence], str] = (
+        (lambda one: one.line) if scope is Scope.LINE else lambda one: one.day
+    )
+    places = [of(one) for one in units]
+    rng = np.random.default_rng(settings.seed)
+    left = sizes.without(known)
+    compared = compare_places(places, [one.vehicle for one in units], left.size, left.variance, rng)
+    found: list[Finding] = []
+    for row, name in enumerate(compared.names):
+        rows = np.array([i for i, place in enumerate(places) if place == name])
+        own = [left.grams[i] for i in rows]
+        best: tuple[float, int] | None = None
+        for j in map(int, np.flatnonzero(compared.p_value[row] <= settings.alpha)):
+            share = gain_share(own, left.keys[j], float(compared.size[row, j]))
+            if share >= settings.least_gain and (best is None or share > best[0]):
+                best = share, j
+        if best is None or len(found) >= MOST_PLACES:
+            continue
+        share, j = best
+        key, value = left.keys[j], float(compared.size[row, j])
+        mean = Mean(value, float(compared.std[row, j]), int(np.isfinite(left.size[rows, j]).sum()))
+        for i in rows:
+            known[i][key] = known[i].get(key, 0.0) + value
+        found.append(
+            _finding(
+                scope, name, key, mean, 0.0, float(compared.p_value[row, j]), share, mean.units,
+                _showing(left, j, rows, value), _named_by([units[i] for i in rows], key),
+            )
+        )  # fmt: skip
+    return found
+
+
+def _showing(sizes: EffectSizes, j: int, rows: np.ndarray, value: float) -> int:
+    """Number of units whose own size has the sign of a value and exceeds two standard errors."""
+    own = np.sign(value) * sizes.size[rows, j] > 2.0 * np.sqrt(sizes.variance[rows, j])
+    return int(own.sum())
+
+
+def _named_by(units: Sequence[UnitEvidence], key: EffectKey) -> int:
+    return sum(key.effect in one.causes for one in units)
+
+
+def _finding(
+    scope: Scope,
+    where: str,
+    key: EffectKey,
+    mean: Mean,
+    fleet: float,
+    p_value: float,
+    share: float,
+    units: int,
+    showing: int,
+    named_by: int,
+) -> Finding:
+    return Finding(
+        scope=scope,
+        where=where,
+        effect=key.effect,
+        form=key.form,
+        axle=key.axle,
+        parameter=key.parameter,
+        unit=key.unit,
+        value=mean.value,
+        std=mean.std,
+        fleet_value=fleet,
+        p_value=p_value,
+        gain_percent=rmse_percent(share),
+        held_out=False,
+        units=units,
+        showing=showing,
+        named_by=named_by,
+    )

@@ -1,0 +1,268 @@
+"""Findings of single vehicles: worn wheels by coasting, and effects by the regression."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.effect_grams import EffectKey
+from adhesion_can.fleet.compare_vehicles import (
+    VehicleComparison,
+    compare_vehicles,
+    discoveries,
+)
+from adhesion_can.fleet.effect_sizes import (
+    EffectSizes,
+    held_out_gain,
+    rmse_percent,
+)
+from adhesion_can.fleet.evidence import UnitEvidence
+from adhesion_can.fleet.findings import Finding, Scope
+from adhesion_can.fleet.settings import FleetSettings
+
+RIVAL_SHARE = 0.9
+"""Share of the gain of a named effect from which another one is its rival."""
+SECOND_SHARE, LEAST_SECOND = 0.1, 0.03
+"""Share of the first effect's gain, and of the sum of squares, that a second one must bring: the
+regression is linear in the sizes, and what it leaves of a large first effect must get no name."""
+ALIKE = 0.2
+"""Spread of all axles' deviations, relative to their mean, below which the speed is wrong."""
+RADIUS = ("wheel_radius", "error", "1")
+
+
+@dataclass(frozen=True, eq=False)
+class VehicleStatistics:
+    """Vehicles beside the fleet, by the regression and by coasting.
+
+    Attributes:
+        units: Evidence of the units with Gram matrices.
+        sizes: Sizes of all effects in these units, shared effects taken out.
+        effects: Comparison of the effects' sizes.
+        coasting: Evidence of the units with radii from coasting.
+        axles: Axle numbers of the radii.
+        radii: Deviation of each radius from the configured one in each of these units.
+        wheels: Comparison of the radii.
+
+    """
+
+    units: tuple[UnitEvidence, ...]
+    sizes: EffectSizes
+    effects: VehicleComparison
+    coasting: tuple[UnitEvidence, ...]
+    axles: tuple[int, ...]
+    radii: Array
+    wheels: VehicleComparison
+
+
+def compare_units(
+    units: Sequence[UnitEvidence], sizes: EffectSizes, coasting: Sequence[UnitEvidence]
+) -> VehicleStatistics:
+    """Compare all vehicles with the fleet.
+
+    Args:
+        units: Evidence of the units with Gram matrices.
+        sizes: Sizes of all effects in these units.
+        coasting: Evidence of the units with radii from coasting.
+
+    """
+    axles = sorted({one.axle for unit in coasting for one in unit.radii})
+    radii = np.full((len(coasting), len(axles)), np.nan)
+    variance = np.full_like(radii, np.nan)
+    for row, unit in enumerate(coasting):
+        for one in unit.radii:
+            radii[row, axles.index(one.axle)] = one.value
+            variance[row, axles.index(one.axle)] = one.std**2
+    return VehicleStatistics(
+        tuple(units),
+        sizes,
+        compare_vehicles([one.vehicle for one in units], sizes.size, sizes.variance),
+        tuple(coasting),
+        tuple(axles),
+        radii,
+        compare_vehicles([one.vehicle for one in coasting], radii, variance),
+    )
+
+
+def find_vehicle_effects(
+    statistics: VehicleStatistics, settings: FleetSettings
+) -> dict[str, tuple[Finding, ...]]:
+    """Findings of each vehicle that differs from the fleet, by its id."""
+    wheels = _by_vehicle(statistics.wheels)
+    effects = _by_vehicle(statistics.effects)
+    vehicles = sorted(wheels.keys() | effects.keys())
+    worn = {v: _worn_axles(statistics, wheels[v], settings) for v in vehicles if v in wheels}
+    gains = {v: _gains(statistics, v, effects[v], settings) for v in vehicles if v in effects}
+    p_value = np.ones(len(vehicles))
+    for place, vehicle in enumerate(vehicles):
+        values = [statistics.wheels.p_value[wheels[vehicle], j] for j in worn.get(vehicle, ())]
+        row = effects.get(vehicle)
+        values += [statistics.effects.p_value[row, j] for j in gains.get(vehicle, {})]
+        # Effects and wheels are two families of tests.
+        p_value[place] = min(1.0, 2.0 * min(values, default=1.0))
+    chosen = discoveries(p_value, settings.false_discovery_rate)
+    found = {}
+    for vehicle in np.array(vehicles, dtype=np.str_)[chosen]:
+        name = str(vehicle)
+        by_wheel = _wheel_findings(statistics, name, wheels.get(name), worn.get(name, ()))
+        # A worn wheel bends the curve of its axle: what is left beside it is no size of anything.
+        by_effect = (
+            [] if by_wheel else _effect_findings(statistics, name, effects[name], gains[name])
+        )
+        found[name] = tuple(by_wheel or by_effect)
+    return found
+
+
+def _by_vehicle(compared: VehicleComparison) -> dict[str, int]:
+    return {name: row for row, name in enumerate(compared.vehicles)}
+
+
+def _worn_axles(statistics: VehicleStatistics, row: int, settings: FleetSettings) -> list[int]:
+    """Places of the axles whose radius is off by more than matters, beyond chance."""
+    wheels = statistics.wheels
+    return [
+        j
+        for j in range(len(statistics.axles))
+        if wheels.p_value[row, j] <= settings.false_discovery_rate
+        and abs(wheels.size[row, j]) >= settings.least_wear
+        and abs(wheels.size[row, j] - wheels.spreads[j].center) >= settings.least_wear
+    ]
+
+
+def _gains(
+    statistics: VehicleStatistics, vehicle: str, row: int, settings: FleetSettings
+) -> dict[int, tuple[float, bool]]:
+    """Gain of each effect in which a vehicle differs, where it is worth naming, by its place."""
+    compared, sizes = statistics.effects, statistics.sizes
+    own = _own(statistics, vehicle)
+    found = {}
+    for j in np.flatnonzero(compared.p_value[row] <= settings.false_discovery_rate):
+        gain, held_out = held_out_gain([sizes.grams[i] for i in own], sizes.keys[j])
+        if gain >= settings.least_gain:
+            found[int(j)] = (gain, held_out)
+    return found
+
+
+def _own(statistics: VehicleStatistics, vehicle: str) -> list[int]:
+    return [i for i, one in enumerate(statistics.units) if one.vehicle == vehicle]
+
+
+def _effect_findings(
+    statistics: VehicleStatistics, vehicle: str, row: int, gains: dict[int, tuple[float, bool]]
+) -> list[Finding]:
+    """The effect with the largest gain, and a second one beside it where it brings much."""
+    best = max(gains, key=lambda j: gains[j][0])
+    gain = gains[best][0]
+    rivals = _rival_ids(statistics, gains, best)
+    found = [_effect_finding(statistics, vehicle, row, best, gains[best], rivals)]
+    own = _own(statistics, vehicle)
+    key, value = statistics.sizes.keys[best], float(statistics.effects.size[row, best])
+    left = EffectSizes.collect([statistics.sizes.grams[i] for i in own]).without(
+        [{key: value}] * len(own)
+    )
+    second: dict[int, tuple[float, bool]] = {}
+    for j in gains:
+        other = statistics.sizes.keys[j]
+        if other.effect == key.effect:
+            continue
+        share, held_out = held_out_gain(left.grams, other)
+        if share >= max(LEAST_SECOND, SECOND_SHARE * gain):
+            second[j] = (share, held_out)
+    if second:
+        further = max(second, key=lambda j: second[j][0])
+        one = _effect_finding(statistics, vehicle, row, further, second[further], ())
+        found.append(one)
+    return found
+
+
+def _rival_ids(
+    statistics: VehicleStatistics, gains: dict[int, tuple[float, bool]], best: int
+) -> tuple[str, ...]:
+    keys = statistics.sizes.keys
+    alike = {
+        keys[j].effect for j, (gain, _) in gains.items() if gain >= RIVAL_SHARE * gains[best][0]
+    }
+    return tuple(sorted(alike - {keys[best].effect}))
+
+
+def _effect_finding(
+    statistics: VehicleStatistics,
+    vehicle: str,
+    row: int,
+    j: int,
+    gain: tuple[float, bool],
+    rivals: tuple[str, ...],
+) -> Finding:
+    compared, sizes = statistics.effects, statistics.sizes
+    own, key, value = _own(statistics, vehicle), sizes.keys[j], float(compared.size[row, j])
+    size, std = sizes.size[own, j], np.sqrt(sizes.variance[own, j])
+    return Finding(
+        scope=Scope.VEHICLE,
+        where=vehicle,
+        effect=key.effect,
+        form=key.form,
+        axle=key.axle,
+        parameter=key.parameter,
+        unit=key.unit,
+        value=value,
+        std=float(compared.std[row, j]),
+        fleet_value=compared.spreads[j].center,
+        p_value=float(compared.p_value[row, j]),
+        gain_percent=rmse_percent(gain[0]),
+        held_out=gain[1],
+        units=int(np.isfinite(size).sum()),
+        showing=int((np.sign(value) * size > 2.0 * std).sum()),
+        rivals=rivals,
+        named_by=sum(key.effect in statistics.units[i].causes for i in own),
+    )
+
+
+def _wheel_findings(
+    statistics: VehicleStatistics, vehicle: str, row: int | None, worn: Sequence[int]
+) -> list[Finding]:
+    """A finding for each worn axle; one of the speed where all axles deviate alike."""
+    if row is None or not worn:
+        return []
+    wheels = statistics.wheels
+    own = [i for i, one in enumerate(statistics.coasting) if one.vehicle == vehicle]
+    found = []
+    for j in worn:
+        value = float(wheels.size[row, j])
+        size = statistics.radii[own, j]
+        found.append(
+            Finding(
+                scope=Scope.VEHICLE,
+                where=vehicle,
+                effect=RADIUS[0],
+                form="",
+                axle=statistics.axles[j],
+                parameter=RADIUS[1],
+                unit=RADIUS[2],
+                value=value,
+                std=float(wheels.std[row, j]),
+                fleet_value=wheels.spreads[j].center,
+                p_value=float(wheels.p_value[row, j]),
+                gain_percent=_radius_gain(statistics, vehicle, statistics.axles[j]),
+                held_out=True,
+                units=int(np.isfinite(size).sum()),
+                showing=int((np.sign(value) * size > 0.5 * abs(value)).sum()),
+                source="coasting",
+                named_by=sum(RADIUS[0] in statistics.coasting[i].causes for i in own),
+            )
+        )
+    values = np.array([one.value for one in found])
+    if len(found) == len(statistics.axles) > 1 and np.ptp(values) < ALIKE * abs(values.mean()):
+        # The ratio of wheel and vehicle speed is all that counts: a speed that reads high by some
+        # share makes all wheels look larger by it.
+        speed = replace(found[0], effect="speed_scale", axle=0, value=float(values.mean()),
+                        rivals=(RADIUS[0],))  # fmt: skip
+        return [speed]
+    return sorted(found, key=lambda one: -abs(one.value))
+
+
+def _radius_gain(statistics: VehicleStatistics, vehicle: str, axle: int) -> float | None:
+    """Gain of an axle's radius in the regression, RMSE in %; None where it does not gain."""
+    key = EffectKey(RADIUS[0], "", axle, RADIUS[1], RADIUS[2], 1.0)
+    own = [statistics.sizes.grams[i] for i in _own(statistics, vehicle)]
+    gain, held_out = held_out_gain(own, key)
+    return rmse_percent(gain) if held_out and gain > 0.0 else None

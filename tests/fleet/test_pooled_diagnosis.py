@@ -1,0 +1,115 @@
+"""Fleets of synthetic evidence: rates of false findings, power, and what belongs to whom."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from adhesion_can.fleet.findings import Scope
+from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
+from tests.fleet.synthetic_units import NAMES, SIZE, Fleet
+
+FLEETS = 20
+
+
+def found_in(fleet, seeds):
+    """All findings of each fleet."""
+    return [diagnose_fleet(fleet.draw(seed)) for seed in seeds]
+
+
+def test_a_fleet_with_nothing_gets_no_name():
+    results = found_in(Fleet(), range(2 * FLEETS))
+    # Findings of lines, days and the fleet at 1 % each, of any vehicle at 5 %: 8 % of the fleets;
+    # nine of forty or more happen by chance once in 500 such runs.
+    assert sum(bool(result.findings) for result in results) <= 8
+    # The share of vehicles with a name is far below what the bench allows.
+    assert sum(len(result.named) for result in results) <= 0.01 * 30 * len(results)
+
+
+def test_single_drives_with_nothing_get_no_name():
+    results = found_in(Fleet(vehicles=40, drives=1), range(100, 100 + FLEETS))
+    assert sum(bool(result.findings) for result in results) <= 5
+
+
+def test_an_effect_of_a_vehicle_is_named_on_it_alone():
+    fleet = Fleet(by_vehicle={3: {1: SIZE}, 11: {4: -SIZE}}, worn={20: -0.01})
+    right, wrong = 0, 0
+    for result in found_in(fleet, range(FLEETS)):
+        expected = {("V03", NAMES[1]), ("V11", NAMES[4]), ("V20", "wheel_radius")}
+        named = {(f.where, f.effect) for f in result.findings if f.scope is Scope.VEHICLE}
+        right += len(named & expected)
+        wrong += len(named - expected) + len(result.shared)
+        best = {summary.vehicle for summary in result.vehicles[: len(named)]}
+        assert best == {where for where, _ in named}
+    assert right >= 0.95 * 3 * FLEETS
+    assert wrong <= 0.05 * 3 * FLEETS + 3
+
+
+def test_sizes_are_within_their_standard_errors():
+    fleet = Fleet(by_vehicle={3: {1: SIZE}})
+    own = [
+        (finding.value - SIZE) / finding.std
+        for result in found_in(fleet, range(FLEETS))
+        for finding in result.findings
+        if (finding.where, finding.effect) == ("V03", NAMES[1])
+    ]
+    assert np.sqrt(np.mean(np.square(own))) < 1.6
+
+
+@pytest.mark.parametrize(
+    ("fleet", "scope", "where"),
+    [
+        (Fleet(everywhere={2: SIZE}), Scope.FLEET, ""),
+        (Fleet(by_line={1: {2: SIZE}}), Scope.LINE, "line1"),
+        (Fleet(by_day={4: {2: SIZE}}), Scope.DAY, "2026-01-05"),
+    ],
+    ids=("fleet", "line", "day"),
+)
+def test_a_shared_effect_is_no_vehicles(fleet, scope, where):
+    counts = Counter()
+    for result in found_in(fleet, range(FLEETS)):
+        for finding in result.findings:
+            right = (finding.scope, finding.where, finding.effect) == (scope, where, NAMES[2])
+            counts["right" if right else "wrong"] += 1
+    assert counts["right"] >= 0.9 * FLEETS
+    assert counts["wrong"] <= 0.15 * FLEETS
+
+
+def test_an_effect_on_all_vehicles_and_more_of_it_on_one():
+    fleet = Fleet(everywhere={2: SIZE}, by_vehicle={7: {2: 2 * SIZE}})
+    for result in found_in(fleet, range(5)):
+        assert {(f.scope, f.where, f.effect) for f in result.findings} == {
+            (Scope.FLEET, "", NAMES[2]),
+            (Scope.VEHICLE, "V07", NAMES[2]),
+        }
+
+
+def test_a_size_that_differs_from_drive_to_drive_is_no_vehicles():
+    """One drive of a vehicle shows what its other drives do not."""
+    named = 0
+    for seed in range(FLEETS):
+        units = Fleet(drives=4).draw(seed)
+        odd = Fleet(drives=4, by_vehicle={5: {1: SIZE}}).draw(seed)
+        units[20] = odd[20]  # the first drive of the sixth vehicle
+        named += any(f.where == "V05" for f in diagnose_fleet(units).findings)
+    assert named <= 0.1 * FLEETS
+
+
+def test_a_speed_that_reads_high_is_not_six_worn_wheels():
+    units = Fleet().draw(1)
+    for place in (8, 9):
+        radii = tuple(type(one)(one.axle, one.value + 0.012, one.std) for one in units[place].radii)
+        units[place] = type(units[place])(
+            **{name: getattr(units[place], name) for name in units[place].__slots__}
+            | {"radii": radii}
+        )
+    (finding,) = diagnose_fleet(units).named[0].findings
+    assert (finding.effect, finding.axle, finding.rivals) == ("speed_scale", 0, ("wheel_radius",))
+    assert finding.value == pytest.approx(0.012, abs=1e-3)
+
+
+@pytest.mark.parametrize("vehicles", [0, 1, 2])
+def test_too_few_vehicles_are_not_compared(vehicles):
+    result = diagnose_fleet(Fleet(vehicles=vehicles, worn={0: -0.02}).draw(1))
+    assert not result.named
+    assert "Vehicles are compared with each other from 5 on" in result.notes[0]

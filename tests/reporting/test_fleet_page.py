@@ -1,0 +1,70 @@
+"""The page of a fleet: in a browser, its words, and its size for a large fleet."""
+
+import pytest
+
+from adhesion_can.reporting.fleet_page import fleet_page
+from adhesion_can.reporting.page import render, write_page
+from tests.fleet.synthetic_overview import synthetic_overview
+from tests.reporting.browser import require_drawn
+from tests.reporting.test_page import nothing_is_loaded
+
+MOST_BYTES = 6_000_000
+
+
+@pytest.fixture(scope="module")
+def overview():
+    return synthetic_overview()
+
+
+def cells(made, title):
+    """Texts of all cells of a section's tables."""
+    (section,) = [one for one in made.sections if one.title == title]
+    return [cell for part in section.parts for row in getattr(part, "rows", ()) for cell in row]
+
+
+def test_the_page_is_drawn_wide_and_narrow_light_and_dark(browser, overview, tmp_path):
+    made, path = fleet_page(overview, {"command": "none"}), tmp_path / "fleet.html"
+    write_page(made, path)
+    for width, dark in ((1280, False), (420, True)):
+        browser.open(path, width, dark=dark)
+        require_drawn(browser, made)
+        assert browser.violations() == []
+
+
+def test_the_worst_vehicles_come_first_with_their_causes(overview):
+    made = fleet_page(overview, {})
+    vehicles = [cell for cell in cells(made, "Vehicles")[::7] if cell]
+    assert set(vehicles[:4]) == {"V03", "V11", "V20", "V21"}
+    text = " ".join(cells(made, "Vehicles"))
+    assert "wheel_radius axle 2" in text
+    (worn,) = [f for f in overview.diagnosis.findings if f.where == "V20"]
+    assert f"{100 * worn.value:.3f} ± {100 * worn.std:.3f} %" in text
+    assert "4 of 30 vehicles differ from the others" in made.verdict[0]
+    assert any("Line line1: speed_delay" in line for line in made.verdict)
+
+
+def test_failed_recordings_are_listed_with_their_reasons(overview):
+    assert "holds no known frame" in " ".join(cells(fleet_page(overview, {}), "Failed recordings"))
+
+
+def test_a_fleet_without_positions_says_how_to_have_a_map():
+    made = fleet_page(synthetic_overview(8, positions=False), {})
+    (section,) = [one for one in made.sections if one.title == "Map"]
+    assert "latitude_deg" in section.parts[0].text
+
+
+def test_an_empty_fleet_has_a_page():
+    assert "No vehicle has a finding" in render(fleet_page(synthetic_overview(0), {}))
+
+
+def test_nothing_is_loaded_from_elsewhere(overview):
+    nothing_is_loaded(render(fleet_page(overview, {})))
+
+
+@pytest.mark.slow
+def test_a_page_of_ten_thousand_units_is_small(browser, tmp_path):
+    made, path = fleet_page(synthetic_overview(5000), {}), tmp_path / "fleet.html"
+    write_page(made, path)
+    assert path.stat().st_size < MOST_BYTES
+    browser.open(path)
+    require_drawn(browser, made)

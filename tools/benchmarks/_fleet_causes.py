@@ -1,0 +1,149 @@
+"""Faults hidden in a fleet: three effects, five vehicles with worn wheels, and thirteen missions.
+
+The locomotives are simulated by `tests/worlds`, which shares no code with the effects' definitions;
+the missions are those of two trolleybuses. The command itself works on them, with two workers.
+"""
+
+import csv
+import json
+import subprocess
+import sys
+import time
+
+import numpy as np
+
+from tests.worlds.fleet import HIDDEN, draw_fleet, write_drive
+from tools.gallery import bus_rows, columns, write
+
+DURATION_S = 100.0
+"""Duration of a drive, s: with less some have too little coasting for a calibration."""
+SHOWN = HIDDEN[:3]
+"""Effects that are hidden, each in one vehicle."""
+WORN = 5
+LEAST_QUIET = 0.95
+"""Share of the other vehicles on which nothing may be named."""
+
+
+def make_locomotives(folder, vehicles, seed):
+    """Write the drives; their rows of the manifest, and what is hidden, by vehicle."""
+    drives = draw_fleet(seed, vehicles, SHOWN, WORN, drives=1)
+    for one in drives:
+        write_drive(one, folder / one.name, duration_s=DURATION_S)
+    rows = [(one.name, one.vehicle, "", one.line) for one in drives]
+    return rows, {one.vehicle: one.effects for one in drives if one.effects}
+
+
+def make_missions(folder, missions):
+    """Write the missions as tables with positions; their rows of the manifest."""
+    rows = []
+    for path in missions:
+        whole = columns(path)
+        table = bus_rows(whole)
+        since = whole["time_unix"] - whole["time_unix"][0]
+        used = np.searchsorted(since, table["time_s"])
+        table["time_s"] = table["time_s"] + whole["time_unix"][0]
+        for name in ("latitude", "longitude"):
+            table[f"{name}_deg"] = np.degrees(whole[f"gnss_{name}"][used])
+        name = f"{path.name.split('.')[0]}.csv"
+        write_table(folder / name, table)
+        rows.append((name, path.name[:4], "", ""))
+    return rows
+
+
+def write_table(path, table):
+    """Columns as CSV; stamps since 1970 need ten digits, and `write` has seven."""
+    begin = table["time_s"][0]
+    if begin < 1e6:
+        write(path, table)
+        return
+    form = ["%.1f" if name == "time_s" else "%.8g" for name in table]
+    values = np.column_stack(list(table.values()))
+    np.savetxt(path, values, fmt=form, delimiter=",", header=",".join(table), comments="")
+
+
+def run_causes(folder, missions=(), vehicles=200, seed=1, workers=2):
+    """Run the command on a fleet; what it says, what is hidden, and the seconds it took.
+
+    Args:
+        folder: Folder for the recordings and the data set, empty.
+        missions: Files of the trolleybus missions.
+        vehicles: Number of simulated locomotives.
+        seed: Seed of the fleet.
+        workers: Number of workers.
+
+    """
+    recordings = folder / "recordings"
+    recordings.mkdir()
+    rows, hidden = make_locomotives(recordings, vehicles, seed)
+    rows += make_missions(recordings, missions)
+    manifest = recordings / "units.csv"
+    with manifest.open("w", newline="") as file:
+        out = csv.writer(file)
+        out.writerow(("path", "vehicle", "config", "line"))
+        out.writerows(rows)
+    began = time.perf_counter()
+    words = ["fleet", "--units", manifest, "--out", folder / "out", "--workers", workers]
+    subprocess.run([sys.executable, "-m", "adhesion_can", *map(str, words)], check=True,
+                   stdout=subprocess.DEVNULL)  # fmt: skip
+    seconds = time.perf_counter() - began
+    return json.loads((folder / "out" / "fleet.json").read_text()), hidden, len(rows), seconds
+
+
+def judge(found, hidden):
+    """Figures of a fleet: faulty vehicles on top with all their causes, and others with a name.
+
+    Returns:
+        Number of faulty vehicles among the first, number of those with the right cause, vehicles
+        that are named without a reason, and the number of vehicles without a fault.
+
+    """
+    first = found["vehicles"][: len(hidden)]
+    on_top = [one for one in first if one["vehicle"] in hidden]
+    right = [one for one in on_top if is_right(one["findings"], hidden[one["vehicle"]])]
+    others = [one for one in found["vehicles"] if one["vehicle"] not in hidden]
+    wrong = [
+        (one["vehicle"], [finding["effect"] for finding in one["findings"]])
+        for one in others
+        if one["findings"]
+    ]
+    return len(on_top), len(right), wrong, len(others)
+
+
+def is_right(findings, effects):
+    """Whether the findings of a vehicle are what is hidden in it, worn axles one by one."""
+    named = {(one["effect"], one["axle"]) for one in findings}
+    return named == {(one.effect, int(one.parameters.get("axle", 0))) for one in effects}
+
+
+def causes_row(report, folder, missions, vehicles=200, seed=1, workers=2):
+    """Faults hidden in 200 simulated locomotives, and thirteen trolleybus missions."""
+    found, hidden, units, seconds = run_causes(folder, missions, vehicles, seed, workers)
+    on_top, right, wrong, others = judge(found, hidden)
+    report.write(
+        f"{units} units of {others + len(hidden)} vehicles in {seconds:.0f} s, {workers} workers: "
+        f"{workers * seconds / units:.1f} s of a worker each"
+    )
+    for one in found["vehicles"][: len(hidden)]:
+        names = ", ".join(
+            f"{f['effect']}{' axle ' + str(f['axle']) if f['axle'] else ''} {f['value']:.3g}"
+            for f in one["findings"]
+        )
+        truth = ", ".join(
+            f"{e.effect} {' '.join(f'{v:.3g}' for v in e.parameters.values())}"
+            for e in hidden.get(one["vehicle"], ())
+        )
+        report.write(f"{one['vehicle']}: {names or 'nothing'} (hidden: {truth or 'nothing'})")
+    for finding in found["shared"]:
+        report.write(f"{finding['scope']} {finding['where']}: {finding['effect']}")
+    for vehicle, names in wrong:
+        report.write(f"{vehicle}: named without a reason: {', '.join(names)}")
+    count = len(hidden)
+    report.check("faulty vehicles on top", f"{on_top} of {count}", f"{count}", met=on_top == count)
+    report.check(
+        "of these with their causes", f"{right} of {count}", f"{count}", met=right == count
+    )
+    quiet = 1.0 - len(wrong) / others
+    report.check(
+        "others without a name", f"{100 * quiet:.1f} %", f"{100 * LEAST_QUIET:g} %",
+        met=quiet >= LEAST_QUIET,
+    )  # fmt: skip
