@@ -109,6 +109,8 @@ def run(options: argparse.Namespace) -> int:
             summary.add(describe_kept(task.kept))
         else:
             tasks.append(task)
+    # A long recording that comes last keeps one worker busy while the others wait.
+    tasks.sort(key=lambda task: task.unit.size or 0, reverse=True)
     try:
         if tasks:
             _work(options, tasks, summary)

@@ -7,6 +7,7 @@ complete.
 
 import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -24,6 +25,8 @@ from adhesion_can.fleet.schema import SCHEMA_VERSION, TABLES, UNITS, TableSchema
 
 NO_DAY = "__HIVE_DEFAULT_PARTITION__"
 """Name that stands for null in folders of partitions."""
+READERS = 16
+"""Files that are read at the same time: an object store answers after 10 to 100 ms."""
 DONE, FAILED = "done", "failed"
 """Values of the column `status`."""
 
@@ -87,10 +90,10 @@ class DataSet:
         system = self._place.system
         files = [one for one in system.find(folder) if one.endswith(".parquet")]
         found: dict[str, Kept] = {}
-        for file in files:
-            table = self._read(file, names)
-            for row in table.to_pylist():
-                found[row["path"]] = Kept(**row)
+        with ThreadPoolExecutor(READERS) as pool:
+            for table in pool.map(lambda file: self._read(file, names), files):
+                for row in table.to_pylist():
+                    found[row["path"]] = Kept(**row)
         return found
 
     def _read(self, file: str, names: Sequence[str]) -> Any:
