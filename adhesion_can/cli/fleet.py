@@ -295,7 +295,8 @@ def _lines(
     lines = [said]
     if failed:
         mend = "" if options.retry_failed else "; --retry-failed tries them again"
-        lines.append(f"{len(failed)} units failed, and are rows of the data set{mend}:")
+        units = "1 unit" if len(failed) == 1 else f"{len(failed)} units"
+        lines.append(f"{units} failed; the data set has the errors{mend}:")
         lines += [f"  {one.failed_step}: {one.error}" for one in failed[:FIRST]]
         if len(failed) > FIRST:
             lines.append(f"  and {len(failed) - FIRST} more: column error of the table units")

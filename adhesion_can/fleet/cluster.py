@@ -27,6 +27,8 @@ OURS = {
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": 0.95,
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
     "distributed.admin.low-level-log-length": 100,
 }
 """Settings of dask for a cluster of our own."""
@@ -62,7 +64,8 @@ def open_cluster(
                 processes=True,
                 memory_limit=memory or share_of_memory(workers or count_cores()),
                 host="127.0.0.1",
-                dashboard_address=None,
+                # Without a dashboard there is a server of pages all the same: with none.
+                scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
                 silence_logs=logging.CRITICAL,
             )
             stack.enter_context(cluster)

@@ -1,7 +1,7 @@
 """All units through the workers, a bounded number at a time."""
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from dataclasses import dataclass, replace
 from math import inf
@@ -33,7 +33,9 @@ class _Try:
     deaths: int = 0
 
 
-def run_fleet(client: Client, tasks: Iterable[Task]) -> Iterator[Outcome]:
+def run_fleet(
+    client: Client, tasks: Iterable[Task], work: Callable[[Task], Outcome] = work_on
+) -> Iterator[Outcome]:
     """Outcomes of units, in the order in which they end.
 
     At most `IN_FLIGHT` units a worker are
@@ -42,12 +44,13 @@ def run_fleet(client: Client, tasks: Iterable[Task]) -> Iterator[Outcome]:
     Args:
         client: Client of a cluster, whose workers are ready.
         tasks: Units with all that a worker needs.
+        work: Function that a worker calls for each of them.
 
     Raises:
         InputError: The data set cannot be written.
 
     """
-    return _Flight(client, tasks).run()
+    return _Flight(client, tasks, work).run()
 
 
 class _Flight:
@@ -56,11 +59,14 @@ class _Flight:
     Args:
         client: Client of a cluster.
         tasks: Tasks that are still to be done.
+        work: Function that a worker calls for each of them.
 
     """
 
-    def __init__(self, client: Client, tasks: Iterable[Task]) -> None:
-        self._client = client
+    def __init__(
+        self, client: Client, tasks: Iterable[Task], work: Callable[[Task], Outcome]
+    ) -> None:
+        self._client, self._work = client, work
         self._waiting = iter(tasks)
         self._again: deque[_Try] = deque()
         self._alone: deque[_Try] = deque()
@@ -105,7 +111,7 @@ class _Flight:
     def _submit(self, one: _Try) -> None:
         self._number += 1
         key = ("unit", one.task.unit.unit_id, self._number)
-        future = self._client.submit(work_on, one.task, key=key, pure=False)
+        future = self._client.submit(self._work, one.task, key=key, pure=False)
         self._flying[future] = one
         self._completed.add(future)
 
