@@ -30,7 +30,7 @@ from adhesion_can.fleet.rows import (
     diagnosis_fields,
     segment_rows,
 )
-from adhesion_can.fleet.schema import seconds_column, tables_of
+from adhesion_can.fleet.schema import STEPS, seconds_column, tables_of
 from adhesion_can.offline.check import CheckResult, check_scan
 from adhesion_can.offline.check_table import check_table
 from adhesion_can.offline.extract_samples import require_accepted_frame
@@ -125,14 +125,14 @@ def analyse(
     if unit is None:
         return analysis
     analysis.fields |= unit.describe()
-    work: dict[str, Callable[[], Row]] = {
-        "check": unit.check,
-        "calibrate": unit.calibrate,
-        "replay": unit.replay,
-        "identify": lambda: _identify(analysis, unit),
-        "diagnose": lambda: _diagnose(analysis, unit.load_drive()),
-    }
-    for step, run in work.items():
+    work: tuple[Callable[[], Row], ...] = (
+        unit.check,
+        unit.calibrate,
+        unit.replay,
+        lambda: _identify(analysis, unit),
+        lambda: _diagnose(analysis, unit.load_drive()),
+    )
+    for step, run in zip(STEPS, work, strict=True):
         if step in steps:
             analysis.fields |= analysis.take(step, run) or {}
     return analysis

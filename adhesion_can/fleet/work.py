@@ -19,6 +19,8 @@ from adhesion_can.fleet.schema import RESULT_VERSION, STEPS
 from adhesion_can.fleet.units import Unit
 from adhesion_can.version import __version__
 
+LARGE = 1 << 22
+"""Size of a file, bytes, whose memory is freed at once, which takes 0.1 s."""
 WORKER = "worker"
 """What failed where a unit ended its worker several times."""
 
@@ -130,7 +132,8 @@ def work_on(task: Task) -> Outcome:
     fields = describe_unit(task, content) | analysis.fields
     fields["status"] = FAILED if analysis.failed else DONE
     store(task, fields, analysis)
-    gc.collect()  # what a recording leaves is large, and stands in cycles
+    if unit.size is None or unit.size >= LARGE:
+        gc.collect()  # what a recording leaves stands in cycles
     return Outcome(
         *(unit.path, unit.vehicle, content, fields.get("failed_step"), fields.get("error")),
         fields.get("duration_s") or 0.0,
