@@ -5,6 +5,8 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from adhesion_can.fleet.compare_vehicles import LEAST_VEHICLES
+
 
 class Scope(StrEnum):
     """What a finding belongs to."""
@@ -86,6 +88,7 @@ class VehicleSummary:
         units: Number of units.
         failed: Number of units that failed or cannot be used.
         reasons: Reasons of the failures, each once.
+        causes: Number of units whose own diagnosis names an effect, by its id, the most first.
 
     """
 
@@ -95,6 +98,7 @@ class VehicleSummary:
     units: int
     failed: int
     reasons: tuple[str, ...] = ()
+    causes: Mapping[str, int] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """The vehicle as JSON has it."""
@@ -105,6 +109,7 @@ class VehicleSummary:
             "units": self.units,
             "failed": self.failed,
             "reasons": list(self.reasons),
+            "causes": dict(self.causes),
         }
 
 
@@ -134,9 +139,25 @@ class FleetDiagnosis:
     spreads: Mapping[str, float] = field(default_factory=dict)
 
     @property
+    def compared(self) -> bool:
+        """Whether there are vehicles enough to compare them with each other."""
+        return len(self.vehicles) >= LEAST_VEHICLES
+
+    @property
     def named(self) -> tuple[VehicleSummary, ...]:
         """Vehicles with a finding, the worst first."""
         return tuple(one for one in self.vehicles if one.findings)
+
+    @property
+    def named_alone(self) -> tuple[tuple[VehicleSummary, str], ...]:
+        """Vehicles and effects that their recordings name and no comparison does."""
+        shared = {one.effect for one in self.shared}
+        return tuple(
+            (one, effect)
+            for one in self.vehicles
+            for effect in one.causes
+            if effect not in shared | {finding.effect for finding in one.findings}
+        )
 
     @property
     def findings(self) -> tuple[Finding, ...]:

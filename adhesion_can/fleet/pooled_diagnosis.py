@@ -11,7 +11,7 @@ Vehicles of different kinds, of another configuration or with another kind of da
 with each other: a trolleybus differs from a locomotive in more than its faults.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -115,7 +115,10 @@ def _diagnose_kind(units: Sequence[UnitEvidence], kind: str, settings: FleetSett
 def _rank(
     units: Sequence[UnitEvidence], found: Sequence[Mapping[str, tuple[Finding, ...]]]
 ) -> tuple[VehicleSummary, ...]:
-    """All vehicles: those with findings first, and of either kind those that cost most."""
+    """All vehicles: those with findings first, then those whose recordings name a cause.
+
+    Of each kind those come first that cost most.
+    """
     own: dict[str, list[UnitEvidence]] = defaultdict(list)
     for one in units:
         own[one.vehicle].append(one)
@@ -125,10 +128,17 @@ def _rank(
         findings = tuple(one for own_kind in found for one in own_kind.get(vehicle, ()))
         reasons = dict.fromkeys(one.error or one.faults[0] for one in bad)
         score = sum(map(_cost, findings)) + FAILED_COST * len(bad) / len(theirs)
+        causes = dict(Counter(cause for one in theirs for cause in one.causes).most_common())
         summaries.append(
-            VehicleSummary(vehicle, score, findings, len(theirs), len(bad), tuple(reasons))
+            VehicleSummary(vehicle, score, findings, len(theirs), len(bad), tuple(reasons), causes)
         )
-    return tuple(sorted(summaries, key=lambda one: (not one.findings, -one.score, one.vehicle)))
+    return tuple(sorted(summaries, key=_place))
+
+
+def _place(one: VehicleSummary) -> tuple[bool, float, float, str]:
+    """What a vehicle is sorted by: a finding, the share of its units with a cause, its cost."""
+    by_itself = max(one.causes.values(), default=0) / one.units
+    return not one.findings, -by_itself * (not one.findings), -one.score, one.vehicle
 
 
 def _cost(finding: Finding) -> float:

@@ -10,7 +10,7 @@ from adhesion_can.reporting.charts import BLUE, GREEN, ORANGE, RED, Trace
 from adhesion_can.reporting.page import Figure, Page, Part, Section, Table, Text
 
 if TYPE_CHECKING:
-    from adhesion_can.fleet.findings import Finding, FleetDiagnosis
+    from adhesion_can.fleet.findings import Finding, FleetDiagnosis, VehicleSummary
     from adhesion_can.fleet.overview import FleetOverview, PlaceEstimate
 
 MOST_VEHICLES, MOST_ROWS = 100, 60
@@ -78,14 +78,30 @@ def _verdict(overview: "FleetOverview") -> list[str]:
         lines.append(
             f"{len(named)} of {len(found.vehicles)} vehicles differ from the others: {causes}."
         )
-    else:
+    elif found.compared:
         lines.append("No vehicle differs from the others by more than chance and matters.")
+    elif found.vehicles:
+        count = len(found.vehicles)
+        what = "1 vehicle is" if count == 1 else f"{count} vehicles are"
+        lines.append(f"{what} too few to be compared with each other.")
+    if found.named_alone:
+        count = len({one.vehicle for one, _ in found.named_alone})
+        shown = "; ".join(_named_alone(one, effect) for one, effect in found.named_alone[:3])
+        more = f"; and {len(found.named_alone) - 3} more" * (len(found.named_alone) > 3)
+        lines.append(
+            f"Recordings of {count} vehicle{'s' * (count > 1)} name a cause by themselves, which "
+            f"no comparison confirms: {shown}{more}."
+        )
     lines += [f"{_owner(one)}: {one.name}, {_size(one)}." for one in found.shared[:5]]
     if not found.shared:
         lines.append("Nothing was found that all vehicles, a line or a day share.")
     if overview.failed:
         lines.append(f"{overview.failed} of {found.units} recordings failed.")
     return lines
+
+
+def _named_alone(one: "VehicleSummary", effect: str) -> str:
+    return f"{one.vehicle}: {effect}, {one.causes[effect]} of {_recordings(one.units)}"
 
 
 def _owner(finding: "Finding") -> str:
@@ -143,6 +159,21 @@ def _vehicles(found: "FleetDiagnosis") -> list[Part]:
         parts.append(Table(caption, VEHICLE_COLUMNS, rows, note, sentence_columns=(1, 6)))
     else:
         parts.append(Text("No vehicle has a finding."))
+    alone = found.named_alone
+    if alone:
+        causes = [
+            (one.vehicle, effect, f"{one.causes[effect]} of {one.units}")
+            for one, effect in alone[:MOST_ROWS]
+        ]
+        note = (
+            "Each recording was diagnosed by itself; what several of a vehicle agree on is likely "
+            "there, one among many may be chance. Sizes are in the table causes. "
+            + _left_out(len(alone), MOST_ROWS, "of them")
+        )
+        caption = "Causes that recordings name by themselves, and no comparison of vehicles."
+        columns = ("vehicle", "cause", "recordings")
+        parts.append(Table(caption, columns, causes, note, sentence_columns=(1,)))
+    by_themselves = {one.vehicle for one, _ in alone}
     failing = [one for one in found.vehicles if one.failed and not one.findings]
     if failing:
         failures = [
@@ -153,8 +184,11 @@ def _vehicles(found: "FleetDiagnosis") -> list[Part]:
         caption = "Vehicles without a finding whose recordings failed or cannot be used."
         columns = ("vehicle", "recordings", "reason")
         parts.append(Table(caption, columns, failures, note, sentence_columns=(2,)))
-    clean = len(found.vehicles) - len(named) - len(failing)
-    parts.append(Text(f"Nothing is named on the other {clean} vehicles."))
+    told = {one.vehicle for one in [*named, *failing]} | by_themselves
+    clean = len(found.vehicles) - len(told)
+    if clean:
+        what = "the other vehicle" if clean == 1 else f"the other {clean} vehicles"
+        parts.append(Text(f"Nothing is named on {what}."))
     return parts
 
 
@@ -169,10 +203,7 @@ def _left_out(count: int, shown: int, what: str) -> str:
 def _shared(found: "FleetDiagnosis") -> list[Part]:
     if not found.shared:
         return [
-            Text(
-                "No effect is there on most vehicles, and none differs by line or by day: what the "
-                "model gets wrong, where it does, belongs to single vehicles."
-            )
+            Text("No effect was found on most vehicles, and none that differs by line or by day.")
         ]
     rows = [
         (_owner(one), one.name, _size(one), f"{one.p_value:.1g}", _gain(one),
@@ -329,9 +360,13 @@ def _failures(overview: "FleetOverview") -> list[Part]:
     caption = "Recordings that failed, with the reason."
     kinds = "; ".join(f"{reason}: {count}" for reason, count in counts.most_common(5))
     return [
-        Text(f"{overview.failed} recordings failed. The reasons met most: {kinds}."),
+        Text(f"{_recordings(overview.failed)} failed. The reasons met most: {kinds}."),
         Table(caption, ("recording", "vehicle", "reason"), rows, note, sentence_columns=(0, 1, 2)),
     ]
+
+
+def _recordings(count: int) -> str:
+    return f"{count} recording{'s' * (count != 1)}"
 
 
 def _kind(reason: str) -> str:

@@ -138,3 +138,26 @@ def test_the_json_is_json():
     again = json.loads(json.dumps(document, allow_nan=False))
     assert again == document
     assert again["vehicles"][0]["findings"][0]["scope"] == "vehicle"
+
+
+def test_a_fleet_too_small_to_compare_still_tells_what_its_recordings_name():
+    units = [
+        replace(one, causes=("load_dependence",) if one.vehicle == "V02" else ())
+        for one in Fleet(vehicles=3, drives=2).draw(1)
+    ]
+    result = diagnose_fleet(units)
+    assert not result.findings
+    worst = result.vehicles[0]
+    assert (worst.vehicle, dict(worst.causes)) == ("V02", {"load_dependence": 2})
+    assert result.named_alone == ((worst, "load_dependence"),)
+    assert result.to_dict()["vehicles"][0]["causes"] == {"load_dependence": 2}
+
+
+def test_what_a_comparison_confirms_is_not_told_twice():
+    fleet = Fleet(by_vehicle={3: {1: SIZE}})
+    units = [
+        replace(one, causes=(NAMES[1],) if one.vehicle == "V03" else ()) for one in fleet.draw(0)
+    ]
+    result = diagnose_fleet(units)
+    assert result.named[0].vehicle == "V03"
+    assert result.named_alone == ()

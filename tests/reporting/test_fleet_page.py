@@ -1,10 +1,15 @@
 """The page of a fleet: in a browser, its words, and its size for a large fleet."""
 
+from dataclasses import replace
+
 import pytest
 
+from adhesion_can.fleet.overview import FleetOverview
+from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
 from adhesion_can.reporting.fleet_page import fleet_page
 from adhesion_can.reporting.page import render, write_page
 from tests.fleet.synthetic_overview import synthetic_overview
+from tests.fleet.synthetic_units import Fleet
 from tests.reporting.browser import require_drawn
 from tests.reporting.test_page import nothing_is_loaded
 
@@ -68,3 +73,15 @@ def test_a_page_of_ten_thousand_units_is_small(browser, tmp_path):
     assert path.stat().st_size < MOST_BYTES
     browser.open(path)
     require_drawn(browser, made)
+
+
+def test_causes_that_recordings_name_by_themselves_are_told_apart():
+    units = [
+        replace(one, causes=("load_dependence",) if one.vehicle == "V01" else ())
+        for one in Fleet(vehicles=2, drives=2).draw(1)
+    ]
+    made = fleet_page(FleetOverview(diagnose_fleet(units)), {})
+    assert any("V01: load_dependence, 2 of 2 recordings" in line for line in made.verdict)
+    assert made.verdict[0] == "2 vehicles are too few to be compared with each other."
+    assert cells(made, "Vehicles") == ["V01", "load_dependence", "2 of 2"]
+    assert "Nothing is named on the other vehicle." in render(made)
