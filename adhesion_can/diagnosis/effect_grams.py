@@ -39,6 +39,12 @@ class EffectKey:
     unit: str
     typical: float
 
+    @property
+    def name(self) -> str:
+        """Effect id with form and axle."""
+        words = (self.effect, self.form, f"axle {self.axle}" if self.axle else "")
+        return " ".join(word for word in words if word)
+
 
 @dataclass(frozen=True, eq=False)
 class EffectGrams:

@@ -28,6 +28,7 @@ class UnitEvidence:
     Attributes:
         unit: Id of the unit.
         vehicle: Id of the vehicle.
+        kind: Kind of the vehicle and of its data: units are compared with others of their kind.
         line: Name of the line; '' where it is not known.
         day: Date, ISO 8601; '' where it is not known.
         grams: Gram matrices of the effects; None where the data allow no diagnosis.
@@ -40,6 +41,7 @@ class UnitEvidence:
 
     unit: str
     vehicle: str
+    kind: str = ""
     line: str = ""
     day: str = ""
     grams: EffectGrams | None = None

@@ -21,7 +21,8 @@ class Finding:
 
     Attributes:
         scope: What it belongs to.
-        where: Id of the vehicle, name of the line or date; '' for the fleet.
+        where: Id of the vehicle, name of the line or date; of the fleet the kind of its vehicles
+            where there are several, else ''.
         effect: Effect id.
         form: Form of the effect; '' where there is one alone.
         axle: Axle number from 1; 0 for an effect of the whole vehicle.

@@ -6,10 +6,14 @@ there, and what belongs to a vehicle on that vehicle alone. So the steps are:
 1. `find_fleet_effects`: effects that are there on most vehicles, taken out of every unit;
 2. `find_place_effects`: effects that differ on a line, then on a day, taken out of its units;
 3. `find_vehicle_effects`: vehicles that differ from what is left of the others.
+
+Vehicles of different kinds, of another configuration or with another kind of data, are not compared
+with each other: a trolleybus differs from a locomotive in more than its faults.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from adhesion_can.fleet.compare_vehicles import LEAST_VEHICLES
 from adhesion_can.fleet.effect_sizes import EffectSizes
@@ -36,36 +40,80 @@ def diagnose_fleet(
 
     """
     settings = settings or FleetSettings()
-    diagnosed = [one for one in units if one.grams is not None and one.grams.keys]
+    # A unit that could not be read is of no known kind.
+    kinds = sorted({one.kind for one in units if _has_evidence(one) or one.radii})
+    groups = {kind: [one for one in units if one.kind == kind] for kind in kinds}
+    found = [
+        _diagnose_kind(own, kind * (len(kinds) > 1), settings)
+        for kind, own in (groups or {"": list(units)}).items()
+    ]
+    return FleetDiagnosis(
+        vehicles=_rank(units, [one.vehicles for one in found]),
+        shared=tuple(finding for one in found for finding in one.shared),
+        units=len(units),
+        diagnosed=sum(_has_evidence(one) for one in units),
+        false_discovery_rate=settings.false_discovery_rate,
+        alpha=settings.alpha,
+        notes=tuple(note for one in found for note in one.notes),
+        spreads={name: spread for one in found for name, spread in one.spreads.items()},
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _OfKind:
+    """Findings of the vehicles of one kind.
+
+    Attributes:
+        vehicles: Findings by vehicle.
+        shared: Findings of the kind, of lines and of days.
+        notes: What the data do not allow to tell, a sentence each.
+        spreads: Spread between units of each effect, by its name.
+
+    """
+
+    vehicles: Mapping[str, tuple[Finding, ...]]
+    shared: tuple[Finding, ...]
+    notes: tuple[str, ...]
+    spreads: Mapping[str, float]
+
+
+def _has_evidence(unit: UnitEvidence) -> bool:
+    return unit.grams is not None and bool(unit.grams.keys)
+
+
+def _diagnose_kind(units: Sequence[UnitEvidence], kind: str, settings: FleetSettings) -> _OfKind:
+    """Findings of the units of one kind.
+
+    Args:
+        units: Evidence of them, failed ones too.
+        kind: Name of the kind; '' where there is no other.
+        settings: Rates of false findings and least sizes.
+
+    """
+    diagnosed = [one for one in units if _has_evidence(one)]
     sizes = EffectSizes.collect([one.grams for one in diagnosed if one.grams is not None])
     known: Known = [{} for _ in diagnosed]
     shared: list[Finding] = []
-    vehicles = {one.vehicle for one in units}
     if len({one.vehicle for one in diagnosed}) > 1:
         shared += find_fleet_effects(sizes, diagnosed, known, settings)
         for scope in (Scope.LINE, Scope.DAY):
             shared += find_place_effects(scope, sizes, diagnosed, known, settings)
     coasting = [one for one in units if one.radii]
     statistics = compare_units(diagnosed, sizes.without(known), coasting)
-    found = find_vehicle_effects(statistics, settings)
-    return FleetDiagnosis(
-        vehicles=_rank(units, found),
-        shared=tuple(shared),
-        units=len(units),
-        diagnosed=len(diagnosed),
-        false_discovery_rate=settings.false_discovery_rate,
-        alpha=settings.alpha,
-        notes=tuple(_notes(units, diagnosed, len(vehicles))),
-        spreads={
-            " ".join(filter(None, (key.effect, key.form, f"axle {key.axle}" if key.axle else ""))):
-            spread.variance**0.5
-            for key, spread in zip(sizes.keys, statistics.effects.spreads, strict=True)
+    named = (f"{key.name}{f' of {kind}' if kind else ''}" for key in sizes.keys)
+    return _OfKind(
+        find_vehicle_effects(statistics, settings),
+        tuple(replace(one, where=kind) if one.scope is Scope.FLEET else one for one in shared),
+        tuple(f"{kind}: {note}" if kind else note for note in _notes(units, diagnosed)),
+        {
+            name: spread.variance**0.5
+            for name, spread in zip(named, statistics.effects.spreads, strict=True)
         },
-    )  # fmt: skip
+    )
 
 
 def _rank(
-    units: Sequence[UnitEvidence], found: dict[str, tuple[Finding, ...]]
+    units: Sequence[UnitEvidence], found: Sequence[Mapping[str, tuple[Finding, ...]]]
 ) -> tuple[VehicleSummary, ...]:
     """All vehicles: those with findings first, and of either kind those that cost most."""
     own: dict[str, list[UnitEvidence]] = defaultdict(list)
@@ -74,7 +122,7 @@ def _rank(
     summaries = []
     for vehicle, theirs in own.items():
         bad = [one for one in theirs if one.error or one.faults]
-        findings = found.get(vehicle, ())
+        findings = tuple(one for own_kind in found for one in own_kind.get(vehicle, ()))
         reasons = dict.fromkeys(one.error or one.faults[0] for one in bad)
         score = sum(map(_cost, findings)) + FAILED_COST * len(bad) / len(theirs)
         summaries.append(
@@ -91,10 +139,9 @@ def _cost(finding: Finding) -> float:
     return gain
 
 
-def _notes(
-    units: Sequence[UnitEvidence], diagnosed: Sequence[UnitEvidence], vehicles: int
-) -> list[str]:
+def _notes(units: Sequence[UnitEvidence], diagnosed: Sequence[UnitEvidence]) -> list[str]:
     notes = []
+    vehicles = len({one.vehicle for one in units})
     if vehicles < LEAST_VEHICLES:
         notes.append(
             f"Vehicles are compared with each other from {LEAST_VEHICLES} on; here are {vehicles}, "

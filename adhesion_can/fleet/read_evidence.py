@@ -7,6 +7,7 @@ from typing import Any
 from pyarrow import dataset as arrow_dataset
 from pyarrow.fs import FileSelector
 
+from adhesion_can.diagnosis.effect_grams import EffectGrams
 from adhesion_can.fleet.dataset import FAILED, DataSet
 from adhesion_can.fleet.effect_records import Row, grams_from_rows
 from adhesion_can.fleet.evidence import AxleDeviation, UnitEvidence
@@ -17,6 +18,8 @@ _OF_UNITS = (
     "vehicle",
     "day",
     "line",
+    "frames",
+    "settings",
     "status",
     "error",
     "usable",
@@ -68,25 +71,33 @@ def read_evidence(data: DataSet) -> list[UnitEvidence]:
         done = [name for name, own in effects.items() if len(own) == len(own[0]["gram"])]
         for name in done:
             grams[name] = grams_from_rows(effects.pop(name))
+    several = len({row["settings"] for row in units}) > 1
     return [
-        unit_evidence(row, grams.get(row["unit_id"]))
+        unit_evidence(row, grams.get(row["unit_id"]), configured=several)
         for row in sorted(units, key=lambda row: row["unit_id"])
     ]
 
 
-def unit_evidence(row: Mapping[str, Any], grams: Any = None) -> UnitEvidence:
+def unit_evidence(
+    row: Mapping[str, Any], grams: EffectGrams | None = None, *, configured: bool = False
+) -> UnitEvidence:
     """Evidence of a unit from its row of `units`.
 
     Args:
         row: Values by column.
         grams: Gram matrices of its effects; None: it has none.
+        configured: Whether the configuration is a part of the vehicle's kind.
 
     """
+    kind = "TABLEs" if row["frames"] is None else "recordings"
+    if configured:
+        kind = f"{kind} with settings {row['settings'][:8]}"
     failed = row["status"] == FAILED
     unusable = row["usable"] is False and row["first_failure"]
     return UnitEvidence(
         unit=row["unit_id"],
         vehicle=row["vehicle"],
+        kind=kind,
         line=row["line"] or "",
         day="" if row["day"] is None else row["day"].isoformat(),
         grams=grams,

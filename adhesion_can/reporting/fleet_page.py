@@ -89,7 +89,8 @@ def _verdict(overview: "FleetOverview") -> list[str]:
 
 
 def _owner(finding: "Finding") -> str:
-    names = {"fleet": "All vehicles", "line": f"Line {finding.where}"}
+    kind = f" ({finding.where})" if finding.where else ""
+    names = {"fleet": f"All vehicles{kind}", "line": f"Line {finding.where}"}
     return names.get(str(finding.scope), finding.where)
 
 

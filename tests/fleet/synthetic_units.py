@@ -34,6 +34,7 @@ class Fleet:
         by_line: Sizes by line.
         by_day: Sizes by day.
         worn: Deviation of axle 2 by vehicle.
+        kind: Kind of the vehicles.
 
     """
 
@@ -46,6 +47,7 @@ class Fleet:
     by_line: dict[int, dict[int, float]] = field(default_factory=dict)
     by_day: dict[int, dict[int, float]] = field(default_factory=dict)
     worn: dict[int, float] = field(default_factory=dict)
+    kind: str = ""
 
     def draw(self, seed):
         """Evidence of all units."""
@@ -75,7 +77,7 @@ class Fleet:
                 )
                 units.append(
                     UnitEvidence(
-                        f"u{vehicle}-{drive}", f"V{vehicle:02d}", f"line{line}",
+                        f"u{vehicle}-{drive}", f"V{vehicle:02d}", self.kind, f"line{line}",
                         f"2026-01-{day + 1:02d}", draw_grams(rng, size), radii,
                     )
                 )  # fmt: skip

@@ -1,10 +1,13 @@
 """Fleets of synthetic evidence: rates of false findings, power, and what belongs to whom."""
 
+import json
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from adhesion_can.fleet.evidence import UnitEvidence
 from adhesion_can.fleet.findings import Scope
 from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
 from tests.fleet.synthetic_units import NAMES, SIZE, Fleet
@@ -98,11 +101,8 @@ def test_a_size_that_differs_from_drive_to_drive_is_no_vehicles():
 def test_a_speed_that_reads_high_is_not_six_worn_wheels():
     units = Fleet().draw(1)
     for place in (8, 9):
-        radii = tuple(type(one)(one.axle, one.value + 0.012, one.std) for one in units[place].radii)
-        units[place] = type(units[place])(
-            **{name: getattr(units[place], name) for name in units[place].__slots__}
-            | {"radii": radii}
-        )
+        radii = tuple(replace(one, value=one.value + 0.012) for one in units[place].radii)
+        units[place] = replace(units[place], radii=radii)
     (finding,) = diagnose_fleet(units).named[0].findings
     assert (finding.effect, finding.axle, finding.rivals) == ("speed_scale", 0, ("wheel_radius",))
     assert finding.value == pytest.approx(0.012, abs=1e-3)
@@ -113,3 +113,28 @@ def test_too_few_vehicles_are_not_compared(vehicles):
     result = diagnose_fleet(Fleet(vehicles=vehicles, worn={0: -0.02}).draw(1))
     assert not result.named
     assert "Vehicles are compared with each other from 5 on" in result.notes[0]
+
+
+def test_vehicles_of_another_kind_are_not_compared_with_the_others():
+    buses = Fleet(vehicles=2, drives=6, everywhere={1: 2 * SIZE}, kind="TABLEs").draw(8)
+    buses = [replace(one, unit=f"b{one.unit}", vehicle=f"B{one.vehicle}") for one in buses]
+    for seed in range(5):
+        result = diagnose_fleet([*Fleet(kind="recordings").draw(seed), *buses])
+        assert not [one.vehicle for one in result.named if one.vehicle.startswith("B")]
+        assert {f.where for f in result.shared if f.scope is Scope.FLEET} <= {"TABLEs"}
+        assert result.notes[0].startswith("TABLEs: Vehicles are compared")
+
+
+def test_a_fleet_of_failed_units_has_vehicles_and_their_reasons():
+    units = [UnitEvidence("u1", "V1", error="a: b"), UnitEvidence("u2", "V2", error="c: d")]
+    result = diagnose_fleet(units)
+    assert [one.reasons for one in result.vehicles] == [("a: b",), ("c: d",)]
+    assert not result.findings
+
+
+def test_the_json_is_json():
+    fleet = Fleet(by_vehicle={3: {1: SIZE}}, by_line={1: {2: SIZE}}, worn={20: -0.01})
+    document = diagnose_fleet(fleet.draw(1)).to_dict()
+    again = json.loads(json.dumps(document, allow_nan=False))
+    assert again == document
+    assert again["vehicles"][0]["findings"][0]["scope"] == "vehicle"

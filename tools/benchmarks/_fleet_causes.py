@@ -13,7 +13,7 @@ import time
 import numpy as np
 
 from tests.worlds.fleet import HIDDEN, draw_fleet, write_drive
-from tools.gallery import bus_rows, columns, write
+from tools.gallery import bus_rows, columns
 
 DURATION_S = 100.0
 """Duration of a drive, s: with less some have too little coasting for a calibration."""
@@ -29,36 +29,35 @@ def make_locomotives(folder, vehicles, seed):
     drives = draw_fleet(seed, vehicles, SHOWN, WORN, drives=1)
     for one in drives:
         write_drive(one, folder / one.name, duration_s=DURATION_S)
-    rows = [(one.name, one.vehicle, "", one.line) for one in drives]
+    rng = np.random.default_rng([seed, 9])
+    rows = []
+    for one in drives:
+        # Somewhere along its line, for the map: lines leave a city in all directions.
+        along, angle = 0.4 * rng.random(), 1.2 * int(one.line.removeprefix("line"))
+        place = 47.4 + along * np.sin(angle), 8.5 + 1.5 * along * np.cos(angle)
+        rows.append((one.name, one.vehicle, one.line, *place))
     return rows, {one.vehicle: one.effects for one in drives if one.effects}
 
 
 def make_missions(folder, missions):
-    """Write the missions as tables with positions; their rows of the manifest."""
+    """Write the missions as tables; their rows of the manifest."""
     rows = []
     for path in missions:
         whole = columns(path)
         table = bus_rows(whole)
-        since = whole["time_unix"] - whole["time_unix"][0]
-        used = np.searchsorted(since, table["time_s"])
         table["time_s"] = table["time_s"] + whole["time_unix"][0]
-        for name in ("latitude", "longitude"):
-            table[f"{name}_deg"] = np.degrees(whole[f"gnss_{name}"][used])
         name = f"{path.name.split('.')[0]}.csv"
-        write_table(folder / name, table)
-        rows.append((name, path.name[:4], "", ""))
+        form = ["%.1f" if column == "time_s" else "%.7g" for column in table]
+        np.savetxt(
+            folder / name,
+            np.column_stack(list(table.values())),
+            fmt=form,
+            delimiter=",",
+            header=",".join(table),
+            comments="",
+        )
+        rows.append((name, path.name[:4], "", "", ""))
     return rows
-
-
-def write_table(path, table):
-    """Columns as CSV; stamps since 1970 need ten digits, and `write` has seven."""
-    begin = table["time_s"][0]
-    if begin < 1e6:
-        write(path, table)
-        return
-    form = ["%.1f" if name == "time_s" else "%.8g" for name in table]
-    values = np.column_stack(list(table.values()))
-    np.savetxt(path, values, fmt=form, delimiter=",", header=",".join(table), comments="")
 
 
 def run_causes(folder, missions=(), vehicles=200, seed=1, workers=2):
@@ -79,11 +78,11 @@ def run_causes(folder, missions=(), vehicles=200, seed=1, workers=2):
     manifest = recordings / "units.csv"
     with manifest.open("w", newline="") as file:
         out = csv.writer(file)
-        out.writerow(("path", "vehicle", "config", "line"))
+        out.writerow(("path", "vehicle", "line", "latitude", "longitude"))
         out.writerows(rows)
     began = time.perf_counter()
     words = ["fleet", "--units", manifest, "--out", folder / "out", "--workers", workers]
-    subprocess.run([sys.executable, "-m", "adhesion_can", *map(str, words)], check=True,
+    subprocess.run([sys.executable, "-m", "adhesion_can.cli.main", *map(str, words)], check=True,
                    stdout=subprocess.DEVNULL)  # fmt: skip
     seconds = time.perf_counter() - began
     return json.loads((folder / "out" / "fleet.json").read_text()), hidden, len(rows), seconds
