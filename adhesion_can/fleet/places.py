@@ -146,4 +146,5 @@ def open_place(given: str) -> Place:
         raise InputError(
             given, f"no file system {scheme}:// is known", f"such as {known}"
         ) from error
+    system.invalidate_cache()  # of listings: other workers write, too
     return Place(system, inner, given)
