@@ -6,7 +6,7 @@ complete.
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import date
@@ -16,7 +16,6 @@ from urllib.parse import quote
 
 import pyarrow as pa
 from pyarrow import parquet
-from pyarrow.fs import FSSpecHandler, PyFileSystem
 
 from adhesion_can.errors import InputError
 from adhesion_can.fleet.places import Place, open_place
@@ -85,16 +84,32 @@ class DataSet:
             InputError: The folder holds another version of the tables, or cannot be read.
 
         """
-        names = list(Kept.__slots__)
-        folder = f"{self._place.inner}/{UNITS.name}"
-        system = self._place.system
-        files = [one for one in system.find(folder) if one.endswith(".parquet")]
-        found: dict[str, Kept] = {}
+        read = self.read_rows(UNITS, list(Kept.__slots__))
+        return {row["path"]: Kept(**row) for rows in read for row in rows}
+
+    def read_rows(
+        self, table: TableSchema, columns: Sequence[str] | None = None
+    ) -> Iterator[list[Row]]:
+        """Rows of a table, a list for each of its files, in their order; none without files.
+
+        A reader of whole data sets reads many files ahead: hundreds of MB for a thousand units.
+
+        Args:
+            table: Table.
+            columns: Names of the columns; None: all.
+
+        Raises:
+            InputError: The folder holds another version of the tables, or cannot be read.
+
+        """
+        names = columns or [column.name for column in table.columns]
+        self._place.system.invalidate_cache()  # of listings: workers have written since
+        found = self._place.system.find(f"{self._place.inner.rstrip('/')}/{table.name}")
+        files = sorted(file for file in found if file.endswith(".parquet"))
         with ThreadPoolExecutor(READERS) as pool:
-            for table in pool.map(lambda file: self._read(file, names), files):
-                for row in table.to_pylist():
-                    found[row["path"]] = Kept(**row)
-        return found
+            for first in range(0, len(files), READERS):
+                some = files[first : first + READERS]
+                yield from pool.map(lambda file: self._read(file, names).to_pylist(), some)
 
     def _read(self, file: str, names: Sequence[str]) -> Any:
         where = self._place.full(file)
@@ -145,10 +160,6 @@ class DataSet:
         dated = NO_DAY if day is None else day.isoformat()
         folder = f"{self._place.inner.rstrip('/')}/{table.name}/vehicle={named}/day={dated}"
         return f"{folder}/{unit_id}.parquet"
-
-    def pyarrow(self) -> tuple[Any, str]:
-        """File system of pyarrow, and the folder within it."""
-        return PyFileSystem(FSSpecHandler(self._place.system)), self._place.inner
 
 
 def put(place: Place, path: str, data: bytes) -> None:

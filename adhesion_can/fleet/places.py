@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from shutil import disk_usage
 from tempfile import TemporaryDirectory
@@ -14,8 +13,6 @@ import fsspec
 from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256
 
-CHUNK = 1 << 22
-"""Bytes that are fetched at once."""
 _PACKAGES = {"s3": "s3fs", "s3a": "s3fs", "gs": "gcsfs", "gcs": "gcsfs", "abfs": "adlfs",
              "az": "adlfs", "http": "aiohttp", "https": "aiohttp", "hdfs": "pyarrow"}  # fmt: skip
 """Package that a scheme of URLs needs."""
@@ -118,21 +115,16 @@ class Place:
         with TemporaryDirectory(prefix="adhesion-can-") as folder:
             path = Path(folder) / (self.inner.rstrip("/").rsplit("/", 1)[-1] or "recording")
             with self._errors():
-                digest = self._fetch(path)
-            yield path, digest
+                self._require_room(path.parent)
+                # In a stream: `open` asks for ranges, which not all servers give.
+                self.system.get_file(self.inner, str(path))
+            yield path, file_sha256(path)
 
-    def _fetch(self, path: Path) -> str:
-        """Copy the file, and hash it on the way."""
-        digest = sha256()
-        with self.system.open(self.inner, "rb", block_size=CHUNK) as source, path.open("wb") as to:
-            size = getattr(source, "size", None)
-            if size is not None and size > disk_usage(path.parent).free:
-                what = f"its {size / 1e9:.1f} GB do not fit into {path.parent.parent}"
-                raise InputError(self.given, what, "make room, or set TMPDIR to another disk")
-            while block := source.read(CHUNK):
-                digest.update(block)
-                to.write(block)
-        return digest.hexdigest()
+    def _require_room(self, folder: Path) -> None:
+        size = self.system.info(self.inner).get("size")
+        if size is not None and size > disk_usage(folder).free:
+            what = f"its {size / 1e9:.1f} GB do not fit into {folder.parent}"
+            raise InputError(self.given, what, "make room, or set TMPDIR to another disk")
 
 
 def open_place(given: str) -> Place:
@@ -154,4 +146,5 @@ def open_place(given: str) -> Place:
         raise InputError(
             given, f"no file system {scheme}:// is known", f"such as {known}"
         ) from error
+    system.invalidate_cache()  # of listings: other workers write, too
     return Place(system, inner, given)

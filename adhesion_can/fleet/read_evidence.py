@@ -1,17 +1,14 @@
 """Evidence of all units from the tables of a data set."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
-
-from pyarrow import dataset as arrow_dataset
-from pyarrow.fs import FileSelector
 
 from adhesion_can.diagnosis.effect_grams import EffectGrams
 from adhesion_can.fleet.dataset import FAILED, DataSet
 from adhesion_can.fleet.effect_records import Row, grams_from_rows
 from adhesion_can.fleet.evidence import AxleDeviation, UnitEvidence
-from adhesion_can.fleet.schema import EFFECTS, UNITS, TableSchema
+from adhesion_can.fleet.schema import EFFECTS, UNITS
 
 _OF_UNITS = (
     "unit_id",
@@ -31,39 +28,13 @@ _OF_UNITS = (
 )
 
 
-def read_rows(
-    data: DataSet, table: TableSchema, columns: Sequence[str] | None = None
-) -> Iterator[list[dict[str, Any]]]:
-    """Rows of a table, a list for each of its files; none where it has no file.
-
-    Args:
-        data: Data set.
-        table: Table.
-        columns: Names of the columns; None: all.
-
-    """
-    system, folder = data.pyarrow()
-    where = f"{folder.rstrip('/')}/{table.name}"
-    found = arrow_dataset.dataset(
-        _files(system, where), filesystem=system, format="parquet", schema=table.arrow()
-    )
-    for batch in found.to_batches(columns=None if columns is None else list(columns)):
-        yield batch.to_pylist()
-
-
-def _files(system: Any, folder: str) -> list[str]:
-    selector = FileSelector(folder, recursive=True, allow_not_found=True)
-    return sorted(one.path for one in system.get_file_info(selector) if one.is_file
-                  and one.path.endswith(".parquet"))  # fmt: skip
-
-
 def read_evidence(data: DataSet) -> list[UnitEvidence]:
     """Evidence of all units of a data set, in the order of their ids."""
-    units = [row for rows in read_rows(data, UNITS, _OF_UNITS) for row in rows]
+    units = [row for rows in data.read_rows(UNITS, _OF_UNITS) for row in rows]
     effects: dict[str, list[Row]] = defaultdict(list)
     known = {row["unit_id"] for row in units}
     grams = {}
-    for rows in read_rows(data, EFFECTS):
+    for rows in data.read_rows(EFFECTS):
         for row in rows:
             # A unit counts from its row in `units` on: that one is written last.
             if row["unit_id"] in known:

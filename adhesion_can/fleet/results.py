@@ -12,7 +12,7 @@ from adhesion_can.fleet.findings import FleetDiagnosis
 from adhesion_can.fleet.overview import FleetOverview, summarise_fleet
 from adhesion_can.fleet.places import open_place
 from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
-from adhesion_can.fleet.read_evidence import read_evidence, read_rows
+from adhesion_can.fleet.read_evidence import read_evidence
 from adhesion_can.fleet.schema import FINDINGS, SEGMENTS, UNITS
 from adhesion_can.fleet.settings import FleetSettings
 
@@ -38,8 +38,8 @@ def diagnose_data_set(data: DataSet, settings: FleetSettings | None = None) -> F
 
     """
     found = diagnose_fleet(read_evidence(data), settings)
-    units = [row for rows in read_rows(data, UNITS, _OF_UNITS) for row in rows]
-    segments = (row for rows in read_rows(data, SEGMENTS, _OF_SEGMENTS) for row in rows)
+    units = [row for rows in data.read_rows(UNITS, _OF_UNITS) for row in rows]
+    segments = (row for rows in data.read_rows(SEGMENTS, _OF_SEGMENTS) for row in rows)
     return summarise_fleet(found, sorted(units, key=lambda row: row["unit_id"]), segments)
 
 

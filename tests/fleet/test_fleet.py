@@ -163,6 +163,9 @@ def test_a_store_of_objects_gives_recordings_and_takes_the_data_set(fleet, drive
     assert not fleet(*words)
     kept = DataSet("s3://railway/out").read_units()
     assert sorted(kept) == [f"s3://railway/2026/tram/{name}" for name in (*NAMES[3:], "torn.log")]
+    whole = json.loads(s3.get_object(Bucket="railway", Key="out/fleet.json")["Body"].read())
+    assert [one["vehicle"] for one in whole["vehicles"]] == ["tram"]  # what workers just wrote
+    assert whole["failed"] == 1
     local = units(made / "out")
     for path, unit in kept.items():
         name = path.rsplit("/", 1)[1]
