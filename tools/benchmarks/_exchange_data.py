@@ -105,7 +105,7 @@ def _lines(message, t_us):
     for place, signal in enumerate(message.signals):
         if signal.name in ("Crc", "Alive"):
             continue
-        raw = _moving(signal, place, turn)
+        raw = _moving(message, signal, place, turn)
         for bit, (byte, within) in enumerate(_bits(signal)):
             payload[:, byte] |= ((raw >> bit & 1) << within).astype(np.uint8)
     if "E2EDataId" in message.dbc.attributes:
@@ -124,11 +124,12 @@ def _lines(message, t_us):
     return lines
 
 
-def _moving(signal, place, turn):
+def _moving(message, signal, place, turn):
     """Raw values that move as measured ones do, none of them 'not available'."""
     if signal.is_multiplexer:
-        return turn % 2
-    top = (1 << min(signal.length, 31)) - 2
+        pages = {number for one in message.signals for number in one.multiplexer_ids or ()}
+        return turn % len(pages)
+    top = (1 << min(signal.length - signal.is_signed, 31)) - 2
     if signal.length <= 4:
         return turn // 500 % max(top, 2)
     phase = turn / (1500 + 400 * place) + place

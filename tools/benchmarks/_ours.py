@@ -92,6 +92,44 @@ def convert_way(path):
     print_result(None, passes)
 
 
+def write_way(path, dbc, out):
+    """`adhesion-can convert` with a database; of a folder the sums of its columns, read back."""
+    from adhesion_can.cli.main import main as command
+
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        made = f"{folder}/{out}"
+        words = ["convert", str(path), "--dbc", dbc, "--out", made]
+        if out == "arrow/":
+            words += ["--format", "arrow"]
+
+        def work():
+            with redirect_stdout(io.StringIO()) as said:
+                status = command(words)
+            if status:
+                raise RuntimeError(f"{' '.join(words)} ended with {status}: {said.getvalue()}")
+
+        # What is imported is imported before, as the peers' ways have it.
+        work()
+        passes, _ = timed(work)
+        files = [file for file in Path(folder).rglob("*") if file.is_file()]
+        size = sum(file.stat().st_size for file in files)
+        more = {"sums": _sums(files)} if out == "parquet/" else {}
+    print_result(None, passes, bytes=size, **more)
+
+
+def _sums(files):
+    """Sum of each signal of a folder of Parquet files."""
+    from pyarrow import parquet
+
+    sums = {}
+    for file in files:
+        if file.suffix == ".parquet":
+            table = parquet.read_table(file)
+            for name in table.column_names[2:]:
+                sums[f"{file.stem}.{name}"] = fsum(table[name].drop_null().to_pylist())
+    return sums
+
+
 def parts_way(path):
     """Where the time goes."""
     from _parts import parts_of
@@ -126,7 +164,8 @@ if __name__ == "__main__":
         "parse": parse_way,
         "read": read_way,
         "convert": convert_way,
+        "write": write_way,
         "parts": parts_way,
         "replay": replay_way,
     }
-    ways[sys.argv[1]](Path(sys.argv[2]))
+    ways[sys.argv[1]](Path(sys.argv[2]), *sys.argv[3:])

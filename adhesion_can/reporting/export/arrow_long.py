@@ -11,7 +11,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from adhesion_can.reporting.export.arrow_fields import TEXT, TIME_NS, TIME_S
-from adhesion_can.reporting.export.layout import SECOND, Field, Frames, Group, Rows, in_order
+from adhesion_can.reporting.export.layout import SECOND, Column, Frames, Group, Rows, in_order
 
 _TEXTS = ("channel", "message", "signal", "unit")
 _EXACT = 1 << 53
@@ -123,13 +123,10 @@ class ArrowLong:
     def _values(self, rows: Rows) -> NDArray[np.float64]:
         """Values as floats, shape (n, k); integers that get rounded are counted."""
         values = np.empty((len(rows.t_ns), len(rows.columns)))
-        for place, (field, column) in enumerate(zip(rows.group.fields, rows.columns, strict=True)):
+        for place, column in enumerate(rows.columns):
             values[:, place] = column.values
-            if _is_long(field):
-                beyond = np.abs(values[:, place]) > _EXACT
-                if column.missing is not None:
-                    beyond &= ~column.missing
-                self._rounded += int(np.count_nonzero(beyond))
+            if column.values.dtype.kind in "iu" and column.values.itemsize == 8:
+                self._rounded += _count_beyond(column)
         return values
 
     def _write_file(self, part: Path, whole: Path) -> None:
@@ -179,8 +176,13 @@ def _present(rows: Rows) -> NDArray[np.bool_]:
     return mask
 
 
-def _is_long(field: Field) -> bool:
-    return field.dtype.kind in "iu" and field.dtype.itemsize == 8
+def _count_beyond(column: Column) -> int:
+    """Number of integers that a float may not hold."""
+    values = column.values if column.missing is None else column.values[~column.missing]
+    beyond = values > _EXACT
+    if values.dtype.kind == "i":
+        beyond |= values < -_EXACT
+    return int(np.count_nonzero(beyond))
 
 
 def _options() -> Any:

@@ -204,7 +204,7 @@ def _object(title: str, description: str, fields: Mapping[str, Any]) -> bytes:
 
 def _property(field: Field) -> dict[str, str]:
     kind = "number" if field.dtype.kind == "f" else "integer"
-    unit = f"[{field.unit}]" if field.unit else ""
+    unit = f"[{field.unit}]" if field.unit not in ("", "-") else ""
     named = ", ".join(f"{number} = {text}" for number, text in sorted(field.names.items()))
     description = "; ".join(filter(None, (f"{field.comment} {unit}".strip(), named)))
     return {"type": kind, "description": description} if description else {"type": kind}

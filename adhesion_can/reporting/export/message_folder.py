@@ -186,13 +186,14 @@ def listed_files(path: Path) -> list[str]:
         document = json.loads((path / LIST).read_text(encoding="utf-8"))
         names = [str(one["file"]) for one in document["files"]]
     except FileNotFoundError:
-        if any(path.iterdir()):
+        # Hidden ones are what a killed run left, or what a desktop puts everywhere.
+        if any(not file.name.startswith(".") for file in path.iterdir()):
             raise InputError(str(path), "holds files that convert did not write", mend) from None
         return []
     except (ValueError, LookupError, TypeError) as error:
         raise InputError(str(path / LIST), "is no list of convert", mend) from error
     # A list that somebody changed must not delete what is elsewhere.
-    return [name for name in names if Path(name).name == name]
+    return [name for name in names if Path(name).name == name and not (path / name).is_dir()]
 
 
 def _dense(group: Group) -> Group:
