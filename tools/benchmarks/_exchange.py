@@ -54,7 +54,9 @@ def _peer_ways(words, log, database):
 
 def _own_ways(log, database):
     for out, title in OUTPUTS.items():
-        yield out, f"`convert` to {title}", ours("write", log, str(database), out)
+        yield out, f"ours: text to {title}", ours("write", log, str(database), out)
+    title = "`adhesion-can convert` to a folder, the whole command"
+    yield "command", title, ours("command", log, str(database))
 
 
 def _table(figures, ways, base):

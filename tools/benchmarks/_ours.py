@@ -93,14 +93,39 @@ def convert_way(path):
 
 
 def write_way(path, dbc, out):
-    """`adhesion-can convert` with a database; of a folder the sums of its columns, read back."""
+    """What `adhesion-can convert` does between loading the database and printing its report.
+
+    Of a folder of Parquet files the sums of its columns are read back.
+    """
+    from adhesion_can.bus.database import load_database
+    from adhesion_can.cli.conversion import Conversion
+    from adhesion_can.recordings.recording import Recording
+    from adhesion_can.reporting.export import open_recording, parse_target
+
+    database = load_database(Path(dbc))
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        form = "arrow" if out == "arrow/" else None
+        target = parse_target(f"{folder}/{out}", "--out", form)
+
+        def work():
+            conversion = Conversion(database, None, None, by_channel=target.by_channel)
+            with open_recording(target, {}) as writer:
+                for block in Recording(path).blocks():
+                    conversion.process(block, 0, writer)
+
+        passes, _ = timed(work)
+        files = [file for file in Path(folder).rglob("*") if file.is_file()]
+        size = sum(file.stat().st_size for file in files)
+        more = {"sums": _sums(files)} if out == "parquet/" else {}
+    print_result(None, passes, bytes=size, **more)
+
+
+def command_way(path, dbc):
+    """`adhesion-can convert` to a folder, with all that the command does besides."""
     from adhesion_can.cli.main import main as command
 
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        made = f"{folder}/{out}"
-        words = ["convert", str(path), "--dbc", dbc, "--out", made]
-        if out == "arrow/":
-            words += ["--format", "arrow"]
+        words = ["convert", str(path), "--dbc", dbc, "--out", f"{folder}/o/"]
 
         def work():
             with redirect_stdout(io.StringIO()) as said:
@@ -108,13 +133,9 @@ def write_way(path, dbc, out):
             if status:
                 raise RuntimeError(f"{' '.join(words)} ended with {status}: {said.getvalue()}")
 
-        # What is imported is imported before, as the peers' ways have it.
-        work()
+        work()  # what is imported is imported before, as for the others
         passes, _ = timed(work)
-        files = [file for file in Path(folder).rglob("*") if file.is_file()]
-        size = sum(file.stat().st_size for file in files)
-        more = {"sums": _sums(files)} if out == "parquet/" else {}
-    print_result(None, passes, bytes=size, **more)
+    print_result(None, passes)
 
 
 def _sums(files):
@@ -165,6 +186,7 @@ if __name__ == "__main__":
         "read": read_way,
         "convert": convert_way,
         "write": write_way,
+        "command": command_way,
         "parts": parts_way,
         "replay": replay_way,
     }
