@@ -17,6 +17,7 @@ from pathlib import Path
 
 import can
 import cantools
+import pyarrow as pa
 import pytest
 from asammdf import MDF
 from pyarrow import parquet
@@ -416,7 +417,7 @@ def full_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-@pytest.mark.parametrize("suffix", ["csv", "csv.gz", "parquet", "mf4"])
+@pytest.mark.parametrize("suffix", ["csv", "csv.gz", "parquet", "mf4", "mcap", "arrow", "arrows"])
 def test_a_full_disk_is_reported_and_leaves_nothing(tmp_path, capsys, suffix):
     log = tmp_path / "a.log"
     rng = random.Random(1)
@@ -449,7 +450,7 @@ def test_a_terminal_sees_the_progress_of_long_work_or_when_asked(log, tmp_path, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", ["csv", "csv.gz", "parquet", "mf4"])
+@pytest.mark.parametrize("suffix", ["csv", "csv.gz", "parquet", "mf4", "mcap", "arrow", "arrows"])
 def test_memory_does_not_grow_with_the_recording(tmp_path, suffix):
     peaks = []
     for count in (300_000, 1_500_000):
@@ -470,3 +471,103 @@ def test_memory_does_not_grow_with_the_recording(tmp_path, suffix):
         )
         peaks.append(int(done.stderr.split()[-1]) / 1024)
     assert peaks[1] < 1.15 * peaks[0] + 10, peaks  # MiB
+
+
+# --- folders and pipes
+
+
+def test_a_folder_gets_a_file_a_message_and_the_report_says_so(log, tmp_path, capsys):
+    out = tmp_path / "o"
+    assert convert(log, "--out", f"{out}/", "--json", tmp_path / "o.json") == 0
+    files = sorted(path.name for path in out.iterdir())
+    assert files == ["WheelSpeeds1.parquet", "WheelSpeeds2.parquet", "convert.json"]
+    table = parquet.read_table(out / "WheelSpeeds2.parquet")
+    assert table.column_names[:3] == ["time_s", "time_ns", "Crc"]
+    assert table["WheelSpeed_Ax4"].to_pylist() == [(2000 + k) * 0.002 for k in range(20)]
+    assert f"{out}/: 2 files, " in capsys.readouterr().out.replace("\n", "")
+    output = json.loads((tmp_path / "o.json").read_text())["output"]
+    size = sum((out / name).stat().st_size for name in files[:2])
+    assert output == {"path": f"{out}/", "bytes": size, "files": 2}
+    listed = json.loads((out / "convert.json").read_text())
+    assert listed["adhesion_can.version"] == __version__
+    assert [file["rows"] for file in listed["files"]] == [19, 20]
+    # Again without the slash: it is a folder by now, and one of ours.
+    assert convert(log, "--out", out, "--format", "csv", "--signals", "WheelSpeeds1") == 0
+    assert sorted(path.name for path in out.iterdir()) == ["WheelSpeeds1.csv", "convert.json"]
+
+
+def test_buses_are_kept_apart_where_a_format_can(tmp_path, capsys):
+    path = tmp_path / "a.log"
+    path.write_text("".join(line(k, 180, bytes(8), f"can{k % 2}") for k in range(9)))
+    assert convert(path, "--dbc", CAR, "--out", f"{tmp_path}/o/") == 0
+    assert "mixed" not in capsys.readouterr().out
+    rows = {
+        file.name: parquet.read_metadata(file).num_rows for file in tmp_path.glob("o/*.parquet")
+    }
+    assert rows == {"SPEED.can0.parquet": 5, "SPEED.can1.parquet": 4}
+
+
+def piped(log, *arguments):
+    command = [sys.executable, "-W", "error", "-m", "adhesion_can.cli.main", "convert", str(log)]
+    return subprocess.Popen(
+        [*command, "--out", "-", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+
+
+def test_a_stream_goes_to_stdout_and_the_report_to_stderr(log):
+    with piped(log, "--format", "arrow") as process:
+        with pa.ipc.open_stream(process.stdout) as stream:
+            rows = stream.read_all().to_pylist()
+        err = process.stderr.read().decode()
+    assert process.returncode == 0
+    assert "44 frames" in err
+    assert len(rows) == 39 * 5
+    assert rows[2] == {
+        "time_s": 1.7e9,
+        "time_ns": 1_700_000_000 * 10**9,
+        "channel": "can0",
+        "message": "WheelSpeeds1",
+        "signal": "WheelSpeed_Ax1",
+        "value": 2.0,
+        "unit": "rad/s",
+    }
+
+
+def test_a_reader_of_the_stream_that_goes_is_no_error(tmp_path):
+    log = tmp_path / "a.log"
+    rng = random.Random(1)
+    log.write_text("".join(line(k, 170, rng.randbytes(8)) for k in range(200_000)))
+    with piped(log, "--dbc", str(CAR)) as process:
+        process.stdout.read(10)
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--out", "-", "--json", "-"), "--json -: stdout has the Arrow stream"),
+        (("--out", "{dir}/o/", "--raster", "10ms"), "--raster writes one table"),
+        (("--out", "{dir}/o.mcap", "--raster", "10ms"), "of no known format"),
+        (("--out", "{dir}/none/o/"), "its folder does not exist"),
+        (("--out", "{dir}/"), "holds files that convert did not write"),
+        (("--out", "{log}/"), "is a file; name a folder"),
+        (("--out", "{dir}/o.feather"), ".arrow is what it is called here"),
+    ],
+)
+def test_bad_folders_and_pipes_are_reported(log, tmp_path, capsys, arguments, message):
+    words = [word.format(log=log, dir=tmp_path) for word in arguments]
+    assert message in fails(capsys, log, *words)
+    assert list(tmp_path.iterdir()) == [log]
+
+
+def test_small_numbers_of_csv_have_no_exponent(tmp_path):
+    database = tmp_path / "s.dbc"
+    database.write_text(TWICE.replace("(1,0)", "(0.00001,0)", 1))
+    path = tmp_path / "a.log"
+    path.write_text(line(1, 256, b"\3" + bytes(7)))
+    assert convert(path, "--dbc", database, "--out", tmp_path / "o.csv") == 0
+    text = rows_of(tmp_path / "o.csv")[0]["M@100.X"]
+    assert text == "0.000030000000000000004"  # 3e-05 in cantools' binary arithmetic
+    assert float(text) == 3 * 0.00001

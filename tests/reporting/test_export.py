@@ -33,8 +33,10 @@ from adhesion_can.reporting.export import (
     Group,
     Raw,
     Rows,
+    file_target,
     open_recording,
     open_table,
+    parse_target,
     require_format,
 )
 from adhesion_can.reporting.export.csv_file import time_texts
@@ -113,9 +115,10 @@ def recorded(count=600, seed=1):
 
 def write(path, block, size=10_000, *, fail=False):
     decoder, rows = Decoder(DATABASE), MessageRows(DATABASE)
-    with open_recording(path, ORIGIN) as writer:
+    with open_recording(file_target(path, "out"), ORIGIN) as writer:
         for first in range(0, len(block), size):
-            writer.write(rows.build(decoder.decode(block.select(slice(first, first + size)))))
+            part = block.select(slice(first, first + size))
+            writer.write(*rows.build(decoder.decode(part), part))
         if fail:
             raise KeyboardInterrupt
     return decoder.report
@@ -220,14 +223,14 @@ def test_mf4_reads_back_as_cantools_decodes(tmp_path):
 
 def test_the_time_of_mf4_begins_where_the_recording_does(tmp_path):
     """Two files of one recording lie over each other, whatever rows each of them holds."""
-    with open_recording(tmp_path / "a.mf4", {}) as writer:
+    with open_recording(file_target(tmp_path / "a.mf4", "out"), {}) as writer:
         writer.begin(T0_NS)
         decoder, rows = Decoder(DATABASE), MessageRows(DATABASE)
         frames = [Frame(0, 291, bytes(8)), Frame(0, 291, bytes(8))]
         block = replace(
             Block.from_frames(frames), t_ns=np.array([T0_NS + 5 * 10**9, T0_NS + 7 * 10**9])
         )
-        writer.write(rows.build(decoder.decode(block)))
+        writer.write(*rows.build(decoder.decode(block), block))
     start_ns, columns = mf4_columns(tmp_path / "a.mf4")
     assert start_ns == T0_NS
     assert columns["Plain", "Count"][0].tolist() == [5.0, 7.0]
@@ -241,7 +244,7 @@ def test_the_times_of_mf4_rise_within_what_is_written_at_once(tmp_path_factory, 
     places = np.arange(count)
     numbers = places.astype(float)
     columns = [Column(numbers), Column(numbers, places % 2 == 1)]
-    with open_recording(path, {}) as writer:
+    with open_recording(file_target(path, "out"), {}) as writer:
         writer.begin(0)
         writer.write([Rows(group, places, np.array(seconds) * 10**9, columns)])
     _, held = mf4_columns(path)
@@ -322,10 +325,9 @@ def test_a_name_that_stands_twice_gets_its_id(tmp_path):
     text = DBC.replace("BO_ 292 Wide", "BO_ 292 Plain").replace("All64", "Scaled")
     database = CanDatabase(Path("t.dbc"), "", cantools.database.load_string(text, strict=False))
     frames = [Frame(1, 291, bytes(8)), Frame(2, 292, b"\1" + bytes(7))]
-    with open_recording(tmp_path / "a.csv", {}) as writer:
-        writer.write(
-            MessageRows(database).build(Decoder(database).decode(Block.from_frames(frames)))
-        )
+    with open_recording(file_target(tmp_path / "a.csv", "out"), {}) as writer:
+        block = Block.from_frames(frames)
+        writer.write(*MessageRows(database).build(Decoder(database).decode(block), block))
     first, second = csv_rows(tmp_path / "a.csv")
     assert (first["message"], first["Plain@123.Scaled"]) == ("Plain@123", "-3.5")
     assert (second["message"], second["Plain@124.Scaled"]) == ("Plain@124", "1")
@@ -333,7 +335,7 @@ def test_a_name_that_stands_twice_gets_its_id(tmp_path):
 
 def test_a_recording_of_nothing_has_a_header(tmp_path):
     for suffix in SUFFIXES:
-        with open_recording(tmp_path / f"a{suffix}", ORIGIN):
+        with open_recording(file_target(tmp_path / f"a{suffix}", "out"), ORIGIN):
             pass
     assert (tmp_path / "a.csv").read_text() == "time_s,message\n"
     assert parquet.read_table(tmp_path / "a.parquet").num_rows == 0
@@ -382,7 +384,7 @@ def test_a_failing_removal_does_not_hide_the_error(tmp_path, suffix, monkeypatch
 def test_a_name_that_is_too_long_is_told(tmp_path, suffix):
     path = tmp_path / ("x" * 300 + suffix)
     with pytest.raises(InputError, match="File name too long"):
-        require_format(path, "--out")
+        parse_target(str(path), "--out")
     with pytest.raises(InputError, match="File name too long"):
         write(path, recorded()[0])
 
@@ -507,7 +509,7 @@ def test_floats_read_back_exactly(tmp_path_factory, numbers):
     path = tmp_path_factory.getbasetemp() / "floats.csv"
     group = Group("M", (Field("x"),))
     places = np.arange(len(numbers))
-    with open_recording(path, {}) as writer:
+    with open_recording(file_target(path, "out"), {}) as writer:
         writer.write([Rows(group, places, places, [Column(np.array(numbers, dtype=float))])])
     read = [float(row["M.x"]) for row in csv_rows(path)]
     assert list(map(repr, read)) == list(map(repr, numbers))  # nan and -0.0, too

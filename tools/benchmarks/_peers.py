@@ -6,6 +6,7 @@ the database, is loaded before. `sums` of the signals show what it found.
 
 import sys
 from math import fsum
+from pathlib import Path
 
 from _passes import print_result, timed
 
@@ -76,7 +77,11 @@ def _values(extracted):
 
 
 def _frames(extracted):
-    return sum(group.channel_group.cycles_nr for group in extracted.groups)
+    """Number of frames; the pages of a multiplexer are groups of their own beside their message."""
+    counts = {}
+    for group in extracted.groups:
+        counts.setdefault(group.channel_group.comment, []).append(group.channel_group.cycles_nr)
+    return sum(max(numbers) for numbers in counts.values())
 
 
 def asammdf_way(path, dbc):
@@ -127,11 +132,10 @@ def write_mf4(path, out, payload_bytes, compression):
     from asammdf import MDF, Signal, Source
     from asammdf.blocks.v4_constants import BUS_TYPE_CAN, SOURCE_BUS
 
-    lines = np.fromfile(path, np.uint8)
-    lines = lines.reshape(-1, int(np.flatnonzero(lines[:200] == ord("\n"))[0]) + 1)
-    text = [bytes(line) for line in np.ascontiguousarray(lines[:, 1:18]).view("S17")[:, 0]]
-    stamps = np.array(text, "S17").astype(float)
-    raw = bytes.fromhex(np.ascontiguousarray(lines[:, 29:45]).tobytes().decode())
+    with Path(path).open() as file:
+        lines = [line.split() for line in file]
+    stamps = np.array([stamp[1:-1] for stamp, _, _ in lines]).astype(float)
+    parts = [frame.partition("#") for _, _, frame in lines]
     samples = np.zeros(
         len(lines),
         [
@@ -148,8 +152,11 @@ def write_mf4(path, out, payload_bytes, compression):
         ],
     )
     samples["CAN_DataFrame.BusChannel"] = 1
-    samples["CAN_DataFrame.ID"] = [int(bytes(line), 16) for line in lines[:, 25:28]]
-    samples["CAN_DataFrame.DLC"] = samples["CAN_DataFrame.DataLength"] = 8
+    samples["CAN_DataFrame.ID"] = [int(key, 16) for key, _, _ in parts]
+    samples["CAN_DataFrame.IDE"] = [len(key) > 3 for key, _, _ in parts]
+    lengths = [len(data) // 2 for _, _, data in parts]
+    samples["CAN_DataFrame.DLC"] = samples["CAN_DataFrame.DataLength"] = lengths
+    raw = b"".join(bytes.fromhex(data).ljust(8, b"\0") for _, _, data in parts)
     samples["CAN_DataFrame.DataBytes"][:, :8] = np.frombuffer(raw, np.uint8).reshape(-1, 8)
     with MDF(version="4.10") as file:
         source = Source("CAN1", "CAN1", "", SOURCE_BUS, BUS_TYPE_CAN)

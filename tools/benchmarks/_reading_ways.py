@@ -20,11 +20,11 @@ EXTRACT = "asammdf `extract_bus_logging`"
 OURS = "ours: text to columns, E2E checked"
 
 
-def ours(way, path):
-    return (sys.executable, str(HERE / "_ours.py"), way, str(path))
+def ours(way, path, *more):
+    return (sys.executable, str(HERE / "_ours.py"), way, str(path), *more)
 
 
-def _peers(report):
+def peers(report):
     """Words that start a peer's way; None where they cannot be had, which is reported."""
     python = peer_python("peers", PEERS, report)
     if python is None:
@@ -52,7 +52,7 @@ def _compiled(report):
     return program
 
 
-def _bus_logging(words, log, name, payload_bytes, compression):
+def bus_logging(words, log, name, payload_bytes, compression):
     """The recording as MF4, written where it is not there yet."""
     out = log.with_name(name)
     if data.older(out, log):
@@ -63,7 +63,7 @@ def _bus_logging(words, log, name, payload_bytes, compression):
 
 def ladder(report, log, frames):
     """The ways that can be measured; the others are reported."""
-    words, program = _peers(report), _compiled(report)
+    words, program = peers(report), _compiled(report)
     ways = list(_peer_ways(words, log)) if words else []
     ways += _own_ways(log)
     if program:
@@ -75,8 +75,8 @@ def ladder(report, log, frames):
 
 def _peer_ways(words, log):
     """The peers' ways; MF4 as python-can's logger writes it, and as suits asammdf best."""
-    as_logged = _bus_logging(words, log, "ladder.mf4", 64, 2)
-    lean = _bus_logging(words, log, "ladder-lean.mf4", 8, 0)
+    as_logged = bus_logging(words, log, "ladder.mf4", 64, 2)
+    lean = bus_logging(words, log, "ladder-lean.mf4", 8, 0)
     text, database = str(log), str(DBC)
     lists = f"{CANTOOLS}, into a list a signal"
     yield "cantools", CANTOOLS, (*words, "cantools", text, database)

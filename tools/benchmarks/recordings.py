@@ -7,6 +7,7 @@ from math import isclose
 from statistics import median
 
 import _ladder_data as data
+from _exchange import exchange
 from _reading_speed import Way, climb, run_process, speed, table, times_as_fast
 from _reading_ways import BUILD, ladder, ours
 from _report import aside
@@ -112,6 +113,11 @@ def linear_row(report, options):
         data.recording_path(FOLDER, LENGTHS[-1]).unlink()
 
 
+def exchange_row(report, options):
+    """Two recordings written in every format: nine messages of ours, and 100 of many kinds."""
+    exchange(report, FOLDER, FRAMES, options.rounds, same_values)
+
+
 def parts_row(report, _options):
     """Where our chain's time goes on one core."""
     answer = run_process(ours("parts", data.recording(FOLDER, FRAMES)), core=0)
@@ -149,7 +155,13 @@ def replay_row(report, options):
     report.at_most("MiB", cost["mib"], REPLAY_MIB, ".0f")
 
 
-ROWS = {"ladder": ladder_row, "linear": linear_row, "parts": parts_row, "replay": replay_row}
+ROWS = {
+    "ladder": ladder_row,
+    "linear": linear_row,
+    "exchange": exchange_row,
+    "parts": parts_row,
+    "replay": replay_row,
+}
 
 
 def parsed():

@@ -1,61 +1,55 @@
-"""Files of columns for the tools that people use: CSV, Parquet and MF4.
+"""Files of columns for the tools that people use: CSV, Parquet, Arrow, MF4 and MCAP.
 
 A file appears whole or not at all, and takes the same memory however long it gets.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.errors import InputError
-from adhesion_can.reporting.export.layout import Column, Field, Group, Raw, Rows, Sink, SinkOpener
+from adhesion_can.reporting.export.layout import (
+    Column,
+    Field,
+    Frames,
+    Group,
+    Raw,
+    Rows,
+    Sink,
+    SinkOpener,
+)
+from adhesion_can.reporting.export.target import (
+    FOLDER_FORMATS,
+    SUFFIXES,
+    TABLE_SUFFIXES,
+    Target,
+    file_target,
+    parse_target,
+    require_format,
+)
 
 __all__ = [
+    "FOLDER_FORMATS",
     "SUFFIXES",
+    "TABLE_SUFFIXES",
     "Column",
     "Field",
+    "Frames",
     "Group",
     "Raw",
     "Rows",
     "TableWriter",
+    "Target",
     "Writer",
+    "file_target",
     "open_recording",
     "open_table",
+    "parse_target",
     "require_format",
 ]
-
-
-class _Format(NamedTuple):
-    """Module of this package that writes a format.
-
-    Attributes:
-        module: Name of the module; its function `open_sink` is a `SinkOpener`.
-        extra: Extra of the package that the module needs; '' for none.
-        library: Library behind the extra.
-
-    """
-
-    module: str
-    extra: str = ""
-    library: str = ""
-
-
-_FORMATS: Mapping[str, _Format] = {
-    ".csv": _Format("csv_file"),
-    ".csv.gz": _Format("csv_file"),
-    ".parquet": _Format("parquet_file", "parquet", "pyarrow"),
-    ".mf4": _Format("mf4_file", "mf4", "asammdf"),
-}
-"""Formats by the suffix of the file."""
-
-SUFFIXES = tuple(_FORMATS)
-"""Suffixes of the formats that are written."""
 
 
 class Writer:
@@ -73,10 +67,20 @@ class Writer:
         """
         self._sink.begin(t_ns)
 
-    def write(self, rows: Sequence[Rows]) -> None:
-        """Append rows; `Rows.position` is their order."""
+    def write(self, rows: Sequence[Rows], frames: Frames | None = None) -> None:
+        """Append rows; `Rows.position` is their order.
+
+        Args:
+            rows: Rows of some groups.
+            frames: Frames behind the rows, for a format that keeps them.
+
+        """
         with _input_errors(self._path):
-            self._sink.write(rows)
+            self._sink.write(rows, frames)
+
+    def problems(self) -> list[str]:
+        """Sentences about what the file does not hold exactly; also after it was closed."""
+        return self._sink.problems()
 
 
 class TableWriter:
@@ -97,44 +101,30 @@ class TableWriter:
         self._writer.write([Rows(self._group, np.arange(len(t_ns)), t_ns, columns)])
 
 
-def require_format(path: Path, option: str) -> None:
-    """Raise an InputError where a file's format is unknown or its extra is not installed.
-
-    Args:
-        path: Path of the file to write.
-        option: Option of the command line that names the file.
-
-    """
-    suffix = _suffix(path)
-    if suffix is None:
-        raise InputError(
-            f"{option} {path}", "of no known format", f"give a name in {', '.join(SUFFIXES)}"
-        )
-    with _input_errors(path):
-        if path.is_dir():
-            raise InputError(f"{option} {path}", "is a folder", "name a file")
-    _load_module(suffix, path)
-
-
 @contextmanager
-def open_recording(path: Path, origin: Mapping[str, str]) -> Iterator[Writer]:
-    """A file for the rows of many messages.
+def open_recording(target: Target, origin: Mapping[str, str]) -> Iterator[Writer]:
+    """A file or folder for the rows of many messages.
 
     CSV and Parquet: a row a frame in their order, columns `time_s`, `message` and 'Message.Signal'
-    for each. MF4: a channel group a message, its rows in the order of their stamps as far as they
-    are written at once.
+    for each. MF4 and MCAP: a channel group or channel a message. Arrow: a row for each value. A
+    folder: a file a message.
 
     Args:
-        path: Path of the file; its suffix selects the format.
+        target: File, folder or stdout.
         origin: Version, inputs and the like, by name; CSV has no place for them.
 
     Raises:
-        InputError: The format is unknown, an extra is missing, or the disk is full.
+        InputError: An extra is missing, or the disk is full.
 
     """
-    sink = _begin(path, origin)
-    with _closed(path, sink):
-        yield Writer(path, sink)
+    module = target.load_module()
+    with _input_errors(target.path):
+        if target.is_folder:
+            sink: Sink = module.open_folder(target.path, target.suffix, origin)
+        else:
+            sink = module.open_sink(target.path, origin, (), 9)
+    with _closed(target.path, sink):
+        yield Writer(target.path, sink)
 
 
 @contextmanager
@@ -161,20 +151,13 @@ def open_table(
         InputError: The format is unknown, an extra is missing, or the disk is full.
 
     """
+    require_format(path, "output")
     group = Group(name, tuple(fields))
-    sink = _begin(path, origin, (group,), decimals)
+    open_sink: SinkOpener = file_target(path, "output", TABLE_SUFFIXES).load_module().open_sink
+    with _input_errors(path):
+        sink = open_sink(path, origin, (group,), decimals)
     with _closed(path, sink):
         yield TableWriter(Writer(path, sink), group)
-
-
-def _begin(
-    path: Path, origin: Mapping[str, str], groups: Sequence[Group] = (), decimals: int = 9
-) -> Sink:
-    """Begin a file in the format of its suffix; known groups make it a plain table."""
-    require_format(path, "output")
-    open_sink: SinkOpener = _load_module(_suffix(path) or "", path).open_sink
-    with _input_errors(path):
-        return open_sink(path, origin, groups, decimals)
 
 
 @contextmanager
@@ -194,30 +177,11 @@ def _input_errors(path: Path) -> Iterator[None]:
     """Turn errors of the file system into InputErrors."""
     try:
         yield
+    except BrokenPipeError:
+        raise  # who read from the pipe has gone
     except OSError as error:
         raise InputError(
             str(path),
             error.strerror or " ".join(str(error).split()) or "cannot be written",
             "name a folder that can be written to and has room",
-        ) from error
-
-
-def _suffix(path: Path) -> str | None:
-    """Suffix of the file's format; None where the format is unknown."""
-    name = path.name.lower()
-    return next((suffix for suffix in SUFFIXES if name.endswith(suffix)), None)
-
-
-def _load_module(suffix: str, path: Path) -> ModuleType:
-    """Module that writes a format, imported where it is used, since it may need an extra."""
-    form = _FORMATS[suffix]
-    try:
-        return import_module(f"{__name__}.{form.module}")
-    except ImportError as error:
-        if not form.extra:
-            raise
-        raise InputError(
-            str(path),
-            f"this format needs {form.library}",
-            f"pip install 'adhesion-can[{form.extra}]'",
         ) from error

@@ -4,7 +4,6 @@ import csv
 import gzip
 import io
 import re
-import struct
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from itertools import repeat
@@ -16,6 +15,8 @@ from numpy.typing import NDArray
 
 from adhesion_can.reporting.export.growing_table import GrowingTable
 from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count
+from adhesion_can.reporting.export.message_folder import MessageFolder
+from adhesion_can.reporting.export.number_texts import FloatTexts
 
 _CHUNK = 1 << 22
 _LEVEL = 6  # of gzip: its default of 9 takes three times as long for 2 % less
@@ -82,7 +83,7 @@ class CsvPartFile:
         for group in groups:
             self._before[group.name] = self._width
             self._width += len(group.fields)
-        self._texts = _FloatTexts()
+        self._texts = FloatTexts()
         self._stack = ExitStack()
         self._file = table_format.create(path, self._stack)
         self._file.write(table_format.header(groups))
@@ -117,8 +118,7 @@ class CsvPartFile:
         elif field.spec:
             texts = [format(number, field.spec) for number in numbers.tolist()]
         elif numbers.dtype.kind == "f":
-            bits = numbers.astype(np.float64, copy=False).view(np.int64)
-            texts = list(map(self._texts.__getitem__, bits.tolist()))
+            texts = self._texts.of(numbers)
         else:
             texts = list(map(str, numbers.tolist()))
         if column.missing is not None:
@@ -127,20 +127,31 @@ class CsvPartFile:
         return texts
 
 
-class _FloatTexts(dict[int, str]):
-    """Shortest text that reads back as the same float, by the float's bits.
+class CsvMessageFile:
+    """A CSV file with the rows of one message.
 
-    Signals take few values, and looking one up is many times as fast as Python's `repr`.
+    Args:
+        path: Path of the file.
+        group: Message.
+
     """
 
-    _MOST = 1 << 19
+    held = 0
 
-    def __missing__(self, bits: int) -> str:
-        if len(self) >= self._MOST:
-            self.clear()
-        (number,) = struct.unpack("<d", struct.pack("<q", bits))
-        text = self[bits] = repr(number)
-        return text
+    def __init__(self, path: Path, group: Group) -> None:
+        plain = CsvFormat(compressed=False, by_message=False, decimals=9)
+        self._file = CsvPartFile(path, (group,), plain)
+
+    def write(self, rows: Rows) -> None:
+        """Append rows."""
+        self._file.write([rows._replace(position=np.arange(len(rows.t_ns)))])
+
+    def flush(self) -> None:
+        """Do nothing: rows are written as they come."""
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._file.close()
 
 
 def time_texts(t_ns: NDArray[np.int64], decimals: int = 9) -> list[str]:
@@ -192,3 +203,8 @@ def open_sink(
     """Begin a CSV file, compressed where its name ends in .gz; a `SinkOpener`."""
     compressed = path.suffix.lower() == ".gz"
     return GrowingTable(path, CsvFormat(compressed, not groups, decimals), groups)
+
+
+def open_folder(path: Path, suffix: str, origin: Mapping[str, str]) -> MessageFolder:
+    """Begin a folder of CSV files; a `FolderOpener`."""
+    return MessageFolder(path, suffix, CsvMessageFile, origin)

@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from adhesion_can.reporting.export.layout import Group, Rows
+from adhesion_can.reporting.export.layout import Frames, Group, Rows
 
 
 class PartFile(Protocol):
@@ -55,7 +55,7 @@ class GrowingTable:
     def begin(self, t_ns: int) -> None:
         """Do nothing: the table keeps the stamps of the recording."""
 
-    def write(self, rows: Sequence[Rows]) -> None:
+    def write(self, rows: Sequence[Rows], _frames: Frames | None = None) -> None:
         """Append rows."""
         held = [part for part in rows if len(part.t_ns)]
         fresh = [part for part in held if part.group.name not in self._groups]
@@ -65,6 +65,10 @@ class GrowingTable:
             self._begin()
         if held and self._part is not None:
             self._part.write(held)
+
+    def problems(self) -> list[str]:
+        """Nothing: the table holds the numbers as they are."""
+        return []
 
     def close(self) -> None:
         """Finish the table, which then gets its name."""

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.bus.block import Block
+
 SECOND = 1_000_000_000
 """Number of nanoseconds in a second."""
 
@@ -64,15 +66,17 @@ class Group:
     """Fields that share their rows: a message, or a whole table.
 
     Attributes:
-        name: Name of the group, unique in its file.
+        name: Name of the group, unique in its file and channel.
         fields: Fields of the group, at least one.
         comment: Description for the reader of the file.
+        channel: Name of the bus, in formats that keep buses apart; else ''.
 
     """
 
     name: str
     fields: tuple[Field, ...]
     comment: str = ""
+    channel: str = ""
 
 
 class Column(NamedTuple):
@@ -116,14 +120,36 @@ class Rows(NamedTuple):
         return Rows(self.group, self.position[part] - first, self.t_ns[part], columns)
 
 
+class Frames(NamedTuple):
+    """Frames that rows were decoded from, among all others of their block.
+
+    Attributes:
+        block: Block of the recording.
+        place: Row of the block of each `Rows.position`, ascending, shape (n,).
+
+    """
+
+    block: Block
+    place: NDArray[np.int64]
+
+
 class Sink(Protocol):
     """A file in the making; a group begins with its first rows."""
 
     def begin(self, t_ns: int) -> None:
         """Set the begin of the file's time, if it counts from a start."""
 
-    def write(self, rows: Sequence[Rows]) -> None:
-        """Append rows; `Rows.position` is their order."""
+    def write(self, rows: Sequence[Rows], frames: Frames | None = None) -> None:
+        """Append rows; `Rows.position` is their order.
+
+        Args:
+            rows: Rows of some groups.
+            frames: Frames behind the rows, for a format that keeps them.
+
+        """
+
+    def problems(self) -> list[str]:
+        """Sentences about what the file does not hold exactly."""
 
     def close(self) -> None:
         """Finish the file, which then gets its name."""

@@ -1,20 +1,24 @@
 """Decoded messages as rows of a file of columns, with fields by the database's signals."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
+from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import CanDatabase
 from adhesion_can.bus.decoder import MessageColumns
 from adhesion_can.bus.signal_columns import SignalColumn
-from adhesion_can.reporting.export.layout import Column, Field, Group, Raw, Rows
+from adhesion_can.reporting.export.layout import Column, Field, Frames, Group, Raw, Rows
 
 _RAW_BITS = 32
 _LARGEST_OFFSET = 1 << 40  # in steps; up to there 53 bits lead from a number back to its raw value
+
+_Rows = slice | NDArray[np.int64]
+_Part = tuple[MessageColumns, _Rows, str]  # of a message: rows that are kept, and their bus
 
 
 class MessageRows:
@@ -22,52 +26,63 @@ class MessageRows:
 
     Args:
         database: Database of the messages.
+        by_channel: Whether the frames of each bus are rows of a group of their own.
 
     """
 
-    def __init__(self, database: CanDatabase) -> None:
+    def __init__(self, database: CanDatabase, *, by_channel: bool = False) -> None:
+        self._by_channel = by_channel
         self._times_named = Counter(message.name for message in database.db.messages)
-        self._groups: dict[tuple[int, bool], Group] = {}
+        self._groups: dict[tuple[int, bool, str], Group] = {}
 
-    def build(self, decoded: Sequence[MessageColumns]) -> list[Rows]:
-        """Rows of one block, in the order of the recording."""
-        kept = [columns.outcome == 0 for columns in decoded]
-        places = [
-            columns.rows if keep.all() else columns.rows[keep]
-            for columns, keep in zip(decoded, kept, strict=True)
+    def build(self, decoded: Sequence[MessageColumns], block: Block) -> tuple[list[Rows], Frames]:
+        """Rows of one block, in the order of the recording, and the frames behind them."""
+        parts = list(self._parts(decoded, block))
+        rank, place = _order([columns.rows[keep] for columns, keep, _ in parts])
+        rows = [
+            self._rows(columns, keep, channel, rank[columns.rows[keep]])
+            for columns, keep, channel in parts
         ]
-        rank = _rank(places)
-        return [
-            self._rows(columns, keep, rank[rows])
-            for columns, keep, rows in zip(decoded, kept, places, strict=True)
-            if len(rows)
-        ]
+        return rows, Frames(block, place)
+
+    def _parts(self, decoded: Sequence[MessageColumns], block: Block) -> Iterator[_Part]:
+        """The frames of each message, and bus where these are kept apart, that are not rejected."""
+        for columns in decoded:
+            kept = columns.outcome == 0
+            if not kept.any():
+                continue
+            keep: _Rows = slice(None) if kept.all() else np.flatnonzero(kept)
+            if not self._by_channel:
+                yield columns, keep, ""
+                continue
+            channel = block.channel[columns.rows]
+            for number in np.flatnonzero(np.bincount(channel[keep])).tolist():
+                here = channel == number
+                if not here.all():
+                    keep = np.flatnonzero(here & kept)
+                yield columns, keep, block.channels[number]
 
     def _rows(
-        self, columns: MessageColumns, keep: NDArray[np.bool_], position: NDArray[np.int64]
+        self, columns: MessageColumns, keep: _Rows, channel: str, position: NDArray[np.int64]
     ) -> Rows:
-        group = self._group(columns)
-        every = keep.all()
+        group = self._group(columns, channel)
         cells = []
         for field, signal in zip(group.fields, columns.signals.values(), strict=True):
-            missing = None if signal.present is None else ~signal.present
-            values = signal.values.astype(field.dtype, copy=False)
-            if not every:
-                values = values[keep]
-                missing = None if missing is None else missing[keep]
-            cells.append(Column(values, missing))
-        return Rows(group, position, columns.t_ns if every else columns.t_ns[keep], cells)
+            missing = None if signal.present is None else ~signal.present[keep]
+            cells.append(Column(signal.values[keep].astype(field.dtype, copy=False), missing))
+        return Rows(group, position, columns.t_ns[keep], cells)
 
-    def _group(self, columns: MessageColumns) -> Group:
+    def _group(self, columns: MessageColumns, channel: str) -> Group:
         message = columns.message
-        key = message.frame_id, message.is_extended_frame
+        key = message.frame_id, message.is_extended_frame, channel
         if key not in self._groups:
             name = message.name
             if self._times_named[name] > 1:
                 name = f"{name}@{message.frame_id:X}"
             fields = tuple(_field(message, name, s) for name, s in columns.signals.items())
-            comment = " ".join((id_text(*key), message.comment or "")).strip()
-            self._groups[key] = Group(name, fields, comment)
+            number = id_text(message.frame_id, message.is_extended_frame)
+            comment = " ".join((number, message.comment or "")).strip()
+            self._groups[key] = Group(name, fields, comment, channel)
         return self._groups[key]
 
 
@@ -76,13 +91,15 @@ def id_text(number: int, extended: bool) -> str:
     return f"0x{number:08X}" if extended else f"0x{number:03X}"
 
 
-def _rank(places: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """Position among all rows, by position in the block."""
+def _order(
+    places: Sequence[NDArray[np.int64]],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Position among all rows, by row of the block; and the row of the block of each position."""
     end = max((int(rows[-1]) + 1 for rows in places if len(rows)), default=0)
     held = np.zeros(end, dtype=bool)
     for rows in places:
         held[rows] = True
-    return np.cumsum(held) - 1
+    return np.cumsum(held) - 1, np.flatnonzero(held)
 
 
 def _field(message: Message, name: str, column: SignalColumn) -> Field:

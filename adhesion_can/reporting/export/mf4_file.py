@@ -10,10 +10,23 @@ from asammdf import MDF, Signal, Source
 from asammdf.blocks import v4_constants as mdf4
 from numpy.typing import NDArray
 
-from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count, in_order
+from adhesion_can.reporting.export.layout import (
+    SECOND,
+    Column,
+    Field,
+    Frames,
+    Group,
+    Rows,
+    count,
+    in_order,
+)
 
 _VERSION = "4.10"  # what every reader knows
 _DEFLATE: Final = 1
+_NOT_RISING = (
+    "MF4 wants rising times: frames stamped before others in front of them were put in their place "
+    "among those written at once, but no further; CSV and Parquet keep the order of the recording"
+)
 
 
 class Mf4File:
@@ -41,6 +54,8 @@ class Mf4File:
         self._bus = not groups
         self._start_ns: int | None = None
         self._number: dict[str, int] = {}
+        self._last_ns: dict[str, int] = {}
+        self._runs_back = False
         # Beside the finished file: /tmp may be small, or memory.
         self._mdf = MDF(version=_VERSION, temporary_folder=str(path.resolve().parent))
         self._mdf.header.comment = "\n".join(f"{key}: {text}" for key, text in origin.items())
@@ -53,7 +68,7 @@ class Mf4File:
         """Set the time from which the file counts, ns since the epoch; before the first rows."""
         self._start_ns = max(t_ns, 0)  # the format knows none before 1970
 
-    def write(self, rows: Sequence[Rows]) -> None:
+    def write(self, rows: Sequence[Rows], _frames: Frames | None = None) -> None:
         """Append rows."""
         if not count(rows):
             return
@@ -63,6 +78,9 @@ class Mf4File:
             if not len(given.t_ns):
                 continue
             part = _sort_by_time(given)
+            last_ns = self._last_ns.get(part.group.name, int(part.t_ns[0]))
+            self._runs_back |= part is not given or int(part.t_ns[0]) < last_ns
+            self._last_ns[part.group.name] = max(last_ns, int(part.t_ns[-1]))
             time_s = (part.t_ns - (self._start_ns or 0)) / SECOND
             if part.group.name not in self._number:
                 self._append(part, time_s)
@@ -72,6 +90,10 @@ class Mf4File:
                     values, missing = _stored(field, column)
                     pairs.append((values, missing))
                 self._mdf.extend(self._number[part.group.name], pairs)
+
+    def problems(self) -> list[str]:
+        """Sentence about times that run back in the recording."""
+        return [_NOT_RISING] if self._runs_back else []
 
     def close(self) -> None:
         """Write the file, which then gets its name."""

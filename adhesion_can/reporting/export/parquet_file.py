@@ -1,6 +1,5 @@
 """Parquet: the table of the CSV with types, units and provenance."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import parquet
 
+from adhesion_can.reporting.export.arrow_fields import TEXT, TIME_NS, TIME_S, arrow_field
 from adhesion_can.reporting.export.growing_table import GrowingTable
 from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count, in_order
 
@@ -50,15 +50,12 @@ class ParquetFormat:
 
     def schema(self, groups: Sequence[Group]) -> Any:
         """Arrow's schema of a table."""
-        time = {b"unit": b"s", b"comment": b"on the recording's clock"}
-        fields = [pa.field("time_s", pa.float64(), nullable=False, metadata=time)]
+        fields = [TIME_S]
         if self.by_message:
-            exact = {b"unit": b"ns", b"comment": b"on the recording's clock, exact"}
-            fields.append(pa.field("time_ns", pa.int64(), nullable=False, metadata=exact))
-            fields.append(pa.field("message", _TEXT, nullable=False))
+            fields += [TIME_NS, pa.field("message", TEXT, nullable=False)]
         for group in groups:
             prefix = f"{group.name}." if self.by_message else ""
-            fields += [_arrow_field(prefix + field.name, field) for field in group.fields]
+            fields += [arrow_field(prefix + field.name, field) for field in group.fields]
         return pa.schema(fields, metadata=self.origin)
 
 
@@ -122,25 +119,10 @@ def _writer(path: Path, schema: Any) -> Any:
     return parquet.ParquetWriter(path, schema, use_dictionary=values, column_encoding=deltas)
 
 
-_TEXT = pa.dictionary(pa.int32(), pa.string())
-
-
-def _arrow_field(name: str, field: Field) -> Any:
-    metadata = {}
-    if field.unit:
-        metadata["unit"] = field.unit
-    if field.comment:
-        metadata["comment"] = field.comment
-    if field.names and not field.text:
-        metadata["values"] = json.dumps(field.names)
-    kind = _TEXT if field.text else pa.from_numpy_dtype(field.dtype)
-    return pa.field(name, kind, metadata=metadata or None)
-
-
 def _arrays(group: Group, rows: Rows | None, size: int) -> Iterator[Any]:
     if rows is None:
         for field in group.fields:
-            yield pa.nulls(size, _arrow_field(field.name, field).type)
+            yield pa.nulls(size, arrow_field(field.name, field).type)
         return
     absent = None
     if len(rows.t_ns) < size:
