@@ -30,8 +30,11 @@ _ENDS = np.zeros(256, np.bool_)
 _ENDS[[*b" \t\r\n"]] = True
 """Characters that may follow a payload."""
 
-Digits = tuple[tuple[int, np.uint64, np.uint64], ...]
-"""Words of decimal digits, as (offset, mask, worth of the last digit)."""
+Digits = tuple[tuple[int, np.uint64, np.uint64, np.uint64], ...]
+"""Words of decimal digits, as (offset, mask, worth of the last digit, blanks): where the number may
+be padded with spaces, `blanks` has the lowest bit of its first character, else 0."""
+_BITS, _NIBBLES = np.uint64(0x0101010101010101), np.uint64(0x0F)
+_4, _8 = np.uint64(4), np.uint64(8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +43,7 @@ class Layout:
 
     Attributes:
         kind: Kind of the lines, DATA or FD.
-        size: Number of characters up to the end of the payload.
+        size: Number of characters up to the end of the payload, or of the line where it `is_last`.
         fixed: Words of a line from its first character on, as (characters, mask) each.
         stamp: Digits of the stamp, worth ns.
         bus: Digits of the number of the bus, worth 1; empty where there is none.
@@ -94,24 +97,28 @@ def learn_layout(
     size = first + max(3 * length - 1, 0) if length else match.end("length")
     if len(data) - blank < 3 * length - 1:
         return None
+    if is_last:  # white space behind the payload is a part of the line
+        size = len(match.string.rstrip(b"\n"))
+    line = match.string
+    whole = _padded(line, match.span("whole"))
     fraction = len(match["fraction"] or b"")
-    stamp = _digits(match.span("whole"), unit_ns)
+    stamp = _digits(line, whole, unit_ns)
     if fraction:
-        stamp += _digits(match.span("fraction"), unit_ns // 10**fraction)
-    bus = _digits(match.span("bus")) if "bus" in groups else ()
-    other = _digits(match.span("number")) if "number" in groups else ()
+        stamp += _digits(line, match.span("fraction"), unit_ns // 10**fraction)
+    bus, number = (
+        _padded(line, match.span(name)) if name in groups else (0, 0) for name in ("bus", "number")
+    )
     free = {place for n in range(length) for place in (first + 3 * n, first + 3 * n + 1)}
-    for name in ("whole", "fraction", "bus", "number", "id"):
-        if name in groups and match[name]:
-            free |= {*range(*match.span(name))}
+    for span in (whole, bus, number, match.span("fraction"), match.span("id")):
+        free |= {*range(*span)}
     end, digits = match.end("id"), len(match["id"])
     return Layout(
         kind=kind,
         size=size,
         fixed=_fixed(match.string[:size], free),
         stamp=stamp,
-        bus=bus,
-        other=other,
+        bus=_digits(line, bus),
+        other=_digits(line, number),
         id=(FRONT + end - 8, keep(8 - digits, digits)),
         extended=extended,
         payload=FRONT + first,
@@ -120,13 +127,24 @@ def learn_layout(
     )
 
 
-def _digits(span: tuple[int, int], worth: int = 1) -> Digits:
+def _padded(line: bytes, span: tuple[int, int]) -> tuple[int, int]:
+    """Span of a number of a line with the spaces that pad it, as far as they fit a word."""
+    start, end = span
+    front = line[:start]
+    stripped = front.rstrip(b" ")
+    first = len(stripped) + 1 if stripped else 0  # a space stands between two fields
+    return (min(start, max(first, end - 8)), end) if first < start else span
+
+
+def _digits(line: bytes, span: tuple[int, int], worth: int = 1) -> Digits:
     """Words of the digits of a span, eight at a time from its end on."""
     start, end = span
+    is_padded = line[start : start + 1] == b" "
     words = []
     while end > start:
         count = min(end - start, 8)
-        words.append((FRONT + end - 8, keep(8 - count, count), np.uint64(worth)))
+        blanks = np.uint64(1 << 8 * (8 - count) if is_padded else 0)
+        words.append((FRONT + end - 8, keep(8 - count, count), np.uint64(worth), blanks))
         end -= 8
         worth *= 10**8
     return tuple(words)
@@ -199,12 +217,11 @@ def match_lines(
 def _ended(layout: Layout, text: Text, starts: Places, ends: Places) -> NDArray[np.bool_]:
     """Whether a line is long enough and its payload has an end there, shape (n,)."""
     sizes = ends - starts
+    if layout.is_last:
+        return np.asarray(sizes == layout.size)
     stops = starts + layout.size
     ended = (sizes >= layout.size) & _ENDS[text[np.minimum(stops, len(text) - 1)]]
     ended |= sizes == layout.size
-    if layout.is_last:  # at most a space and a CR
-        second = _ENDS[text[np.minimum(stops + 1, len(text) - 1)]]
-        ended &= (sizes <= layout.size + 1) | ((sizes == layout.size + 2) & second)
     return ended
 
 
@@ -227,12 +244,32 @@ def _word(lines: NDArray[np.void], offset: int) -> Words:
 def _numbers(lines: NDArray[np.void], digits: Digits) -> tuple[Words, Words]:
     """Numbers, and words that are not 0 where a character is no digit, shapes (n,)."""
     total, wrong = np.zeros(len(lines), np.uint64), np.zeros(len(lines), WORD)
-    for offset, mask, worth in digits:
-        number, bad = decimal(_word(lines, offset).copy(), np.full(1, mask))
+    for offset, mask, worth, blanks in digits:
+        word = _word(lines, offset).copy()
+        if blanks:
+            wrong |= _fill_blanks(word, mask, blanks)
+        number, bad = decimal(word, np.full(1, mask))
         number *= worth
         total += number
         wrong |= bad
     return total, wrong
+
+
+def _fill_blanks(words: Words, mask: np.uint64, first: np.uint64) -> Words:
+    """Put the digit 0 for the spaces that pad numbers, in place; not 0 where they are no padding.
+
+    Args:
+        words: Characters, shape (n,).
+        mask: Bytes that hold the number.
+        first: Lowest bit of the first of them.
+
+    """
+    blank = ~(words >> _4) & _BITS & mask  # the bit that a space has not, and a digit has
+    wrong = words & (blank * _NIBBLES)
+    wrong |= blank & ~((blank << _8) | first)  # a space behind a digit
+    wrong |= blank >> np.uint64(56)  # no digit at all
+    words |= blank << _4
+    return wrong
 
 
 def _payload(layout: Layout, lines: NDArray[np.void]) -> tuple[Words, Words]:
