@@ -73,6 +73,7 @@ class Faults:
         places: Number of places at which bytes were passed over to find the next object.
         first: Position of the first of them in the file, as stored and unpacked, bytes.
         malformed: Number of objects whose fields contradict each other or name no time.
+        outside: Number of objects outside of containers, where no writer puts any.
         methods: Compressions that are not known, and the number of containers of each.
         is_cut: Whether the file ends inside an object or a container.
 
@@ -81,6 +82,7 @@ class Faults:
     places: int = 0
     first: int = 0
     malformed: int = 0
+    outside: int = 0
     methods: dict[int, int] = field(default_factory=dict)
     is_cut: bool = False
 
@@ -112,6 +114,8 @@ class Faults:
         if self.malformed:
             objects = "an object" if self.malformed == 1 else f"{self.malformed} objects"
             tell(f"{objects} with impossible sizes or stamps passed over")
+        if self.outside:
+            tell(f"objects outside of containers passed over: {self.outside}")
         for method, count in self.methods.items():
             tell(f"{count} containers of the unknown compression {method} passed over")
 
@@ -193,13 +197,12 @@ class Contents(NamedTuple):
     position: int
 
 
-def read_contents(stored: StoredBytes, faults: Faults, report: ReadReport) -> Iterator[Contents]:
+def read_contents(stored: StoredBytes, faults: Faults) -> Iterator[Contents]:
     """Contents of the containers of a file.
 
     Args:
         stored: File, behind its head.
         faults: Faults, filled while reading.
-        report: Statistics, in which objects outside of containers are counted.
 
     """
     follows = True
@@ -207,9 +210,11 @@ def read_contents(stored: StoredBytes, faults: Faults, report: ReadReport) -> It
         place = head[:_ROOM].find(MARK)  # padding is that of `size % 4`, or none
         if place < 0:
             begin = stored.position
-            if stored.skip_to_mark() >= _ROOM:  # else padding at the end of the file
+            if stored.skip_to_mark() >= _ROOM:
                 faults.add_place(begin)
                 follows = False
+            else:  # the end of the file: padding, or part of a mark
+                faults.is_cut |= bool(head.strip(b"\0"))
             continue
         stored.skip(place)
         head = stored.take(BASE.size)
@@ -221,7 +226,7 @@ def read_contents(stored: StoredBytes, faults: Faults, report: ReadReport) -> It
             faults.add_place(stored.position)
             follows = False
         elif kind != _CONTAINER:
-            report.kinds["other"] += 1
+            faults.outside += 1
             faults.is_cut |= stored.skip(size - BASE.size) < size - BASE.size
         else:
             for data in _unpacked(stored, size - BASE.size, faults):

@@ -41,7 +41,7 @@ def _blocks(
     buses = NumberedBuses(bus_from_1)
     counter = FrameCounter(report)
     columns = FrameColumns(head.start_ns, faults, report)
-    for rows in columns.read(read_contents(stored, faults, report), size):
+    for rows in columns.read(read_contents(stored, faults), size):
         block = buses.named(rows)
         counter.add(block)
         yield block

@@ -78,7 +78,7 @@ def learn_layout(
     extended: bool,
     is_last: bool,
 ) -> Layout | None:
-    """Layout of a line; None where its payload is shorter than it says.
+    """Layout of a line; None where its payload is of another length than it says.
 
     Args:
         match: Match from the start of a line on, with the groups `whole`, `fraction`, `id`, `data`
@@ -94,9 +94,10 @@ def learn_layout(
     data = match["data"] or b""
     blank = len(data) - len(data.lstrip())
     first = match.start("data") + blank if length else match.start("data")
-    size = first + max(3 * length - 1, 0) if length else match.end("length")
-    if len(data) - blank < 3 * length - 1:
+    stored, needed = len(data) - blank, max(3 * length - 1, 0)
+    if stored < needed or (is_last and stored > needed):
         return None
+    size = first + needed if length else match.end("length")
     if is_last:  # white space behind the payload is a part of the line
         size = len(match.string.rstrip(b"\n"))
     line = match.string
