@@ -335,7 +335,7 @@ def test_any_byte_changed_anywhere_gives_what_python_can_gives(folder, suffix):
         if not report.passed_over:
             compared += 1
             assert_alike(found, wanted)
-    assert compared > 100
+    assert compared > 60
 
 
 @pytest.mark.parametrize("suffix", [".asc", ".trc"])

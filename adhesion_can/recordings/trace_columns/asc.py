@@ -19,7 +19,7 @@ _CLASSIC = re.compile(
 )
 _FD = re.compile(
     _STAMP
-    + rb"CANFD +(?P<bus>\d{1,4}) +[RT]x +(?P<id>[0-9A-Fa-f]{1,8})(?P<x>x?) +(?:[A-Za-z_]\S* +)?"
+    + rb"CANFD +(?P<bus>\d{1,4}) +[RT]x +(?P<id>[0-9A-Fa-f]{1,8})(?P<x>x?) +(?:[A-Za-z_][!-~]* +)?"
     + rb"[01] +[01] +(?P<code>[0-9A-Fa-f]) +(?P<length>\d{1,2})"
     + rb"(?P<data> +[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})*)(?=\s|$)"
 )

@@ -23,7 +23,7 @@ _LAST = (_ID, _LENGTH + _DATA + rb"(?=\s|$)")
 _FORMS = {
     TRCFileVersion.V1_0: (*_FIRST, *_LAST),
     TRCFileVersion.V1_1: (*_FIRST, rb"[RT]x", *_LAST),
-    TRCFileVersion.V1_3: (*_FIRST, _BUS, rb"[RT]x", _ID, rb"\S+", _LAST[1]),
+    TRCFileVersion.V1_3: (*_FIRST, _BUS, rb"[RT]x", _ID, rb"[!-~]+", _LAST[1]),
 }
 _COLUMNS = {
     "N": _NUMBER,
@@ -32,7 +32,7 @@ _COLUMNS = {
     "B": _BUS,
     "I": _ID,
     "d": rb"[RT]x",
-    "R": rb"\S+",
+    "R": rb"[!-~]+",
     "l": _LENGTH,
     "L": _LENGTH,
 }
