@@ -97,7 +97,7 @@ def recording(folder, frames):
     path = recording_path(folder, frames)
     if not _is_as_made(path, frames):
         aside(f"writing {path}")
-        with _appearing(path) as file:
+        with appearing(path) as file:
             for first in range(0, frames, PIECE):
                 file.write(lines(first, min(PIECE, frames - first)).tobytes())
     return path
@@ -108,7 +108,7 @@ def packed(path):
     out = path.with_name(path.name + ".gz")
     if older(out, path):
         aside(f"writing {out}")
-        with path.open("rb") as raw, _appearing(out) as file, gzip.open(file, "wb", 6) as into:
+        with path.open("rb") as raw, appearing(out) as file, gzip.open(file, "wb", 6) as into:
             shutil.copyfileobj(raw, into, 1 << 20)
     return out
 
@@ -119,7 +119,7 @@ def older(made, source):
 
 
 @contextmanager
-def _appearing(path):
+def appearing(path):
     """A file that gets its name when it is written whole."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + ".part")

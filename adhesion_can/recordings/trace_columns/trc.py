@@ -70,7 +70,8 @@ class TrcForm:
         self._form = _form(version, self._columns)
         start = reader.start_time if version >= TRCFileVersion.V1_1 else None
         self.start_ns = _to_ns(start) if start else 0
-        if abs(self.start_ns) > LAST_US * 1000:
+        has_stray_columns = bool(reader.columns) and not self._columns
+        if abs(self.start_ns) > LAST_US * 1000 or has_stray_columns:
             self._form = None
         self._records = self._lost = 0
 
