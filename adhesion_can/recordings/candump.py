@@ -42,7 +42,8 @@ class ReadReport:
 
     Attributes:
         kinds: Number of lines or frames by kind: 'frame', 'fd', 'remote', 'error', 'mark',
-            'blank', 'comment', 'malformed', 'untimed', 'cut'.
+            'blank', 'comment', 'malformed', 'untimed', 'cut', and 'other' for what is no frame in
+            formats that hold other things too.
         bad_lines: Numbers of the first lines that were passed over.
         backwards: Number of frames stamped before the frame in front of them.
         notes: Remarks on the file for the user.
@@ -74,7 +75,7 @@ class ReadReport:
             is_whole: Whether the line has its line end.
 
         """
-        if kind in ("blank", "comment"):
+        if kind in ("blank", "comment", "other"):
             self.kinds[kind] += 1
         else:
             self._pass_over("cut" if kind == "malformed" and not is_whole else kind, number)

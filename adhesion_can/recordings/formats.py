@@ -7,6 +7,8 @@ from adhesion_can.recordings.candump import looks_like_candump
 
 PYTHON_CAN = frozenset({".asc", ".blf", ".trc", ".csv", ".db", ".mf4"})
 """Suffixes of the formats that python-can reads, besides candump's."""
+COLUMNS = frozenset({".asc", ".blf", ".trc"})
+"""Those of them that are read in columns, and what is odd in them by python-can."""
 CANDUMP = ".log"
 """Name of candump text as a format; its files may have another suffix or none."""
 HEAD = 1 << 14

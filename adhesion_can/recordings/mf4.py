@@ -6,7 +6,6 @@ reason.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.frame import MAX_PAYLOAD
 from adhesion_can.recordings.candump import LAST_US, ReadReport
+from adhesion_can.recordings.frame_rows import FrameCounter, NumberedBuses, payload_words
 
 _KINDS = {
     "CAN_DataFrame": Kind.DATA,
@@ -28,12 +28,9 @@ _REQUIRED = {
     Kind.REMOTE: {"ID", "DLC"},
 }
 _NUMBERS = ("BusChannel", "ID", "IDE", "DLC", "DataLength", "EDL", "BRS", "ESI", "RTR")
-_NAMES = ("frame", "fd", "remote", "error")  # of a `Kind`, as the report counts it
 _NO_BUS = 0xFFFF
 _ID_BITS = 0x1FFFFFFF
 _LEAST = 1000  # records read at a time from one of many groups
-_KEPT = np.array([(1 << 8 * count) - 1 for count in range(9)], np.uint64)
-"""Masks of words, by the number of a word's bytes that belong to the payload, 0..8."""
 
 
 class NotInColumnsError(Exception):
@@ -72,16 +69,12 @@ def mf4_blocks(mdf: Any, report: ReadReport, size: int) -> Iterator[tuple[Block,
     """
     groups = _groups(mdf)
     total = sum(group.left for group in groups)
-    given = last_us = 0
-    buses: dict[int, int] = {}
+    given = 0
+    buses = NumberedBuses(lambda number: "" if number == _NO_BUS else f"can{number}")
+    counter = FrameCounter(report)
     for rows in _gathered(_merged(groups, size), size // 2):
-        block = _named(rows, buses)
-        for name, count in zip(_NAMES, np.bincount(block.kind).tolist(), strict=False):
-            if count:
-                report.kinds[name] += count
-        falls = np.diff(block.t_us, prepend=last_us) < 0
-        report.backwards += int(np.count_nonzero(falls))
-        last_us = int(block.t_us[-1])
+        block = buses.named(rows)
+        counter.add(block)
         given += len(block)
         yield block, given / total
 
@@ -224,9 +217,7 @@ def _payload(
     room = 8 if longest <= 8 else MAX_PAYLOAD
     padded = np.zeros((len(data), room), np.uint8)
     padded[:, : data.shape[1]] = data[:, :room]
-    rest = length.astype(np.int64)[:, np.newaxis] - np.arange(0, room, 8)
-    words = padded.view("<u8").astype(np.uint64) & _KEPT[rest.clip(0, 8)]
-    return length.astype(np.uint8), words
+    return length.astype(np.uint8), payload_words(padded, length.astype(np.int64))
 
 
 def _merged(groups: list[_Group], size: int) -> Iterator[_Part]:
@@ -265,17 +256,3 @@ def _gathered(parts: Iterable[_Part], least: int) -> Iterator[Block]:
             waiting = []
     if waiting:
         yield Block.concatenate(waiting)
-
-
-def _named(rows: Block, buses: dict[int, int]) -> Block:
-    """Rows with the names of their buses, which get their places in the order of the rows."""
-    found, first, which = np.unique(rows.channel, return_index=True, return_inverse=True)
-    for number in found[np.argsort(first)].tolist():
-        buses.setdefault(number, len(buses))
-    places = np.array([buses[number] for number in found.tolist()], np.uint16)
-    return replace(
-        rows,
-        channel=places[which],
-        words=np.ascontiguousarray(rows.words[:, : 1 if rows.length.max() <= 8 else None]),
-        channels=tuple("" if number == _NO_BUS else f"can{number}" for number in buses),
-    )

@@ -21,9 +21,9 @@ from adhesion_can.recordings.candump import (
     times_are_differences,
 )
 from adhesion_can.recordings.candump_columns.parse import read_chunks
-from adhesion_can.recordings.candump_columns.text_source import Packing, TextSource
-from adhesion_can.recordings.formats import CANDUMP, HEAD, detect_format
-from adhesion_can.recordings.reader_losses import collect_python_can_warnings, find_lost_lines
+from adhesion_can.recordings.candump_columns.text_source import LINE_LIMIT, Packing, TextSource
+from adhesion_can.recordings.formats import CANDUMP, COLUMNS, HEAD, detect_format
+from adhesion_can.recordings.reader_losses import collect_python_can_warnings
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
 _ROWS = 50_000  # of a block of a format that is read frame by frame
@@ -33,8 +33,8 @@ class Recording:
     """A file of frames.
 
     Args:
-        path: Path of candump text (gzip and zstd too), or of any format that python-can reads by
-            its suffix.
+        path: Path of candump text, .asc, .blf or .trc (gzip and zstd too), or of any other format
+            that python-can reads by its suffix.
 
     Raises:
         RecordingError: The file is missing, no file but a pipe, or of no known format.
@@ -61,14 +61,20 @@ class Recording:
                 str(path), error.strerror or "cannot be read", "check the path"
             ) from error
         self._format = detect_format(path, self._head())
-        if self._format != CANDUMP and self._packing is Packing.ZSTD:
+        if self._packing is Packing.ZSTD and self._format not in (CANDUMP, *COLUMNS):
             raise RecordingError(
                 str(path), "python-can reads no zstd", "unpack it with 'zstd -d', or use gzip"
             )
 
     def __iter__(self) -> Iterator[Frame | Mark]:
         """Frames in the order of the file."""
-        return self._candump() if self._format == CANDUMP else self._python_can()
+        if self._format == CANDUMP:
+            yield from self._candump()
+        elif self._format in COLUMNS:
+            for block in self._column_blocks(_CHUNK):
+                yield from block.items()
+        else:
+            yield from self._python_can()
 
     @property
     def sha256(self) -> str:
@@ -87,7 +93,7 @@ class Recording:
         those of the blocks given so far.
 
         Args:
-            size: Number of bytes of candump text in a block, to within a line.
+            size: Number of bytes of text in a block, to within a line.
 
         Raises:
             RecordingError: The file cannot be read to its end; blocks in front of the fault are
@@ -97,6 +103,8 @@ class Recording:
         self.position = 0
         if self._format == CANDUMP:
             yield from self._candump_blocks(size)
+        elif self._format in COLUMNS:
+            yield from self._column_blocks(size)
         elif self._format == ".mf4" and self._packing is Packing.NONE:
             yield from self._mf4_blocks()
         else:
@@ -128,6 +136,42 @@ class Recording:
             found = read_chunks(chunks, self.report, differences=differences)
             for block, self.position in _joined(found, size // _CHUNK):
                 yield block
+
+    def _column_blocks(self, size: int) -> Iterator[Block]:
+        """Blocks of the formats in `COLUMNS`."""
+        # Imported here: most recordings are of other formats.
+        from adhesion_can.recordings.blf_columns.read import read_blf  # noqa: PLC0415
+        from adhesion_can.recordings.trace_columns.read import FORMS, read_trace  # noqa: PLC0415
+
+        with (
+            collect_python_can_warnings(self.report.notes),
+            self._source(self.report) as source,
+        ):
+            found: Iterator[tuple[Block, int]]
+            try:
+                if self._format == ".blf":
+                    plain = self.size if self._packing is Packing.NONE else None
+                    blocks = read_blf(source.read, self.report, plain, min(size, _CHUNK))
+                    found = ((block, source.position) for block in blocks)
+                else:
+                    form = FORMS[self._format](self._first_lines())
+                    found = read_trace(source.chunks(min(size, _CHUNK)), form, self.report)
+            except Exception as error:  # of a head; python-can's parsers raise whatever they meet
+                raise RecordingError(
+                    str(self.path),
+                    f"its head cannot be read ({_reason(error)})",
+                    "record or export it again",
+                ) from error
+            for block, self.position in _joined(found, size // _CHUNK):
+                yield block
+
+    def _first_lines(self) -> list[bytes]:
+        with self._source(ReadReport()) as source:
+            lines = list(islice(source.lines(), HEAD_LINES))
+        first = lines[0] if lines else b""
+        if len(first) == LINE_LIMIT and b"\r" in first:
+            raise ValueError("no line feed ends its lines")
+        return [piece for line in lines for piece in line.splitlines(keepends=True)]
 
     def _mf4_blocks(self) -> Iterator[Block]:
         # Imported here: most recordings are of other formats.
@@ -180,16 +224,12 @@ class Recording:
         # python-can's readers stop at what they cannot read, with whatever their parser raises;
         # what was read until then is kept and the rest is reported.
         last = count = 0
-        trc = self._format == ".trc"
         try:
             with (
                 collect_python_can_warnings(self.report.notes),
                 can.LogReader(self.path) as self._reader,
             ):
-                self._report_cut(self._reader)
                 for message in self._reader:
-                    if trc and isinstance(message.channel, int):
-                        message.channel -= 1  # PEAK counts its buses from 1
                     frame = _require_valid(from_message(message))
                     count += 1
                     if count > given:
@@ -197,22 +237,8 @@ class Recording:
                         self.report.backwards += frame.t_us < last
                         yield frame
                     last = frame.t_us
-            self._report_lost(count)
         except Exception as error:
             raise self._reader_error(error) from error
-
-    def _report_cut(self, reader: can.io.generic.MessageReader) -> None:
-        # Of all the formats only the head of .blf has the length of the file.
-        length = getattr(reader, "file_size", 0)
-        if self._packing is Packing.NONE and length > self.size:
-            self.report.notes.append(
-                f"the file is cut: it has {self.size} of the {length} bytes that its head says"
-            )
-
-    def _report_lost(self, frames: int) -> None:
-        with self._source(ReadReport()) as source:
-            note = find_lost_lines(self._format, source.lines(), frames)
-        self.report.notes.extend([note] if note else [])
 
     def _reader_error(self, error: Exception) -> RecordingError:
         """Error for the user, of any exception of a parser, struct.error and sqlite3.Error too."""
@@ -220,12 +246,16 @@ class Recording:
             return RecordingError(
                 str(self.path), "this format needs asammdf", "pip install 'adhesion-can[mf4]'"
             )
-        reason = " ".join(str(error).split())[:120] or type(error).__name__
         return RecordingError(
             str(self.path),
-            f"python-can stops after {sum(self.report.kinds.values())} frames ({reason})",
+            f"python-can stops after {sum(self.report.kinds.values())} frames ({_reason(error)})",
             "convert the file to candump text, whose bad lines are passed over",
         )
+
+
+def _reason(error: Exception) -> str:
+    """Text of an error on one line, of any length that can be read."""
+    return " ".join(str(error).split())[:120] or type(error).__name__
 
 
 def _require_valid(frame: Frame) -> Frame:

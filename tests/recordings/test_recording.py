@@ -194,9 +194,10 @@ def test_blocks_hold_what_the_frames_one_by_one_are(tmp_path, monkeypatch, suffi
         path.write_bytes(gzip.compress(plain.read_bytes()))
     one_by_one, columns = Recording(path), Recording(path)
     wanted, blocks = list(one_by_one), list(columns.blocks())
+    by_rows = suffix in (".csv", ".db")
     assert [item for block in blocks for item in block.items()] == wanted
     assert columns.report == one_by_one.report
-    assert len(blocks) == (1 if suffix == ".log" else -(-len(wanted) // rows))
+    assert len(blocks) == (-(-len(wanted) // rows) if by_rows else 1)
     for one, following in pairwise(blocks):
         assert following.channels[: len(one.channels)] == one.channels
     assert list(Block.concatenate(blocks).items()) == wanted
@@ -206,14 +207,15 @@ def test_blocks_hold_what_the_frames_one_by_one_are(tmp_path, monkeypatch, suffi
 @pytest.mark.parametrize("suffix", [".asc", ".blf", ".csv", ".trc", ".csv.gz"])
 def test_position_of_other_formats_grows(tmp_path, monkeypatch, suffix):
     monkeypatch.setattr(recordings, "_ROWS", 500)
+    monkeypatch.setattr(recordings, "_CHUNK", 1 << 14)
     frames = [f._replace(t_us=T + 1000 * i) for i, f in enumerate(plain_frames(20_000))]
     path = written(tmp_path / f"a{suffix.removesuffix('.gz')}", frames)
     if suffix.endswith(".gz"):
         plain, path = path, tmp_path / f"a{suffix}"
         path.write_bytes(gzip.compress(plain.read_bytes()))
     recording = Recording(path)
-    seen = [recording.position for _ in recording.blocks()]
-    assert len(seen) == 40
+    seen = [recording.position for _ in recording.blocks(1 << 14)]
+    assert len(seen) == 40 if "csv" in suffix else len(seen) >= 4
     assert seen == sorted(seen)
     assert len(set(seen)) > 2
     assert 0 < seen[0] < seen[-1] <= recording.position == recording.size
@@ -265,11 +267,11 @@ def test_an_empty_file_has_no_blocks(tmp_path, content):
 
 def test_zstd_around_another_format_is_an_error_with_a_mend(tmp_path):
     zstandard = pytest.importorskip("zstandard")
-    path = tmp_path / "a.asc.zst"
-    path.write_bytes(zstandard.compress(b"date Mon Jan 1 00:00:00.000 2024\n"))
+    path = tmp_path / "a.csv.zst"
+    path.write_bytes(zstandard.compress(b"timestamp,arbitration_id\n"))
     with pytest.raises(RecordingError) as error:
         Recording(path)
-    assert_one_line(error.value, "a.asc.zst", "zstd -d")
+    assert_one_line(error.value, "a.csv.zst", "zstd -d")
 
 
 # --- candump text under other names --------------------------------------------------------------
@@ -606,8 +608,8 @@ def test_a_packed_recording_written_by_us_reads_back(tmp_path):
 def test_a_frame_that_no_bus_carries_ends_the_reading_like_any_fault(
     length, t_s, what, tmp_path, monkeypatch
 ):
-    path = tmp_path / "a.asc"
-    path.write_text("date x\n")
+    path = tmp_path / "a.csv"
+    path.write_text("timestamp,arbitration_id\n")
     messages = [
         can.Message(timestamp=1.0, arbitration_id=1, data=b"ab"),
         can.Message(timestamp=t_s, arbitration_id=1, data=bytes(length), is_fd=True, check=False),

@@ -61,6 +61,12 @@ def bus_logging(words, log, name, payload_bytes, compression):
     return out
 
 
+def lean_mf4(report, log):
+    """The recording as MF4 as suits its readers best; None where asammdf cannot be had."""
+    words = _peers(report)
+    return _bus_logging(words, log, "ladder-lean.mf4", 8, 0) if words else None
+
+
 def ladder(report, log, frames):
     """The ways that can be measured; the others are reported."""
     words, program = peers(report), _compiled(report)

@@ -12,6 +12,7 @@ from _reading_speed import Way, climb, run_process, speed, table, times_as_fast
 from _reading_ways import BUILD, ladder, ours
 from _report import aside
 from _rows import positive, row_parser, run_rows
+from _trace_ways import trace_ways
 
 FOLDER = BUILD / "bench"
 FRAMES = 1_000_000
@@ -22,6 +23,7 @@ TARGETS = (
     ("asammdf's extract from lean MF4", "columns", 2.0, "asammdf-lean"),
     ("C, stretch", "columns", 1 / 2.5, "c"),
 )
+BLF_LEAST = 3.0  # M frames/s
 LENGTHS, SPEED_WITHIN, MEMORY_GROWTH = (100_000, 1_000_000, 10_000_000), 0.2, 1.2
 REPLAY, REPLAY_STRETCH, REPLAY_MIB = 30.0, 60.0, 1024.0
 SCENARIO = "dry-wet-greasy-dry"
@@ -84,6 +86,24 @@ def same_values(report, figures):
         if one.answer.get(kind)
     }
     report.check("faults found", str(faults or "none"), "none", met=not faults)
+
+
+def traces_row(report, options):
+    """The same recording as traces of other tools (.blf, .asc, .trc, .mf4) to frames alone."""
+    log = data.recording(FOLDER, FRAMES)
+    ways, pairs = trace_ways(report, log, FRAMES)
+    by_key = {way.key: way for way in ways}
+    figures, failed = climb(ways, options.rounds)
+    for key, reason in failed.items():
+        report.write(f"{by_key[key].title}: not measured: {reason}")
+    measured = [way for way in ways if way.key in figures]
+    table(report, figures, measured, by_key.get("python-can-blf"))
+    for ours_key, peer in pairs:
+        if ours_key in figures and peer in figures:
+            ratio = times_as_fast(figures, by_key[ours_key], by_key[peer])
+            report.write(f"{by_key[ours_key].title}: {ratio:.1f} times as fast as {peer}")
+    million = speed(figures, by_key["ours-blf"]) / 1e6
+    at_least(report, "M frames/s of compressed .blf", million, BLF_LEAST, ".2f")
 
 
 def linear_row(report, options):
@@ -157,6 +177,7 @@ def replay_row(report, options):
 
 ROWS = {
     "ladder": ladder_row,
+    "traces": traces_row,
     "linear": linear_row,
     "exchange": exchange_row,
     "parts": parts_row,

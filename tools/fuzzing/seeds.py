@@ -20,6 +20,9 @@ from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.effects.formula import formula_of
 from adhesion_can.recordings.candump import format_frame, format_mark
 from adhesion_can.service.kept_state import KeptState, KeptSurface, state_to_text
+from tests.recordings import test_blf_columns as blf_tests
+from tests.recordings import test_trace_columns as trace_tests
+from tests.recordings import wire_blf
 from tests.wire import Bench
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -152,6 +155,13 @@ def output_database() -> str:
     return "\n".join(kept) + "\n"
 
 
+def blf_files() -> dict[str, bytes]:
+    """Objects of all kinds, packed and plain, over the edges of their containers."""
+    _, content = blf_tests.small()
+    plain = wire_blf.container(wire_blf.fd64(1, b"abc") + wire_blf.error(), method=0)
+    return {"mixed": b"\xff" + content, "plain": b"\x01" + wire_blf.blf(plain)}
+
+
 def seeds() -> dict[str, dict[str, bytes]]:
     """Seeds by target and name."""
     lines = [(format_mark if isinstance(f, Mark) else format_frame)(f) for f in FRAMES]
@@ -171,6 +181,12 @@ def seeds() -> dict[str, dict[str, bytes]]:
             "eager": b"\x7f\x01" + drive.encode(),
             "columns": b"\x20\x01" + "\n".join(COLUMNS * 2).encode(),
             "gzip": b"\x20\x01" + gzip.compress(text, mtime=0),
+        },
+        "blf": blf_files(),
+        "asc": {"vector": b"\x01" + trace_tests.vector(1).encode()},
+        "trc": {
+            f"peak{version.replace('.', '')}": b"\x01" + trace_tests.peak(version, 1).encode()
+            for version in trace_tests.TRC
         },
         "database": {"good": DBC.encode(), "faulty": FAULTY.encode()},
         "outputs": {"own": output_database().encode()},

@@ -196,7 +196,7 @@ def match_lines(layout: Layout, text: Text, starts: Places, ends: Places) -> Mat
         ends: Positions past the last character of each line, its line end left out, shape (n,).
 
     """
-    heads = _gather(text, starts - FRONT, _HEAD)
+    heads = gather(text, starts - FRONT, _HEAD)
     alike = _fits(layout, heads)
     rows = None
     if not alike.all():
@@ -226,7 +226,7 @@ def match_lines(layout: Layout, text: Text, starts: Places, ends: Places) -> Mat
     return found if good.all() else found.select(good)
 
 
-def _gather(text: Text, places: Places, size: int) -> NDArray[np.void]:
+def gather(text: Text, places: Places, size: int) -> NDArray[np.void]:
     """`size` bytes from each place on, shape (n,); a view where the places are evenly spaced."""
     gaps = np.diff(places)
     if len(gaps) and (gaps == gaps[0]).all():
@@ -311,7 +311,7 @@ def _payloads(
         return length, np.zeros((len(places), 1), np.uint64), right
     width = -(-max(int(bounded.max()), 16) // 16) * 2
     width = min(width, 2 if layout.kind is Kind.DATA else 16)
-    characters = _words_of(_gather(text, places, 8 * width))
+    characters = _words_of(gather(text, places, 8 * width))
     if not (bounded == 8 * width).all():
         zeros_outside(characters, _words_of(_kept(width)[bounded]))
     octets, wrong = hexadecimal(characters)
@@ -339,7 +339,7 @@ def _kept(width: int) -> NDArray[np.void]:
 
 
 def _ends_with(tail: bytes, text: Text, ends: Places) -> NDArray[np.bool_]:
-    (words,) = _words_of(_gather(text, ends - 8, 8)).T
+    (words,) = _words_of(gather(text, ends - 8, 8)).T
     words &= keep(8 - len(tail), len(tail))
     spelled = (tail, tail.replace(b"R", b"T"))
     first, second = (int.from_bytes(way.rjust(8, b"\0"), "little") for way in spelled)

@@ -94,7 +94,7 @@ class _ChunkParser:
 
     def __init__(self, chunk: Chunk, layouts: tuple[Layout, ...]) -> None:
         self._text = chunk.text
-        self._starts, self._ends = _lines(chunk.text, chunk.stop)
+        self._starts, self._ends = find_lines(chunk.text, chunk.stop)
         self._lines = count = len(self._ends)
         self._t_ns = np.empty(count, np.int64)
         self._key = np.empty(count, np.uint32)
@@ -230,7 +230,7 @@ class _ChunkParser:
         self._put(np.array(rows), block, block.kind, block.channel)
 
 
-def _lines(text: Text, stop: int) -> tuple[Places, Places]:
+def find_lines(text: Text, stop: int) -> tuple[Places, Places]:
     """Where lines start, shape (n + 1,), the last one past them, and where they end, shape (n,).
 
     A line's own end, the line feed, is left out of it; a line longer than the limit is several.

@@ -74,6 +74,7 @@ class TextSource:
 
     def __init__(self, path: Path, packing: Packing, report: ReadReport) -> None:
         self._report = report
+        self._is_reported = False
         self._stored = path.open("rb")
         self._unpacked: _Unpacked | None = None
         self._file: io.BufferedReader = self._stored
@@ -111,6 +112,18 @@ class TextSource:
         """First bytes of the text, fewer where it is shorter; nothing else may be read after it."""
         self._skip_mark()
         return bytes(self._file.read(size) or b"")
+
+    def read(self, size: int) -> bytes:
+        """Next bytes of a file that is no text, fewer than asked for at its end alone."""
+        data = bytes(self._file.read(size) or b"")
+        if len(data) < size:
+            self._report_fault()
+        return data
+
+    @property
+    def position(self) -> int:
+        """Number of bytes of the file, as stored, that were read up to here."""
+        return self._stored.tell()
 
     def chunks(self, size: int) -> Iterator[Chunk]:
         """Chunks of whole lines.
@@ -159,7 +172,8 @@ class TextSource:
         return self._unpacked.fault if self._unpacked else None
 
     def _report_fault(self) -> None:
-        if self._fault:
+        if self._fault and not self._is_reported:
+            self._is_reported = True
             self._report.kinds["cut"] += 1
             self._report.notes.append(
                 f"the compressed file ends early ({self._fault}); what came before is used"

@@ -9,6 +9,7 @@ from tests.fuzz.targets.frames import acceptance, counter, secoc
 from tests.fuzz.targets.service import service
 from tests.fuzz.targets.settings import configuration, formula, model, state
 from tests.fuzz.targets.tables import choice, table
+from tests.fuzz.targets.traces import asc, blf, trc
 
 _DATABASES = ("adhesion_can", "cantools", "textparser")
 _TOML = ("adhesion_can", "tomllib")
@@ -38,6 +39,9 @@ TARGETS = {
     for target in (
         Target(candump_line, 300),
         Target(candump_text, 4000, has_arrays=True),
+        Target(blf, 4000, has_arrays=True),
+        Target(asc, 3000, has_arrays=True),
+        Target(trc, 3000, has_arrays=True),
         Target(database, 4000, _DATABASES, has_arrays=True),
         Target(other_database, 4000, _DATABASES),
         Target(outputs, 5000, _DATABASES),

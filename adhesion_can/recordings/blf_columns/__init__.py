@@ -1,0 +1,1 @@
+"""Vector's binary logs (.blf) in columns: objects out of containers, many parsed at a time."""

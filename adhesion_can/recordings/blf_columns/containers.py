@@ -1,0 +1,298 @@
+"""Containers of a .blf file: the bytes of its objects, in pieces, past whatever is damaged.
+
+The format is Vector's; its layout here is that of python-can's reader (`can/io/blf.py`).
+"""
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+from adhesion_can.recordings.candump import ReadReport
+
+MARK = b"LOBJ"
+"""First bytes of every object, containers among them."""
+BASE = struct.Struct("<4sHHII")
+"""Head of every object: mark, sizes of the head, version of the head, size, type."""
+
+_HEAD_SIZE = 144  # of a file; what is not in the struct has no known meaning
+_FILE_HEAD = struct.Struct("<4sI8xQ16x8H16x")
+_CONTAINER = 10
+_CONTAINER_HEAD = struct.Struct("<H6xI4x")  # method, size of the contents
+_PLAIN, _ZLIB = 0, 2
+_PIECE = 1 << 18  # bytes read and unpacked at once, however large a container claims to be
+_ROOM = 8  # bytes behind an object in which the next one begins
+
+
+class FileHead(NamedTuple):
+    """Head of a file.
+
+    Attributes:
+        length: Length of the file, bytes; 0 where its writer never came to say it.
+        start_ns: Start of the measurement, to the ms, as the file's stamps count from it, ns.
+
+    """
+
+    length: int
+    start_ns: int
+
+    @classmethod
+    def read(cls, stored: "StoredBytes") -> "FileHead":
+        """Head of a file, of which nothing was read so far.
+
+        Raises:
+            ValueError: The file has none.
+
+        """
+        data = stored.take(_FILE_HEAD.size)
+        if len(data) < _FILE_HEAD.size or not data.startswith(b"LOGG"):
+            raise ValueError("it does not begin as a .blf file does")
+        _, size, length, *start = _FILE_HEAD.unpack(data)
+        stored.skip((size if size >= len(data) else _HEAD_SIZE) - len(data))
+        return cls(length, _to_ns(tuple(start)))
+
+
+def _to_ns(system_time: tuple[int, ...]) -> int:
+    """Windows' SYSTEMTIME in UTC as ns since 1970; 0 where it is no time, as in python-can."""
+    year, month, _, day, hour, minute, second, ms = system_time
+    try:
+        time = datetime(year, month, day, hour, minute, second, 1000 * ms, UTC)
+    except ValueError:
+        return 0
+    since = time - datetime(1970, 1, 1, tzinfo=UTC)
+    return (since.days * 86_400_000_000 + since.seconds * 1_000_000 + since.microseconds) * 1000
+
+
+@dataclass
+class Faults:
+    """Faults of a file, counted, for its report.
+
+    Attributes:
+        places: Number of places at which bytes were passed over to find the next object.
+        first: Position of the first of them in the file, as stored and unpacked, bytes.
+        malformed: Number of objects whose fields contradict each other or name no time.
+        outside: Number of objects outside of containers, where no writer puts any.
+        methods: Compressions that are not known, and the number of containers of each.
+        is_cut: Whether the file ends inside an object or a container.
+
+    """
+
+    places: int = 0
+    first: int = 0
+    malformed: int = 0
+    outside: int = 0
+    methods: dict[int, int] = field(default_factory=dict)
+    is_cut: bool = False
+
+    def add_place(self, position: int) -> None:
+        """Count a place at which bytes are passed over."""
+        self.first = self.first if self.places else position
+        self.places += 1
+
+    def tell(self, report: ReadReport, head: FileHead, size: int | None) -> None:
+        """Put what was found into the notes of the recording.
+
+        Args:
+            report: Statistics of the recording.
+            head: Head of the file.
+            size: Size of the file, bytes; None where it is packed.
+
+        """
+        tell = report.notes.append
+        if size is not None and head.length > size:
+            tell(f"the file is cut: it has {size} of the {head.length} bytes that its head says")
+        elif self.is_cut:
+            tell("the file ends inside an object: it is cut, and what came before is used")
+        if self.places:
+            where = "one place" if self.places == 1 else f"{self.places} places"
+            tell(
+                f"the file is damaged in {where}, the first at byte {self.first}: what could be "
+                "read around it is used"
+            )
+        if self.malformed:
+            objects = "an object" if self.malformed == 1 else f"{self.malformed} objects"
+            tell(f"{objects} with impossible sizes or stamps passed over")
+        if self.outside:
+            tell(f"objects outside of containers passed over: {self.outside}")
+        for method, count in self.methods.items():
+            tell(f"{count} containers of the unknown compression {method} passed over")
+
+
+class StoredBytes:
+    """Bytes of the file, with a look ahead.
+
+    Args:
+        read: Function that gives the next bytes of the file, fewer than asked for at its end.
+
+    """
+
+    def __init__(self, read: Callable[[int], bytes]) -> None:
+        self._read = read
+        self._ahead = b""
+        self._at = 0  # of `_ahead`, whose bytes before that are taken
+        self.position = 0
+        """Number of bytes taken so far."""
+
+    def _fill(self, count: int) -> None:
+        held = len(self._ahead) - self._at
+        if held < count:
+            more = self._read(max(count - held, 1 << 12))
+            self._ahead, self._at = self._ahead[self._at :] + more, 0
+
+    def peek(self, count: int) -> bytes:
+        """Next bytes, which are not taken by that."""
+        self._fill(count)
+        return self._ahead[self._at : self._at + count]
+
+    def take(self, count: int) -> bytes:
+        """Next bytes."""
+        taken = self.peek(count)
+        self._at += len(taken)
+        self.position += len(taken)
+        return taken
+
+    def put_back(self, data: bytes) -> None:
+        """Make bytes that were taken the next ones again."""
+        self._ahead, self._at = data + self._ahead[self._at :], 0
+        self.position -= len(data)
+
+    def skip(self, count: int) -> int:
+        """Pass over so many bytes; how many there were."""
+        left = count
+        while left and (taken := self.take(min(left, _PIECE))):
+            left -= len(taken)
+        return count - left
+
+    def skip_to_mark(self) -> int:
+        """Pass over everything in front of the next object; how many bytes that is."""
+        begin = self.position
+        while True:
+            self._fill(_ROOM)
+            place = self._ahead.find(MARK, self._at)
+            if place >= 0:
+                self.skip(place - self._at)
+                break
+            held = len(self._ahead) - self._at
+            if held < _ROOM:
+                self.skip(held)
+                break
+            self.skip(held - len(MARK) + 1)
+        return self.position - begin
+
+
+class Contents(NamedTuple):
+    """Some bytes of the objects of a file.
+
+    Attributes:
+        data: Bytes.
+        follows: Whether they follow those before them, with nothing lost in between.
+        position: Number of bytes of the file, unpacked from any gzip, in front of which they stood.
+
+    """
+
+    data: bytes
+    follows: bool
+    position: int
+
+
+def read_contents(stored: StoredBytes, faults: Faults) -> Iterator[Contents]:
+    """Contents of the containers of a file.
+
+    Args:
+        stored: File, behind its head.
+        faults: Faults, filled while reading.
+
+    """
+    follows = True
+    while head := stored.peek(BASE.size):
+        place = head[:_ROOM].find(MARK)  # padding is that of `size % 4`, or none
+        if place < 0:
+            begin = stored.position
+            if stored.skip_to_mark() >= _ROOM:
+                faults.add_place(begin)
+                follows = False
+            else:  # the end of the file: padding, or part of a mark
+                faults.is_cut |= bool(head.strip(b"\0"))
+            continue
+        stored.skip(place)
+        head = stored.take(BASE.size)
+        if len(head) < BASE.size:
+            faults.is_cut = True
+            return
+        *_, size, kind = BASE.unpack(head)
+        if size < BASE.size:
+            faults.add_place(stored.position)
+            follows = False
+        elif kind != _CONTAINER:
+            faults.outside += 1
+            faults.is_cut |= stored.skip(size - BASE.size) < size - BASE.size
+        else:
+            for data in _unpacked(stored, size - BASE.size, faults):
+                yield Contents(data or b"", follows, stored.position)
+                follows = data is not None
+
+
+def _unpacked(stored: StoredBytes, size: int, faults: Faults) -> Iterator[bytes | None]:
+    """Contents of a container, in pieces; None where some of them are lost.
+
+    Args:
+        stored: File, at the container's own head.
+        size: Size of that head and of what is stored behind it, bytes.
+        faults: Faults, filled while reading.
+
+    """
+    head = stored.take(min(size, _CONTAINER_HEAD.size))
+    if len(head) < _CONTAINER_HEAD.size:
+        faults.is_cut |= len(head) < size
+        if len(head) == size:
+            faults.add_place(stored.position)
+        yield None
+        return
+    method, _ = _CONTAINER_HEAD.unpack(head)
+    left = size - len(head)
+    if method not in (_PLAIN, _ZLIB):
+        faults.methods[method] = faults.methods.get(method, 0) + 1
+        stored.skip(left)
+        yield None
+        return
+    yield from (_plain if method == _PLAIN else _inflated)(stored, left, faults)
+
+
+def _plain(stored: StoredBytes, left: int, faults: Faults) -> Iterator[bytes | None]:
+    while left and (data := stored.take(min(left, _PIECE))):
+        left -= len(data)
+        yield data
+    faults.is_cut |= left > 0
+
+
+def _inflated(stored: StoredBytes, left: int, faults: Faults) -> Iterator[bytes | None]:
+    unpacker = zlib.decompressobj()
+    while not unpacker.eof:
+        data = unpacker.unconsumed_tail
+        if not data:
+            data = stored.take(min(left, _PIECE))
+            is_cut = left > 0 and not data
+            left -= len(data)
+        try:
+            # In pieces: a megabyte of zeros packs into a kilobyte.
+            piece = unpacker.decompress(data, _PIECE)
+        except zlib.error:
+            faults.add_place(stored.position)
+            break
+        if piece:
+            yield piece
+        elif not data and not unpacker.eof:
+            faults.is_cut |= is_cut
+            if not is_cut:
+                faults.add_place(stored.position)  # the size of the container is wrong
+            break
+    rest = unpacker.unused_data
+    if MARK in rest:  # likewise
+        faults.add_place(stored.position - len(rest))
+        stored.put_back(rest)
+    else:
+        stored.skip(left)
+    if not unpacker.eof or MARK in rest:
+        yield None

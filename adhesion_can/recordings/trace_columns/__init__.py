@@ -1,0 +1,1 @@
+"""Text traces of other tools (.asc, .trc) in columns: lines by learnt layouts."""

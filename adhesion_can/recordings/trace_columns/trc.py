@@ -1,0 +1,145 @@
+"""Lines of PEAK's traces (.trc), versions 1.0, 1.1, 1.3, 2.0 and 2.1."""
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+import can
+from can.io.trc import TRCFileVersion
+
+from adhesion_can.bus.block import Kind
+from adhesion_can.recordings.candump import FD_LENGTHS, LAST_US, ReadReport
+from adhesion_can.recordings.trace_columns.line_layouts import Layout, learn_layout
+from adhesion_can.recordings.trace_columns.odd_lines import OddLine, PythonCanLines
+
+_NUMBER = rb"\s*(?P<number>\d{1,10})"
+_TIME = rb"(?P<whole>\d{1,13})(?:\.(?P<fraction>\d{1,6}))?"
+_BUS = rb"(?P<bus>\d{1,3})"
+_ID = rb"(?P<id>[0-9A-Fa-f]{1,8})"
+_DATA = rb"(?P<data>(?: +[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})*)?)"
+_LENGTH = rb"(?P<length>\d{1,2})"
+_FIRST = (_NUMBER + rb"\)", _TIME)
+_LAST = (_ID, _LENGTH + _DATA + rb"(?=\s|$)")
+_FORMS = {
+    TRCFileVersion.V1_0: (*_FIRST, *_LAST),
+    TRCFileVersion.V1_1: (*_FIRST, rb"[RT]x", *_LAST),
+    TRCFileVersion.V1_3: (*_FIRST, _BUS, rb"[RT]x", _ID, rb"[!-~]+", _LAST[1]),
+}
+_COLUMNS = {
+    "N": _NUMBER,
+    "O": _TIME,
+    "T": rb"(?P<type>DT|FD|FB|FE|BI)",
+    "B": _BUS,
+    "I": _ID,
+    "d": rb"[RT]x",
+    "R": rb"[!-~]+",
+    "l": _LENGTH,
+    "L": _LENGTH,
+}
+_CODES = sorted(FD_LENGTHS)
+"""Lengths of payloads by their code, bytes."""
+# Behind the head: makes the reader end it, and is no frame in any version.
+_NO_FRAME = b"0 0 FFFFFFFF" + b" x" * 20 + b"\n"
+
+
+class TrcForm:
+    """Form of the lines of one file.
+
+    Args:
+        first: First lines of the file, as far as its head may reach.
+
+    Raises:
+        Exception: The head cannot be read; python-can raises whatever it meets.
+
+    """
+
+    first_bus = 1  # of python-can's messages
+
+    def __init__(self, first: Sequence[bytes]) -> None:
+        head = []
+        for line in first:
+            if not line.lstrip().startswith(b";"):
+                break
+            head.append(line)
+        self._lines = PythonCanLines(can.TRCReader, head)
+        reader = self._lines.reader_behind(_NO_FRAME)
+        version = reader.file_version
+        if version is TRCFileVersion.UNKNOWN:
+            version = TRCFileVersion.V1_0
+        self._columns = list(reader.columns) if version >= TRCFileVersion.V2_0 else []
+        self._form = _form(version, self._columns)
+        start = reader.start_time if version >= TRCFileVersion.V1_1 else None
+        self.start_ns = _to_ns(start) if start else 0
+        has_stray_columns = bool(reader.columns) and not self._columns
+        if abs(self.start_ns) > LAST_US * 1000 or has_stray_columns:
+            self._form = None
+        self._records = self._lost = 0
+
+    def find_layout(self, line: bytes) -> Layout | None:
+        """Layout of a line; None where only python-can can read it."""
+        match = self._form and self._form.match(line)
+        if not match:
+            return None
+        stated = int(match["length"])
+        kind = Kind.DATA
+        if self._columns and match["type"] != b"DT":
+            kind = Kind.FD
+        # A code of a length up to 8 is that length.
+        is_code = "l" not in self._columns and kind is Kind.FD
+        length = _CODES[stated] if is_code and stated < len(_CODES) else stated
+        if length not in FD_LENGTHS if kind is Kind.FD else length > 8:
+            return None
+        return learn_layout(
+            match,
+            unit_ns=10**6,
+            length=length,
+            kind=kind,
+            extended=len(match["id"]) > 4,
+            is_last=bool(self._columns),
+        )
+
+    def read(self, lines: Sequence[bytes]) -> list[OddLine]:
+        """What python-can makes of each line, comments and blank lines left out."""
+        found = [OddLine(None)] * len(lines)
+        held = [n for n, line in enumerate(lines) if line.strip() and not _is_comment(line)]
+        for place, one in zip(held, self._lines.read([lines[n] for n in held]), strict=True):
+            found[place] = OddLine(one)
+            self._lost += not isinstance(one, can.Message)
+        return found
+
+    def kind_without_frame(self, line: bytes) -> str | None:
+        """Kind of a line that holds no frame, as the report counts it; None: not counted."""
+        return "other" if line.strip() and not _is_comment(line) else None
+
+    def tell(self, report: ReadReport) -> None:
+        """Put what the lines say together into the notes of the recording."""
+        if self._lost:
+            frames = sum(report.kinds[kind] for kind in ("frame", "fd", "remote", "error"))
+            report.notes.append(
+                f"python-can takes {self._lost} of {self._lost + frames} lines for no frames"
+            )
+
+
+def _is_comment(line: bytes) -> bool:
+    return line.lstrip().startswith(b";")
+
+
+def _to_ns(start: datetime) -> int:
+    since = start - datetime(1970, 1, 1, tzinfo=UTC)
+    return (since.days * 86_400_000_000 + since.seconds * 1_000_000 + since.microseconds) * 1000
+
+
+def _form(version: TRCFileVersion, columns: Sequence[str]) -> re.Pattern[bytes] | None:
+    """Form of the lines; None where the columns are others than PEAK's."""
+    if not columns:
+        parts = _FORMS.get(version)
+        return re.compile(rb" +".join(parts)) if parts else None
+    *front, last = columns
+    lengths = {"l", "L"} & set(columns)
+    if not {"O", "T", "I", "d"} <= set(front) <= _COLUMNS.keys() or last != "D":
+        return None
+    if len(lengths) != 1 or columns[-2] not in lengths:
+        return None
+    start = b"" if columns[0] == "N" else rb"\s*"
+    named = [_COLUMNS[column] for column in front]
+    return re.compile(start + rb" +".join(named) + _DATA + rb"\s*$")
