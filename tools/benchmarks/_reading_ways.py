@@ -63,8 +63,8 @@ def bus_logging(words, log, name, payload_bytes, compression):
 
 def lean_mf4(report, log):
     """The recording as MF4 as suits its readers best; None where asammdf cannot be had."""
-    words = _peers(report)
-    return _bus_logging(words, log, "ladder-lean.mf4", 8, 0) if words else None
+    words = peers(report)
+    return bus_logging(words, log, "ladder-lean.mf4", 8, 0) if words else None
 
 
 def ladder(report, log, frames):
