@@ -42,7 +42,7 @@ def blf(log, frames, *, packed):
         aside(f"writing {out}")
         with data.appearing(out) as file:
             # The level of compression stands in the head; without it vblf unpacks nothing.
-            head = struct.pack("<4sLBBBBLQQLL8H8H", b"LOGG", 144, 5, 0, 6 if packed else 0, 0, 0,
+            head = struct.pack("<4sLLBBBBQQLL8H8H", b"LOGG", 144, 0, 5, 6 if packed else 0, 0, 0,
                                0, 0, frames, 0, *_START, *_START)  # fmt: skip
             file.write(head.ljust(144, b"\0"))
             rest = b""

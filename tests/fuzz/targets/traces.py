@@ -58,7 +58,7 @@ def _trace(data, suffix, reader, first_bus):
         text = content.decode()
     except UnicodeDecodeError:
         return
-    # Where 'internal events logged' does not end the head, python-can's reader drops a line.
+    # Where 'internal events logged' does not end a head, python-can's .asc reader drops a line.
     make = partial(reader, io.StringIO(text, newline=None))
     _compare(found, make, first_bus, reader_loses_a_line=suffix == ".asc")
 
