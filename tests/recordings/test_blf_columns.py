@@ -279,3 +279,12 @@ def test_a_start_that_is_no_date_counts_from_0_as_in_python_can(folder):
     (frame,) = items(read(folder, content)[0])
     assert frame == by_python_can(content)[0]
     assert frame.t_us == 0
+
+
+@pytest.mark.parametrize("size", [0, 71, 100, 143])
+def test_a_head_that_claims_too_few_bytes_has_its_144_all_the_same(folder, size):
+    content = bytearray(wire.blf(wire.container(wire.classic(1, b"a"))))
+    content[4:8] = size.to_bytes(4, "little")
+    blocks, report = read(folder, bytes(content))
+    assert [f.data for f in items(blocks)] == [b"a"]
+    assert report.notes == [f"the head of the file says that it has {size} bytes; 144 are taken"]
