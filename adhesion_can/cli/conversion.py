@@ -85,10 +85,8 @@ class Conversion:
         decoded = self._decoder.decode(block)
         for columns in decoded:
             message = columns.message
-            buses = np.bincount(block.channel[columns.rows])
             key = message.name, message.frame_id, message.is_extended_frame
-            channels = self._received_on.setdefault(key, set())
-            channels.update(block.channels[place] for place in np.flatnonzero(buses).tolist())
+            self._received_on.setdefault(key, set()).update(block.channels_of(columns.rows))
         return decoded, block
 
     def _select_channel(self, block: Block, name: str) -> Block:

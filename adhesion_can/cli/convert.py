@@ -151,7 +151,7 @@ def _convert(
         open_recording(target, origin) as writer,
     ):
         for file, recording in enumerate(recordings):
-            for block in watched(recording.blocks()):
+            for block in watched(recording.blocks(target.text_at_once)):
                 conversion.process(block, file, writer)
         conversion.require_decoded(", ".join(map(str, options.log)))
     document = conversion.as_json(recordings)
