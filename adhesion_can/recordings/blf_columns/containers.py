@@ -50,7 +50,9 @@ class FileHead(NamedTuple):
         """
         data = stored.take(_FILE_HEAD.size)
         if len(data) < _FILE_HEAD.size or not data.startswith(b"LOGG"):
-            raise ValueError("it does not begin as a .blf file does")
+            is_part = b"LOGG".startswith(data[:4])
+            what = "it ends there" if is_part else "it does not begin as a .blf file does"
+            raise ValueError(what if data else "the file is empty")
         _, size, length, *start = _FILE_HEAD.unpack(data)
         stored.skip(max(size, _HEAD_SIZE) - len(data))
         return cls(size, length, _to_ns(tuple(start)))
