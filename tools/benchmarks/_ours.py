@@ -110,7 +110,7 @@ def write_way(path, dbc, out):
         def work():
             conversion = Conversion(database, None, None, by_channel=target.by_channel)
             with open_recording(target, {}) as writer:
-                for block in Recording(path).blocks():
+                for block in Recording(path).blocks(target.text_at_once):
                     conversion.process(block, 0, writer)
 
         passes, _ = timed(work)
