@@ -17,9 +17,11 @@ from adhesion_can.bus.block import Block
 from adhesion_can.calibration.coasting import CalibrationSettings
 from adhesion_can.calibration.fit import calibrate
 from adhesion_can.config import Configuration
+from adhesion_can.config.calibrated_radii import with_radii
 from adhesion_can.diagnosis.result import InputFile
 from adhesion_can.errors import AdhesionCanError, TableError
 from adhesion_can.estimation.batch_fit import BatchResult, identify
+from adhesion_can.fleet.calibrated_radii import choose_radii
 from adhesion_can.fleet.effect_records import effect_rows
 from adhesion_can.fleet.rows import (
     Row,
@@ -36,6 +38,7 @@ from adhesion_can.offline.check_table import check_table
 from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.offline.scan import Scan, scan
 from adhesion_can.offline.stamps import in_seconds
+from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import blocks_in_sequence
@@ -193,7 +196,10 @@ def _times(first_us: int | None) -> Row:
 
 
 class _Recording:
-    """A recording: decoded once for all steps but the replay, which runs the service on it."""
+    """A recording: decoded once for all steps but the replay, which runs the service on it.
+
+    Where the calibration changes radii it is decoded again, and the steps after it work with them.
+    """
 
     def __init__(self, file: InputFile, config: Configuration) -> None:
         self.file, self._config = file, config
@@ -214,6 +220,7 @@ class _Recording:
             **_times(contents.extractor.first_us),
             "duration_s": contents.duration_s,
             "frames": contents.extractor.counts["frames"],
+            "axles": sum(one.role is Role.WHEEL_SPEED for one in self._config.choices),
             "samples": len(contents.samples),
         }
 
@@ -227,7 +234,13 @@ class _Recording:
         drives = [build_coasting_drive(self._contents.traces, self._config)]
         require_calibration_signals(drives, self.file.name)
         result = calibrate(drives, self._config.vehicle, CalibrationSettings())
-        return calibration_fields(result)
+        applied = choose_radii(result)
+        if applied.ratio:
+            self._config = with_radii(self._config, applied.ratio)
+            # Samples hold slips, which the radii are in; traces of rim speeds hold the radii, too.
+            self._contents = scan(self._blocks(Recording(self.file.path)), self._config)
+            self._checked = None
+        return calibration_fields(result, applied)
 
     def replay(self) -> Row:
         """Columns of `replay`."""
@@ -268,6 +281,7 @@ class _Table:
             **_times(first_us),
             "duration_s": None if first_us is None else (int(t_us.max()) - first_us) / 1e6,
             "samples": len(t_us),
+            "axles": len(np.unique(self._table.samples.axle)),
         }
 
     def check(self) -> Row:

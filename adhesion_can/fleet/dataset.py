@@ -20,7 +20,8 @@ from pyarrow import parquet
 from adhesion_can.errors import InputError
 from adhesion_can.fleet.places import Place, open_place
 from adhesion_can.fleet.rows import Row
-from adhesion_can.fleet.schema import SCHEMA_VERSION, TABLES, UNITS, TableSchema
+from adhesion_can.fleet.schema import TABLES, UNITS
+from adhesion_can.fleet.table_schema import SCHEMA_VERSION, TableSchema
 
 NO_DAY = "__HIVE_DEFAULT_PARTITION__"
 """Name that stands for null in folders of partitions."""
