@@ -1,4 +1,4 @@
-"""The table of the findings of the fleet-level diagnosis, one file beside the folders of the others.
+"""The table of the findings of the fleet-level diagnosis: one file beside the others' folders.
 
 Like them it says each column's type, unit and meaning.
 """
