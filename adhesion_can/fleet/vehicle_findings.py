@@ -158,6 +158,9 @@ def _gains(
     own = _own(statistics, vehicle)
     found = {}
     for j in np.flatnonzero(compared.p_value[row] <= settings.false_discovery_rate):
+        small = abs(compared.size[row, j]) < settings.least_wear
+        if sizes.keys[j].effect == RADIUS[0] and small:
+            continue  # what is left of a radius that was applied, or too little to matter
         gain, held_out = held_out_gain([sizes.grams[i] for i in own], sizes.keys[j])
         if gain >= settings.least_gain:
             found[int(j)] = (gain, held_out)
