@@ -10,9 +10,13 @@ from dataclasses import dataclass
 
 import scipy
 
+from adhesion_can.calibration.coasting import CalibrationSettings
 from adhesion_can.calibration.fit import AxleRadius, Calibration
 from adhesion_can.fleet.settings import LEAST_WEAR
 
+SETTINGS = CalibrationSettings(blocks_min=3)
+"""Settings of the calibration of a unit. A short drive often coasts in three blocks alone; Student's
+t over so few of them asks for a hundred standard errors before a radius is applied."""
 MOST_WEAR = 0.1
 """Share of the configured radius by which a worn or new wheel can differ from it: of a wheel of
 1250 mm some 45 mm of the radius."""

@@ -10,13 +10,12 @@ from adhesion_can.api.diagnosis import LoadedInput, load_from_traces, load_input
 from adhesion_can.api.inputs import describe_left_out
 from adhesion_can.api.samples import LoadedSamples, clean_samples, load_table_samples
 from adhesion_can.bus.block import Block
-from adhesion_can.calibration.coasting import CalibrationSettings
 from adhesion_can.calibration.fit import calibrate
 from adhesion_can.config import Configuration
 from adhesion_can.config.calibrated_radii import with_radii
 from adhesion_can.diagnosis.result import InputFile
 from adhesion_can.estimation.batch_fit import BatchResult, identify
-from adhesion_can.fleet.calibrated_radii import choose_radii
+from adhesion_can.fleet.calibrated_radii import SETTINGS, choose_radii
 from adhesion_can.fleet.rows import Row, SetpointStatistics, calibration_fields, check_fields
 from adhesion_can.offline.check import CheckResult, check_scan
 from adhesion_can.offline.check_table import check_table
@@ -108,7 +107,7 @@ class RecordingUnit:
         """Columns of `calibrate`."""
         drives = [build_coasting_drive(self._contents.traces, self._config)]
         require_calibration_signals(drives, self.file.name)
-        result = calibrate(drives, self._config.vehicle, CalibrationSettings())
+        result = calibrate(drives, self._config.vehicle, SETTINGS)
         applied = choose_radii(result)
         if applied.ratio:
             config = with_radii(self._config, applied.ratio)
