@@ -15,8 +15,8 @@ from adhesion_can.calibration.fit import AxleRadius, Calibration
 from adhesion_can.fleet.settings import LEAST_WEAR
 
 SETTINGS = CalibrationSettings(blocks_min=3)
-"""Settings of the calibration of a unit. A short drive often coasts in three blocks alone; Student's
-t over so few of them asks for a hundred standard errors before a radius is applied."""
+"""Settings of the calibration of a unit. A short drive often coasts in three blocks alone, and
+Student's t over so few asks for a hundred standard errors before a radius is applied."""
 MOST_WEAR = 0.1
 """Share of the configured radius by which a worn or new wheel can differ from it: of a wheel of
 1250 mm some 45 mm of the radius."""
