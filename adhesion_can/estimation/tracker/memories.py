@@ -11,8 +11,8 @@ from math import exp, expm1
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import curve_sums
-from adhesion_can.estimation.tracker.curve_sums import (
+from adhesion_can.estimation.tracker import kernels
+from adhesion_can.estimation.tracker.layout import (
     CORRECTED,
     COUNT,
     DOF,
@@ -24,8 +24,6 @@ from adhesion_can.estimation.tracker.posterior import (
     Curves,
     NoisePrior,
     draw,
-    log_weights,
-    normalise,
 )
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import MemorySettings
@@ -72,7 +70,7 @@ class FadingMemories(Stateful):
         # One row per memory, so that all of them are one operation.
         self._sums: Array = np.zeros((count, LENGTH))
         self._curves: list[Curves] = []
-        self._at_x: Array = np.empty((count * size, NODES))
+        self._at_x: Array = np.empty((NODES, count * size))
         self._factors: Array = np.empty((5, count * size))
         self._base: Array = np.empty((count, size))
         self._costs: Array = np.empty((count, size))
@@ -131,12 +129,15 @@ class FadingMemories(Stateful):
             kinds of sums, shape (2,).
 
         """
-        costs = curve_sums.costs(added, self._at_x, self._factors)
-        costs = costs.reshape(len(added), *self._costs.shape)
+        # The product is NumPy's, whichever kernels are in use.
+        nodal = added[:, : 3 * NODES].reshape(-1, NODES) @ self._at_x
+        costs = np.empty((len(added), *self._costs.shape))
+        relative = np.empty_like(costs)
         scale = -0.5 / self.noise_var
-        least = costs.min(axis=2)
-        relative = np.exp(scale * (costs - least[..., None]))
-        inside = (relative * self._weights).sum(axis=2)
+        least = kernels.active.cost_curves(nodal, self._factors, added, scale, costs, relative)
+        np.exp(relative, out=relative)
+        relative *= self._weights
+        inside = relative.sum(axis=2)
         log_density = scale * least + np.log(np.maximum(inside, 1e-300))
         best = log_density.max(axis=1)
         density = np.exp(log_density - best[:, None])
@@ -153,8 +154,7 @@ class FadingMemories(Stateful):
 
     def refresh(self) -> None:
         """Weight the curves by the sums, and draw new ones where too few carry the weight."""
-        self._weigh()
-        effective = 1.0 / (self._weights * self._weights).sum(axis=1)
+        effective = self._weigh()
         least = np.full(len(effective), self._size * LEAST_EFFECTIVE_OTHERS)
         least[self._leader] = self._size * LEAST_EFFECTIVE
         # Where no draw is better (as with one slip only), a new one waits for new samples.
@@ -199,13 +199,22 @@ class FadingMemories(Stateful):
     def _adopt(self, i: int, curves: Curves) -> None:
         own = slice(i * self._size, (i + 1) * self._size)
         self._curves[i], self._base[i] = curves, curves.log_base
-        self._at_x[own], self._factors[:, own] = curves.at_x, curves.factors
+        self._at_x[:, own], self._factors[:, own] = curves.at_x.T, curves.factors
         self._costs[i] = curves.costs(self._sums[i])
         self._drawn_dof[i], self._new_dof[i] = self._sums[i, DOF], 0.0
 
-    def _weigh(self) -> None:
+    def _weigh(self) -> Array:
+        """Weight the curves by the sums; effective number of curves of each memory."""
         self._leader = leader = int(self._probability.argmax())
-        dof = self._sums[:, DOF, None]
-        self._weights = normalise(log_weights(self._base, self._costs, dof, self.noise))
-        cost = self._weights[leader] @ np.maximum(self._costs[leader], 0.0)
-        self.noise_var = self.noise.posterior_var(float(cost), float(dof[leader, 0]))
+        noise = self.noise
+        logs = np.maximum(self._costs, 0.0)
+        logs += noise.freedom * noise.var
+        np.log(logs, out=logs)
+        dof = self._sums[:, DOF]
+        # Not in place: who asked for the weights may still have them.
+        self._weights = weights = np.empty_like(logs)
+        kernels.active.weight_exponents(self._base, logs, 0.5 * (noise.freedom + dof), weights)
+        np.exp(weights, out=weights)
+        found = kernels.active.normalise(weights, self._costs, leader)
+        self.noise_var = noise.posterior_var(found.item(-1), dof.item(leader))
+        return found[:-1]
