@@ -51,7 +51,7 @@ class AxleDeviations(Stateful):
             weight: Weight of each sample, noise variance over residual variance, shape (n,).
 
         """
-        missing = int(axle.max()) - len(self._normal)
+        missing = max(axle.tolist()) - len(self._normal)
         if missing > 0:
             self._normal = np.pad(self._normal, ((0, missing), (0, 0)))
         kernels.active.add_to_axles(self._normal, axle, level, shifted, residual, weight)

@@ -91,7 +91,8 @@ class Points(NamedTuple):
     @property
     def exact(self) -> bool:
         """Whether no slip has an error, and all samples have the same noise."""
-        return not (self.common_var.any() or self.private_var.any() or self.transient_var.any())
+        errors = (self.common_var, self.private_var, self.transient_var)
+        return not any(map(np.count_nonzero, errors))
 
     @property
     def surely_reached(self) -> Array:

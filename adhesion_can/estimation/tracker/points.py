@@ -94,9 +94,10 @@ class CoastingGate(Stateful):
 
         """
         axle = samples.axle
-        if not (samples.slip_total_var.any() or samples.adhesion_var.any()):
+        stated = (samples.slip_var, samples.slip_common_var, samples.adhesion_var)
+        if not any(map(np.count_nonzero, stated)):
             return np.ones(len(axle), dtype=np.bool_)
-        self._make_room(int(axle.max()) + 1)
+        self._make_room(max(axle.tolist(), default=-1) + 1)
         age_s = kernels.active.pass_time(self._latest_us, axle, samples.t_us)
         return kernels.active.judge_coasting(
             samples.slip,

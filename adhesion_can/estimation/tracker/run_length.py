@@ -16,7 +16,7 @@ counted from the same sum of the curve so far, which has no such advantage.
 Hypotheses are pruned so that their ages grow geometrically, and their number stays constant.
 """
 
-from math import exp, inf, log
+from math import exp, log
 from typing import NamedTuple
 
 import numpy as np
@@ -150,13 +150,16 @@ class RunLengthHypotheses(Stateful):
             self._since_us.append(0)
             self._born.append(0)
             return self._count - 1
-        places = (place for place in range(self._count) if place != kept)
-        eldest_first = sorted(places, key=self._born.__getitem__)
-        age = [float(self._updates + 1 - self._born[slot]) for slot in eldest_first]
-        inner = range(1, len(eldest_first) - self._settings.dense)
-        crowded = {k: (age[k - 1] - age[k + 1]) / age[k] for k in inner}
-        closest = min(crowded, key=crowded.__getitem__, default=0)
-        return eldest_first[closest if crowded.get(closest, inf) < WIDEST else 0]
+        born = self._born
+        places = [place for place in range(self._count) if place != kept]
+        eldest_first = sorted(places, key=born.__getitem__)
+        age = [self._updates + 1 - born[slot] for slot in eldest_first]
+        closest, least = 0, WIDEST
+        for k in range(1, len(eldest_first) - self._settings.dense):
+            crowded = (age[k - 1] - age[k + 1]) / age[k]
+            if crowded < least:
+                closest, least = k, crowded
+        return eldest_first[closest]
 
     def log_factors(
         self, noise_var: float, noise_dof: float | None = None, inflation: float = 1.0

@@ -129,10 +129,10 @@ class Tracker(Stateful):
         seconds = 0.0 if self._now_us is None else max(now_us - self._now_us, 0) * 1e-6
         self._now_us = now_us
         valid = is_valid(samples, self._limits.slip_max)
-        if not valid.all():
+        if np.count_nonzero(valid) < len(valid):
             samples = samples.select(valid)
         usable = self._coasting.passes(samples)
-        if not usable.all():
+        if np.count_nonzero(usable) < len(usable):
             samples = samples.select(usable)
         current = self._current
         if current is None:
@@ -177,11 +177,11 @@ class Tracker(Stateful):
             private_var = float(points.private_var.max())
             common_var = float(points.common_var.max())
         residual, slope, explained, _ = rows
-        unmeasured = samples.load_std.any()
+        unmeasured = np.count_nonzero(samples.load_std)
         self._load_var = (
             float(np.mean((samples.load_std / samples.load) ** 2)) if unmeasured else 0.0
         )
-        self._sign = float(points.sign[-1])
+        self._sign = points.sign.item(-1)
         moved = points
         own_slope = bend = None
         if current.c2**2 * private_var > PRIVATE_ERROR_THRESHOLD:
