@@ -228,7 +228,8 @@ class SignalPlan:
             return int(bits) << self.shift
         bottom, top = self._sent_range
         ratio = (value - self.offset) / self.scale
-        raw = round(min(max(ratio, bottom), top))
+        # Compared, not by min and max: every signal that is sent comes here.
+        raw = bottom if ratio < bottom else top if ratio > top else round(ratio)
         return (raw & self.mask) << self.shift
 
 
@@ -313,5 +314,6 @@ class MessagePlan:
                 big |= plan.encode(value)
             else:
                 little |= plan.encode(value)
-        word = little | int.from_bytes(big.to_bytes(self.size, "big"), "little")
-        return bytearray(word.to_bytes(self.size, "little"))
+        if big:
+            little |= int.from_bytes(big.to_bytes(self.size, "big"), "little")
+        return bytearray(little.to_bytes(self.size, "little"))

@@ -38,4 +38,5 @@ class ProtectedMessage:
         payload = self.plan.encode(values)
         protect(payload, self._data_id, self._count)
         self._count = (self._count + 1) % COUNTS
-        return Frame(t_us, self.plan.frame_id, bytes(payload), is_extended=self.plan.is_extended)
+        plan = self.plan
+        return Frame(t_us, plan.frame_id, bytes(payload), "", plan.is_extended)

@@ -177,12 +177,47 @@ class Samples(Value):
 
     def select(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> "Samples":
         """The samples that a mask, index array or slice names."""
+        if not isinstance(rows, slice) and rows.dtype == np.bool_:
+            # Places, found once for all columns.
+            rows = rows.nonzero()[0]
         return Samples(
-            t_us=self.t_us[rows],
-            axle=self.axle[rows],
-            speed_us=self.speed_us[rows],
-            **{name: getattr(self, name)[rows] for name in _FLOATS},
-            covariates={name: column[rows] for name, column in self.covariates.items()},
+            self.t_us[rows],
+            self.axle[rows],
+            self.slip[rows],
+            self.adhesion[rows],
+            self.creep_speed[rows],
+            self.speed[rows],
+            self.load[rows],
+            self.load_std[rows],
+            self.slip_var[rows],
+            self.adhesion_var[rows],
+            self.slip_common_var[rows],
+            self.speed_us[rows],
+            self.transient_var[rows],
+            self.speed_share[rows],
+            {name: column[rows] for name, column in self.covariates.items()},
+        )
+
+    def with_variances(
+        self, slip_var: Array, slip_common_var: Array, adhesion_var: Array
+    ) -> "Samples":
+        """The samples with other variances of the noise, each of shape (n,)."""
+        return Samples(
+            self.t_us,
+            self.axle,
+            self.slip,
+            self.adhesion,
+            self.creep_speed,
+            self.speed,
+            self.load,
+            self.load_std,
+            slip_var,
+            adhesion_var,
+            slip_common_var,
+            self.speed_us,
+            self.transient_var,
+            self.speed_share,
+            self.covariates,
         )
 
     def folded(self) -> tuple[Array, Array]:

@@ -26,6 +26,13 @@ DOUBT = "Doubt"
 the signal came still serve."""
 AXLE_FRAMES = 6
 """Number of frames of `AxleSetpoint` in a cycle, whatever the number of axles."""
+AXLE_SIGNALS = {
+    axle: ("Axle", f"MuMax_Ax{axle}", f"LambdaM_Ax{axle}", f"CreepSpeedSetpoint_Ax{axle}")
+    for axle in range(1, AXLE_FRAMES + 1)
+}
+"""Signals of each of them: number of the axle, then those of `Setpoint` in its order."""
+NO_SETPOINT = Setpoint()
+"""Setpoint of an axle that has none."""
 
 
 class Health(NamedTuple):
@@ -168,14 +175,9 @@ class OutputMessages:
     def _axles(self, t_us: int, outputs: Outputs, _: object) -> list[Frame]:
         encoder = self._encoders["AxleSetpoint"]
         frames = []
-        for axle in range(1, AXLE_FRAMES + 1):
-            point = outputs.axles.get(axle, Setpoint())
-            values = {
-                "Axle": float(axle),
-                f"MuMax_Ax{axle}": point.mu_max,
-                f"LambdaM_Ax{axle}": point.lambda_m,
-                f"CreepSpeedSetpoint_Ax{axle}": point.creep_speed,
-            }
+        for axle, names in AXLE_SIGNALS.items():
+            point = outputs.axles.get(axle, NO_SETPOINT)
+            values = dict(zip(names, (float(axle), *point), strict=True))
             frames.append(encoder.frame(t_us, values))
         return frames
 

@@ -151,7 +151,7 @@ class DoubtingTracker(Stateful):
 
         """
         assessment, limits = self._monitor.assessment, self._limits
-        mu_share, lambda_share = np.maximum(further_std(assessment, estimate), least).tolist()
+        mu_share, lambda_share = map(max, further_std(assessment, estimate), least)
         if assessment.plain is None:
             # Samples near the peak tell its height, whatever the shape, but not its place.
             lambda_share = self._settings.first_lambda_m_std

@@ -7,7 +7,6 @@ are blocks, that of the configuration (0) weighs `prior_s`.
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from itertools import pairwise
 from math import exp, isfinite, log
 from typing import NamedTuple
@@ -48,14 +47,17 @@ class NoiseFactors(NamedTuple):
 
     def scale(self, samples: Samples) -> Samples:
         """Samples with their variances times the factors."""
-        if self == NoiseFactors():
+        if self == STATED:
             return samples
-        return replace(
-            samples,
-            slip_var=self.private * samples.slip_var,
-            slip_common_var=self.common * samples.slip_common_var,
-            adhesion_var=self.adhesion * samples.adhesion_var,
+        return samples.with_variances(
+            self.private * samples.slip_var,
+            self.common * samples.slip_common_var,
+            self.adhesion * samples.adhesion_var,
         )
+
+
+STATED = NoiseFactors()
+"""Factors that leave the stated variances as they are."""
 
 
 def combine_blocks(

@@ -7,12 +7,13 @@ priors that shrink an axle with little data to the common curve (ridge regressio
 """
 
 from collections.abc import Mapping
-from math import inf
+from math import exp, inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.tracker import kernels
 from adhesion_can.estimation.tracker.settings import AxleSettings
 from adhesion_can.values import Stateful
 
@@ -50,25 +51,14 @@ class AxleDeviations(Stateful):
             weight: Weight of each sample, noise variance over residual variance, shape (n,).
 
         """
-        by_level, by_shift = weight * level, weight * shifted
-        terms = np.array(
-            [
-                by_level * level,
-                by_level * shifted,
-                by_shift * shifted,
-                by_level * residual,
-                by_shift * residual,
-            ]
-        )
-        top = int(axle.max())
-        if top > len(self._normal):
-            self._normal = np.pad(self._normal, ((0, top - len(self._normal)), (0, 0)))
-        own = axle == np.arange(1, len(self._normal) + 1)[:, None]
-        self._normal += own.astype(np.float64) @ terms.T
+        missing = max(axle.tolist()) - len(self._normal)
+        if missing > 0:
+            self._normal = np.pad(self._normal, ((0, missing), (0, 0)))
+        kernels.active.add_to_axles(self._normal, axle, level, shifted, residual, weight)
 
     def fade(self, seconds: float, share: float = 1.0) -> None:
         """Forget exponentially with time, and by a further factor."""
-        self._normal *= share * np.exp(-seconds / self._settings.memory_s)
+        self._normal *= share * exp(-seconds / self._settings.memory_s)
 
     def estimate(
         self, mu_max: float, lambda_m: float, sign: float, noise_var: float

@@ -33,37 +33,32 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker.settings import C2_RANGE
+from adhesion_can.estimation.tracker import kernels
+from adhesion_can.estimation.tracker.kernels.plain_increment import common_errors
+from adhesion_can.estimation.tracker.layout import (
+    BINS,
+    C2_NODES,
+    CHEBYSHEV,
+    COUNT,
+    DOF,
+    HISTOGRAM,
+    LENGTH,
+    NODES,
+    SURE,
+    WIDE_ERROR,
+    X_NODES,
+    X_RANGE,
+    A,
+    B,
+    C,
+    D,
+    E,
+    Z,
+)
 from adhesion_can.physics.burckhardt import CurveParameters
 
-NODES = 40
-X_RANGE = (float(np.log(C2_RANGE[0])), float(np.log(C2_RANGE[1])))
+_BARYCENTRIC = np.where(np.arange(NODES) % 2, -1.0, 1.0) * np.sin(np.arccos(CHEBYSHEV))
 
-_T = np.cos(np.pi * (2 * np.arange(NODES) + 1) / (2 * NODES))
-X_NODES: Array = X_RANGE[0] + (X_RANGE[1] - X_RANGE[0]) * (_T + 1) / 2
-"""ln c2 of the nodes, descending."""
-C2_NODES: Array = np.exp(X_NODES)
-
-_C2_SQUARES = C2_NODES * C2_NODES
-_BARYCENTRIC = np.where(np.arange(NODES) % 2, -1.0, 1.0) * np.sin(np.arccos(_T))
-
-A, B, C = slice(0, NODES), slice(NODES, 2 * NODES), slice(2 * NODES, 3 * NODES)
-D, E, Z, DOF, COUNT = range(3 * NODES, 3 * NODES + 5)
-"""Indices in a vector of sums. DOF is the number of degrees of freedom of J, a little less than
-COUNT where slips are not exact."""
-SURE = 4.0
-"""Standard deviations beyond which the sign of a measured slip is its true one."""
-LARGEST_EXPONENT = 8.0
-"""Largest exponent of e^(−c2 λ): a slip below zero is an error, which must not become 1e20."""
-WIDE_ERROR, TOO_WIDE = 0.02, 0.1
-"""c2² p from which the private error is as wide as the bend of the curve: the correction of the
-slope is limited there, and that of the sums."""
-BINS = 64
-HISTOGRAM = slice(COUNT + 1, COUNT + 1 + BINS)
-"""Number of samples by the slip that they surely reached, from 0 to the model's largest slip."""
-LENGTH = COUNT + 1 + BINS
-CORRECTED, MEASURED = 0, 1
-"""Rows of an increment: sums with corrected scores, and with the slips as measured."""
 
 
 class Points(NamedTuple):
@@ -96,7 +91,8 @@ class Points(NamedTuple):
     @property
     def exact(self) -> bool:
         """Whether no slip has an error, and all samples have the same noise."""
-        return not (self.common_var.any() or self.private_var.any() or self.transient_var.any())
+        errors = (self.common_var, self.private_var, self.transient_var)
+        return not any(map(np.count_nonzero, errors))
 
     @property
     def surely_reached(self) -> Array:
@@ -115,12 +111,6 @@ class Points(NamedTuple):
             self.sign[rows],
             None if self.share is None else self.share[rows],
         )
-
-    def groups(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """First sample of each group, shape (groups,), and the group of each sample, (n,)."""
-        first = np.ones(len(self.group), dtype=np.bool_)
-        np.not_equal(self.group[1:], self.group[:-1], out=first[1:])
-        return first.nonzero()[0], first.cumsum() - 1
 
 
 def interpolation(x: ArrayLike) -> Array:
@@ -168,6 +158,7 @@ def increment(
     slip_max: float,
     own_slope: Array | None = None,
     bend: Array | None = None,
+    reached: Array | None = None,
 ) -> Array:
     """Sums of samples with corrected scores, and with the slips as measured; shape (2, LENGTH).
 
@@ -184,141 +175,46 @@ def increment(
             `slope`.
         bend: Curvature −d²μ/dλ² of the current curve at the samples, shape (n,), for the
             correlation of slope and private error; None: it is not corrected.
+        reached: Slips that were surely reached, shape (n,); None: those of the points.
 
     """
-    h, z, p, _, further, *_ = points
-    both = np.empty((2, LENGTH))
-    both[:, HISTOGRAM] = histogram(points, slip_max)
-    both[:, COUNT] = len(h)
+    reached = points.surely_reached if reached is None else reached
     if points.exact:
-        f1 = -np.expm1(-np.multiply.outer(h, C2_NODES))
-        both[:, A] = np.einsum("ij,ij->j", f1, f1)
-        both[:, B], both[:, C] = -(h @ f1), z @ f1
-        both[:, D], both[:, E], both[:, Z], both[:, DOF] = h @ h, -(h @ z), z @ z, len(h)
-        return both
-    by_own = (slope if own_slope is None else own_slope) ** 2 * p
-    weight = 1.0 / (1.0 + (by_own + further) / noise_var)
-    shape, var = _common_errors(points, slope * slope * weight)
-    in_group = shape * (slope * weight)
-    s2 = var / noise_var
-    kappa = s2 / (1.0 + s2 * ((in_group * shape) @ slope))
-    # Diagonal of the inverse covariance.
-    own = weight - kappa @ (in_group * in_group)
-    rows = [weight, weight * h, weight * z, own, *in_group]
-    if bend is not None:
-        rows += [*(shape * (p * bend * weight))]
-    weights = np.array(rows)
-    decay = np.exp(np.minimum(h[:, None] * -C2_NODES, LARGEST_EXPONENT))
-    moments = _Moments(
-        by_one=weights.sum(axis=1),
-        by_slip=weights @ h,
-        by_adhesion=weights @ z,
-        by_decay=weights @ decay,
-        by_square=weights[:4:3] @ (decay * decay),
-        kappa=kappa,
+        return _exact_increment(points, reached, slip_max)
+    decay = np.empty((len(points.slip) + 1, NODES))
+    private = kernels.active.node_exponents(points.slip, points.private_var, decay)
+    np.exp(decay, out=decay)
+    return kernels.active.increment(
+        points.slip,
+        points.adhesion,
+        points.private_var,
+        points.common_var,
+        points.transient_var,
+        points.group,
+        points.sign,
+        kernels.NONE if points.share is None else points.share,
+        slope,
+        slope if own_slope is None else own_slope,
+        kernels.NONE if bend is None else bend,
+        reached,
+        decay,
+        private,
+        noise_var,
+        slip_max,
     )
-    # The samples' mean variance: one sensor, nearly one speed.
-    private = float(p.sum()) / len(p)
-    _assemble(moments, 0.0, both[MEASURED])
-    both[MEASURED, DOF] = len(h)
-    if private > 0.0:
-        _assemble(moments, private, both[CORRECTED])
-        both[CORRECTED, DOF] = len(h) - own @ by_own / noise_var
-    else:
-        both[CORRECTED] = both[MEASURED]
+
+
+def _exact_increment(points: Points, reached: Array, slip_max: float) -> Array:
+    """Sums of samples whose slips have no error."""
+    h, z, both = points.slip, points.adhesion, np.empty((2, LENGTH))
+    places = (reached * (BINS / slip_max)).clip(0, BINS - 1).astype(np.int64)
+    both[:, HISTOGRAM] = np.bincount(places, minlength=BINS)
+    f1 = -np.expm1(-np.multiply.outer(h, C2_NODES))
+    both[:, A] = np.einsum("ij,ij->j", f1, f1)
+    both[:, B], both[:, C] = -(h @ f1), z @ f1
+    both[:, D], both[:, E], both[:, Z] = h @ h, -(h @ z), z @ z
+    both[:, DOF] = both[:, COUNT] = len(h)
     return both
-
-
-class _Moments(NamedTuple):
-    """Weighted sums over samples, from which the vector of sums is assembled.
-
-    The rows are: weight, weight times slip, weight times adhesion, diagonal of the inverse
-    covariance, then one for each common error; where the bend is corrected, one more for each.
-
-    Attributes:
-        by_one: Sums of the rows, shape (r,).
-        by_slip: Sums of the rows times the slip λ, shape (r,).
-        by_adhesion: Sums of the rows times the adhesion, shape (r,).
-        by_decay: Sums of the rows times e^(−c2 λ) at each node, shape (r, NODES).
-        by_square: Sums of the first and the fourth row times e^(−2 c2 λ), shape (2, NODES).
-        kappa: What a common error takes away from the square of its row, shape (groups,).
-
-    """
-
-    by_one: Array
-    by_slip: Array
-    by_adhesion: Array
-    by_decay: Array
-    by_square: Array
-    kappa: Array
-
-
-def _assemble(moments: _Moments, private: float, sums: Array) -> None:
-    """Write A, B, C, D, E and Z of samples into a vector of sums.
-
-    Args:
-        moments: Weighted sums over the samples.
-        private: Variance of the private errors that corrected scores remove; 0: none.
-        sums: Vector of sums to write to, shape (LENGTH,).
-
-    """
-    ones, slips, adhesions, decays, squares, kappa = moments
-    group, turning = slice(4, 4 + len(kappa)), slice(4 + len(kappa), None)
-    group_decay, group_h, group_z = decays[group], slips[group], kappa * adhesions[group]
-    bent: Array | float = 0.0
-    (we, whe, wze, owne), (wee, ownee) = decays[:4], squares
-    if private > 0.0:
-        # e^(−c2 λ) has the expectation e^(−c2 λ) / shrink. Curves that bend within the error itself
-        # are corrected less: the series diverges there, and a correction from few samples may
-        # exceed the sum.
-        corrected = private / (1.0 + (private / TOO_WIDE) * _C2_SQUARES)
-        shrink = np.exp(-0.5 * corrected * _C2_SQUARES)
-        square = shrink * shrink
-        group_decay = shrink * group_decay
-        if len(ones) > turning.start:
-            bent = decays[turning] * (shrink * C2_NODES)
-            group_h = group_h + ones[turning]
-        we, whe, wze, wee = shrink * we, shrink * whe, shrink * wze, square * wee
-        wee = wee + (square * (square - 1.0)) * ownee
-        whe = whe + (corrected * C2_NODES * shrink) * owne
-    group_f1 = ones[group, None] - group_decay + bent
-    sums[A] = ones[0] - 2.0 * we + wee - kappa @ (group_f1 * group_f1)
-    sums[B] = whe - slips[0] + (kappa * group_h) @ group_f1
-    sums[C] = adhesions[0] - wze - group_z @ group_f1
-    sums[D] = slips[1] - (kappa * group_h) @ group_h - private * ones[3]
-    sums[E] = group_z @ group_h - adhesions[1]
-    sums[Z] = adhesions[2] - group_z @ adhesions[group]
-
-
-def histogram(points: Points, slip_max: float) -> Array:
-    """Number of samples by the slip that they surely reached, shape (BINS,)."""
-    places = (points.surely_reached * (BINS / slip_max)).clip(0, BINS - 1).astype(np.int64)
-    return np.bincount(places, minlength=BINS).astype(np.float64)
-
-
-def _common_errors(points: Points, weight: Array) -> tuple[Array, Array]:
-    """Errors of the slips by the vehicle speed, each with its variance.
-
-    Args:
-        points: Samples on one branch.
-        weight: Weight of each sample in the mean place of its group, shape (n,).
-
-    Returns:
-        Error of each slip by one unit of each of k errors, shape (k, n): those of the groups, then
-        the changes across them; and their variances, shape (k,).
-
-    """
-    starts, member = points.groups()
-    var = points.common_var[starts]
-    inside = member == np.arange(len(starts))[:, None] if len(starts) > 1 else np.ones((1, 1))
-    level = inside * points.sign
-    share = points.share
-    if share is None or share.max() == share.min():
-        return level, var
-    mean = inside * weight
-    total = mean.sum(axis=1, keepdims=True)
-    middle = (mean @ share)[:, None] / np.maximum(total, 1e-300)
-    return np.concatenate([level, level * (share - middle)]), np.concatenate([var, 2.0 * var])
 
 
 def slope_at(points: Points, theta: CurveParameters) -> Array:
@@ -372,7 +268,10 @@ def common_shift(points: Points, theta: CurveParameters, noise_var: float) -> Po
     b = slope_by_adhesion(points, theta)
     weight = 1.0 / (noise_var + b * b * p + further)
     a = slope_at(points, theta)
-    shape, var = _common_errors(points, a * a * weight)
+    share = kernels.NONE if points.share is None else points.share
+    shape, var = common_errors(
+        points.group, points.sign, share, points.common_var, a * a * weight
+    )
     var = np.maximum(var, 1e-30)
     error = np.zeros(len(var))
     moved = points

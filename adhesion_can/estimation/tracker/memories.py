@@ -6,13 +6,13 @@ its predictive density, with slow switching between them (dynamic model averagin
 and Ettler, Technometrics 52, 2010).
 """
 
-from math import exp, expm1
+from math import exp, expm1, log
 
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import curve_sums
-from adhesion_can.estimation.tracker.curve_sums import (
+from adhesion_can.estimation.tracker import kernels
+from adhesion_can.estimation.tracker.layout import (
     CORRECTED,
     COUNT,
     DOF,
@@ -24,8 +24,6 @@ from adhesion_can.estimation.tracker.posterior import (
     Curves,
     NoisePrior,
     draw,
-    log_weights,
-    normalise,
 )
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import MemorySettings
@@ -67,19 +65,21 @@ class FadingMemories(Stateful):
         count = len(settings.times_s)
         self._rates = 1.0 / np.array(settings.times_s)
         drift = settings.drift if count > 1 else 0.0
-        self._shares = np.array([1.0 - drift] + [drift / max(count - 1, 1)] * (count - 1))
-        self._probability: Array = self._shares.copy()
+        # Numbers: for a handful of memories faster than arrays of them.
+        self._shares = [1.0 - drift] + [drift / max(count - 1, 1)] * (count - 1)
+        self._probability = self._shares
         # One row per memory, so that all of them are one operation.
         self._sums: Array = np.zeros((count, LENGTH))
         self._curves: list[Curves] = []
-        self._at_x: Array = np.empty((count * size, NODES))
+        self._at_x: Array = np.empty((NODES, count * size))
         self._factors: Array = np.empty((5, count * size))
         self._base: Array = np.empty((count, size))
         self._costs: Array = np.empty((count, size))
         self._weights: Array = np.empty((count, size))
-        self._drawn_dof: Array = np.zeros(count)
-        self._new_dof: Array = np.zeros(count)
+        self._drawn_dof = [0.0] * count
+        self._new_dof = [0.0] * count
         self._leader = 0
+        self._faded_s, self._kept = 0.0, np.ones((count, 1))
 
     @property
     def dof(self) -> float:
@@ -104,18 +104,21 @@ class FadingMemories(Stateful):
         self._curves = [curves] * len(self._sums)
         for i in range(len(self._sums)):
             self._adopt(i, curves)
-        self._probability = self._shares.copy()
+        self._probability = self._shares
         self._weigh()
 
     def fade(self, seconds: float) -> None:
         """Forget exponentially over a time; probabilities return towards their prior."""
         if seconds <= 0.0:
             return
-        share = np.exp(-seconds * self._rates)[:, None]
-        self._sums *= share
-        self._costs *= share
+        if seconds != self._faded_s:
+            # Mostly the same time, that from one due time to the next.
+            self._faded_s, self._kept = seconds, np.exp(-seconds * self._rates)[:, None]
+        self._sums *= self._kept
+        self._costs *= self._kept
         back = -expm1(-seconds * self._settings.drift / self._settings.switch_s)
-        self._probability = (1.0 - back) * self._probability + back * self._shares
+        pairs = zip(self._probability, self._shares, strict=True)
+        self._probability = [(1.0 - back) * now + back * share for now, share in pairs]
 
     def predict(self, added: Array) -> tuple[Array, Array]:
         """Sums of squares of new samples with the current curves, and their predictive density.
@@ -131,43 +134,56 @@ class FadingMemories(Stateful):
             kinds of sums, shape (2,).
 
         """
-        costs = curve_sums.costs(added, self._at_x, self._factors)
-        costs = costs.reshape(len(added), *self._costs.shape)
+        # The product is NumPy's, whichever kernels are in use.
+        nodal = added[:, : 3 * NODES].reshape(-1, NODES) @ self._at_x
+        costs = np.empty((len(added), *self._costs.shape))
+        relative = np.empty_like(costs)
         scale = -0.5 / self.noise_var
-        least = costs.min(axis=2)
-        relative = np.exp(scale * (costs - least[..., None]))
-        inside = (relative * self._weights).sum(axis=2)
+        least = kernels.active.cost_curves(nodal, self._factors, added, scale, costs, relative)
+        np.exp(relative, out=relative)
+        relative *= self._weights
+        inside = relative.sum(axis=2)
         log_density = scale * least + np.log(np.maximum(inside, 1e-300))
-        best = log_density.max(axis=1)
-        density = np.exp(log_density - best[:, None])
-        cost = (best + np.log(density @ self._probability)) / scale
-        probability = self._probability * np.maximum(density[CORRECTED], LEAST_DENSITY)
-        self._probability = probability / probability.sum()
+        cost = np.empty(len(added))
+        factors: list[float] = []
+        for kind, logs in enumerate(log_density.tolist()):
+            best = max(logs)
+            density = [exp(one - best) for one in logs]
+            mean = sum([d * p for d, p in zip(density, self._probability, strict=True)])
+            cost[kind] = (best + log(mean)) / scale
+            if kind == CORRECTED:
+                factors = [max(d, LEAST_DENSITY) for d in density]
+        weighted = [p * factor for p, factor in zip(self._probability, factors, strict=True)]
+        total = sum(weighted)
+        self._probability = [one / total for one in weighted]
         return costs[CORRECTED], cost
 
     def add(self, added: Array, costs: Array) -> None:
         """Add samples by their sums and by their costs from `predict`."""
         self._sums += added
         self._costs += costs
-        self._new_dof += added[DOF]
+        dof = added.item(DOF)
+        self._new_dof = [new + dof for new in self._new_dof]
 
     def refresh(self) -> None:
         """Weight the curves by the sums, and draw new ones where too few carry the weight."""
-        self._weigh()
-        effective = 1.0 / (self._weights * self._weights).sum(axis=1)
-        least = np.full(len(effective), self._size * LEAST_EFFECTIVE_OTHERS)
-        least[self._leader] = self._size * LEAST_EFFECTIVE
-        # Where no draw is better (as with one slip only), a new one waits for new samples.
-        poor = (effective < least) & (self._new_dof > LEAST_NEW_SHARE * self._sums[:, DOF])
-        poor |= self._sums[:, DOF] < LEAST_KEPT_SHARE * self._drawn_dof
-        if poor.any():
-            for i in np.flatnonzero(poor):
-                self._draw(int(i))
+        effective = self._weigh()
+        leader, size = self._leader, self._size
+        poor = []
+        for i, dof in enumerate(self._sums[:, DOF].tolist()):
+            least = size * (LEAST_EFFECTIVE if i == leader else LEAST_EFFECTIVE_OTHERS)
+            # Where no draw is better (as with one slip only), a new one waits for new samples.
+            is_poor = effective[i] < least and self._new_dof[i] > LEAST_NEW_SHARE * dof
+            if is_poor or dof < LEAST_KEPT_SHARE * self._drawn_dof[i]:
+                poor.append(i)
+        for i in poor:
+            self._draw(i)
+        if poor:
             self._weigh()
 
     def leading(self, least: float) -> list[tuple[Curves, Array]]:
         """Curves and weights of the memories with at least a probability; weights sum to 1."""
-        probability = self._probability.tolist()
+        probability = self._probability
         least = min(least, max(probability))
         chosen = [(i, share) for i, share in enumerate(probability) if share >= least]
         if len(chosen) == 1:
@@ -199,13 +215,23 @@ class FadingMemories(Stateful):
     def _adopt(self, i: int, curves: Curves) -> None:
         own = slice(i * self._size, (i + 1) * self._size)
         self._curves[i], self._base[i] = curves, curves.log_base
-        self._at_x[own], self._factors[:, own] = curves.at_x, curves.factors
+        self._at_x[:, own], self._factors[:, own] = curves.at_x.T, curves.factors
         self._costs[i] = curves.costs(self._sums[i])
-        self._drawn_dof[i], self._new_dof[i] = self._sums[i, DOF], 0.0
+        self._drawn_dof[i], self._new_dof[i] = self._sums.item(i, DOF), 0.0
 
-    def _weigh(self) -> None:
-        self._leader = leader = int(self._probability.argmax())
-        dof = self._sums[:, DOF, None]
-        self._weights = normalise(log_weights(self._base, self._costs, dof, self.noise))
-        cost = self._weights[leader] @ np.maximum(self._costs[leader], 0.0)
-        self.noise_var = self.noise.posterior_var(float(cost), float(dof[leader, 0]))
+    def _weigh(self) -> list[float]:
+        """Weight the curves by the sums; effective number of curves of each memory."""
+        probability = self._probability
+        self._leader = leader = probability.index(max(probability))
+        noise = self.noise
+        logs = np.maximum(self._costs, 0.0)
+        logs += noise.freedom * noise.var
+        np.log(logs, out=logs)
+        dof = self._sums[:, DOF]
+        # Not in place: who asked for the weights may still have them.
+        self._weights = weights = np.empty_like(logs)
+        kernels.active.weight_exponents(self._base, logs, 0.5 * (noise.freedom + dof), weights)
+        np.exp(weights, out=weights)
+        effective: list[float] = kernels.active.normalise(weights, self._costs, leader).tolist()
+        self.noise_var = noise.posterior_var(effective.pop(), dof.item(leader))
+        return effective

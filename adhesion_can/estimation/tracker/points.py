@@ -6,18 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker.curve_sums import SURE, Points
+from adhesion_can.estimation.tracker import kernels
+from adhesion_can.estimation.tracker.curve_sums import Points
+from adhesion_can.estimation.tracker.layout import SURE
 from adhesion_can.physics.samples import Samples
 from adhesion_can.values import Stateful
 
-ADHESION_MAX = 5.0
-"""Largest adhesion of a usable sample; larger ones are faults."""
 TELLING = 8.0
 """Slip from which an update tells surfaces apart, in standard deviations of its error."""
 COASTING_S = 0.1
 """Time constant of the means by which an axle is coasting, s."""
-COASTING_AGE_S = 0.5
-"""Age of these means beyond which they say nothing, s."""
 
 
 def is_valid(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
@@ -26,12 +24,15 @@ def is_valid(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
     Left out are samples that are not finite, slips beyond the model (wheel lock at −1, spin) and an
     impossible adhesion.
     """
-    slip_size, adhesion_size = np.abs(samples.slip), np.abs(samples.adhesion)
-    further = samples.adhesion_var + samples.transient_var + samples.load_std
-    return np.asarray(
-        (slip_size <= slip_max)
-        & (adhesion_size <= ADHESION_MAX)
-        & np.isfinite(samples.slip_total_var + further)
+    return kernels.active.find_valid(
+        samples.slip,
+        samples.adhesion,
+        samples.slip_var,
+        samples.slip_common_var,
+        samples.adhesion_var,
+        samples.transient_var,
+        samples.load_std,
+        slip_max,
     )
 
 
@@ -50,8 +51,7 @@ def carries_information(
 
     Where neither does, in coasting, a sample only shows that the curve begins at 0, which is known.
     """
-    far = SURE * SURE
-    return np.asarray((slip * slip >= far * slip_var) | (adhesion * adhesion > far * adhesion_var))
+    return np.asarray((slip * slip >= FAR * slip_var) | (adhesion * adhesion > FAR * adhesion_var))
 
 
 def shows_surface(samples: Samples) -> bool:
@@ -66,6 +66,8 @@ def shows_surface(samples: Samples) -> bool:
     return median(squares) >= TELLING**2 * median(variances)
 
 
+FAR = SURE * SURE
+"""Square of a value over its variance from which it exceeds its error by far."""
 NEVER_US = -(1 << 60)
 """Stamp of an axle that had no sample yet, µs."""
 
@@ -82,8 +84,7 @@ class CoastingGate(Stateful):
     def __init__(self) -> None:
         # By the number of the axle.
         self._latest_us = np.empty(0, dtype=np.int64)
-        self._slip: Array = np.empty(0)
-        self._adhesion: Array = np.empty(0)
+        self._means: Array = np.empty((2, 0))
 
     def passes(self, samples: Samples) -> NDArray[np.bool_]:
         """Whether to use each sample, shape (n,).
@@ -92,36 +93,31 @@ class CoastingGate(Stateful):
             samples: Samples of an update, at least one, finite.
 
         """
-        slip_var, adhesion_var = samples.slip_total_var, samples.adhesion_var
-        axle, slip, adhesion = samples.axle, samples.slip, samples.adhesion
-        if not (slip_var.any() or adhesion_var.any()):
-            return np.ones(len(slip), dtype=np.bool_)
-        self._make_room(int(axle.max()) + 1)
-        axles = len(self._latest_us)
-        count = np.bincount(axle, minlength=axles)
-        seen = np.maximum(count, 1)
-        latest_us = self._latest_us.copy()
-        latest_us[axle] = samples.t_us
-        age_s = (latest_us - self._latest_us) * 1e-6
-        known = (age_s >= 0.0) & (age_s <= COASTING_AGE_S)
-        of_sample = known[axle]
-        judged = (
-            np.where(of_sample, self._slip[axle], slip),
-            np.where(of_sample, self._adhesion[axle], adhesion),
+        axle = samples.axle
+        stated = (samples.slip_var, samples.slip_common_var, samples.adhesion_var)
+        if not any(map(np.count_nonzero, stated)):
+            return np.ones(len(axle), dtype=np.bool_)
+        self._make_room(max(axle.tolist(), default=-1) + 1)
+        age_s = kernels.active.pass_time(self._latest_us, axle, samples.t_us)
+        return kernels.active.judge_coasting(
+            samples.slip,
+            samples.adhesion,
+            samples.slip_var,
+            samples.slip_common_var,
+            samples.adhesion_var,
+            axle,
+            age_s,
+            np.expm1(age_s / -COASTING_S),
+            self._means,
+            FAR,
         )
-        gain = np.where(known, -np.expm1(age_s / -COASTING_S), 1.0) * (count > 0)
-        self._slip += gain * (np.bincount(axle, slip, axles) / seen - self._slip)
-        self._adhesion += gain * (np.bincount(axle, adhesion, axles) / seen - self._adhesion)
-        self._latest_us = latest_us
-        return carries_information(*judged, slip_var, adhesion_var)
 
     def _make_room(self, axles: int) -> None:
         """Make room for as many axles, those that are new without means."""
         missing = axles - len(self._latest_us)
         if missing > 0:
             self._latest_us = np.concatenate([self._latest_us, np.full(missing, NEVER_US)])
-            self._slip = np.concatenate([self._slip, np.zeros(missing)])
-            self._adhesion = np.concatenate([self._adhesion, np.zeros(missing)])
+            self._means = np.concatenate([self._means, np.zeros((2, missing))], axis=1)
 
 
 def build_points(samples: Samples, *, errors_in_variables: bool = True) -> Points:
@@ -189,15 +185,18 @@ class OutlierGate(Stateful):
         self._suspect = 0
         self._times = 0
 
-    def passes(self, size: Array, axle: NDArray[np.int64]) -> NDArray[np.bool_] | None:
+    def passes(
+        self, size: Array, axle: NDArray[np.int64], largest: float | None = None
+    ) -> NDArray[np.bool_] | None:
         """Whether to use each sample, shape (n,); None for all.
 
         Args:
             size: Absolute residuals in standard deviations, shape (n,).
             axle: Number of each sample's axle, shape (n,).
+            largest: Largest of `size` where it is known.
 
         """
-        if not size.max() > self.FAR:
+        if not (size.max() if largest is None else largest) > self.FAR:
             self._times = 0
             return None
         suspect = int(axle[np.argmax(size)])

@@ -18,8 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import curve_sums
-from adhesion_can.estimation.tracker.curve_sums import DOF, coefficients, interpolation
+from adhesion_can.estimation.tracker import curve_sums, kernels
+from adhesion_can.estimation.tracker.curve_sums import coefficients, interpolation
+from adhesion_can.estimation.tracker.layout import (
+    DOF,
+    SUMMARY_COVARIANCE,
+    SUMMARY_FALL,
+    SUMMARY_HEIGHT,
+    SUMMARY_MEDIANS,
+    SUMMARY_PLACE,
+)
 from adhesion_can.estimation.tracker.prior import Prior, from_shape_coordinates
 from adhesion_can.estimation.tracker.proposal import propose
 from adhesion_can.physics.burckhardt import peak
@@ -29,8 +37,6 @@ FEWEST = 8
 """Least number of curves with a peak in a draw; with fewer the prior is drawn from."""
 FEWEST_SAMPLES = 1.0
 """Least degrees of freedom for a draw from the posterior; with fewer the prior is drawn from."""
-SHARES = (0.05, 0.5, 0.95)
-"""Probabilities of the quantiles of an interval."""
 
 
 class NoisePrior(NamedTuple):
@@ -65,7 +71,7 @@ class Curves(Value):
         order: Indices that sort the curves by each row of `peaks`, shape (3, n).
         peaks_in_order: Rows of `peaks`, each in its order, shape (3, n).
         limited_in_order: `mu_max` and `lambda_m` in the orders of μ_m and λ_m, shape (2, n).
-        values: c1, c2, c3, `mu_max` and `lambda_m`, shape (n, 5).
+        columns: c1, c2, c3, `mu_max` and `lambda_m`, shape (5, n).
 
     """
 
@@ -79,7 +85,7 @@ class Curves(Value):
     order: NDArray[np.int64] = field(init=False)
     peaks_in_order: Array = field(init=False)
     limited_in_order: Array = field(init=False)
-    values: Array = field(init=False)
+    columns: Array = field(init=False)
 
     def __post_init__(self) -> None:
         # Once here: an estimate at each update needs them.
@@ -89,7 +95,7 @@ class Curves(Value):
             "order": order,
             "peaks_in_order": np.take_along_axis(self.peaks, order, axis=1),
             "limited_in_order": np.take_along_axis(limited, order[:2], axis=1),
-            "values": np.column_stack([self.theta, *limited]),
+            "columns": np.concatenate([self.theta.T, limited]),
         }
         for name, value in derived.items():
             object.__setattr__(self, name, value)
@@ -182,21 +188,54 @@ def join_parts(parts: list[tuple[Curves, Array]]) -> tuple[Curves, Array]:
     return join_curves([curves for curves, _ in parts]), weights / weights.sum()
 
 
-def shares_below(curves: Curves, weights: Array) -> Array:
-    """Cumulative weight at each curve in the three orders, shape (3, n)."""
-    in_order = weights[curves.order]
-    return np.asarray(in_order.cumsum(axis=1) - 0.5 * in_order)
+def summarise(curves: Curves, weights: Array) -> "CurveSummary":
+    """Summary of curves with normalised weights."""
+    found = kernels.active.summarise(
+        weights, curves.order, curves.peaks_in_order, curves.limited_in_order, curves.columns
+    )
+    numbers = found.tolist()
+    return CurveSummary(
+        *numbers[SUMMARY_MEDIANS],
+        tuple(numbers[SUMMARY_HEIGHT]),
+        tuple(numbers[SUMMARY_PLACE]),
+        found[SUMMARY_COVARIANCE].reshape(3, 3),
+        *numbers[SUMMARY_FALL:],
+    )
 
 
-def compute_moments(curves: Curves, weights: Array) -> tuple[Array, Array]:
-    """Mean and covariance of `Curves.values` with normalised weights, shapes (5,) and (5, 5)."""
-    mean = weights @ curves.values
-    deviation = curves.values - mean
-    return mean, (deviation * weights[:, None]).T @ deviation
+class CurveSummary(NamedTuple):
+    """Weighted curves in a few numbers.
+
+    Attributes:
+        mu_m: Median of the peak's height μ_m.
+        slip_m: Median of the peak's slip ratio, also beyond the range of slip.
+        shape: Median of the shape s = c2 λ_m.
+        mu_max: 5, 50 and 95 % quantiles of μ_max.
+        lambda_m: 5, 50 and 95 % quantiles of λ_m.
+        covariance: Covariance of (c1, c2, c3), shape (3, 3).
+        fall: Mean of c3.
+        mu_max_var: Variance of μ_max.
+        lambda_m_var: Variance of λ_m.
+        effective: Effective number of curves 1/Σ w² (Kish, "Survey Sampling", 1965).
+
+    """
+
+    mu_m: float
+    slip_m: float
+    shape: float
+    mu_max: tuple[float, float, float]
+    lambda_m: tuple[float, float, float]
+    covariance: Array
+    fall: float
+    mu_max_var: float
+    lambda_m_var: float
+    effective: float
 
 
-def widened_interval(in_order: Array, share_below: Array, extra_std: float) -> tuple[float, float]:
+def widened_interval(
+    quantiles: tuple[float, float, float], extra_std: float
+) -> tuple[float, float]:
     """Interval from the 5 to the 95 % quantile, widened by an independent error."""
-    low, middle, high = np.interp(SHARES, share_below, in_order)
+    low, middle, high = quantiles
     more = 1.645 * extra_std
-    return float(middle - hypot(middle - low, more)), float(middle + hypot(high - middle, more))
+    return middle - hypot(middle - low, more), middle + hypot(high - middle, more)

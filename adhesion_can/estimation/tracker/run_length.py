@@ -16,28 +16,26 @@ counted from the same sum of the curve so far, which has no such advantage.
 Hypotheses are pruned so that their ages grow geometrically, and their number stays constant.
 """
 
-from math import exp, inf, log
+from math import exp, log
 from typing import NamedTuple
 
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import curve_sums
-from adhesion_can.estimation.tracker.curve_sums import (
+from adhesion_can.estimation.tracker import kernels
+from adhesion_can.estimation.tracker.layout import (
     CORRECTED,
     DOF,
     LENGTH,
     MEASURED,
+    NEW_STD,
+    NODES,
     X_NODES,
-    Z,
 )
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import RunLengthSettings
 from adhesion_can.values import Stateful
 
-_MEAN, _STD = np.array([0.3, 0.15]), np.array([0.4, 0.4])
-"""Prior mean and standard deviation of (c1, c3) of a new surface."""
-_PRIOR_SQUARE = float((_MEAN / _STD) @ (_MEAN / _STD))
 LEFT_OUT = 16.0
 """Cost of leaving an update out, in units of σ², beyond the expectation by noise."""
 WIDEST = 1.5
@@ -71,7 +69,7 @@ class RunLengthHypotheses(Stateful):
         spacing = np.abs(np.gradient(X_NODES))
         log_prior = prior.log_marginal(1, X_NODES) + np.log(spacing)
         # With the determinant of the prior's precision of (c1, c3).
-        self._log_prior = log_prior - np.logaddexp.reduce(log_prior) - np.log(_STD).sum()
+        self._log_prior = log_prior - np.logaddexp.reduce(log_prior) - log(NEW_STD[0] * NEW_STD[1])
         self.clear()
 
     def clear(self) -> None:
@@ -152,13 +150,16 @@ class RunLengthHypotheses(Stateful):
             self._since_us.append(0)
             self._born.append(0)
             return self._count - 1
-        places = (place for place in range(self._count) if place != kept)
-        eldest_first = sorted(places, key=self._born.__getitem__)
-        age = [float(self._updates + 1 - self._born[slot]) for slot in eldest_first]
-        inner = range(1, len(eldest_first) - self._settings.dense)
-        crowded = {k: (age[k - 1] - age[k + 1]) / age[k] for k in inner}
-        closest = min(crowded, key=crowded.__getitem__, default=0)
-        return eldest_first[closest if crowded.get(closest, inf) < WIDEST else 0]
+        born = self._born
+        places = [place for place in range(self._count) if place != kept]
+        eldest_first = sorted(places, key=born.__getitem__)
+        age = [self._updates + 1 - born[slot] for slot in eldest_first]
+        closest, least = 0, WIDEST
+        for k in range(1, len(eldest_first) - self._settings.dense):
+            crowded = (age[k - 1] - age[k + 1]) / age[k]
+            if crowded < least:
+                closest, least = k, crowded
+        return eldest_first[closest]
 
     def log_factors(
         self, noise_var: float, noise_dof: float | None = None, inflation: float = 1.0
@@ -173,55 +174,20 @@ class RunLengthHypotheses(Stateful):
                 by it, as if as many samples fewer had been seen (tempered likelihood).
 
         """
-        sums, old = self._sums[:, : self._count], self._old_cost[:, : self._count]
-        dof = sums[MEASURED, :, DOF] / inflation
-        scores = self._scores(sums, old, dof, noise_var * inflation, noise_dof)
-        score = scores.min(axis=0)
-        top = score.max(axis=1)
-        return np.asarray(top + np.log(np.exp(score - top[:, None]).sum(axis=1)))
-
-    def _scores(
-        self,
-        sums: Array,
-        old_cost: Array,
-        dof: Array,
-        noise_var: float,
-        noise_dof: float | None,
-    ) -> Array:
-        """Log Bayes factor of each hypothesis at each node of c2, shape (2, len, NODES).
-
-        Args:
-            sums: Sums of each hypothesis, both kinds, shape (2, len, LENGTH).
-            old_cost: J of the curve so far in them, shape (2, len).
-            dof: Degrees of freedom of J, shape (len,).
-            noise_var: Variance σ² of the adhesion noise.
-            noise_dof: Degrees of freedom of that variance; None: it is exact.
-
-        """
-        s = sums * (1.0 / noise_var)
-        p1, p3 = _STD**-2.0
-        # Corrected scores may give a negative sum of squares where slips do not determine c2.
-        a = np.maximum(s[..., curve_sums.A], 0.0) + p1
-        b = s[..., curve_sums.B]
-        d = np.maximum(s[..., curve_sums.D, None], 0.0) + p3
-        r1 = s[..., curve_sums.C] + p1 * _MEAN[0]
-        r3 = s[..., curve_sums.E, None] + p3 * _MEAN[1]
-        product = a * d
-        det = np.maximum(product - b * b, 1e-12 * product)
-        explained = (r1 * (d * r1 - (2.0 * r3) * b) + a * (r3 * r3)) / det
-        # Both are counted from J of the curve so far with the slips as measured.
-        old = old_cost[MEASURED, :, None] / noise_var
-        apart = old - old_cost[..., None] / noise_var
-        cost = np.maximum(s[..., Z, None] + (apart + _PRIOR_SQUARE) - explained, 0.0)
-        occam = self._log_prior - 0.5 * np.log(det)
-        gain = 0.5 * (old - cost)
+        count, settings = self._count, self._settings
+        sums, old_cost = self._sums[:, :count], self._old_cost[:, :count]
+        freedom, halves = -1.0, kernels.NONE
         if noise_dof is not None:
-            nu = min(self._settings.noise_freedom, noise_dof)
-            ratio = (nu + np.maximum(old, 0.0)) / (nu + cost)
-            # Noise may have risen. Where it seems to have fallen, in a span as short as this, the
-            # errors of the slips have not: their variances are stated, and would shrink with it.
-            gain = np.minimum(gain, 0.5 * (nu + dof[:, None]) * np.log(ratio))
-        return np.asarray(occam + gain)
+            freedom = min(settings.noise_freedom, noise_dof)
+            halves = 0.5 * (freedom + sums[MEASURED, :, DOF] / inflation)
+        logs, gain = np.empty((2, 2, count, NODES)), np.empty((2, count, NODES))
+        terms = np.empty((count, NODES))
+        kernels.active.score_terms(sums, old_cost, noise_var * inflation, freedom, logs, gain)
+        used = logs if len(halves) else logs[:1]
+        np.log(used, out=used)
+        top = kernels.active.score(logs, gain, self._log_prior, halves, terms)
+        np.exp(terms, out=terms)
+        return np.asarray(top + np.log(terms.sum(axis=1)))
 
     def probability(self, log_factors: Array) -> float:
         """Posterior probability that the surface changed before one of the last updates."""

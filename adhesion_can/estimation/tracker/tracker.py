@@ -24,20 +24,16 @@ from adhesion_can.estimation.identifiability import (
     IdentifiabilitySettings,
 )
 from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
+from adhesion_can.estimation.tracker import kernels
 from adhesion_can.estimation.tracker.curve_sums import (
-    BINS,
-    CORRECTED,
-    DOF,
-    HISTOGRAM,
-    LENGTH,
     bend_at,
     common_shift,
-    histogram,
     increment,
     residual_at,
     slope_at,
     slope_by_adhesion,
 )
+from adhesion_can.estimation.tracker.layout import BINS, CORRECTED, DOF, LENGTH
 from adhesion_can.estimation.tracker.memories import FadingMemories
 from adhesion_can.estimation.tracker.points import (
     CoastingGate,
@@ -48,14 +44,13 @@ from adhesion_can.estimation.tracker.points import (
 )
 from adhesion_can.estimation.tracker.posterior import (
     Curves,
+    CurveSummary,
     NoisePrior,
-    compute_moments,
     draw,
-    effective_size,
     join_parts,
     log_weights,
     normalise,
-    shares_below,
+    summarise,
     widened_interval,
 )
 from adhesion_can.estimation.tracker.prior import Prior, shape_coordinates
@@ -134,10 +129,10 @@ class Tracker(Stateful):
         seconds = 0.0 if self._now_us is None else max(now_us - self._now_us, 0) * 1e-6
         self._now_us = now_us
         valid = is_valid(samples, self._limits.slip_max)
-        if not valid.all():
+        if np.count_nonzero(valid) < len(valid):
             samples = samples.select(valid)
         usable = self._coasting.passes(samples)
-        if not usable.all():
+        if np.count_nonzero(usable) < len(usable):
             samples = samples.select(usable)
         current = self._current
         if current is None:
@@ -163,24 +158,36 @@ class Tracker(Stateful):
         weigh = self._settings.errors_in_variables
         points = build_points(samples, errors_in_variables=weigh)
         noise_var = self._memories.noise_var
-        residual, slope = residual_at(points, current.theta), slope_at(points, current.theta)
-        explained = noise_var + slope * slope * (points.private_var + points.common_var)
-        explained += points.transient_var
-        good = self._gate.passes(np.abs(residual) / np.sqrt(explained), samples.axle)
+        theta = current.theta
+        exponent = -theta[1] * points.slip
+        rows, largest, private_var, common_var = kernels.active.judge_residuals(
+            points.slip,
+            points.adhesion,
+            points.private_var,
+            points.common_var,
+            points.transient_var,
+            theta,
+            np.expm1(exponent),
+            np.exp(exponent),
+            noise_var,
+        )
+        good = self._gate.passes(rows[3], samples.axle, largest)
         if good is not None:
-            points, samples = points.select(good), samples.select(good)
-            residual, slope, explained = residual[good], slope[good], explained[good]
-        unmeasured = samples.load_std.any()
+            points, samples, rows = points.select(good), samples.select(good), rows[:, good]
+            private_var = float(points.private_var.max())
+            common_var = float(points.common_var.max())
+        residual, slope, explained, _ = rows
+        unmeasured = np.count_nonzero(samples.load_std)
         self._load_var = (
             float(np.mean((samples.load_std / samples.load) ** 2)) if unmeasured else 0.0
         )
-        self._sign = float(points.sign[-1])
+        self._sign = points.sign.item(-1)
         moved = points
         own_slope = bend = None
-        if current.c2**2 * points.private_var.max() > PRIVATE_ERROR_THRESHOLD:
+        if current.c2**2 * private_var > PRIVATE_ERROR_THRESHOLD:
             # From the measured adhesion, whatever the slip.
             own_slope = slope_by_adhesion(points, current.theta)
-        if current.c2**2 * points.common_var.max() > COMMON_ERROR_THRESHOLD:
+        if current.c2**2 * common_var > COMMON_ERROR_THRESHOLD:
             moved = common_shift(points, current.theta, noise_var)
             shift = points.slip - moved.slip
             residual, slope = residual_at(moved, current.theta), slope_at(moved, current.theta)
@@ -188,11 +195,10 @@ class Tracker(Stateful):
             moved = moved._replace(adhesion=points.adhesion - slope * shift)
         if own_slope is not None:
             bend = bend_at(moved, slope, current.theta)
+        # How far the slips reached comes from the sensors, not from the curve to be estimated.
+        reached = points.surely_reached
         slip_max = self._limits.slip_max
-        added = increment(moved, slope, noise_var, slip_max, own_slope, bend)
-        if moved is not points:
-            # How far the slips reached comes from the sensors, not from the curve to be estimated.
-            added[:, HISTOGRAM] = histogram(points, slip_max)
+        added = increment(moved, slope, noise_var, slip_max, own_slope, bend, reached)
         costs, cost = self._memories.predict(added)
         changed, restarted = self._look_for_change(Evidence(added, cost), samples)
         if not restarted:
@@ -276,24 +282,23 @@ class Tracker(Stateful):
             parts = [(curves, (1.0 - changed) * weights) for curves, weights in parts]
             parts.append(self._after_change(changed))
         curves, weights = parts[0] if len(parts) == 1 else join_parts(parts)
-        shares = shares_below(curves, weights)
-        mu_max, lambda_m, theta = self._median_curve(curves, shares)
+        summary = summarise(curves, weights)
+        mu_max, lambda_m, theta = self._median_curve(summary)
         mu_lag, lambda_lag = self._memories.lag()
         load_std = mu_max * sqrt(self._load_var)
-        mean, covariance = compute_moments(curves, weights)
-        mu_var, lambda_var = covariance.diagonal()[3:].tolist()
+        mu_var, lambda_var = summary.mu_max_var, summary.lambda_m_var
         reached = _reach(self._memories.histogram, self._limits.reach, self._limits.slip_max)
         if reached < lambda_m:
             mu_lag = hypot(mu_lag, NOT_REACHED * sqrt(mu_var))
         extra_std = hypot(load_std, mu_lag)
         mu_std, lambda_std = hypot(sqrt(mu_var), mu_lag), hypot(sqrt(lambda_var), lambda_lag)
-        covariance = covariance[:3, :3]
+        covariance = summary.covariance
         identifiable = Identifiable(mu_max=False, lambda_m=False)
-        if effective_size(weights) < MIN_EFFECTIVE_CURVES:
+        if summary.effective < MIN_EFFECTIVE_CURVES:
             covariance, mu_std, lambda_std = np.diag([inf] * 3), inf, inf
             extra_std = lambda_lag = inf
         else:
-            falls = float(mean[2]) > FALL_SIGNIFICANCE * sqrt(covariance[2, 2])
+            falls = summary.fall > FALL_SIGNIFICANCE * sqrt(covariance.item(8))
             identifiable = self._identifiable(
                 mu_std / mu_max, (lambda_m, lambda_std), reached, falls=falls
             )
@@ -312,23 +317,18 @@ class Tracker(Stateful):
             surface_since_us=self._since_us,
             change_probability=changed,
             per_axle=self._axles.estimate(mu_max, lambda_m, self._sign, self._memories.noise_var),
-            mu_max_interval=_with_estimate(
-                widened_interval(curves.limited_in_order[0], shares[0], extra_std), mu_max
-            ),
+            mu_max_interval=_with_estimate(widened_interval(summary.mu_max, extra_std), mu_max),
             lambda_m_interval=_with_estimate(
-                widened_interval(curves.limited_in_order[1], shares[1], lambda_lag), lambda_m
+                widened_interval(summary.lambda_m, lambda_lag), lambda_m
             ),
         )
 
-    def _median_curve(self, curves: Curves, shares: Array) -> tuple[float, float, CurveParameters]:
+    def _median_curve(self, summary: CurveSummary) -> tuple[float, float, CurveParameters]:
         """μ_max, λ_m and (c1, c2, c3) of the curve with the medians of μ_m, λ_m and shape.
 
         Posteriors of a peak that is barely reached are skewed, and their means biased.
         """
-        mu, slip, s = (
-            float(np.interp(0.5, share, values))
-            for values, share in zip(curves.peaks_in_order, shares, strict=True)
-        )
+        mu, slip, s = summary.mu_m, summary.slip_m, summary.shape
         c1, c2 = mu / (1.0 - exp(-s) * (1.0 + s)), s / slip
         theta = (c1, c2, c1 * c2 * exp(-s))
         end = self._limits.slip_max
@@ -380,6 +380,4 @@ def _with_estimate(interval: tuple[float, float], value: float) -> tuple[float, 
 
 def _reach(histogram: Array, share: float, slip_max: float) -> float:
     """Slip ratio that a share of the samples exceeds, by the lower edge of its bin."""
-    beyond = histogram[::-1].cumsum()[::-1]
-    bins = int(np.count_nonzero((beyond > 0.0) & (beyond >= share * beyond[0])))
-    return max(bins - 1, 0) * slip_max / BINS
+    return max(kernels.active.count_reached(histogram, share) - 1, 0) * slip_max / BINS
