@@ -194,12 +194,19 @@ def summarise(curves: Curves, weights: Array) -> "CurveSummary":
         weights, curves.order, curves.peaks_in_order, curves.limited_in_order, curves.columns
     )
     numbers = found.tolist()
+    mu_m, slip_m, shape = numbers[SUMMARY_MEDIANS]
+    fall, height_var, place_var, effective = numbers[SUMMARY_FALL:]
     return CurveSummary(
-        *numbers[SUMMARY_MEDIANS],
+        mu_m,
+        slip_m,
+        shape,
         tuple(numbers[SUMMARY_HEIGHT]),
         tuple(numbers[SUMMARY_PLACE]),
         found[SUMMARY_COVARIANCE].reshape(3, 3),
-        *numbers[SUMMARY_FALL:],
+        fall,
+        height_var,
+        place_var,
+        effective,
     )
 
 

@@ -1,9 +1,6 @@
 """The sums of an update compiled by numba: a part of `compiled`."""
 
-from math import sqrt
-
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
@@ -188,7 +185,7 @@ def _assemble(
     F8,
     F8,
 )
-def increment(
+def increment(  # noqa: C901, PLR0912  loops, which numba compiles
     slip: Array,
     adhesion: Array,
     private_var: Array,
@@ -250,7 +247,9 @@ def increment(
             squares[1, node] += own[j] * e2
         for part in range(2):
             error = in_group[part, j]
-            _add(error, slip[j], adhesion[j], decay[j], group_numbers[part, g], group_decays[part, g])
+            _add(
+                error, slip[j], adhesion[j], decay[j], group_numbers[part, g], group_decays[part, g]
+            )
             if len(bend):
                 bent = errors[part, j] * (private_var[j] * bend[j] * weight[j])
                 bent_ones[part, g] += bent
