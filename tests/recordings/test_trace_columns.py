@@ -381,3 +381,9 @@ def test_code_pages_in_names_do_not_stop_the_reading(folder):
     text = vector(3).replace("// version", "// für").encode("cp1252")
     found, _ = read(folder, text, ".asc")
     assert found == read(folder, vector(3), ".asc")[0]
+
+
+def test_a_comment_is_no_frame_also_where_nothing_follows_it(folder):
+    text = ";$F.LEVERSION=2.0\r\n;$50 09 0A00B0 00 000 08\r\n"
+    assert len(by_python_can(text, ".trc")) == 1, "python-can takes it for one"
+    assert read(folder, text, ".trc")[0] == []

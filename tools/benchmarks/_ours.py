@@ -104,7 +104,7 @@ def write_way(path, dbc, out):
 
     database = load_database(Path(dbc))
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        form = "arrow" if out == "arrow/" else None
+        form = out.removesuffix("/") if out.endswith("/") else None
         target = parse_target(f"{folder}/{out}", "--out", form)
 
         def work():
