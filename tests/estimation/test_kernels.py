@@ -123,7 +123,7 @@ def test_a_numba_that_cannot_be_used_is_told(caplog):
 
 def test_the_switch_leaves_numba_alone(monkeypatch):
     monkeypatch.setenv(SWITCH, "0")
-    assert choose(lambda: SimpleNamespace()) is plain
+    assert choose(SimpleNamespace) is plain
 
 
 def test_nothing_is_compiled_with_the_switch():

@@ -17,8 +17,11 @@ from tests.worlds.fleet import HIDDEN, WEAR, FleetDrive, write_drive
 from tests.worlds.hidden import Hidden
 
 CONFIG = load_configuration(None, None)
-TOLD = ("traction_braking_asymmetry", "sanding")
-"""Effects of these sizes that a drive of 100 s nearly always tells."""
+LARGE = (
+    Hidden("traction_braking_asymmetry", "", {"gain": -0.2}),
+    Hidden("sanding", "", {"gain": 0.25}),
+)
+"""Effects of a size that 19 in 20 drives of 100 s tell, with worn wheels or without."""
 EFFECTS = {one.effect: one for one in HIDDEN}
 
 
@@ -134,10 +137,10 @@ def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothin
             assert used == pytest.approx(wanted, abs=1e-3)
             applied += 1
         secondary += len(alone["causes"])
-        for effect in TOLD:
-            causes = work(tmp_path, seed, (*worn, EFFECTS[effect])).fields["causes"]
-            told += causes == [effect]
-    # 95 % of 100 other drives each are applied and told; here one in each may be another one.
+        for one in LARGE:
+            told += work(tmp_path, seed, (*worn, one)).fields["causes"] == [one.effect]
+    # Of 20 other drives each: 20 applied, 38 of 40 told, nothing else named. Three of eight fail
+    # by chance once in 150 runs of other seeds.
     assert applied >= len(seeds) - 1
     assert told >= 2 * len(seeds) - 2
     assert secondary <= 1
