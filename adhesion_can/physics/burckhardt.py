@@ -161,9 +161,7 @@ def peak(c1: ArrayLike, c2: ArrayLike, c3: ArrayLike, slip_max: float = SLIP_MAX
     return Peak(np.asarray(adhesion(lambda_m, c1, c2, c3)), lambda_m, inside)
 
 
-def peak_of_one(
-    c1: float, c2: float, c3: float, slip_max: float = SLIP_MAX
-) -> tuple[float, float]:
+def peak_of_one(c1: float, c2: float, c3: float, slip_max: float = SLIP_MAX) -> tuple[float, float]:
     """μ_m and λ_m of one curve as `peak` has them, for numbers: at a tenth of its cost."""
     if not (c1 * c2 > c3 and c2 > 0.0):
         return 0.0, 0.0

@@ -60,7 +60,6 @@ from adhesion_can.physics.burckhardt import CurveParameters
 _BARYCENTRIC = np.where(np.arange(NODES) % 2, -1.0, 1.0) * np.sin(np.arccos(CHEBYSHEV))
 
 
-
 class Points(NamedTuple):
     """Samples on one branch of the curve, with the variances of their errors.
 
@@ -269,9 +268,7 @@ def common_shift(points: Points, theta: CurveParameters, noise_var: float) -> Po
     weight = 1.0 / (noise_var + b * b * p + further)
     a = slope_at(points, theta)
     share = kernels.NONE if points.share is None else points.share
-    shape, var = common_errors(
-        points.group, points.sign, share, points.common_var, a * a * weight
-    )
+    shape, var = common_errors(points.group, points.sign, share, points.common_var, a * a * weight)
     var = np.maximum(var, 1e-30)
     error = np.zeros(len(var))
     moved = points

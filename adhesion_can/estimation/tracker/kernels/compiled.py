@@ -181,9 +181,7 @@ def judge_coasting(
     return passes
 
 
-@compiled(
-    types.Tuple((ROWS, F8, F8, F8)), IN, IN, IN, IN, IN, types.UniTuple(F8, 3), IN, IN, F8
-)
+@compiled(types.Tuple((ROWS, F8, F8, F8)), IN, IN, IN, IN, IN, types.UniTuple(F8, 3), IN, IN, F8)
 def judge_residuals(
     slip: Array,
     adhesion: Array,
@@ -348,7 +346,15 @@ def count_reached(histogram: Array, share: float) -> int:
     return count
 
 
-@compiled(types.void, types.Array(types.float64, 3, "A"), types.Array(types.float64, 2, "A"), F8, F8, BLOCKS, BLOCK)
+@compiled(
+    types.void,
+    types.Array(types.float64, 3, "A"),
+    types.Array(types.float64, 2, "A"),
+    F8,
+    F8,
+    BLOCKS,
+    BLOCK,
+)
 def score_terms(
     sums: Array, old_cost: Array, noise_var: float, freedom: float, logs: Array, gain: Array
 ) -> None:

@@ -250,7 +250,9 @@ def increment(
             squares[1, node] += own[j] * e2
         for part in range(2):
             error = in_group[part, j]
-            _add(error, slip[j], adhesion[j], decay[j], group_numbers[part, g], group_decays[part, g])
+            _add(
+                error, slip[j], adhesion[j], decay[j], group_numbers[part, g], group_decays[part, g]
+            )
             if len(bend):
                 bent = errors[part, j] * (private_var[j] * bend[j] * weight[j])
                 bent_ones[part, g] += bent

@@ -289,9 +289,7 @@ class Kernels(Protocol):
         ...
 
     @staticmethod
-    def score(
-        logs: Array, gain: Array, log_prior: Array, halves: Array, exponents: Array
-    ) -> Array:
+    def score(logs: Array, gain: Array, log_prior: Array, halves: Array, exponents: Array) -> Array:
         """Log Bayes factor of each hypothesis at each node, beside the largest of them.
 
         Args:

@@ -194,7 +194,9 @@ def summarise(
     deviation = columns - mean[:, None]
     weighted = weights * deviation
     covariance = found[SUMMARY_COVARIANCE].reshape(3, 3)
-    squares = _sum_in_lanes(weighted[[0, 0, 0, 1, 1, 2, 3, 4]] * deviation[[0, 1, 2, 1, 2, 2, 3, 4]])
+    squares = _sum_in_lanes(
+        weighted[[0, 0, 0, 1, 1, 2, 3, 4]] * deviation[[0, 1, 2, 1, 2, 2, 3, 4]]
+    )
     covariance[0], covariance[1, 1:], covariance[2, 2] = squares[:3], squares[3:5], squares[5]
     covariance[1, 0], covariance[2, :2] = covariance[0, 1], covariance[:2, 2]
     found[SUMMARY_FALL] = mean[2]
