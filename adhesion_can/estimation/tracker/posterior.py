@@ -23,10 +23,13 @@ from adhesion_can.estimation.tracker.curve_sums import coefficients, interpolati
 from adhesion_can.estimation.tracker.layout import (
     DOF,
     SUMMARY_COVARIANCE,
+    SUMMARY_EFFECTIVE,
     SUMMARY_FALL,
     SUMMARY_HEIGHT,
+    SUMMARY_HEIGHT_VAR,
     SUMMARY_MEDIANS,
     SUMMARY_PLACE,
+    SUMMARY_PLACE_VAR,
 )
 from adhesion_can.estimation.tracker.prior import Prior, from_shape_coordinates
 from adhesion_can.estimation.tracker.proposal import propose
@@ -193,13 +196,19 @@ def summarise(curves: Curves, weights: Array) -> "CurveSummary":
     found = kernels.active.summarise(
         weights, curves.order, curves.peaks_in_order, curves.limited_in_order, curves.columns
     )
-    numbers = found.tolist()
+    numbers: list[float] = found.tolist()
+    mu_m, slip_m, shape = numbers[SUMMARY_MEDIANS]
     return CurveSummary(
-        *numbers[SUMMARY_MEDIANS],
-        tuple(numbers[SUMMARY_HEIGHT]),
-        tuple(numbers[SUMMARY_PLACE]),
+        mu_m,
+        slip_m,
+        shape,
+        numbers[SUMMARY_HEIGHT],
+        numbers[SUMMARY_PLACE],
         found[SUMMARY_COVARIANCE].reshape(3, 3),
-        *numbers[SUMMARY_FALL:],
+        numbers[SUMMARY_FALL],
+        numbers[SUMMARY_HEIGHT_VAR],
+        numbers[SUMMARY_PLACE_VAR],
+        numbers[SUMMARY_EFFECTIVE],
     )
 
 
@@ -223,8 +232,8 @@ class CurveSummary(NamedTuple):
     mu_m: float
     slip_m: float
     shape: float
-    mu_max: tuple[float, float, float]
-    lambda_m: tuple[float, float, float]
+    mu_max: list[float]
+    lambda_m: list[float]
     covariance: Array
     fall: float
     mu_max_var: float
@@ -232,9 +241,7 @@ class CurveSummary(NamedTuple):
     effective: float
 
 
-def widened_interval(
-    quantiles: tuple[float, float, float], extra_std: float
-) -> tuple[float, float]:
+def widened_interval(quantiles: Sequence[float], extra_std: float) -> tuple[float, float]:
     """Interval from the 5 to the 95 % quantile, widened by an independent error."""
     low, middle, high = quantiles
     more = 1.645 * extra_std

@@ -13,8 +13,8 @@ import scipy
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import curve_sums
-from adhesion_can.estimation.tracker.curve_sums import DOF, X_RANGE, interpolation
+from adhesion_can.estimation.tracker.curve_sums import interpolation
+from adhesion_can.estimation.tracker.layout import DOF, X_RANGE, A, B, C, D, E, Z
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import C1_MAX
 
@@ -123,14 +123,14 @@ class _Segment(NamedTuple):
         at_x = interpolation(places[:, 0])
         c2, s = np.exp(places).T
         ratio = c2 * np.exp(-s)
-        a, b, c = (at_x @ sums[part] for part in (curve_sums.A, curve_sums.B, curve_sums.C))
+        a, b, c = (at_x @ sums[part] for part in (A, B, C))
         # Corrected scores may leave a sum of squares below zero where c2 is not determined.
-        square = np.maximum(a + ratio * (2.0 * b + ratio * sums[curve_sums.D]), 0.0)
-        product = c + ratio * sums[curve_sums.E]
+        square = np.maximum(a + ratio * (2.0 * b + ratio * sums[D]), 0.0)
+        product = c + ratio * sums[E]
         precision = square / noise_var + _LEVEL_STD**-2.0
         mean = (product / noise_var + _LEVEL_MEAN * _LEVEL_STD**-2.0) / precision
         at = np.clip(mean, _LEAST_LEVEL, C1_MAX)
-        cost = sums[curve_sums.Z] + at * (at * square - 2.0 * product)
+        cost = sums[Z] + at * (at * square - 2.0 * product)
         return mean, 1.0 / np.sqrt(precision), np.maximum(cost, 0.0)
 
     def log_density(self, frame: _Frame, cells: Array, noise_var: float) -> tuple[Array, float]:

@@ -23,8 +23,8 @@ from adhesion_can.estimation.identifiability import (
     FALL_SIGNIFICANCE,
     IdentifiabilitySettings,
 )
-from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
 from adhesion_can.estimation.tracker import kernels
+from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
 from adhesion_can.estimation.tracker.curve_sums import (
     bend_at,
     common_shift,

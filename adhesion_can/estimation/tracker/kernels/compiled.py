@@ -22,11 +22,13 @@ from adhesion_can.estimation.tracker.kernels.jit import (
     F8,
     IN,
     INTS,
+    JUDGED,
     MASK,
     PLACES,
     ROW,
     ROWS,
     STAMPS,
+    THETA,
     compiled,
     inlined,
 )
@@ -181,7 +183,7 @@ def judge_coasting(
     return passes
 
 
-@compiled(types.Tuple((ROWS, F8, F8, F8)), IN, IN, IN, IN, IN, types.UniTuple(F8, 3), IN, IN, F8)
+@compiled(JUDGED, IN, IN, IN, IN, IN, THETA, IN, IN, F8)
 def judge_residuals(
     slip: Array,
     adhesion: Array,

@@ -1,9 +1,6 @@
 """The sums of an update compiled by numba: a part of `compiled`."""
 
-from math import sqrt
-
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
@@ -188,7 +185,7 @@ def _assemble(
     F8,
     F8,
 )
-def increment(
+def increment(  # noqa: C901, PLR0912  loops over one thing after another
     slip: Array,
     adhesion: Array,
     private_var: Array,

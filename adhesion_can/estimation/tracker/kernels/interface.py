@@ -45,7 +45,9 @@ class Kernels(Protocol):
         ...
 
     @staticmethod
-    def pass_time(latest_us: NDArray[np.int64], axle: NDArray[np.int64], t_us: Array) -> Array:
+    def pass_time(
+        latest_us: NDArray[np.int64], axle: NDArray[np.int64], t_us: NDArray[np.int64]
+    ) -> Array:
         """Time since the latest sample of each axle, s, shape (axles,).
 
         Args:
