@@ -1,6 +1,7 @@
 """Soak: hours of the service in simulated time, with faults at random."""
 
 import argparse
+import gc
 import os
 import sys
 import time
@@ -10,10 +11,12 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from tests.histories.faults import Fault, S, draw
-from tests.histories.play import judge, shrink
+from tests.histories.play import judge, play_on, shrink
 
 HISTORY_S = 60
 """Length of a history, s."""
+FLAT_MIB = 1.0
+"""Most that the memory of one service may grow after its first hour, MiB."""
 
 
 def resident_mib() -> float:
@@ -32,6 +35,27 @@ def run_history(task: tuple[int, float]) -> tuple[int, list[str], tuple[Fault, .
     return seed, told, fewest, resident_mib()
 
 
+def watch_memory(hours: float, per_minute: float, seed: int) -> int:
+    """Print the memory of one service after each hour; 1 where it grew by more than `FLAT_MIB`."""
+    memory = []
+    began = time.monotonic()
+    an_hour = round(3600 / HISTORY_S)
+    for number in play_on(seed, HISTORY_S * S, per_minute):
+        if number % an_hour == 0:
+            gc.collect()
+            memory.append(resident_mib())
+            print(
+                f"{number // an_hour} h: {memory[-1]:.1f} MiB, {time.monotonic() - began:.0f} s",
+                flush=True,
+            )
+        if number >= hours * an_hour:
+            break
+    grown = max(memory[1:], default=memory[0]) - memory[0]
+    print(f"one service, {per_minute:g} faults a minute: {memory[0]:.1f} MiB after the first hour,")
+    print(f"at most {grown:+.2f} MiB from it later, {memory[-1] - memory[0]:+.2f} at the end")
+    return 1 if grown > FLAT_MIB else 0
+
+
 def main() -> int:
     """Run the command; 1 where a rule was broken."""
     parser = argparse.ArgumentParser(prog="tools/soak", description=__doc__)
@@ -41,7 +65,16 @@ def main() -> int:
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the first history")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="histories at a time")
+    parser.add_argument(
+        "--one-service",
+        action="store_true",
+        help="one service with the tracker for all hours, not judged: its memory after each",
+    )
     options = parser.parse_args()
+    if options.one_service:
+        if options.hours < 1.0:
+            parser.error("--one-service is told hour by hour: --hours 1 or more")
+        return watch_memory(options.hours, options.faults, options.seed)
     count = max(round(options.hours * 3600 / HISTORY_S), 1)
     began, broken, memory = time.monotonic(), 0, []
     with ProcessPoolExecutor(options.jobs) as pool:

@@ -16,6 +16,7 @@ from adhesion_can.files import whole_file
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.recordings.candump import format_frame
+from adhesion_can.recordings.formats import require_text_name
 from adhesion_can.result_text import html_table
 from adhesion_can.simulation.effect_option import parse_effects
 from adhesion_can.simulation.run import RunSettings, Simulation
@@ -39,6 +40,7 @@ class SimulatedDrive:
     def write(self, path: str | Path) -> Path:
         """Write the frames as candump text, gzip where the suffix is .gz; returns the path."""
         path = Path(path)
+        require_text_name(path, str(path))
         with whole_file(path) as file:
             file.writelines(map(format_frame, self.frames))
         return path

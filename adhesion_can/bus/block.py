@@ -94,6 +94,13 @@ class Block:
             return self.words.take(rows, axis=0)
         return _widened(self.words[:, :needed].take(rows, axis=0), needed)
 
+    def channels_of(self, rows: NDArray[np.int64]) -> list[str]:
+        """Names of the buses of some rows, at least one row."""
+        if len(self.channels) == 1:
+            return [self.channels[0]]
+        places = np.flatnonzero(np.bincount(self.channel[rows])).tolist()
+        return [self.channels[place] for place in places]
+
     def items(self) -> Iterator[Frame | Mark]:
         """Rows one by one, as a reader of frames gives them."""
         payload = self.payload

@@ -31,7 +31,8 @@ from adhesion_can.cli.reports import (
     write_report,
 )
 from adhesion_can.config import Configuration
-from adhesion_can.config.calibrated_file import Correction, rim_axles, with_correction
+from adhesion_can.config.calibrated_file import Correction, with_correction
+from adhesion_can.config.calibrated_radii import rim_axles
 from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256, whole_file
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces

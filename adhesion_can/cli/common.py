@@ -17,6 +17,7 @@ from adhesion_can.cli.bars import bar
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.files import whole_file
+from adhesion_can.recordings.formats import require_text_name
 
 
 def add_configuration(parser: argparse.ArgumentParser) -> None:
@@ -196,6 +197,10 @@ def require_positive(value: float, name: str, unit: str = "seconds") -> None:
         raise InputError(name, f"{value:g} is not a positive number", f"give {unit} above 0")
 
 
+_CANDUMP_OPTIONS = ("--log", "--frames", "--record")
+"""Options that name an output of candump text."""
+
+
 def require_outputs(
     options: argparse.Namespace,
     written: Mapping[str, Path | str | None],
@@ -235,6 +240,8 @@ def require_outputs(
             what = f"is written as {path.name}.part first, which is {taken[part]}"
             raise InputError(where, what, "name another file")
         taken[place] = taken[part] = f"the file of {option} too"
+        if option in _CANDUMP_OPTIONS:
+            require_text_name(path, where)
 
 
 def _place(path: Path, where: str = "") -> tuple[int, int] | Path:

@@ -13,7 +13,7 @@ from adhesion_can.bus.decoder import Decoder, MessageColumns
 from adhesion_can.bus.j1939 import parameter_group, unmarked_sentence
 from adhesion_can.cli.signal_filter import SignalFilter
 from adhesion_can.errors import RecordingError
-from adhesion_can.recordings.problems import describe_problems, distinct_names
+from adhesion_can.recordings.problems import NO_FRAME_MEND, describe_problems, distinct_names
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.reporting.export import Rows, Writer
 from adhesion_can.reporting.export.messages import MessageRows, id_text
@@ -85,10 +85,8 @@ class Conversion:
         decoded = self._decoder.decode(block)
         for columns in decoded:
             message = columns.message
-            buses = np.bincount(block.channel[columns.rows])
             key = message.name, message.frame_id, message.is_extended_frame
-            channels = self._received_on.setdefault(key, set())
-            channels.update(block.channels[place] for place in np.flatnonzero(buses).tolist())
+            self._received_on.setdefault(key, set()).update(block.channels_of(columns.rows))
         return decoded, block
 
     def _select_channel(self, block: Block, name: str) -> Block:
@@ -98,8 +96,8 @@ class Conversion:
         place = block.channels.index(name) if name in block.channels else len(block.channels)
         return block.select(block.channel == place)
 
-    def require_decoded(self, logs: str) -> None:
-        """Raise a RecordingError where no frame at all was decoded."""
+    def require_decoded(self, recordings: Sequence[Recording]) -> None:
+        """Raise a RecordingError where no frame at all of the recordings was decoded."""
         report = self._decoder.report
         if any(count.decoded for count in report.counts.values()):
             return
@@ -123,12 +121,14 @@ class Conversion:
             what += "".join(f"; {line}" for line in why[:_SHOWN])
             mend = "name other signals of these messages with --signals"
         elif not report.unknown:
-            what, mend = "no data frame in it", "is it one that 'candump -L' recorded?"
+            problems = describe_problems(recordings)
+            what = "; ".join(["no data frame in it", *problems])
+            mend = NO_FRAME_MEND
         else:
             ids = {id_text(*key): count for key, count in report.unknown.items()}
             what = f"no frame of a known id; it has {counts_text(ids)}; {database}"
             mend = self._sender_hint() or "name the database of this bus with --dbc"
-        raise RecordingError(logs, what, mend)
+        raise RecordingError(", ".join(str(one.path) for one in recordings), what, mend)
 
     def _sender_hint(self) -> str | None:
         """Sentence about a message that another sender sends; None where no group is known."""

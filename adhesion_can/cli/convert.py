@@ -138,7 +138,7 @@ def _require_outputs(options: argparse.Namespace, target: Target) -> None:
 
 
 def _convert(
-    options: argparse.Namespace,
+    _options: argparse.Namespace,
     target: Target,
     given: _Given,
     recordings: Sequence[Recording],
@@ -151,9 +151,9 @@ def _convert(
         open_recording(target, origin) as writer,
     ):
         for file, recording in enumerate(recordings):
-            for block in watched(recording.blocks()):
+            for block in watched(recording.blocks(target.text_at_once)):
                 conversion.process(block, file, writer)
-        conversion.require_decoded(", ".join(map(str, options.log)))
+        conversion.require_decoded(recordings)
     document = conversion.as_json(recordings)
     document["problems"] += writer.problems()
     return document
@@ -177,7 +177,7 @@ def _convert_to_raster(
         for file, recording in enumerate(recordings):
             for block in watched(recording.blocks()):
                 raster.expect(*first.decode(block, file))
-    first.require_decoded(", ".join(map(str, options.log)))
+    first.require_decoded(recordings)
     second = Conversion(*given)
     again = open_recordings(options.log)
     with (

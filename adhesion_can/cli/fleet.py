@@ -2,9 +2,7 @@
 
 import argparse
 import sys
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -20,6 +18,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.fleet_summary import Summary, describe
 from adhesion_can.cli.reports import missing_report, page_provenance
 from adhesion_can.errors import InputError
 from adhesion_can.fleet.schema import STEPS
@@ -32,10 +31,7 @@ from adhesion_can.reporting.text import console
 if TYPE_CHECKING:
     from adhesion_can.fleet.plan import Plan
     from adhesion_can.fleet.units import Unit
-    from adhesion_can.fleet.work import Outcome, Task
-
-FIRST = 5
-"""Failed units that are told; the data set has all of them."""
+    from adhesion_can.fleet.work import Task
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -101,8 +97,9 @@ def run(options: argparse.Namespace) -> int:
     local = [Path(unit.path) for unit in units if "://" not in unit.path]
     require_outputs(options, {"--json": options.json}, local)
     plan = make_plan(units, options.out, steps, lambda path: _configuration(options, path))
-    kept = DataSet(options.out).read_units()
-    summary = _Summary(len(units))
+    data = DataSet(options.out)
+    kept = data.read_units()
+    summary = Summary(len(units))
     tasks = []
     for task in plan.tasks(kept, again=options.retry_failed):
         if task.kept is not None and is_current(task):
@@ -113,6 +110,7 @@ def run(options: argparse.Namespace) -> int:
     tasks.sort(key=lambda task: task.unit.size or 0, reverse=True)
     try:
         if tasks:
+            data.remove_incomplete({task.unit.unit_id for task in tasks}, kept.values())
             _work(options, tasks, summary)
     except (KeyboardInterrupt, SystemExit):
         said = f"{summary.count} of {len(units)} units are complete"
@@ -122,7 +120,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _work(options: argparse.Namespace, tasks: "Sequence[Task]", summary: "_Summary") -> None:
+def _work(options: argparse.Namespace, tasks: "Sequence[Task]", summary: "Summary") -> None:
     """Pass units through the workers."""
     from adhesion_can.fleet.cluster import open_cluster, require_workers  # noqa: PLC0415
     from adhesion_can.fleet.run import run_fleet  # noqa: PLC0415
@@ -192,42 +190,7 @@ def _configuration(options: argparse.Namespace, path: Path | None) -> Any:
     return configuration(argparse.Namespace(**named))
 
 
-@dataclass(slots=True)
-class _Summary:
-    """What became of the units so far."""
-
-    units: int
-    count: int = 0
-    kept: int = 0
-    recorded_s: float = 0.0
-    failed: list["Outcome"] = field(default_factory=list)
-    vehicles: Counter[str] = field(default_factory=Counter)
-    contents: dict[str, list[str]] = field(default_factory=dict)
-    began_s: float = field(default_factory=monotonic)
-
-    def add(self, outcome: "Outcome") -> None:
-        """Add the outcome of a unit."""
-        self.count += 1
-        self.kept += outcome.kept
-        self.recorded_s += outcome.duration_s
-        self.vehicles[outcome.vehicle] += 1
-        if outcome.failed_step is not None:
-            self.failed.append(outcome)
-        if outcome.sha256 is not None:
-            self.contents.setdefault(outcome.sha256, []).append(outcome.path)
-
-    @property
-    def progress(self) -> str:
-        """How far it is, in a few words."""
-        failed = f", {len(self.failed)} failed" if self.failed else ""
-        return f"{self.count} of {self.units} units{failed}"
-
-    def twice(self) -> list[list[str]]:
-        """Paths of units that hold the same."""
-        return sorted(sorted(paths) for paths in self.contents.values() if len(paths) > 1)
-
-
-def _finish(options: argparse.Namespace, plan: "Plan", summary: _Summary) -> None:
+def _finish(options: argparse.Namespace, plan: "Plan", summary: Summary) -> None:
     config = next(iter(plan.configurations.values()))
     origin = provenance(config)
     del origin["inputs"]  # the table `units` has them, with their hashes
@@ -251,7 +214,7 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: _Summary) -> Non
     }
     write_json(options.json, document)
     if talk(options):
-        for line in [*_lines(options, summary, failed, took_s), *named]:
+        for line in [*describe(options, summary, failed, took_s), *named]:
             console().print(line, markup=False)
         console().print(
             f"written: {options.out} (docs/fleet.md: tables, and queries to begin with)",
@@ -282,26 +245,3 @@ def _diagnose(options: argparse.Namespace, origin: dict[str, Any]) -> tuple[list
     else:
         lines.append(f"written: {write_beside(data, PAGE, render(made).encode())}")
     return list(made.verdict), lines
-
-
-def _lines(
-    options: argparse.Namespace, summary: _Summary, failed: "Sequence[Outcome]", took_s: float
-) -> list[str]:
-    new = summary.count - summary.kept
-    speed = f", {summary.recorded_s / took_s:.0f} x real time" if summary.recorded_s else ""
-    said = (
-        f"{summary.count} units of {len(summary.vehicles)} vehicles: {new} analysed in "
-        f"{took_s:.0f} s ({summary.recorded_s / 3600:.1f} h of recordings{speed}), "
-        f"{summary.kept} complete from before"
-    )
-    lines = [said]
-    if failed:
-        mend = "" if options.retry_failed else "; --retry-failed tries them again"
-        units = "1 unit" if len(failed) == 1 else f"{len(failed)} units"
-        lines.append(f"{units} failed; the data set has the errors{mend}:")
-        lines += [f"  {one.failed_step}: {one.error}" for one in failed[:FIRST]]
-        if len(failed) > FIRST:
-            lines.append(f"  and {len(failed) - FIRST} more: column error of the table units")
-    for paths in summary.twice():
-        lines.append(f"the same recording under {len(paths)} names: {', '.join(paths)}")
-    return lines

@@ -11,6 +11,7 @@ from tomlkit.items import InlineTable
 
 from adhesion_can.bus.database import packaged_path
 from adhesion_can.bus.roles import SignalChoice
+from adhesion_can.config.calibrated_radii import rim_axles
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.physics.readings import Role
 
@@ -41,20 +42,6 @@ class Correction:
     factor_remark: Mapping[int, str]
     offset_remark: str
     speed_error_remark: str = ""
-
-
-def rim_axles(configuration: Configuration) -> set[int]:
-    """Axles whose wheel speed is given as speed of the rim.
-
-    Its sender computed it with a radius of its own. The configured radius, which converts it into
-    rad/s, cancels out of the slip ratio, so that the role's `factor` has to correct it.
-    """
-    return {
-        signal.axle
-        for message in configuration.messages
-        for signal in message.signals
-        if signal.role is Role.WHEEL_SPEED and signal.at_rim
-    }
 
 
 def with_correction(

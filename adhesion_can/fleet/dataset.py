@@ -6,7 +6,7 @@ complete.
 """
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import date
@@ -20,7 +20,8 @@ from pyarrow import parquet
 from adhesion_can.errors import InputError
 from adhesion_can.fleet.places import Place, open_place
 from adhesion_can.fleet.rows import Row
-from adhesion_can.fleet.schema import SCHEMA_VERSION, TABLES, UNITS, TableSchema
+from adhesion_can.fleet.schema import TABLES, UNITS
+from adhesion_can.fleet.table_schema import SCHEMA_VERSION, TableSchema
 
 NO_DAY = "__HIVE_DEFAULT_PARTITION__"
 """Name that stands for null in folders of partitions."""
@@ -103,13 +104,17 @@ class DataSet:
 
         """
         names = columns or [column.name for column in table.columns]
-        self._place.system.invalidate_cache()  # of listings: workers have written since
-        found = self._place.system.find(f"{self._place.inner.rstrip('/')}/{table.name}")
-        files = sorted(file for file in found if file.endswith(".parquet"))
+        files = self._files(table)
         with ThreadPoolExecutor(READERS) as pool:
             for first in range(0, len(files), READERS):
                 some = files[first : first + READERS]
                 yield from pool.map(lambda file: self._read(file, names).to_pylist(), some)
+
+    def _files(self, table: TableSchema) -> list[str]:
+        """Paths of the files of a table, in their order."""
+        self._place.system.invalidate_cache()  # of listings: workers have written since
+        found = self._place.system.find(f"{self._place.inner.rstrip('/')}/{table.name}")
+        return sorted(file for file in found if file.endswith(".parquet"))
 
     def _read(self, file: str, names: Sequence[str]) -> Any:
         where = self._place.full(file)
@@ -147,6 +152,29 @@ class DataSet:
         parquet.write_table(data, buffer, compression="zstd")
         path = self._file(table, unit["unit_id"], unit["vehicle"], unit.get("day"))
         put(self._place, path, buffer.getvalue().to_pybytes())
+
+    def remove_incomplete(self, units: Collection[str], kept: Iterable[Kept]) -> int:
+        """Remove what an interrupted run wrote of some units without completing them.
+
+        Files of other units stay: another run may be writing them.
+
+        Args:
+            units: Ids of the units that are to be analysed.
+            kept: Complete units of the data set.
+
+        Returns:
+            Number of files that were removed.
+
+        """
+        complete = {(one.unit_id, one.vehicle, one.day) for one in kept if one.unit_id in units}
+        removed = 0
+        for table in (one for one in TABLES if one is not UNITS):
+            whole = {self._file(table, *one) for one in complete}
+            for file in self._files(table):
+                if Path(file).stem in units and file not in whole:
+                    self._place.system.rm_file(file)
+                    removed += 1
+        return removed
 
     def remove(self, kept: Kept) -> None:
         """Remove the files of a unit, that of `units` first."""

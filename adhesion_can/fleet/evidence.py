@@ -1,6 +1,7 @@
 """Evidence of one unit, as the fleet-level diagnosis takes it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from adhesion_can.diagnosis.effect_grams import EffectGrams
 
@@ -21,6 +22,21 @@ class AxleDeviation:
     std: float
 
 
+class VehicleForm(NamedTuple):
+    """What must be the same of two vehicles before their effects can be compared.
+
+    Attributes:
+        data: Form of the data, 'recordings' or 'TABLEs'; '' where it is not known.
+        axles: Number of axles; None where it is not known.
+        vehicle_data: Hash of the configured vehicle and the model, wheel radii aside.
+
+    """
+
+    data: str = ""
+    axles: int | None = None
+    vehicle_data: str = ""
+
+
 @dataclass(frozen=True, slots=True)
 class UnitEvidence:
     """Evidence of one unit.
@@ -28,11 +44,12 @@ class UnitEvidence:
     Attributes:
         unit: Id of the unit.
         vehicle: Id of the vehicle.
-        kind: Kind of the vehicle and of its data: units are compared with others of their kind.
+        form: Form of the vehicle and of its data.
         line: Name of the line; '' where it is not known.
         day: Date, ISO 8601; '' where it is not known.
         grams: Gram matrices of the effects; None where the data allow no diagnosis.
         radii: Wheel radii from coasting; () without enough of it.
+        radii_applied: Whether the effects were looked for with these radii.
         causes: Effect ids that the unit's own diagnosis names.
         faults: Sentences of what makes the recording unusable; () for none.
         error: Error for which the unit failed; '' where it was worked through.
@@ -41,11 +58,17 @@ class UnitEvidence:
 
     unit: str
     vehicle: str
-    kind: str = ""
+    form: VehicleForm = field(default_factory=VehicleForm)
     line: str = ""
     day: str = ""
     grams: EffectGrams | None = None
     radii: tuple[AxleDeviation, ...] = ()
+    radii_applied: bool = False
     causes: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
     error: str = ""
+
+    @property
+    def has_effects(self) -> bool:
+        """Whether there is evidence on any effect."""
+        return self.grams is not None and bool(self.grams.keys)

@@ -114,12 +114,38 @@ class VehicleSummary:
 
 
 @dataclass(frozen=True, slots=True)
+class KindSummary:
+    """Vehicles that are compared with each other.
+
+    Attributes:
+        name: Name of the kind; '' where there is no other.
+        vehicles: Number of vehicles.
+        units: Number of units.
+
+    """
+
+    name: str
+    vehicles: int
+    units: int
+
+    @property
+    def compared(self) -> bool:
+        """Whether there are vehicles enough to compare them with each other."""
+        return self.vehicles >= LEAST_VEHICLES
+
+    def to_dict(self) -> dict[str, Any]:
+        """The kind as JSON has it."""
+        return asdict(self) | {"compared": self.compared}
+
+
+@dataclass(frozen=True, slots=True)
 class FleetDiagnosis:
     """Result of the fleet-level diagnosis.
 
     Attributes:
         vehicles: All vehicles, the worst first.
         shared: Findings of the fleet, of lines and of days.
+        kinds: Kinds of vehicles, that with the most vehicles first.
         units: Number of units.
         diagnosed: Number of units with Gram matrices.
         false_discovery_rate: Expected share of wrong vehicles among those with a finding.
@@ -131,6 +157,7 @@ class FleetDiagnosis:
 
     vehicles: tuple[VehicleSummary, ...]
     shared: tuple[Finding, ...]
+    kinds: tuple[KindSummary, ...]
     units: int
     diagnosed: int
     false_discovery_rate: float
@@ -140,8 +167,13 @@ class FleetDiagnosis:
 
     @property
     def compared(self) -> bool:
-        """Whether there are vehicles enough to compare them with each other."""
-        return len(self.vehicles) >= LEAST_VEHICLES
+        """Whether there are vehicles enough of any kind to compare them with each other."""
+        return any(one.compared for one in self.kinds)
+
+    @property
+    def least_vehicles(self) -> int:
+        """Number of vehicles from which those of a kind are compared with each other."""
+        return LEAST_VEHICLES
 
     @property
     def named(self) -> tuple[VehicleSummary, ...]:
@@ -169,6 +201,7 @@ class FleetDiagnosis:
         return {
             "units": self.units,
             "diagnosed": self.diagnosed,
+            "kinds": [one.to_dict() for one in self.kinds],
             "false_discovery_rate": self.false_discovery_rate,
             "alpha": self.alpha,
             "shared": [finding.to_dict() for finding in self.shared],

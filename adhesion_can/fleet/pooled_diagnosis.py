@@ -7,8 +7,8 @@ there, and what belongs to a vehicle on that vehicle alone. So the steps are:
 2. `find_place_effects`: effects that differ on a line, then on a day, taken out of its units;
 3. `find_vehicle_effects`: vehicles that differ from what is left of the others.
 
-Vehicles of different kinds, of another configuration or with another kind of data, are not compared
-with each other: a trolleybus differs from a locomotive in more than its faults.
+This is done for each kind of vehicle by itself (`kinds`): a trolleybus differs from a locomotive in
+more than its faults.
 """
 
 from collections import Counter, defaultdict
@@ -18,7 +18,14 @@ from dataclasses import dataclass, replace
 from adhesion_can.fleet.compare_vehicles import LEAST_VEHICLES
 from adhesion_can.fleet.effect_sizes import EffectSizes
 from adhesion_can.fleet.evidence import UnitEvidence
-from adhesion_can.fleet.findings import Finding, FleetDiagnosis, Scope, VehicleSummary
+from adhesion_can.fleet.findings import (
+    Finding,
+    FleetDiagnosis,
+    KindSummary,
+    Scope,
+    VehicleSummary,
+)
+from adhesion_can.fleet.kinds import Kind, find_kinds
 from adhesion_can.fleet.settings import FleetSettings
 from adhesion_can.fleet.shared_findings import Known, find_fleet_effects, find_place_effects
 from adhesion_can.fleet.vehicle_findings import compare_units, find_vehicle_effects
@@ -40,21 +47,26 @@ def diagnose_fleet(
 
     """
     settings = settings or FleetSettings()
-    # A unit that could not be read is of no known kind.
-    kinds = sorted({one.kind for one in units if _has_evidence(one) or one.radii})
-    groups = {kind: [one for one in units if one.kind == kind] for kind in kinds}
-    found = [
-        _diagnose_kind(own, kind * (len(kinds) > 1), settings)
-        for kind, own in (groups or {"": list(units)}).items()
-    ]
+    kinds = find_kinds(units) or (Kind("", tuple(units)),)
+    found = [_diagnose_kind(one, settings) for one in kinds]
+    known = {unit.unit for kind in kinds for unit in kind.units}
+    notes = [note for one in found for note in one.notes]
+    count = sum(not one.error and one.unit not in known for one in units)
+    if count:
+        what = "1 unit was" if count == 1 else f"{count} units were"
+        notes.append(
+            f"{what} worked through and {'has' if count == 1 else 'have'} neither evidence on "
+            "effects nor wheel radii: too short, or slip and adhesion hardly vary."
+        )
     return FleetDiagnosis(
         vehicles=_rank(units, [one.vehicles for one in found]),
         shared=tuple(finding for one in found for finding in one.shared),
+        kinds=tuple(KindSummary(one.name, one.vehicles, len(one.units)) for one in kinds),
         units=len(units),
-        diagnosed=sum(_has_evidence(one) for one in units),
+        diagnosed=sum(one.has_effects for one in units),
         false_discovery_rate=settings.false_discovery_rate,
         alpha=settings.alpha,
-        notes=tuple(note for one in found for note in one.notes),
+        notes=tuple(notes),
         spreads={name: spread for one in found for name, spread in one.spreads.items()},
     )
 
@@ -77,34 +89,33 @@ class _OfKind:
     spreads: Mapping[str, float]
 
 
-def _has_evidence(unit: UnitEvidence) -> bool:
-    return unit.grams is not None and bool(unit.grams.keys)
-
-
-def _diagnose_kind(units: Sequence[UnitEvidence], kind: str, settings: FleetSettings) -> _OfKind:
+def _diagnose_kind(kind: Kind, settings: FleetSettings) -> _OfKind:
     """Findings of the units of one kind.
 
     Args:
-        units: Evidence of them, failed ones too.
-        kind: Name of the kind; '' where there is no other.
+        kind: Evidence of the units; its name is '' where there is no other.
         settings: Rates of false findings and least sizes.
 
     """
-    diagnosed = [one for one in units if _has_evidence(one)]
+    units, name = kind.units, kind.name
+    diagnosed = [one for one in units if one.has_effects]
     sizes = EffectSizes.collect([one.grams for one in diagnosed if one.grams is not None])
     known: Known = [{} for _ in diagnosed]
     shared: list[Finding] = []
+    vehicles: Mapping[str, tuple[Finding, ...]] = {}
     if len({one.vehicle for one in diagnosed}) > 1:
         shared += find_fleet_effects(sizes, diagnosed, known, settings)
         for scope in (Scope.LINE, Scope.DAY):
             shared += find_place_effects(scope, sizes, diagnosed, known, settings)
     coasting = [one for one in units if one.radii]
     statistics = compare_units(diagnosed, sizes.without(known), coasting)
-    named = (f"{key.name}{f' of {kind}' if kind else ''}" for key in sizes.keys)
+    if kind.compared:
+        vehicles = find_vehicle_effects(statistics, settings)
+    named = (f"{key.name}{f' of {name}' if name else ''}" for key in sizes.keys)
     return _OfKind(
-        find_vehicle_effects(statistics, settings),
-        tuple(replace(one, where=kind) if one.scope is Scope.FLEET else one for one in shared),
-        tuple(f"{kind}: {note}" if kind else note for note in _notes(units, diagnosed)),
+        vehicles,
+        tuple(replace(one, where=name) if one.scope is Scope.FLEET else one for one in shared),
+        tuple(f"{name}: {note}" if name else note for note in _notes(kind, diagnosed)),
         {
             name: spread.variance**0.5
             for name, spread in zip(named, statistics.effects.spreads, strict=True)
@@ -149,13 +160,14 @@ def _cost(finding: Finding) -> float:
     return gain
 
 
-def _notes(units: Sequence[UnitEvidence], diagnosed: Sequence[UnitEvidence]) -> list[str]:
+def _notes(kind: Kind, diagnosed: Sequence[UnitEvidence]) -> list[str]:
     notes = []
-    vehicles = len({one.vehicle for one in units})
-    if vehicles < LEAST_VEHICLES:
+    units = kind.units
+    if not kind.compared:
         notes.append(
-            f"Vehicles are compared with each other from {LEAST_VEHICLES} on; here are {vehicles}, "
-            "so no effect is called that of a vehicle: the diagnosis of each unit stands alone."
+            f"Vehicles are compared with each other from {LEAST_VEHICLES} on; here are "
+            f"{kind.vehicles}, so no effect is called that of a vehicle: the diagnosis of each "
+            "unit stands alone."
         )
     without = sum(not one.error for one in units) - len(diagnosed)
     if without > 0:

@@ -7,16 +7,19 @@ from typing import Any
 from adhesion_can.diagnosis.effect_grams import EffectGrams
 from adhesion_can.fleet.dataset import FAILED, DataSet
 from adhesion_can.fleet.effect_records import Row, grams_from_rows
-from adhesion_can.fleet.evidence import AxleDeviation, UnitEvidence
+from adhesion_can.fleet.evidence import AxleDeviation, UnitEvidence, VehicleForm
 from adhesion_can.fleet.schema import EFFECTS, UNITS
 
+WHEEL_RADIUS = "wheel_radius"
+"""Effect id of a wheel radius that is not the configured one."""
 _OF_UNITS = (
     "unit_id",
     "vehicle",
     "day",
     "line",
     "frames",
-    "settings",
+    "axles",
+    "vehicle_data",
     "status",
     "error",
     "usable",
@@ -25,6 +28,7 @@ _OF_UNITS = (
     "wheel_radii_m",
     "wheel_radii_std_m",
     "wheel_radii_configured_m",
+    "wheel_radii_applied",
 )
 
 
@@ -42,41 +46,45 @@ def read_evidence(data: DataSet) -> list[UnitEvidence]:
         done = [name for name, own in effects.items() if len(own) == len(own[0]["gram"])]
         for name in done:
             grams[name] = grams_from_rows(effects.pop(name))
-    several = len({row["settings"] for row in units}) > 1
     return [
-        unit_evidence(row, grams.get(row["unit_id"]), configured=several)
+        unit_evidence(row, grams.get(row["unit_id"]))
         for row in sorted(units, key=lambda row: row["unit_id"])
     ]
 
 
-def unit_evidence(
-    row: Mapping[str, Any], grams: EffectGrams | None = None, *, configured: bool = False
-) -> UnitEvidence:
+def unit_evidence(row: Mapping[str, Any], grams: EffectGrams | None = None) -> UnitEvidence:
     """Evidence of a unit from its row of `units`.
 
     Args:
         row: Values by column.
         grams: Gram matrices of its effects; None: it has none.
-        configured: Whether the configuration is a part of the vehicle's kind.
 
     """
-    kind = "TABLEs" if row["frames"] is None else "recordings"
-    if configured:
-        kind = f"{kind} with settings {row['settings'][:8]}"
     failed = row["status"] == FAILED
     unusable = row["usable"] is False and row["first_failure"]
+    causes = tuple(row["causes"] or ())
+    if row["wheel_radii_applied"] and WHEEL_RADIUS not in causes:
+        causes = (WHEEL_RADIUS, *causes)  # as certain as a cause, and no longer in the residual
     return UnitEvidence(
         unit=row["unit_id"],
         vehicle=row["vehicle"],
-        kind=kind,
+        form=_form(row),
         line=row["line"] or "",
         day="" if row["day"] is None else row["day"].isoformat(),
         grams=grams,
         radii=tuple(_radii(row)),
-        causes=tuple(row["causes"] or ()),
+        radii_applied=bool(row["wheel_radii_applied"]),
+        causes=causes,
         faults=(row["first_failure"],) if unusable else (),
         error=(row["error"] or "failed") if failed else "",
     )
+
+
+def _form(row: Mapping[str, Any]) -> VehicleForm:
+    if row["axles"] is None:
+        return VehicleForm()  # it could not be read
+    data = "TABLEs" if row["frames"] is None else "recordings"
+    return VehicleForm(data, row["axles"], row["vehicle_data"] or "")
 
 
 def _radii(row: Mapping[str, Any]) -> Iterable[AxleDeviation]:

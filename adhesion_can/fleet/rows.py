@@ -10,6 +10,7 @@ from typing import Any
 from adhesion_can.calibration.fit import Calibration
 from adhesion_can.diagnosis.result import Cause, Diagnosis
 from adhesion_can.estimation.batch_fit import BatchResult
+from adhesion_can.fleet.calibrated_radii import AppliedRadii
 from adhesion_can.fleet.schema import doubt_column, status_column
 from adhesion_can.offline.check import CheckResult
 from adhesion_can.offline.check_table import TableCheck
@@ -52,13 +53,25 @@ def check_fields(result: CheckResult | TableCheck, problems: Sequence[str] = ())
     return fields
 
 
-def calibration_fields(result: Calibration) -> Row:
-    """Columns of `calibrate`, a radius an axle; none at an axle that does not coast."""
+def calibration_fields(result: Calibration, applied: AppliedRadii) -> Row:
+    """Columns of `calibrate`, a radius an axle; none at an axle that does not coast.
+
+    Args:
+        result: Result of the calibration.
+        applied: Radii that the later steps work with.
+
+    """
     found = [axle.estimate for axle in result.axles]
     return {
         "wheel_radii_m": [None if one is None else number(one.value) for one in found],
         "wheel_radii_std_m": [None if one is None else number(one.std) for one in found],
         "wheel_radii_configured_m": [axle.configured for axle in result.axles],
+        "coasting_s": [axle.coasting_s for axle in result.axles],
+        "wheel_radii_applied": bool(applied.ratio),
+        "wheel_radii_used_m": [
+            axle.configured * applied.ratio.get(axle.axle, 1.0) for axle in result.axles
+        ],
+        "wheel_radii_note": applied.note or None,
         "speed_offset_mps": None if result.offset is None else number(result.offset.value),
     }
 

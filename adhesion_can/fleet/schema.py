@@ -5,88 +5,15 @@ docs/reference/fleet.md is made of it.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any
 
+from adhesion_can.fleet.table_schema import Column, TableSchema
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.status import Status
 
-SCHEMA_VERSION = 1
-"""Version of the tables: another one where a column gets another name, type, unit or meaning."""
-RESULT_VERSION = 1
+RESULT_VERSION = 2
 """Version of what is written into them: another one where the same recording gives other rows."""
 STEPS = ("check", "calibrate", "replay", "identify", "diagnose")
 """Steps of the work on a unit, in their order."""
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """A column of a table.
-
-    Attributes:
-        name: Name of the column.
-        type: Name of its type, a key of `_types`.
-        meaning: Meaning of its values, a noun phrase.
-        unit: SI unit, '1' for a ratio or a count; '' where it has none.
-        required: Whether no row is without a value.
-
-    """
-
-    name: str
-    type: str
-    meaning: str
-    unit: str = ""
-    required: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class TableSchema:
-    """A table of the data set.
-
-    Attributes:
-        name: Name of the table and of its folder.
-        row: Meaning of a row, a noun phrase.
-        columns: Columns in their order.
-
-    """
-
-    name: str
-    row: str
-    columns: tuple[Column, ...]
-
-    def arrow(self) -> Any:
-        """Schema for pyarrow, with version, units and meanings as metadata."""
-        import pyarrow as pa  # noqa: PLC0415  a page about the schema needs no extra
-
-        types = _types()
-        fields = [
-            pa.field(
-                column.name,
-                types[column.type],
-                nullable=not column.required,
-                metadata={"unit": column.unit, "comment": column.meaning},
-            )
-            for column in self.columns
-        ]
-        version = {"adhesion_can.schema": str(SCHEMA_VERSION), "adhesion_can.table": self.name}
-        return pa.schema(fields, metadata=version)
-
-
-def _types() -> Mapping[str, Any]:
-    """Types of pyarrow by their names here."""
-    import pyarrow as pa  # noqa: PLC0415  a page about the schema needs no extra
-
-    return {
-        "string": pa.string(),
-        "date": pa.date32(),
-        "timestamp": pa.timestamp("us", tz="UTC"),
-        "double": pa.float64(),
-        "int": pa.int64(),
-        "bool": pa.bool_(),
-        "list<double>": pa.list_(pa.float64()),
-        "list<string>": pa.list_(pa.string()),
-    }
-
 
 PLACE = (
     Column("unit_id", "string", "identity of the unit, from its path", required=True),
@@ -123,6 +50,7 @@ _FOUND = (
     Column("started_at", "timestamp", "stamp of the first frame; none without a clock"),
     Column("duration_s", "double", "time from the first to the last frame or row", "s"),
     Column("frames", "int", "number of frames; none of a TABLE", "1"),
+    Column("axles", "int", "number of axles with a wheel speed; of a TABLE those of its rows", "1"),
     Column("samples", "int", "number of samples of slip and adhesion", "1"),
 )
 _STATE = (
@@ -143,6 +71,10 @@ _CALIBRATE = (
            "m"),
     Column("wheel_radii_std_m", "list<double>", "standard error of each radius", "m"),
     Column("wheel_radii_configured_m", "list<double>", "configured radius of each axle", "m"),
+    Column("coasting_s", "list<double>", "time for which each axle coasts", "s"),
+    Column("wheel_radii_applied", "bool", "whether later steps work with calibrated radii"),
+    Column("wheel_radii_used_m", "list<double>", "radius of each axle in these steps", "m"),
+    Column("wheel_radii_note", "string", "why radii that differ were not applied"),
     Column("speed_offset_mps", "double", "zero error of the vehicle speed", "m/s"),
 )  # fmt: skip
 _REPLAY = (
@@ -185,6 +117,8 @@ _ORIGIN = (
            required=True),
     Column("settings", "string", "hash of configuration, database, model, steps and version",
            required=True),
+    Column("vehicle_data", "string", "hash of the vehicle's data and the model, wheel radii aside: "
+           "units with another one are of another kind"),
     Column("key", "string", "hash of content and settings; none of a file that cannot be read"),
     Column("package_version", "string", "version of adhesion-can", required=True),
 )  # fmt: skip
@@ -275,39 +209,6 @@ EFFECTS = TableSchema(
     ),
 )  # fmt: skip
 """Gram matrices for the diagnosis of the whole fleet."""
-
-FINDINGS = TableSchema(
-    "fleet_findings",
-    "a finding of the fleet-level diagnosis",
-    (
-        Column("scope", "string", "`vehicle`, `line`, `day` or `fleet`", required=True),
-        Column("place", "string", "name of the vehicle, line or day; empty for the fleet",
-               required=True),
-        Column("effect", "string", "id of the effect", required=True),
-        Column("form", "string", "form of the mechanism; empty where there is only one",
-               required=True),
-        Column("axle", "int", "axle of an effect at one axle; 0 for the others", required=True),
-        Column("parameter", "string", "name of the size", required=True),
-        Column("unit", "string", "unit of the size", required=True),
-        Column("value", "double", "size, in `unit`", required=True),
-        Column("std", "double", "its standard error, in `unit`", required=True),
-        Column("fleet_value", "double", "size in the middle of the fleet, in `unit`",
-               required=True),
-        Column("p_value", "double", "p-value, all effects counted", "1", required=True),
-        Column("gain_percent", "double", "fall of the RMSE of the adhesion by it; none where the "
-               "size comes from coasting and no other unit shows the gain", "%"),
-        Column("held_out", "bool", "whether that gain is of units without a part in the size",
-               required=True),
-        Column("units", "int", "number of units with an estimate", "1", required=True),
-        Column("showing", "int", "number of them that show it by themselves", "1", required=True),
-        Column("source", "string", "`regression` or `coasting`", required=True),
-        Column("rivals", "list<string>", "effects that the data cannot tell from it",
-               required=True),
-        Column("named_by", "int", "number of units whose own diagnosis names it", "1",
-               required=True),
-    ),
-)  # fmt: skip
-"""Findings of the whole fleet: one file beside the folders of the other tables."""
 
 TABLES: tuple[TableSchema, ...] = (UNITS, SEGMENTS, CAUSES, EFFECTS)
 """All tables; `units` is written last."""

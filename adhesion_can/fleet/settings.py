@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+LEAST_WEAR = 0.003
+"""Share by which a wheel's radius must differ from the configured one to matter."""
+
 
 @dataclass(frozen=True, slots=True)
 class FleetSettings:
@@ -19,5 +22,5 @@ class FleetSettings:
     false_discovery_rate: float = 0.05
     alpha: float = 0.01
     least_gain: float = 0.005
-    least_wear: float = 0.003
+    least_wear: float = LEAST_WEAR
     seed: int = 1

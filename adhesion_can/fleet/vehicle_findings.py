@@ -1,6 +1,6 @@
 """Findings of single vehicles: worn wheels by coasting, and effects by the regression."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,24 +93,45 @@ def find_vehicle_effects(
     vehicles = sorted(wheels.keys() | effects.keys())
     worn = {v: _worn_axles(statistics, wheels[v], settings) for v in vehicles if v in wheels}
     gains = {v: _gains(statistics, v, effects[v], settings) for v in vehicles if v in effects}
-    p_value = np.ones(len(vehicles))
-    for place, vehicle in enumerate(vehicles):
-        values = [statistics.wheels.p_value[wheels[vehicle], j] for j in worn.get(vehicle, ())]
-        row = effects.get(vehicle)
-        values += [statistics.effects.p_value[row, j] for j in gains.get(vehicle, {})]
-        # Effects and wheels are two families of tests.
-        p_value[place] = min(1.0, 2.0 * min(values, default=1.0))
-    chosen = discoveries(p_value, settings.false_discovery_rate)
+    # Effects and wheels are two families of tests, each with half of the rate.
+    rate = 0.5 * settings.false_discovery_rate
+    by_wheels = _discovered(statistics.wheels, worn, rate)
+    by_effects = _discovered(statistics.effects, gains, rate)
     found = {}
-    for vehicle in np.array(vehicles, dtype=np.str_)[chosen]:
-        name = str(vehicle)
-        by_wheel = _wheel_findings(statistics, name, wheels.get(name), worn.get(name, ()))
-        # A worn wheel bends the curve of its axle: what is left beside it is no size of anything.
-        by_effect = (
-            [] if by_wheel else _effect_findings(statistics, name, effects[name], gains[name])
-        )
-        found[name] = tuple(by_wheel or by_effect)
+    for name in vehicles:
+        by_wheel: list[Finding] = []
+        if name in by_wheels:
+            by_wheel = _wheel_findings(statistics, name, wheels[name], worn[name])
+        by_effect: list[Finding] = []
+        # A worn wheel bends the curve of its axle: what is left beside it is no size of anything,
+        # unless the effects were looked for with the radius as it is.
+        own = _own(statistics, name)
+        if name in by_effects and (
+            not by_wheel or all(statistics.units[i].radii_applied for i in own)
+        ):
+            by_effect = _effect_findings(statistics, name, effects[name], gains[name])
+        if by_wheel or by_effect:
+            found[name] = (*by_wheel, *by_effect)
     return found
+
+
+def _discovered(
+    compared: VehicleComparison, places: Mapping[str, Collection[int]], rate: float
+) -> set[str]:
+    """Vehicles of which some of the deviations that matter are beyond chance.
+
+    Args:
+        compared: Comparison of the vehicles.
+        places: Places of the deviations that matter, by vehicle.
+        rate: False discovery rate.
+
+    """
+    p_value = [
+        min((float(compared.p_value[row, j]) for j in places.get(name, ())), default=1.0)
+        for row, name in enumerate(compared.vehicles)
+    ]
+    chosen = discoveries(np.array(p_value), rate)
+    return {name for name, one in zip(compared.vehicles, chosen, strict=True) if one}
 
 
 def _by_vehicle(compared: VehicleComparison) -> dict[str, int]:
@@ -137,6 +158,9 @@ def _gains(
     own = _own(statistics, vehicle)
     found = {}
     for j in np.flatnonzero(compared.p_value[row] <= settings.false_discovery_rate):
+        small = abs(compared.size[row, j]) < settings.least_wear
+        if sizes.keys[j].effect == RADIUS[0] and small:
+            continue  # what is left of a radius that was applied, or too little to matter
         gain, held_out = held_out_gain([sizes.grams[i] for i in own], sizes.keys[j])
         if gain >= settings.least_gain:
             found[int(j)] = (gain, held_out)
@@ -218,11 +242,9 @@ def _effect_finding(
 
 
 def _wheel_findings(
-    statistics: VehicleStatistics, vehicle: str, row: int | None, worn: Sequence[int]
+    statistics: VehicleStatistics, vehicle: str, row: int, worn: Sequence[int]
 ) -> list[Finding]:
     """A finding for each worn axle; one of the speed where all axles deviate alike."""
-    if row is None or not worn:
-        return []
     wheels = statistics.wheels
     own = [i for i, one in enumerate(statistics.coasting) if one.vehicle == vehicle]
     found = []

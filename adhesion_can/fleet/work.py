@@ -4,7 +4,7 @@ import gc
 import json
 import pickle
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
 from typing import NamedTuple
@@ -95,6 +95,21 @@ def hash_settings(unit: Unit, config: Configuration, steps: Sequence[str]) -> st
     return sha256(json.dumps(parts).encode()).hexdigest()
 
 
+def hash_vehicle_data(config: Configuration, *, table: bool) -> str:
+    """Hash of what sizes of effects depend on beside the data, hexadecimal.
+
+    Wheel radii are left out: each vehicle has its own, from its calibration. For a TABLE the model
+    alone counts: its slips and adhesions are formed already.
+    """
+    model = config.model
+    parts: list[str] = [repr(None if model is None else model.to_dict())]
+    if not table:
+        vehicle = config.vehicle
+        plain = replace(vehicle, wheel_radius=(1.0,) * vehicle.axles)
+        parts += [repr(plain), repr(config.sampling), repr(config.estimators.identifiability)]
+    return sha256("\n".join(parts).encode()).hexdigest()
+
+
 def hash_unit(content: str, settings: str) -> str:
     """Key of a unit: hash of its content and of its settings, both hexadecimal."""
     return sha256(f"{content} {settings}".encode()).hexdigest()
@@ -125,6 +140,8 @@ def work_on(task: Task) -> Outcome:
                 return describe_kept(kept)
             config = _configuration(task.configuration)
             analysis = analyse(path, unit.path, content, config, task.steps)
+            table = analysis.fields.get("frames") is None
+            analysis.fields["vehicle_data"] = hash_vehicle_data(config, table=table)
             if not place.is_local:
                 _name(analysis, str(path), unit.path)
     except (InputError, OSError) as error:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from adhesion_can.errors import RecordingError
+from adhesion_can.errors import InputError, RecordingError
 from adhesion_can.recordings.candump import looks_like_candump
 
 PYTHON_CAN = frozenset({".asc", ".blf", ".trc", ".csv", ".db", ".mf4"})
@@ -64,6 +64,23 @@ def detect_format(path: Path, head: bytes) -> str:
             str(path), f"{what} by its content, and not what its name says", f"name it {seen}"
         )
     return named
+
+
+def require_text_name(path: Path, where: str) -> None:
+    """Raise an InputError where a file of candump text would have the name of another format.
+
+    Args:
+        path: Path of the file to write.
+        where: Option and path, for the error.
+
+    """
+    suffix = _inner_suffix(path)
+    if path.suffix.lower() == ".zst":
+        raise InputError(where, "candump text is packed as .gz alone", f"name it {path.stem}.gz")
+    if suffix in PYTHON_CAN:
+        text = path.name[: path.name.lower().index(suffix)] + CANDUMP
+        mend = f"name it {text}, and let 'can_logconvert {text} {path.name}' make the other"
+        raise InputError(where, "candump text is what is written, not that format", mend)
 
 
 def _by_content(head: bytes) -> str | None:

@@ -6,6 +6,9 @@ from pathlib import Path
 
 from adhesion_can.recordings.recording import Recording
 
+NO_FRAME_MEND = "is it a recording of a bus, as 'candump -L' makes one?"
+"""What to look at where a file has not one frame."""
+
 
 def distinct_names(paths: Sequence[Path]) -> list[str]:
     """Names of files for sentences: without the folder where the names differ without it."""

@@ -42,10 +42,12 @@ class Trace:
         """
         if not len(self.t_us):
             return np.full(np.shape(t_us), np.nan)
-        after = np.clip(np.searchsorted(self.t_us, t_us), 1, max(len(self.t_us) - 1, 1))
+        found = np.searchsorted(self.t_us, t_us)
+        exact = self.t_us[np.minimum(found, len(self.t_us) - 1)] == t_us
+        after = np.clip(found, 1, max(len(self.t_us) - 1, 1))
         span = np.diff(self.t_us, append=self.t_us[-1])[after - 1]
         value = np.interp(t_us, self.t_us, self.value, left=np.nan, right=np.nan)
-        return np.where((span <= gap_us) | np.isin(t_us, self.t_us), value, np.nan)
+        return np.where((span <= gap_us) | exact, value, np.nan)
 
     def slope(self, t_us: NDArray[np.int64], window_us: float, gap_us: float) -> Array:
         """Mean rate of change over a window around each stamp, per s, shape as theirs."""

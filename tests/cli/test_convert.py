@@ -343,7 +343,7 @@ def test_what_was_written_before_stays_where_nothing_is_decoded(log, tmp_path, c
     ("lines", "options", "message"),
     [
         ("", (), "no data frame in it"),
-        ("garbage\n", (), "no data frame in it"),
+        ("garbage\n", (), "no data frame in it; a.log: lines passed over: 1 malformed"),
         (line(1, 0x101, bytes(8)), (), "every known frame is rejected (checksum: 1)"),
         (line(1, 0x101, bytes(3)), (), "every known frame is rejected (length: 1)"),
         (

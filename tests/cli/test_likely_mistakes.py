@@ -68,7 +68,7 @@ REFUSED = {
     "run -c vcan0": "run: -i: no interface is named",
     "replay nowhere.log": "nowhere.log: No such file or directory; check the path",
     "replay folder.log": "folder.log: Is a directory; check the path",
-    "replay empty.log": "empty.log: not one frame in it; is it one that 'candump -L' recorded?",
+    "replay empty.log": "empty.log: not one frame in it; is it a recording of a bus",
     "identify empty.csv": "empty.csv: a .csv with neither a 'slip' column",
     "replay asc.log": "a .asc file by its content, and not what its name says; name it .asc",
     "replay log.asc": "candump text by its content, and not what its name says; name it .log",

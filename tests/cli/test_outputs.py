@@ -86,6 +86,11 @@ REFUSED = [
     ("simulate --scenario dry --log c.toml --config c.toml", INPUT),
     ("run -i virtual -c x --log c.toml --config c.toml", INPUT),
     ("run -i virtual -c x --log a --state a", "is the file of --log too"),
+    ("simulate --scenario dry --log a.BLF", "name it a.log, and let 'can_logconvert a.log a.BLF'"),
+    ("run -i virtual -c x --log a.csv.gz", "candump text is what is written"),
+    ("replay drive.log --frames a.asc", "candump text is what is written"),
+    ("replay drive.log --frames a.log.zst", "is packed as .gz alone; name it a.log.gz"),
+    ("monitor drive.log --plain --record a.mf4", "candump text is what is written"),
     ("demo --out folder --json folder/demo.log", "is the file of --out demo.log too"),
     ("experiment 1 --out folder --json folder/experiment-1.csv", TOO),
 ]

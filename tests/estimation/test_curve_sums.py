@@ -9,16 +9,6 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
 from adhesion_can.estimation.tracker.curve_sums import (
-    Points,
-    coefficients,
-    common_shift,
-    costs,
-    increment,
-    interpolation,
-    residual_at,
-    slope_at,
-)
-from adhesion_can.estimation.tracker.layout import (
     BINS,
     C2_NODES,
     CORRECTED,
@@ -28,6 +18,14 @@ from adhesion_can.estimation.tracker.layout import (
     MEASURED,
     X_NODES,
     X_RANGE,
+    Points,
+    coefficients,
+    common_shift,
+    costs,
+    increment,
+    interpolation,
+    residual_at,
+    slope_at,
 )
 from adhesion_can.estimation.tracker.points import OutlierGate, build_points
 from adhesion_can.physics.burckhardt import adhesion, adhesion_slope

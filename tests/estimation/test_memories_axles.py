@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
-from adhesion_can.estimation.tracker.curve_sums import Points, increment
-from adhesion_can.estimation.tracker.layout import CORRECTED
+from adhesion_can.estimation.tracker.curve_sums import CORRECTED, Points, increment
 from adhesion_can.estimation.tracker.memories import FadingMemories
 from adhesion_can.estimation.tracker.posterior import NoisePrior
 from adhesion_can.estimation.tracker.prior import Prior

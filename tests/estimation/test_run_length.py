@@ -7,8 +7,14 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from adhesion_can.estimation.tracker import run_length as changes
-from adhesion_can.estimation.tracker.curve_sums import Points, increment
-from adhesion_can.estimation.tracker.layout import C2_NODES, CORRECTED, LENGTH, X_NODES
+from adhesion_can.estimation.tracker.curve_sums import (
+    C2_NODES,
+    CORRECTED,
+    LENGTH,
+    X_NODES,
+    Points,
+    increment,
+)
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.run_length import Evidence, RunLengthHypotheses
 from adhesion_can.estimation.tracker.settings import PriorSettings, RunLengthSettings

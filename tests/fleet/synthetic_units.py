@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from adhesion_can.diagnosis.effect_grams import EffectGrams, EffectKey
-from adhesion_can.fleet.evidence import AxleDeviation, UnitEvidence
+from adhesion_can.fleet.evidence import AxleDeviation, UnitEvidence, VehicleForm
 
 NAMES = ("humidity", "effort_bias", "speed_delay", "sanding", "curve_creep", "wheelset_inertia")
 KEYS = tuple(EffectKey(name, "", 0, "size", "1", 1.0) for name in NAMES)
@@ -34,7 +34,7 @@ class Fleet:
         by_line: Sizes by line.
         by_day: Sizes by day.
         worn: Deviation of axle 2 by vehicle.
-        kind: Kind of the vehicles.
+        form: Form of the vehicles.
 
     """
 
@@ -47,7 +47,7 @@ class Fleet:
     by_line: dict[int, dict[int, float]] = field(default_factory=dict)
     by_day: dict[int, dict[int, float]] = field(default_factory=dict)
     worn: dict[int, float] = field(default_factory=dict)
-    kind: str = ""
+    form: VehicleForm = field(default_factory=VehicleForm)
 
     def draw(self, seed):
         """Evidence of all units."""
@@ -77,7 +77,7 @@ class Fleet:
                 )
                 units.append(
                     UnitEvidence(
-                        f"u{vehicle}-{drive}", f"V{vehicle:02d}", self.kind, f"line{line}",
+                        f"u{vehicle}-{drive}", f"V{vehicle:02d}", self.form, f"line{line}",
                         f"2026-01-{day + 1:02d}", draw_grams(rng, size), radii,
                     )
                 )  # fmt: skip

@@ -7,6 +7,8 @@ import shutil
 import signal
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from adhesion_can.cli.main import main
@@ -57,7 +59,7 @@ def test_a_data_set_holds_what_one_process_finds(made, drives):
 def test_a_unit_that_cannot_be_read_is_a_row_with_its_error(made):
     row = units(made / "out")["torn.log"]
     assert (row["status"], row["failed_step"], row["vehicle"]) == ("failed", "read", "bad")
-    assert "torn.log: not one frame in it; is it one that" in row["error"]
+    assert "torn.log: not one frame in it; is it a recording of" in row["error"]
     assert row["sha256"]
     assert row["verdict"] is None
 
@@ -185,6 +187,59 @@ def test_a_store_of_objects_gives_recordings_and_takes_the_data_set(fleet, drive
     assert tables() == before
 
 
+def orphan(out):
+    """What a worker leaves that dies before it has written the row of its unit."""
+    folder = out / "causes" / "vehicle=007" / "day=2026-01-31"
+    (whole,) = folder.glob("drive0.log-*.parquet")
+    for table in ("causes", "segments"):
+        place = out / table / "vehicle=ghost" / "day=2026-01-31"
+        place.mkdir(parents=True)
+        (own,) = (out / table / "vehicle=007" / "day=2026-01-31").glob("drive0.log-*.parquet")
+        content = pq.read_table(own, partitioning=None)
+        changed = {"unit_id": "never-done", "vehicle": "ghost"}
+        if table == "causes":
+            changed["named"] = True
+        for name, value in changed.items():
+            at = content.schema.get_field_index(name)
+            column = pa.array([value] * len(content), content.schema.field(at).type)
+            content = content.set_column(at, content.schema.field(at), column)
+        pq.write_table(content, place / "never-done.parquet")
+    return whole.stem
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_queries_count_complete_units_alone(made, tmp_path, monkeypatch, number):
+    import duckdb
+
+    out = tmp_path / "out"
+    shutil.copytree(made / "out", out)
+    answers = []
+    for _ in range(2):
+        monkeypatch.chdir(tmp_path)
+        with duckdb.connect() as connection:
+            answers.append(connection.execute(blocks("sql")[number]).fetchall())
+        if len(answers) == 1:
+            orphan(out)
+    assert sorted(map(str, answers[0])) == sorted(map(str, answers[1]))
+
+
+def test_what_an_interrupted_run_left_of_its_units_is_removed(made, tmp_path):
+    out = tmp_path / "out"
+    shutil.copytree(made / "out", out)
+    name = orphan(out)
+    data = DataSet(str(out))
+    kept = data.read_units()
+    before = {path for path in out.rglob("*.parquet") if "ghost" not in str(path)}
+    # Another run may be writing what is not ours, and complete units stay.
+    assert data.remove_incomplete({name}, kept.values()) == 0
+    assert data.remove_incomplete({"never-done"}, kept.values()) == 2
+    assert set(out.rglob("*.parquet")) == before
+    # A unit whose row is not there is not complete, whatever else is.
+    next((out / "units").rglob(f"{name}.parquet")).unlink()
+    assert data.remove_incomplete({name}, data.read_units().values()) == 3
+    assert not list(out.rglob(f"{name}.parquet"))
+
+
 def blocks(language):
     return re.findall(rf"^```{language}\n(.*?)^```", DOCS.read_text(), re.DOTALL | re.MULTILINE)
 
@@ -251,7 +306,7 @@ def test_wrong_usage_is_one_line_before_any_work(tmp_path, monkeypatch, capsys, 
 def test_a_data_set_of_another_version_is_not_mixed(made, drives, monkeypatch, capsys):
     monkeypatch.setattr("adhesion_can.fleet.dataset.SCHEMA_VERSION", 99)
     assert main(["fleet", str(drives), "--out", str(made / "out")]) == 2
-    assert "of version 1 of the tables, this is 99; give --out another folder" in (
+    assert "of version 2 of the tables, this is 99; give --out another folder" in (
         capsys.readouterr().err
     )
 

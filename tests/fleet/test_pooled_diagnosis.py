@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adhesion_can.fleet.evidence import UnitEvidence
+from adhesion_can.fleet.evidence import UnitEvidence, VehicleForm
 from adhesion_can.fleet.findings import Scope
 from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
 from tests.fleet.synthetic_units import NAMES, SIZE, Fleet
@@ -116,13 +116,19 @@ def test_too_few_vehicles_are_not_compared(vehicles):
 
 
 def test_vehicles_of_another_kind_are_not_compared_with_the_others():
-    buses = Fleet(vehicles=2, drives=6, everywhere={1: 2 * SIZE}, kind="TABLEs").draw(8)
+    bus = VehicleForm("TABLEs", 1, "b")
+    buses = Fleet(vehicles=2, drives=6, everywhere={1: 2 * SIZE}, form=bus).draw(8)
     buses = [replace(one, unit=f"b{one.unit}", vehicle=f"B{one.vehicle}") for one in buses]
+    locomotives = Fleet(form=VehicleForm("recordings", 6, "a"))
     for seed in range(5):
-        result = diagnose_fleet([*Fleet(kind="recordings").draw(seed), *buses])
-        assert not [one.vehicle for one in result.named if one.vehicle.startswith("B")]
-        assert {f.where for f in result.shared if f.scope is Scope.FLEET} <= {"TABLEs"}
-        assert result.notes[0].startswith("TABLEs: Vehicles are compared")
+        alone = diagnose_fleet(locomotives.draw(seed))
+        result = diagnose_fleet([*locomotives.draw(seed), *buses])
+        assert [f.effect for f in result.findings] == [f.effect for f in alone.findings]
+        assert [(one.name, one.vehicles, one.compared) for one in result.kinds] == [
+            ("recordings of 6 axles", 30, True),
+            ("TABLEs of 1 axle", 2, False),
+        ]
+        assert any(note.startswith("TABLEs of 1 axle: Vehicles are") for note in result.notes)
 
 
 def test_a_fleet_of_failed_units_has_vehicles_and_their_reasons():

@@ -1,11 +1,14 @@
 """Play of a history: the service on the simulated bus."""
 
+from collections.abc import Iterator
+from itertools import count
+
 from adhesion_can.config import load_configuration
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.live import LiveService
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from tests.histories.checker import Violation, check
-from tests.histories.faults import Fault
+from tests.histories.faults import Fault, draw
 from tests.histories.simulated_bus import Record, SimulatedBus
 from tests.histories.traffic import START_US, make_traffic
 from tests.service.test_core import FixedEstimator
@@ -18,8 +21,32 @@ def play(
 ) -> Record:
     """Record of the bus after a history."""
     bus = SimulatedBus(make_traffic(seed, duration_us, faults), faults, START_US + duration_us)
+    service = _serve(bus, ServiceCore(CONFIG, estimator))
+    while bus.now_us < bus.end_us:
+        service._step()
+    return bus.record
+
+
+def play_on(seed: int, duration_us: int, per_minute: float) -> Iterator[int]:
+    """Numbers of histories after each of which the caller may look: one service for all of them.
+
+    It estimates by the tracker, and nothing is recorded, so that memory which grows is the
+    service's own.
+    """
+    bus = SimulatedBus(iter(()), (), START_US, Record.of_nothing())
+    service = _serve(bus, ServiceCore(CONFIG))
+    for number in count(1):
+        faults = draw(seed + number, duration_us, per_minute)
+        traffic = make_traffic(seed + number, duration_us, faults, bus.now_us)
+        bus.go_on(traffic, faults, bus.now_us + duration_us)
+        while bus.now_us < bus.end_us:
+            service._step()
+        yield number
+
+
+def _serve(bus: SimulatedBus, core: ServiceCore) -> LiveService:
+    """A service on a simulated bus."""
     record = bus.record
-    core = ServiceCore(CONFIG, estimator)
     opened = ReconnectingBus(
         bus.open,
         (),
@@ -29,12 +56,9 @@ def play(
         wait_for_it=True,
         count_unsent=lambda _: bus.unsent,
     )
-    service = LiveService(
+    return LiveService(
         core, opened, clock=bus.clock, write_log=record.log.append, notify=record.notices.append
     )
-    while bus.now_us < bus.end_us:
-        service._step()
-    return record
 
 
 def judge(seed: int, duration_us: int, faults: tuple[Fault, ...]) -> list[Violation]:

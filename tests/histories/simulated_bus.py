@@ -13,6 +13,13 @@ from tests.histories.faults import Fault
 from tests.histories.traffic import START_US, Passing
 
 
+class _Nothing(list):
+    """A list that keeps nothing."""
+
+    def append(self, _: object) -> None:
+        """Drop what comes."""
+
+
 @dataclass
 class Record:
     """What passed the bus.
@@ -30,6 +37,11 @@ class Record:
     log: list[str] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
 
+    @classmethod
+    def of_nothing(cls) -> "Record":
+        """A record that stays empty, for hours of which the memory is looked at."""
+        return cls(_Nothing(), _Nothing(), _Nothing(), _Nothing())
+
 
 class SimulatedBus:
     """Delivers frames at their times. Time passes while they are waited for, and in a stop.
@@ -38,15 +50,28 @@ class SimulatedBus:
         traffic: Frames in the order in which they pass.
         faults: Faults of the host and of the bus.
         end_us: Time at which the history ends, µs.
+        record: Record to be filled; a new one by default.
 
     """
 
     channel_info = "simulated"
 
-    def __init__(self, traffic: Iterator[Passing], faults: tuple[Fault, ...], end_us: int) -> None:
+    def __init__(
+        self,
+        traffic: Iterator[Passing],
+        faults: tuple[Fault, ...],
+        end_us: int,
+        record: Record | None = None,
+    ) -> None:
         self.now_us = START_US
+        self.record = record or Record()
+        self.unsent = 0
+        self.go_on(traffic, faults, end_us)
+
+    def go_on(self, traffic: Iterator[Passing], faults: tuple[Fault, ...], end_us: int) -> None:
+        """Begin a history now; the first begins with the bus."""
+        self._start_us = self.now_us
         self.end_us = end_us
-        self.record = Record()
         self._traffic = traffic
         self._next = next(traffic, None)
         self._waiting: deque[Passing] = deque()
@@ -54,7 +79,6 @@ class SimulatedBus:
         self._downs = [f for f in faults if f.kind in ("bus_down", "link_missing")]
         self._off = [f for f in faults if f.kind == "bus_off"]
         self._deaf = [f for f in faults if f.kind == "listen_only"]
-        self.unsent = 0
         self._full = [f for f in faults if f.kind == "no_buffer"]
 
     def clock(self) -> int:
@@ -94,9 +118,9 @@ class SimulatedBus:
         """Send a frame."""
         if self._is_down():
             raise can.CanOperationError("down", errno.ENETDOWN)
-        if any(fault.active(self.now_us - START_US) for fault in (*self._full, *self._off)):
+        if any(fault.active(self.now_us - self._start_us) for fault in (*self._full, *self._off)):
             raise can.CanOperationError("no buffer space", errno.ENOBUFS)
-        if any(fault.active(self.now_us - START_US) for fault in self._deaf):
+        if any(fault.active(self.now_us - self._start_us) for fault in self._deaf):
             # As the kernel does it: the sender does not learn of it.
             self.unsent += 1
             return
@@ -109,13 +133,13 @@ class SimulatedBus:
         """Nothing to close."""
 
     def _is_down(self) -> bool:
-        return any(fault.active(self.now_us - START_US) for fault in self._downs)
+        return any(fault.active(self.now_us - self._start_us) for fault in self._downs)
 
     def _pass(self, until_us: int) -> None:
         """Let time pass; a stop that begins meanwhile lasts until its end."""
-        while self._stops and START_US + self._stops[0].from_us <= until_us:
+        while self._stops and self._start_us + self._stops[0].from_us <= until_us:
             stop = self._stops.popleft()
-            until_us = max(until_us, START_US + stop.until_us)
+            until_us = max(until_us, self._start_us + stop.until_us)
         self.now_us = until_us
         while self._next is not None and self._next.at_us <= until_us:
             if not self._is_lost(self._next):
@@ -125,4 +149,4 @@ class SimulatedBus:
     def _is_lost(self, passing: Passing) -> bool:
         """Whether a frame does not arrive; of a controller that is off its own reports do."""
         silent = self._downs if passing.frame.is_error else (*self._downs, *self._off)
-        return any(fault.active(passing.at_us - START_US) for fault in silent)
+        return any(fault.active(passing.at_us - self._start_us) for fault in silent)

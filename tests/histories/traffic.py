@@ -128,8 +128,10 @@ def _distortion(t_us: int, active: dict[str, Fault]) -> tuple[float, float]:
     return drift, limit
 
 
-def make_traffic(seed: int, duration_us: int, faults: tuple[Fault, ...]) -> Iterator[Passing]:
-    """Frames in the order in which they pass the bus."""
+def make_traffic(
+    seed: int, duration_us: int, faults: tuple[Fault, ...], start_us: int = START_US
+) -> Iterator[Passing]:
+    """Frames in the order in which they pass the bus, from a time of the host on."""
     rng = np.random.default_rng([seed, 78])
     senders = [_Sender(name, faults, rng) for name in REQUIRED]
     others = [_Other(fault) for fault in faults if fault.kind == "other_sender"]
@@ -156,7 +158,7 @@ def make_traffic(seed: int, duration_us: int, faults: tuple[Fault, ...]) -> Iter
                 for fault in faults
                 if fault.kind == "clock_set" and fault.from_us <= at_us
             )
-            yield Passing(START_US + at_us, START_US + at_us + set_us, frame)
+            yield Passing(start_us + at_us, start_us + at_us + set_us, frame)
 
 
 class _Other:

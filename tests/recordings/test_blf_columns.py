@@ -194,7 +194,8 @@ def test_a_file_cut_at_any_byte_gives_what_is_whole_and_says_so(folder):
         told = [note for note in report.notes if "it is cut" in note or "damaged" in note]
         assert told or len(found) == len(whole) or is_edge(content, length)
     for length in range(72):  # as far as the fields of the head reach
-        with pytest.raises(RecordingError, match="head cannot be read"):
+        what = "it ends there" if length else "the file is empty"
+        with pytest.raises(RecordingError, match=rf"head cannot be read \({what}\)"):
             read(folder, content[:length])
 
 
@@ -279,3 +280,12 @@ def test_a_start_that_is_no_date_counts_from_0_as_in_python_can(folder):
     (frame,) = items(read(folder, content)[0])
     assert frame == by_python_can(content)[0]
     assert frame.t_us == 0
+
+
+@pytest.mark.parametrize("size", [0, 71, 100, 143])
+def test_a_head_that_claims_too_few_bytes_has_its_144_all_the_same(folder, size):
+    content = bytearray(wire.blf(wire.container(wire.classic(1, b"a"))))
+    content[4:8] = size.to_bytes(4, "little")
+    blocks, report = read(folder, bytes(content))
+    assert [f.data for f in items(blocks)] == [b"a"]
+    assert report.notes == [f"the head of the file says that it has {size} bytes; 144 are taken"]

@@ -150,6 +150,7 @@ TRC = {
             "{n:6})  {t:12.1f}  Rx         0100  8  RTR ",
             "{n:6})  {t:12.1f}  Warng  FFFFFFFF  4  00 00 00 08  BUSHEAVY ",
             "{n:6})  {t:12.1f}  Rx         07FF  0 ",
+            "{n:6})  {t:12.1f}  Rx         07FF  0  RTR ",
         ],
     ),
     "1.3": (
@@ -159,6 +160,8 @@ TRC = {
             "{n:6}) {t:14.3f}  2  Tx    1AB5E6F0 -  2    4A 0b",
             "{n:6}) {t:14.1f}  2  Error     0008 -  4    00 19 08 08",
             "{n:6}) {t:14.1f}  1  Rx        0100 -  3    RTR",
+            "{n:6}) {t:14.1f}  1  Rx        0100 -  0",
+            "{n:6}) {t:14.1f}  1  Rx        0100 -  0    RTR",
         ],
     ),
     "2.0": (
@@ -190,6 +193,8 @@ TRC = {
             "{n:6})     {t:5.0f}  FFFFFFFF 4 00 00 00 04 BUSLIGHT",
             "{n:6})     {t:5.0f}  18FEF100 2  ab CD",
             "{n:6})     {t:5.0f}  0004 6 RTR",
+            "{n:6})     {t:5.0f}  0004 0",
+            "{n:6})     {t:5.0f}  0004 0 RTR",
         ],
     ),
 }
@@ -302,7 +307,7 @@ def test_the_first_line_behind_a_short_head_is_not_lost(folder):
 BAD = [
     " 0.5 1 12G Rx d 8 01", " 0.5 1 123 Rx d 2 01 XX", " 0.5 1 123 Rx d", " 0.5 1 123 Rx",
     " 0.5 99999999 123 Rx d 1 01", " 0.5 1 3FFFFFFFx Rx d 1 01", " 0.5 1 1_2Gx Rx d 1 01",
-    " 9999999999999999.0 1 123 Rx d 1 01",
+    " 9999999999999999.0 1 123 Rx d 1 01", " garbage without a stamp", "data",
 ]  # fmt: skip
 
 
@@ -316,6 +321,18 @@ def test_a_bad_line_costs_itself_alone_and_is_counted(folder, bad):
     assert found == whole
     assert report.kinds["malformed"] == 1
     assert report.bad_lines == [34]
+
+
+def test_what_vectors_tools_write_around_the_events_is_no_bad_line(folder):
+    around = (
+        "// version 8.1.0\n\n  \n# a comment\n; another\nEnd TriggerBlock\n"
+        "Begin Triggerblock Sat Sep 30 10:06:13.191 PM 2017\n0.000000 Start of measurement\n"
+        "no internal events logged\n// previous log file: a.asc\n"
+    )
+    text = f"{ASC_HEAD} 0.1 1 123 Rx d 1 01\n{around} 0.2 1 123 Rx d 1 01\n"
+    found, report = read(folder, text, ".asc")
+    assert len(found) == 2
+    assert report.passed_over == report.kinds["other"] == 0
 
 
 @pytest.mark.parametrize("suffix", [".asc", ".trc"])
@@ -364,3 +381,9 @@ def test_code_pages_in_names_do_not_stop_the_reading(folder):
     text = vector(3).replace("// version", "// für").encode("cp1252")
     found, _ = read(folder, text, ".asc")
     assert found == read(folder, vector(3), ".asc")[0]
+
+
+def test_a_comment_is_no_frame_also_where_nothing_follows_it(folder):
+    text = ";$F.LEVERSION=2.0\r\n;$50 09 0A00B0 00 000 08\r\n"
+    assert len(by_python_can(text, ".trc")) == 1, "python-can takes it for one"
+    assert read(folder, text, ".trc")[0] == []

@@ -10,6 +10,7 @@ TIMES = 20.0
 OUTPUTS = {
     "parquet/": "a folder, Parquet",
     "arrow/": "a folder, Arrow",
+    "csv/": "a folder, CSV",
     "a.parquet": "one Parquet, a row a frame",
     "a.arrow": "one Arrow, a row a value",
     "a.mf4": "MF4",

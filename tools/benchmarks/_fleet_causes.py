@@ -20,6 +20,8 @@ DURATION_S = 100.0
 SHOWN = HIDDEN[:3]
 """Effects that are hidden, each in one vehicle."""
 WORN = 5
+PROGRESS_S = 15.0
+"""Time between two lines on how far the command is, s."""
 LEAST_QUIET = 0.95
 """Share of the other vehicles on which nothing may be named."""
 
@@ -73,6 +75,7 @@ def run_causes(folder, missions=(), vehicles=200, seed=1, workers=2):
     """
     recordings = folder / "recordings"
     recordings.mkdir()
+    print(f"  seed {seed}: writing {vehicles} drives of {DURATION_S:g} s", flush=True)
     rows, hidden = make_locomotives(recordings, vehicles, seed)
     rows += make_missions(recordings, missions)
     manifest = recordings / "units.csv"
@@ -82,10 +85,27 @@ def run_causes(folder, missions=(), vehicles=200, seed=1, workers=2):
         out.writerows(rows)
     began = time.perf_counter()
     words = ["fleet", "--units", manifest, "--out", folder / "out", "--workers", workers]
-    subprocess.run([sys.executable, "-m", "adhesion_can.cli.main", *map(str, words)], check=True,
-                   stdout=subprocess.DEVNULL)  # fmt: skip
+    process = subprocess.Popen([sys.executable, "-m", "adhesion_can.cli.main", *map(str, words),
+                                "--no-progress"], stdout=subprocess.DEVNULL)  # fmt: skip
+    watch_units(process, folder / "out" / "units", len(rows), began)
+    if process.returncode:
+        raise SystemExit("the command failed")
     seconds = time.perf_counter() - began
     return json.loads((folder / "out" / "fleet.json").read_text()), hidden, len(rows), seconds
+
+
+def watch_units(process, folder, units, began):
+    """Print how many units are complete, now and then, until the command ends."""
+    while True:
+        try:
+            process.wait(PROGRESS_S)
+        except subprocess.TimeoutExpired:
+            done = sum(1 for _ in folder.rglob("*.parquet"))
+            spent = time.perf_counter() - began
+            left = f", {spent * (units / done - 1):.0f} s left" if done else ""
+            print(f"  {done} of {units} units in {spent:.0f} s{left}", flush=True)
+        else:
+            return
 
 
 def judge(found, hidden):
@@ -114,14 +134,43 @@ def is_right(findings, effects):
     return named == {(one.effect, int(one.parameters.get("axle", 0))) for one in effects}
 
 
-def causes_row(report, folder, missions, vehicles=200, seed=1, workers=2):
+def causes_row(report, folder, missions, vehicles=200, seeds=(1,), workers=2):
     """Faults hidden in 200 simulated locomotives, and thirteen trolleybus missions."""
-    found, hidden, units, seconds = run_causes(folder, missions, vehicles, seed, workers)
-    on_top, right, wrong, others = judge(found, hidden)
-    report.write(
-        f"{units} units of {others + len(hidden)} vehicles in {seconds:.0f} s, {workers} workers: "
-        f"{workers * seconds / units:.1f} s of a worker each"
+    count = on_top = right = others = 0
+    wrong = []
+    for seed in seeds:
+        own = folder / f"seed{seed}"
+        own.mkdir(parents=True)
+        found, hidden, units, seconds = run_causes(own, missions, vehicles, seed, workers)
+        report.write(
+            f"{units} units of {len(found['vehicles'])} vehicles in {seconds:.0f} s, {workers} "
+            f"workers: {workers * seconds / units:.1f} s of a worker each"
+        )
+        describe(report, found, hidden)
+        figures = judge(found, hidden)
+        count += len(hidden)
+        on_top, right, others = on_top + figures[0], right + figures[1], others + figures[3]
+        wrong += [(f"seed {seed}: {vehicle}", names) for vehicle, names in figures[2]]
+    for vehicle, names in wrong:
+        report.write(f"{vehicle}: named without a reason: {', '.join(names)}")
+    report.check("faulty vehicles on top", f"{on_top} of {count}", f"{count}", met=on_top == count)
+    report.check(
+        "of these with their causes", f"{right} of {count}", f"{count}", met=right == count
     )
+    quiet = 1.0 - len(wrong) / others
+    report.check(
+        "others without a name", f"{100 * quiet:.1f} %", f"{100 * LEAST_QUIET:g} %",
+        met=quiet >= LEAST_QUIET,
+    )  # fmt: skip
+
+
+def describe(report, found, hidden):
+    """Write who is compared with whom, the first vehicles, and what is shared."""
+    for kind in found["kinds"]:
+        report.write(
+            f"{kind['name'] or 'one kind'}: {kind['vehicles']} vehicles, {kind['units']} units"
+            + ("" if kind["compared"] else ", too few to be compared")
+        )
     for one in found["vehicles"][: len(hidden)]:
         names = ", ".join(
             f"{f['effect']}{' axle ' + str(f['axle']) if f['axle'] else ''} {f['value']:.3g}"
@@ -134,15 +183,5 @@ def causes_row(report, folder, missions, vehicles=200, seed=1, workers=2):
         report.write(f"{one['vehicle']}: {names or 'nothing'} (hidden: {truth or 'nothing'})")
     for finding in found["shared"]:
         report.write(f"{finding['scope']} {finding['where']}: {finding['effect']}")
-    for vehicle, names in wrong:
-        report.write(f"{vehicle}: named without a reason: {', '.join(names)}")
-    count = len(hidden)
-    report.check("faulty vehicles on top", f"{on_top} of {count}", f"{count}", met=on_top == count)
-    report.check(
-        "of these with their causes", f"{right} of {count}", f"{count}", met=right == count
-    )
-    quiet = 1.0 - len(wrong) / others
-    report.check(
-        "others without a name", f"{100 * quiet:.1f} %", f"{100 * LEAST_QUIET:g} %",
-        met=quiet >= LEAST_QUIET,
-    )  # fmt: skip
+    alone = [one for one in found["vehicles"] if one["causes"] and one["vehicle"] not in hidden]
+    report.write(f"others whose own recordings name a cause: {len(alone)}")

@@ -104,13 +104,13 @@ def write_way(path, dbc, out):
 
     database = load_database(Path(dbc))
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        form = "arrow" if out == "arrow/" else None
+        form = out.removesuffix("/") if out.endswith("/") else None
         target = parse_target(f"{folder}/{out}", "--out", form)
 
         def work():
             conversion = Conversion(database, None, None, by_channel=target.by_channel)
             with open_recording(target, {}) as writer:
-                for block in Recording(path).blocks():
+                for block in Recording(path).blocks(target.text_at_once):
                     conversion.process(block, 0, writer)
 
         passes, _ = timed(work)

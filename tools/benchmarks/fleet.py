@@ -210,7 +210,8 @@ def causes(report, options):
     """Faults hidden in 200 simulated locomotives, and thirteen trolleybus missions."""
     with tempfile.TemporaryDirectory() as name:
         missions = real_data("ztbus/*.csv.gz")
-        causes_row(report, Path(name), missions, options.vehicles, options.seed, WORKERS)
+        folder = options.keep or Path(name)
+        causes_row(report, folder, missions, options.vehicles, options.seed, options.workers)
 
 
 def require_done(outcomes):
@@ -243,7 +244,11 @@ def main():
     add("--counts", type=lambda text: tuple(map(int, text.split(","))), default=(1000, 10_000),
         help="of memory, beside 100 (default 1000,10000)")  # fmt: skip
     add("--vehicles", type=number, default=200, help="of causes (default 200)")
-    add("--seed", type=number, default=1, help="of causes (default 1)")
+    add("--seed", type=lambda text: tuple(map(int, text.split(","))), default=(1,),
+        help="of causes, several with commas (default 1)")  # fmt: skip
+    add("--workers", type=number, default=WORKERS, help=f"of causes (default {WORKERS})")
+    add("--keep", type=Path, metavar="FOLDER",
+        help="recordings and data sets of causes stay here, fleet.html among them")  # fmt: skip
     run_rows(ROWS, parser.parse_args())
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from adhesion_can.fleet.schema import STEPS, seconds_column
 from tools.benchmarks._fleet_queue import Cost, Failures, Outcome, Run, draw_lengths
 
 DAY_H, YEAR_D = 24.0, 365.0
@@ -42,18 +43,54 @@ class Fleet:
     gb_month: float
 
 
-def fit_cost(folder: Path, cost: Cost) -> Cost:
-    """Fixed time and time per hour by least squares over the finished units of a data set."""
-    import pyarrow.dataset as ds
+LEAST_RATIO = 1.5
+"""Ratio of the longest to the shortest recording from which fixed time and time per hour differ."""
 
-    table = ds.dataset(folder / "units", partitioning="hive").to_table(
-        columns=["duration_s", "analysis_s", "status"], filter=ds.field("status") == "done"
+
+def fit_steps(folder: Path) -> tuple[dict[str, tuple[float, float]], float]:
+    """Fixed time and time per hour of each step, and the spread of their sum.
+
+    By least squares with both at least 0 over the finished units of a data set, relative errors
+    counted. The spread is the standard deviation of the logarithm of the sum over its prediction.
+    """
+    import pyarrow.dataset as ds
+    from scipy.optimize import nnls
+
+    steps = ("read", *STEPS)
+    columns = ["duration_s", "status", *(seconds_column(step) for step in steps)]
+    rows = ds.dataset(folder / "units", format="parquet", partitioning=None).to_table(
+        columns=columns,
+        filter=(ds.field("status") == "done") & (ds.field("duration_s") > 0.0),
     )
-    hours = np.asarray(table["duration_s"], dtype=float) / 3600.0
-    seconds = np.asarray(table["analysis_s"], dtype=float)
-    design = np.column_stack([np.ones_like(hours), hours])
-    (fixed, per_hour), *_ = np.linalg.lstsq(design, seconds, rcond=None)
-    spread = float(np.std(np.log(seconds / (design @ [fixed, per_hour]))))
+    if not len(rows):
+        raise SystemExit(f"--fleet {folder}: no finished unit of a known duration")
+    hours = np.asarray(rows["duration_s"], dtype=float) / 3600.0
+    # Where all are of one length, nothing tells what of it does not depend on the length.
+    fixed = np.ones_like(hours) if hours.max() >= LEAST_RATIO * hours.min() else 0.0 * hours
+    design = np.column_stack([fixed, hours])
+    seconds = {
+        step: np.nan_to_num(np.asarray(rows[seconds_column(step)].to_pylist(), dtype=float))
+        for step in steps
+    }
+    total = np.maximum(sum(seconds.values()), 1e-6)
+    # Long units vary by more: rows are divided by what is expected of them.
+    whole = np.full(len(hours), total.mean())
+    for _ in range(4):
+        found = {
+            step: tuple(map(float, nnls(design / whole[:, None], own / whole)[0]))
+            for step, own in seconds.items()
+        }
+        whole = np.maximum(design @ np.sum(list(found.values()), axis=0), 1e-6)
+    return found, float(np.std(np.log(total / whole)))
+
+
+def fit_cost(folder: Path, cost: Cost) -> Cost:
+    """Fixed time and time per hour of a unit, from those of its steps; printed, step by step."""
+    steps, spread = fit_steps(folder)
+    print(f"{'step':>10} {'fixed':>9} {'an hour':>9}")
+    for step, (fixed, per_hour) in steps.items():
+        print(f"{step:>10} {fixed:>7.2f} s {per_hour:>7.1f} s")
+    fixed, per_hour = np.sum(list(steps.values()), axis=0)
     return replace(cost, fixed_s=float(fixed), per_hour_s=float(per_hour), spread=spread)
 
 

@@ -1,6 +1,7 @@
 """The tables of the data set that `fleet` writes, from `adhesion_can/fleet/schema.py`."""
 
-from adhesion_can.fleet.schema import SCHEMA_VERSION, TABLES, Column, TableSchema
+from adhesion_can.fleet.schema import TABLES
+from adhesion_can.fleet.table_schema import SCHEMA_VERSION, Column, TableSchema
 from reference_pages.markdown import GENERATED, code, page, table
 
 HEAD = ("column", "type", "unit", "meaning")

@@ -227,11 +227,13 @@ def _saturated_residual(
     columns = [compute_curve_jacobian(data, model.curves, corrected)]
     columns += [regression.compute_signature(model, c, known=corrected) for c in candidates]
     columns += [channel.build_basis(corrected) for channel in build_channels(data, corrected)]
-    design = np.column_stack(columns)
     residual = evaluate_model(data, model.curves).residual
-    white = regression.whiten(np.column_stack([design, residual]))
-    total = regression.compute_grams(white).total
-    return np.asarray(residual - design @ solve_normal_equations(total[:-1, :-1], total[:-1, -1]))
+    whole = np.column_stack([*columns, residual])
+    del columns  # an hour of six axles has GB of them
+    total = regression.compute_grams(regression.whiten(whole)).total
+    return np.asarray(
+        residual - whole[:, :-1] @ solve_normal_equations(total[:-1, :-1], total[:-1, -1])
+    )
 
 
 def _estimate_slip_correction(

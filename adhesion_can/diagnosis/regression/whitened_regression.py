@@ -83,7 +83,8 @@ class WhitenedRegression:
         """Scale and whiten columns; zero in rows that take no part; shape (n, p)."""
         scale = (self.data.surface != EXCLUDED) * self.scale
         out = self.whitener(columns * scale[:, None])
-        return np.asarray(out * (self.weight * (self.block >= 0))[:, None])
+        out *= (self.weight * (self.block >= 0))[:, None]
+        return out
 
     @cached_property
     def used(self) -> NDArray[np.bool_]:

@@ -23,13 +23,10 @@ from adhesion_can.estimation.tracker.curve_sums import coefficients, interpolati
 from adhesion_can.estimation.tracker.layout import (
     DOF,
     SUMMARY_COVARIANCE,
-    SUMMARY_EFFECTIVE,
     SUMMARY_FALL,
     SUMMARY_HEIGHT,
-    SUMMARY_HEIGHT_VAR,
     SUMMARY_MEDIANS,
     SUMMARY_PLACE,
-    SUMMARY_PLACE_VAR,
 )
 from adhesion_can.estimation.tracker.prior import Prior, from_shape_coordinates
 from adhesion_can.estimation.tracker.proposal import propose
@@ -196,19 +193,20 @@ def summarise(curves: Curves, weights: Array) -> "CurveSummary":
     found = kernels.active.summarise(
         weights, curves.order, curves.peaks_in_order, curves.limited_in_order, curves.columns
     )
-    numbers: list[float] = found.tolist()
+    numbers = found.tolist()
     mu_m, slip_m, shape = numbers[SUMMARY_MEDIANS]
+    fall, height_var, place_var, effective = numbers[SUMMARY_FALL:]
     return CurveSummary(
         mu_m,
         slip_m,
         shape,
-        numbers[SUMMARY_HEIGHT],
-        numbers[SUMMARY_PLACE],
+        tuple(numbers[SUMMARY_HEIGHT]),
+        tuple(numbers[SUMMARY_PLACE]),
         found[SUMMARY_COVARIANCE].reshape(3, 3),
-        numbers[SUMMARY_FALL],
-        numbers[SUMMARY_HEIGHT_VAR],
-        numbers[SUMMARY_PLACE_VAR],
-        numbers[SUMMARY_EFFECTIVE],
+        fall,
+        height_var,
+        place_var,
+        effective,
     )
 
 
@@ -232,8 +230,8 @@ class CurveSummary(NamedTuple):
     mu_m: float
     slip_m: float
     shape: float
-    mu_max: list[float]
-    lambda_m: list[float]
+    mu_max: tuple[float, float, float]
+    lambda_m: tuple[float, float, float]
     covariance: Array
     fall: float
     mu_max_var: float
@@ -241,7 +239,9 @@ class CurveSummary(NamedTuple):
     effective: float
 
 
-def widened_interval(quantiles: Sequence[float], extra_std: float) -> tuple[float, float]:
+def widened_interval(
+    quantiles: tuple[float, float, float], extra_std: float
+) -> tuple[float, float]:
     """Interval from the 5 to the 95 % quantile, widened by an independent error."""
     low, middle, high = quantiles
     more = 1.645 * extra_std

@@ -30,11 +30,13 @@ class FileHead(NamedTuple):
     """Head of a file.
 
     Attributes:
+        size: Size of the head as it says itself, bytes; less than 144 is damage.
         length: Length of the file, bytes; 0 where its writer never came to say it.
         start_ns: Start of the measurement, to the ms, as the file's stamps count from it, ns.
 
     """
 
+    size: int
     length: int
     start_ns: int
 
@@ -48,10 +50,12 @@ class FileHead(NamedTuple):
         """
         data = stored.take(_FILE_HEAD.size)
         if len(data) < _FILE_HEAD.size or not data.startswith(b"LOGG"):
-            raise ValueError("it does not begin as a .blf file does")
+            is_part = b"LOGG".startswith(data[:4])
+            what = "it ends there" if is_part else "it does not begin as a .blf file does"
+            raise ValueError(what if data else "the file is empty")
         _, size, length, *start = _FILE_HEAD.unpack(data)
-        stored.skip((size if size >= len(data) else _HEAD_SIZE) - len(data))
-        return cls(length, _to_ns(tuple(start)))
+        stored.skip(max(size, _HEAD_SIZE) - len(data))
+        return cls(size, length, _to_ns(tuple(start)))
 
 
 def _to_ns(system_time: tuple[int, ...]) -> int:
@@ -101,6 +105,8 @@ class Faults:
 
         """
         tell = report.notes.append
+        if head.size < _HEAD_SIZE:
+            tell(f"the head of the file says that it has {head.size} bytes; {_HEAD_SIZE} are taken")
         if size is not None and head.length > size:
             tell(f"the file is cut: it has {size} of the {head.length} bytes that its head says")
         elif self.is_cut:

@@ -29,6 +29,12 @@ _HEAD = re.compile(
 )
 _EVENTS = re.compile(rb"\s*(?:no)?\s*internal\s+events\s+logged", re.IGNORECASE)
 _STAMPED = re.compile(rb"\s*(\d{1,10})\.(\d{1,9})\s")
+_AROUND = re.compile(
+    rb"\s*(?:$|//|;|#|date\s|base\s|(?:no\s*)?internal\s+events|(?:begin|end)\s+triggerblock"
+    rb"|previous\s+log)",
+    re.IGNORECASE,
+)
+"""Lines without a stamp that Vector's tools write around the events."""
 _BEGINS = re.compile(rb"\s*\d+\.\d+\s+Start of measurement")
 _CODES = sorted(FD_LENGTHS)
 """Lengths of payloads by their code, bytes."""
@@ -107,7 +113,9 @@ class AscForm:
 
     def kind_without_frame(self, line: bytes) -> str | None:
         """Kind of a line that holds no frame, as the report counts it; None: not counted."""
-        return "other" if _STAMPED.match(line) and not _BEGINS.match(line) else None
+        if _STAMPED.match(line):
+            return None if _BEGINS.match(line) else "other"
+        return None if _AROUND.match(line) else "malformed"
 
     def tell(self, report: ReadReport) -> None:
         """Put what the lines say together into the notes of the recording."""

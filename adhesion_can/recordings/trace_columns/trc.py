@@ -89,13 +89,15 @@ class TrcForm:
         length = _CODES[stated] if is_code and stated < len(_CODES) else stated
         if length not in FD_LENGTHS if kind is Kind.FD else length > 8:
             return None
+        if not length and line[match.end() :].strip():
+            return None  # the mark of a remote frame stands where the payload would
         return learn_layout(
             match,
             unit_ns=10**6,
             length=length,
             kind=kind,
             extended=len(match["id"]) > 4,
-            is_last=bool(self._columns),
+            is_last=bool(self._columns) or not length,
         )
 
     def read(self, lines: Sequence[bytes]) -> list[OddLine]:

@@ -52,8 +52,8 @@ class MessageRows:
             if not kept.any():
                 continue
             keep: _Rows = slice(None) if kept.all() else np.flatnonzero(kept)
-            if not self._by_channel:
-                yield columns, keep, ""
+            if not self._by_channel or len(block.channels) == 1:
+                yield columns, keep, block.channels[0] if self._by_channel else ""
                 continue
             channel = block.channel[columns.rows]
             for number in np.flatnonzero(np.bincount(channel[keep])).tolist():

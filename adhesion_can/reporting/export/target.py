@@ -98,6 +98,15 @@ class Target:
         return self._format.by_channel
 
     @property
+    def text_at_once(self) -> int:
+        """Number of bytes of text whose frames are best written at once.
+
+        A message's file takes its own columns, and a hundred messages want long ones; a row of one
+        table has a cell for each signal of the database.
+        """
+        return (8 if self.is_folder else 4) << 20
+
+    @property
     def files(self) -> int:
         """Number of files in the folder that the last run wrote."""
         return len(listed_files(self.path))

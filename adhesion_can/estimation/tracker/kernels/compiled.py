@@ -22,13 +22,13 @@ from adhesion_can.estimation.tracker.kernels.jit import (
     F8,
     IN,
     INTS,
-    JUDGED,
     MASK,
     PLACES,
     ROW,
     ROWS,
     STAMPS,
-    THETA,
+    STRIDED_BLOCK,
+    STRIDED_ROWS,
     compiled,
     inlined,
 )
@@ -183,7 +183,7 @@ def judge_coasting(
     return passes
 
 
-@compiled(JUDGED, IN, IN, IN, IN, IN, THETA, IN, IN, F8)
+@compiled(types.Tuple((ROWS, F8, F8, F8)), IN, IN, IN, IN, IN, types.UniTuple(F8, 3), IN, IN, F8)
 def judge_residuals(
     slip: Array,
     adhesion: Array,
@@ -350,8 +350,8 @@ def count_reached(histogram: Array, share: float) -> int:
 
 @compiled(
     types.void,
-    types.Array(types.float64, 3, "A"),
-    types.Array(types.float64, 2, "A"),
+    STRIDED_BLOCK,
+    STRIDED_ROWS,
     F8,
     F8,
     BLOCKS,

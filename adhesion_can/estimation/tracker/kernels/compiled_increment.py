@@ -185,7 +185,7 @@ def _assemble(
     F8,
     F8,
 )
-def increment(  # noqa: C901, PLR0912  loops over one thing after another
+def increment(  # noqa: C901, PLR0912  loops, which numba compiles
     slip: Array,
     adhesion: Array,
     private_var: Array,

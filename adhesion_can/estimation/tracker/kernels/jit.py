@@ -1,7 +1,7 @@
 """Compilation of kernels by numba, with types: the only place that numba is imported in."""
 
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import numba
 from numba import types
@@ -17,18 +17,12 @@ ROW = types.Array(types.float64, 1, "C")
 ROWS = types.Array(types.float64, 2, "C")
 BLOCK = types.Array(types.float64, 3, "C")
 BLOCKS = types.Array(types.float64, 4, "C")
+STRIDED_ROWS = types.Array(types.float64, 2, "A")
+STRIDED_BLOCK = types.Array(types.float64, 3, "A")
+"""Parts of a larger array."""
 STAMPS = types.Array(types.int64, 1, "C")
 PLACES = types.Array(types.int64, 2, "C")
 MASK = types.Array(types.boolean, 1, "C")
-_tuple: Any = types.Tuple
-JUDGED = _tuple((ROWS, F8, F8, F8))
-"""Rows of the samples, and three numbers."""
-THETA = _tuple((F8, F8, F8))
-
-
-# numba's types say nothing of arrays: what is compiled has the types of the function that it was.
-_njit: Any = numba.njit
-_OPTIONS = {"fastmath": False, "error_model": "numpy"}
 
 
 def compiled(result: Any, *arguments: Any) -> Callable[[Function], Function]:
@@ -38,17 +32,18 @@ def compiled(result: Any, *arguments: Any) -> Callable[[Function], Function]:
     in the user's cache (`NUMBA_CACHE_DIR`), and where neither can be written to, not at all.
     Without fast mathematics, so that it rounds as NumPy does.
     """
-    signature = result(*arguments)
 
     def compile_now(function: Function) -> Function:
+        signature = result(*arguments)
+        options = {"nogil": True, "fastmath": False, "error_model": "numpy"}
         try:
-            return cast(Function, _njit(signature, cache=True, **_OPTIONS)(function))
+            return numba.njit(signature, cache=True, **options)(function)
         except RuntimeError:  # no place for the cache
-            return cast(Function, _njit(signature, **_OPTIONS)(function))
+            return numba.njit(signature, **options)(function)
 
     return compile_now
 
 
 def inlined(function: Function) -> Function:
-    """Decorator of a function that compiled ones call."""
-    return cast(Function, _njit(**_OPTIONS)(function))
+    """Decorator of a function that compiled ones call: compiled into them."""
+    return numba.njit(fastmath=False, error_model="numpy")(function)

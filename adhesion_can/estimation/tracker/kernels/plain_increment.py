@@ -81,7 +81,7 @@ def common_errors(
     return np.concatenate([level, change]), np.concatenate([var, 2.0 * var])
 
 
-def increment(  # noqa: PLR0915  one formula after another
+def increment(  # noqa: PLR0915  one pass after the other
     slip: Array,
     adhesion: Array,
     private_var: Array,

@@ -1,0 +1,82 @@
+"""What became of the units of a run of `fleet`, in sentences."""
+
+import argparse
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import TYPE_CHECKING
+
+# This needs the extra, which only the command itself does, and not its help.
+if TYPE_CHECKING:
+    from adhesion_can.fleet.work import Outcome
+
+FIRST = 5
+"""Failed units that are told; the data set has all of them."""
+
+
+@dataclass(slots=True)
+class Summary:
+    """What became of the units so far."""
+
+    units: int
+    count: int = 0
+    kept: int = 0
+    recorded_s: float = 0.0
+    failed: list["Outcome"] = field(default_factory=list)
+    vehicles: Counter[str] = field(default_factory=Counter)
+    contents: dict[str, list[str]] = field(default_factory=dict)
+    began_s: float = field(default_factory=monotonic)
+
+    def add(self, outcome: "Outcome") -> None:
+        """Add the outcome of a unit."""
+        self.count += 1
+        self.kept += outcome.kept
+        self.recorded_s += outcome.duration_s
+        self.vehicles[outcome.vehicle] += 1
+        if outcome.failed_step is not None:
+            self.failed.append(outcome)
+        if outcome.sha256 is not None:
+            self.contents.setdefault(outcome.sha256, []).append(outcome.path)
+
+    @property
+    def progress(self) -> str:
+        """How far it is, in a few words."""
+        failed = f", {len(self.failed)} failed" if self.failed else ""
+        return f"{self.count} of {self.units} units{failed}"
+
+    def twice(self) -> list[list[str]]:
+        """Paths of units that hold the same."""
+        return sorted(sorted(paths) for paths in self.contents.values() if len(paths) > 1)
+
+
+def describe(
+    options: argparse.Namespace, summary: Summary, failed: "Sequence[Outcome]", took_s: float
+) -> list[str]:
+    """Lines on a run that has ended.
+
+    Args:
+        options: Options of the command.
+        summary: What became of the units.
+        failed: Units that failed, in their order.
+        took_s: Time that the run took, s.
+
+    """
+    new = summary.count - summary.kept
+    speed = f", {summary.recorded_s / took_s:.0f} x real time" if summary.recorded_s else ""
+    said = (
+        f"{summary.count} units of {len(summary.vehicles)} vehicles: {new} analysed in "
+        f"{took_s:.0f} s ({summary.recorded_s / 3600:.1f} h of recordings{speed}), "
+        f"{summary.kept} complete from before"
+    )
+    lines = [said]
+    if failed:
+        mend = "" if options.retry_failed else "; --retry-failed tries them again"
+        units = "1 unit" if len(failed) == 1 else f"{len(failed)} units"
+        lines.append(f"{units} failed; the data set has the errors{mend}:")
+        lines += [f"  {one.failed_step}: {one.error}" for one in failed[:FIRST]]
+        if len(failed) > FIRST:
+            lines.append(f"  and {len(failed) - FIRST} more: column error of the table units")
+    for paths in summary.twice():
+        lines.append(f"the same recording under {len(paths)} names: {', '.join(paths)}")
+    return lines

@@ -1,0 +1,84 @@
+"""Which calibrated wheel radii the later steps of a unit work with.
+
+A radius is applied where coasting leaves no doubt of it, and where it makes a difference; all
+others stay as they are configured. A wheel that is off by more than wear can be is no worn wheel:
+configuration or signal is wrong, and nothing of such a calibration is applied.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import scipy
+
+from adhesion_can.calibration.coasting import CalibrationSettings
+from adhesion_can.calibration.fit import AxleRadius, Calibration
+from adhesion_can.fleet.settings import LEAST_WEAR
+
+SETTINGS = CalibrationSettings(blocks_min=3)
+"""Settings of the calibration of a unit. A short drive often coasts in three blocks alone, and
+Student's t over so few asks for a hundred standard errors before a radius is applied."""
+MOST_WEAR = 0.1
+"""Share of the configured radius by which a worn or new wheel can differ from it: of a wheel of
+1250 mm some 45 mm of the radius."""
+LEAST_COASTING_S = 10.0
+"""Least time for which an axle must have coasted, s: twice that for which a radius is estimated."""
+ALPHA = 1e-3
+"""Probability that any radius of a unit is applied by chance, all axles counted."""
+
+
+@dataclass(frozen=True, slots=True)
+class AppliedRadii:
+    """Radii for the steps after the calibration.
+
+    Attributes:
+        ratio: Applied over configured radius, by axle; no other axle changes.
+        note: Sentence on radii that differ and were not applied; '' where there are none.
+
+    """
+
+    ratio: dict[int, float]
+    note: str = ""
+
+
+def choose_radii(found: Calibration) -> AppliedRadii:
+    """Calibrated radii that are certain, plausible and differ enough to matter.
+
+    Args:
+        found: Result of the calibration.
+
+    """
+    estimated = [one for one in found.axles if one.estimate is not None]
+    differ = [one for one in estimated if abs(one.ratio - 1.0) >= LEAST_WEAR]
+    if not differ:
+        return AppliedRadii({})
+    if not found.effort_known:
+        return _none(differ, "no tractive effort tells coasting, the slip of traction is in them")
+    implausible = [one for one in differ if abs(one.ratio - 1.0) > MOST_WEAR]
+    if implausible:
+        mend = "check the configured radius and the unit of the wheel speed"
+        return _none(implausible, f"more than {100 * MOST_WEAR:g} % is no wear; {mend}")
+    certain = [one for one in differ if _is_certain(one, len(estimated))]
+    doubtful = [one for one in differ if one not in certain]
+    ratio = {one.axle: one.ratio for one in certain}
+    if not doubtful:
+        return AppliedRadii(ratio)
+    reason = f"not certain: {LEAST_COASTING_S:g} s of coasting and a significance of {ALPHA:g}"
+    return AppliedRadii(ratio, _none(doubtful, f"{reason} are needed").note)
+
+
+def _is_certain(one: AxleRadius, axles: int) -> bool:
+    """Whether a radius differs beyond chance, by Student's t over the blocks of coasting."""
+    if one.estimate is None or one.coasting_s < LEAST_COASTING_S or not one.estimate.std > 0.0:
+        return False
+    t = abs(one.estimate.value - one.configured) / one.estimate.std
+    return bool(2.0 * axles * scipy.special.stdtr(one.blocks - 1, -t) <= ALPHA)
+
+
+def _none(axles: Sequence[AxleRadius], reason: str) -> AppliedRadii:
+    """No radius, and why."""
+    listed = ", ".join(
+        f"axle {one.axle} {100 * (one.ratio - 1):+.2f} %"
+        + ("" if one.estimate is None else f" ± {100 * one.estimate.std / one.configured:.2f} %")
+        for one in axles
+    )
+    return AppliedRadii({}, f"{listed}: {reason}")

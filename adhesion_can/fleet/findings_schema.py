@@ -1,0 +1,39 @@
+"""The table of the findings of the fleet-level diagnosis: one file beside the others' folders.
+
+Like them it says each column's type, unit and meaning.
+"""
+
+from adhesion_can.fleet.table_schema import Column, TableSchema
+
+FINDINGS = TableSchema(
+    "fleet_findings",
+    "a finding of the fleet-level diagnosis",
+    (
+        Column("scope", "string", "`vehicle`, `line`, `day` or `fleet`", required=True),
+        Column("place", "string", "name of the vehicle, line or day; empty for the fleet",
+               required=True),
+        Column("effect", "string", "id of the effect", required=True),
+        Column("form", "string", "form of the mechanism; empty where there is only one",
+               required=True),
+        Column("axle", "int", "axle of an effect at one axle; 0 for the others", required=True),
+        Column("parameter", "string", "name of the size", required=True),
+        Column("unit", "string", "unit of the size", required=True),
+        Column("value", "double", "size, in `unit`", required=True),
+        Column("std", "double", "its standard error, in `unit`", required=True),
+        Column("fleet_value", "double", "size in the middle of the fleet, in `unit`",
+               required=True),
+        Column("p_value", "double", "p-value, all effects counted", "1", required=True),
+        Column("gain_percent", "double", "fall of the RMSE of the adhesion by it; none where the "
+               "size comes from coasting and no other unit shows the gain", "%"),
+        Column("held_out", "bool", "whether that gain is of units without a part in the size",
+               required=True),
+        Column("units", "int", "number of units with an estimate", "1", required=True),
+        Column("showing", "int", "number of them that show it by themselves", "1", required=True),
+        Column("source", "string", "`regression` or `coasting`", required=True),
+        Column("rivals", "list<string>", "effects that the data cannot tell from it",
+               required=True),
+        Column("named_by", "int", "number of units whose own diagnosis names it", "1",
+               required=True),
+    ),
+)  # fmt: skip
+"""Findings of the whole fleet."""

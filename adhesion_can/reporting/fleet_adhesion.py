@@ -1,0 +1,164 @@
+"""Adhesion on the page of a fleet: by line and day, and on a map."""
+
+from collections import defaultdict
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adhesion_can.reporting.charts import BLUE, GREEN, ORANGE, RED, Trace
+from adhesion_can.reporting.fleet_words import MOST_ROWS, left_out
+from adhesion_can.reporting.page import Figure, Part, Table, Text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from adhesion_can.fleet.overview import FleetOverview, PlaceEstimate
+
+MOST_LINES = 8
+"""Largest number of lines that are drawn, those with the most segments."""
+COLOURS = (BLUE, ORANGE, GREEN, RED)
+SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "x", "star", "triangle-down")
+MAP_HEIGHT = 520
+"""Height of the map, px."""
+
+
+def adhesion_parts(estimates: "Sequence[PlaceEstimate]") -> list[Part]:
+    """Figure by day and table of the lines and days.
+
+    Args:
+        estimates: Adhesion by line and day.
+
+    """
+    if not estimates:
+        return [Text("No segment has a peak that is known within 10 %.")]
+    by_line: dict[str, list[PlaceEstimate]] = defaultdict(list)
+    for one in estimates:
+        by_line[one.line].append(one)
+    lines = sorted(by_line, key=lambda line: -sum(one.segments for one in by_line[line]))
+    shown = lines[:MOST_LINES]
+    parts: list[Part] = []
+    if any(one.day for one in estimates):
+        parts.append(_by_day({line: by_line[line] for line in sorted(shown)}, len(lines)))
+    rows = [
+        (
+            one.line or "not known",
+            one.day or "not known",
+            f"{one.median:.3f}",
+            f"{one.low:.3f} to {one.high:.3f}",
+            str(one.segments),
+            str(one.vehicles),
+        )
+        for one in sorted(estimates, key=lambda one: one.median)[:MOST_ROWS]
+    ]
+    left = left_out(len(estimates), MOST_ROWS, "lines and days")
+    columns = ("line", "day", "μ_max", "middle half", "segments", "vehicles")
+    caption = "Median of μ_max over the segments of a line and day, the lowest first."
+    note = f"Segments whose μ_max is known within 10 %. {left}"
+    parts.append(Table(caption, columns, rows, note, sentence_columns=(1,)))
+    return parts
+
+
+def _by_day(by_line: "Mapping[str, Sequence[PlaceEstimate]]", lines: int) -> Figure:
+    data: list[Trace] = []
+    for number, (line, own) in enumerate(by_line.items()):
+        dated = [one for one in own if one.day]
+        if not dated:
+            continue
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "lines+markers",
+                "name": line or "line not known",
+                "x": [one.day for one in dated],
+                "y": [one.median for one in dated],
+                "error_y": {
+                    "type": "data",
+                    "symmetric": False,
+                    "array": [one.high - one.median for one in dated],
+                    "arrayminus": [one.median - one.low for one in dated],
+                    "thickness": 1,
+                    "width": 3,
+                },
+                "marker": {"color": COLOURS[number % len(COLOURS)], "size": 8,
+                           "symbol": SYMBOLS[number % len(SYMBOLS)]},
+                "line": {"color": COLOURS[number % len(COLOURS)], "width": 1.2,
+                         "dash": "solid" if number < len(COLOURS) else "dot"},
+            }
+        )  # fmt: skip
+    left = f" {lines - len(by_line)} lines with fewer segments are left out." * (
+        lines > len(by_line)
+    )
+    caption = (
+        "Largest adhesion μ_max by day: median of the segments of a line, with the middle half as "
+        f"a bar.{left}"
+    )
+    layout = {
+        "xaxis": {
+            "title": {"text": "day"},
+            "type": "category",
+            "categoryorder": "category ascending",
+        },
+        "yaxis": {"title": {"text": "μ_max"}, "rangemode": "tozero"},
+        "showlegend": True,
+    }
+    return Figure(caption, data, layout, 380, "adhesion-by-day")
+
+
+def map_parts(overview: "FleetOverview") -> list[Part]:
+    """Map of the segments with a position.
+
+    Args:
+        overview: What the report shows.
+
+    """
+    points = overview.positions
+    if not len(points):
+        return [
+            Text("No position is known: a TABLE has it as latitude_deg and longitude_deg, a list "
+                 "of units as latitude and longitude.")
+        ]  # fmt: skip
+    longitude, latitude, mu = points.T
+    low, high = (float(x) for x in np.quantile(mu, (0.02, 0.98)))
+    wide = float(np.ptp(longitude)) * np.cos(np.radians(latitude.mean()))
+    tall = float(np.ptp(latitude))
+    room = 0.05 * max(wide, tall, 1e-3)
+    data: list[Trace] = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": "μ_max of a segment",
+            "x": longitude,
+            "y": latitude,
+            "marker": {
+                "color": mu,
+                "colorscale": "Cividis",
+                "cmin": low,
+                "cmax": max(high, low + 1e-3),
+                "size": 7,
+                "colorbar": {"title": {"text": "μ_max"}, "thickness": 12, "len": 0.9},
+            },
+            "customdata": mu,
+            "hovertemplate": "%{y:.4f}° N, %{x:.4f}° E<br>μ_max %{customdata:.3f}<extra></extra>",
+        }
+    ]
+    ratio = 1.0 / max(float(np.cos(np.radians(latitude.mean()))), 0.05)
+    layout = {
+        "xaxis": {"title": {"text": "longitude, °"}, "constrain": "domain"},
+        "yaxis": {
+            "title": {"text": "latitude, °"},
+            "scaleanchor": "x",
+            "scaleratio": ratio,
+            "range": [float(latitude.min() - room), float(latitude.max() + room)],
+        },
+        "showlegend": False,
+        "hovermode": "closest",
+    }
+    left = (
+        f" {len(points)} of {overview.located} segments are drawn."
+        if overview.located > len(points)
+        else ""
+    )
+    caption = (
+        f"Largest adhesion μ_max where it was measured, north up, to scale; yellow is high.{left}"
+    )
+    return [Figure(caption, data, layout, MAP_HEIGHT, "map")]

@@ -1,0 +1,116 @@
+"""Vehicles on the page of a fleet: their findings, the worst first, and their kinds."""
+
+from typing import TYPE_CHECKING
+
+from adhesion_can.reporting.fleet_words import (
+    MOST_ROWS,
+    count_recordings,
+    format_gain,
+    format_size,
+    left_out,
+)
+from adhesion_can.reporting.page import Part, Table, Text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from adhesion_can.fleet.findings import Finding, FleetDiagnosis, VehicleSummary
+
+MOST_VEHICLES = 100
+"""Largest number of vehicles in the first table."""
+VEHICLE_COLUMNS = ("vehicle", "cause", "size", "p-value", "gain, %", "units", "not told from")
+
+
+def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
+    """Tables of findings, of what recordings name by themselves, of failures and of kinds.
+
+    Args:
+        found: Result of the fleet-level diagnosis.
+
+    """
+    named = found.named
+    rows = [
+        (
+            one.vehicle if first else "",
+            finding.name,
+            format_size(finding),
+            f"{finding.p_value:.1g}",
+            format_gain(finding),
+            f"{finding.showing} of {finding.units}",
+            ", ".join(finding.rivals) or "-",
+        )
+        for one in named[:MOST_VEHICLES]
+        for first, finding in _numbered(one.findings)
+    ]
+    parts: list[Part] = []
+    if rows:
+        note = (
+            "Size ± standard error; p-value with all effects counted; gain: fall of the RMSE of "
+            "the adhesion on the vehicle's recordings that had no part in the size; units: those "
+            "that show it by themselves. A radius comes from coasting. At most "
+            f"{100 * found.false_discovery_rate:g} % of such vehicles are expected to be wrong. "
+            + left_out(len(named), MOST_VEHICLES, "vehicles")
+        )
+        caption = "Vehicles that differ from the others, the worst first."
+        parts.append(Table(caption, VEHICLE_COLUMNS, rows, note, sentence_columns=(1, 6)))
+    else:
+        parts.append(Text("No vehicle has a finding."))
+    alone = found.named_alone
+    if alone:
+        causes = [
+            (one.vehicle, effect, f"{one.causes[effect]} of {one.units}")
+            for one, effect in alone[:MOST_ROWS]
+        ]
+        note = (
+            "Each recording was diagnosed by itself; what several of a vehicle agree on is likely "
+            "there, one among many may be chance. Sizes are in the table causes. "
+            + left_out(len(alone), MOST_ROWS, "of them")
+        )
+        caption = "Causes that recordings name by themselves, and no comparison of vehicles."
+        columns = ("vehicle", "cause", "recordings")
+        parts.append(Table(caption, columns, causes, note, sentence_columns=(1,)))
+    by_themselves = {one.vehicle for one, _ in alone}
+    failing = [one for one in found.vehicles if one.failed and not one.findings]
+    if failing:
+        failures = [
+            (one.vehicle, f"{one.failed} of {one.units}", one.reasons[0] if one.reasons else "-")
+            for one in failing[:MOST_ROWS]
+        ]
+        note = left_out(len(failing), MOST_ROWS, "vehicles")
+        caption = "Vehicles without a finding whose recordings failed or cannot be used."
+        columns = ("vehicle", "recordings", "reason")
+        parts.append(Table(caption, columns, failures, note, sentence_columns=(2,)))
+    told = {one.vehicle for one in [*named, *failing]} | by_themselves
+    clean = len(found.vehicles) - len(told)
+    if clean:
+        what = "the other vehicle" if clean == 1 else f"the other {clean} vehicles"
+        parts.append(Text(f"Nothing is named on {what}."))
+    return parts + _kinds(found)
+
+
+def _kinds(found: "FleetDiagnosis") -> list[Part]:
+    """Table of the kinds, where there are several."""
+    if len(found.kinds) < 2:
+        return []
+    rows = [
+        (one.name, str(one.vehicles), str(one.units), "yes" if one.compared else "no, too few")
+        for one in found.kinds[:MOST_ROWS]
+    ]
+    note = (
+        "Vehicles are of one kind where their data have the same form (recordings or TABLEs, "
+        "number of axles, configured vehicle but for its wheel radii) and tell the same effects. "
+        f"A kind is compared from {found.least_vehicles} vehicles on. "
+        + left_out(len(found.kinds), MOST_ROWS, "kinds")
+    )
+    caption = "Kinds of vehicles: each vehicle is compared with those of its kind alone."
+    columns = ("kind", "vehicles", "units", "compared")
+    return [Table(caption, columns, rows, note, sentence_columns=(0,))]
+
+
+def _numbered(findings: "Sequence[Finding]") -> "list[tuple[bool, Finding]]":
+    return [(place == 0, finding) for place, finding in enumerate(findings)]
+
+
+def named_alone(one: "VehicleSummary", effect: str) -> str:
+    """A cause that recordings of a vehicle name by themselves."""
+    return f"{one.vehicle}: {effect}, {one.causes[effect]} of {count_recordings(one.units)}"
