@@ -1,12 +1,13 @@
 """Rows of frames from columns of numbers: payloads, names of numbered buses, counts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.bus.block import Block, Kind
+from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.candump import ReadReport
 
 KIND_NAMES = {Kind.DATA: "frame", Kind.FD: "fd", Kind.REMOTE: "remote", Kind.ERROR: "error"}
@@ -88,3 +89,21 @@ class FrameCounter:
         falls = np.diff(t_us, prepend=self._last_us) < 0
         self._report.backwards += int(np.count_nonzero(falls))
         self._last_us = int(t_us[-1])
+
+
+def join_blocks(found: Iterator[tuple[Block, int]], most: int) -> Iterator[tuple[Block, int]]:
+    """Blocks joined, at most `most` of them, each with the position of the last one in it."""
+    waiting: list[Block] = []
+    position = 0
+    try:
+        for block, position in found:
+            waiting.append(block)
+            if len(waiting) >= most:
+                yield Block.concatenate(waiting), position
+                waiting = []
+    except RecordingError:
+        if waiting:
+            yield Block.concatenate(waiting), position
+        raise
+    if waiting:
+        yield Block.concatenate(waiting), position

@@ -23,6 +23,7 @@ from adhesion_can.recordings.candump import (
 from adhesion_can.recordings.candump_columns.parse import read_chunks
 from adhesion_can.recordings.candump_columns.text_source import LINE_LIMIT, Packing, TextSource
 from adhesion_can.recordings.formats import CANDUMP, COLUMNS, HEAD, detect_format
+from adhesion_can.recordings.frame_rows import join_blocks
 from adhesion_can.recordings.reader_losses import collect_python_can_warnings
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
@@ -134,7 +135,7 @@ class Recording:
         with self._source(self.report) as source:
             chunks = source.chunks(min(size, _CHUNK))
             found = read_chunks(chunks, self.report, differences=differences)
-            for block, self.position in _joined(found, size // _CHUNK):
+            for block, self.position in join_blocks(found, size // _CHUNK):
                 yield block
 
     def _column_blocks(self, size: int) -> Iterator[Block]:
@@ -162,7 +163,7 @@ class Recording:
                     f"its head cannot be read ({_reason(error)})",
                     "record or export it again",
                 ) from error
-            for block, self.position in _joined(found, size // _CHUNK):
+            for block, self.position in join_blocks(found, size // _CHUNK):
                 yield block
 
     def _first_lines(self) -> list[bytes]:
@@ -273,24 +274,6 @@ def _position(reader: can.io.generic.MessageReader | None) -> int:
     for inner in ("buffer", "fileobj"):  # of text, of gzip
         file = getattr(file, inner, file)
     return file.tell() if file and not file.closed else 0
-
-
-def _joined(found: Iterator[tuple[Block, int]], most: int) -> Iterator[tuple[Block, int]]:
-    """Blocks joined, at most `most` of them, each with the position of the last one in it."""
-    waiting: list[Block] = []
-    position = 0
-    try:
-        for block, position in found:
-            waiting.append(block)
-            if len(waiting) >= most:
-                yield Block.concatenate(waiting), position
-                waiting = []
-    except RecordingError:
-        if waiting:
-            yield Block.concatenate(waiting), position
-        raise
-    if waiting:
-        yield Block.concatenate(waiting), position
 
 
 def from_message(message: can.Message) -> Frame:

@@ -1,8 +1,6 @@
-"""Objects of a .blf file in columns: where they begin, and the frames among them."""
+"""Frames among the objects of a .blf file, in columns."""
 
-import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,26 +8,29 @@ from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.frame import MAX_PAYLOAD
-from adhesion_can.recordings.blf_columns.containers import BASE, MARK, Contents, Faults
+from adhesion_can.recordings.blf_columns.containers import MARK, Contents, Faults
+from adhesion_can.recordings.blf_columns.object_chain import (
+    CLASSIC,
+    ERROR,
+    FD,
+    FD_64,
+    FRAME_TYPES,
+    LONGEST,
+    Places,
+    find_objects,
+    gathered,
+)
 from adhesion_can.recordings.candump import LAST_US, ReadReport
 from adhesion_can.recordings.frame_rows import payload_words
 
-Places = NDArray[np.int64]
-
-_CLASSIC, _FD, _FD_64, _ERROR = 1, 2, 3, 4
-_TYPES = {1: _CLASSIC, 86: _CLASSIC, 100: _FD, 101: _FD_64, 73: _ERROR}
-_CODES = np.array([_TYPES.get(number, 0) for number in range(103)], np.uint8)
+_CODES = np.array([FRAME_TYPES.get(number, 0) for number in range(103)], np.uint8)
 """Layout of the body by the type of an object, 0 where it holds no frame."""
 _HEADS = {1: 32, 2: 40}
 """Sizes of an object's head by its version, bytes."""
 _TEN_MICROSECONDS = 1  # flag of a stamp; any other is one of ns
 _ID_BITS = 0x1FFFFFFF
 _REMOTE, _FD_REMOTE, _FD_FRAME = 0x80, 0x10, 0x1000
-_LONGEST = 1 << 16  # size of an object with a frame, bytes: a larger one is damage
-_ROOM_OF_MARK = 8  # bytes in which the mark of the next object stands
-_GAP = 5  # an object begins at most so many bytes behind the end of the one before, less one
 _ROOM = bytes(256)  # behind the contents: to gather the last object as if it were a long one
-_MARK = np.uint32(int.from_bytes(MARK, "little"))
 _LAST_NS = LAST_US * 1000
 
 
@@ -48,7 +49,7 @@ _HEAD = _layout(
     stamp=("<u8", 24),
 )
 _BODIES = {
-    _CLASSIC: _layout(
+    CLASSIC: _layout(
         16,
         channel=("<u2", 0),
         flags=("u1", 2),
@@ -56,7 +57,7 @@ _BODIES = {
         id=("<u4", 4),
         data=("(8,)u1", 8),
     ),
-    _FD: _layout(
+    FD: _layout(
         84,
         channel=("<u2", 0),
         flags=("u1", 2),
@@ -65,7 +66,7 @@ _BODIES = {
         length=("u1", 14),
         data=("(64,)u1", 20),
     ),
-    _FD_64: _layout(
+    FD_64: _layout(
         40 + MAX_PAYLOAD,
         channel=("u1", 0),
         length=("u1", 2),
@@ -74,95 +75,10 @@ _BODIES = {
         extra=("u1", 35),
         data=("(64,)u1", 40),
     ),
-    _ERROR: _layout(32, channel=("<u2", 0), id=("<u4", 16)),
+    ERROR: _layout(32, channel=("<u2", 0), id=("<u4", 16)),
 }
-_LEAST = {_CLASSIC: 16, _FD: 84, _FD_64: 40, _ERROR: 32}
+_LEAST = {CLASSIC: 16, FD: 84, FD_64: 40, ERROR: 32}
 """Sizes of the bodies as far as they are needed, bytes."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Found:
-    """Objects found in some contents.
-
-    Attributes:
-        starts: Places of the objects, shape (n,).
-        end: Place behind the last whole object: an object that begins there is not whole.
-        size: Size that this object claims, bytes; 0 where its head is not whole.
-        broken: Number of places at which bytes were passed over.
-
-    """
-
-    starts: Places
-    end: int
-    size: int
-    broken: int
-
-
-def find_objects(data: bytes, stop: int) -> _Found:
-    """The objects that follow each other in some contents.
-
-    Args:
-        data: Contents, whose first object begins within their first bytes, and other bytes.
-        stop: Length of the contents, bytes.
-
-    """
-    words = np.frombuffer(data, "<u4", stop // 4)
-    found = _chained(data, 4 * np.flatnonzero(words == _MARK), stop)  # nearly always
-    if found is None:
-        marks = [match.start() for match in re.compile(MARK).finditer(data, 0, stop)]
-        found = _chained(data, np.array(marks, np.int64), stop)
-    return found or _walked(data[:stop])
-
-
-def _chained(data: bytes, starts: Places, stop: int) -> _Found | None:
-    """Objects where each of these places is one, behind the one before; None where that fails."""
-    if not len(starts) or starts[0] >= _GAP or starts[-1] + BASE.size > stop:
-        return None
-    sizes = _gathered(data, starts + 8, np.dtype("<u4")).astype(np.int64)
-    ends = starts + sizes
-    gaps = starts[1:] - ends[:-1]
-    if (sizes < BASE.size).any() or ((gaps < 0) | (gaps >= _GAP)).any():
-        return None
-    last, end = int(sizes[-1]), int(ends[-1])
-    if end > stop:
-        return _Found(starts[:-1], int(starts[-1]), last, 0) if last <= _LONGEST else None
-    return _Found(starts, end, 0, 0) if stop - end < _ROOM_OF_MARK else None
-
-
-def _walked(data: bytes) -> _Found:
-    """Objects found one after the other, where marks stand inside of them or are missing."""
-    starts: list[int] = []
-    place = broken = size = 0
-    while True:
-        at = data.find(MARK, place, place + _ROOM_OF_MARK)
-        if at < 0:
-            if place + _ROOM_OF_MARK > len(data):
-                break
-            broken += 1
-            at = data.find(MARK, place)
-            if at < 0:
-                place = len(data) - len(MARK) + 1
-                break
-        place = at
-        if at + BASE.size > len(data):
-            break
-        *_, size, kind = BASE.unpack_from(data, at)
-        if size < BASE.size or (kind in _TYPES and size > _LONGEST):
-            broken += 1
-            place, size = at + len(MARK), 0
-        elif at + size > len(data):
-            return _Found(np.array(starts, np.int64), at, size, broken)
-        else:
-            starts.append(at)
-            place, size = at + size, 0
-    return _Found(np.array(starts, np.int64), place, 0, broken)
-
-
-def _gathered(data: bytes, places: Places, kind: np.dtype[Any]) -> NDArray[Any]:
-    """Values of a type at some places, each of them whole in the data, shape (n,)."""
-    count = max(len(data) - kind.itemsize + 1, 0)
-    everywhere = np.ndarray((count,), f"V{kind.itemsize}", data, 0, (1,))
-    return everywhere[places].view(kind)
 
 
 class FrameColumns:
@@ -208,7 +124,7 @@ class FrameColumns:
         stop = len(data) - len(_ROOM)
         found = find_objects(data, stop)
         self._tail = data[found.end : stop]
-        if found.size > _LONGEST:
+        if found.size > LONGEST:
             self._skip, self._tail = found.size - len(self._tail), b""
             self._report.kinds["other"] += 1
         for _ in range(found.broken):
@@ -216,7 +132,7 @@ class FrameColumns:
         return self._rows(data, found.starts)
 
     def _rows(self, data: bytes, starts: Places) -> Block:
-        heads = _gathered(data, starts, _HEAD)
+        heads = gathered(data, starts, _HEAD)
         codes = _CODES[np.minimum(heads["type"], len(_CODES) - 1)]
         version = heads["version"]
         parts = []
@@ -244,7 +160,7 @@ class FrameColumns:
     ) -> tuple[NDArray[np.bool_], Block]:
         """Which of some objects of one kind and version are whole, and their frames."""
         head = _HEADS[int(heads["version"][0])]
-        body = _gathered(data, starts + head, _BODIES[code])
+        body = gathered(data, starts + head, _BODIES[code])
         size = heads["size"].astype(np.int64)
         good = size >= head + _LEAST[code]
         t_ns, in_time = self._stamps(heads)
@@ -253,12 +169,12 @@ class FrameColumns:
         kind = np.full(len(starts), Kind.ERROR, np.uint8)
         length = np.zeros(len(starts), np.int64)
         words = np.zeros((len(starts), 1), np.uint64)
-        if code != _ERROR:
+        if code != ERROR:
             key |= body["id"] & np.uint32(EXTENDED)
             kind, remote = _kinds(body, code)
             length = np.minimum(body["length"], body["data"].shape[1]).astype(np.int64)
             stored = length
-            if code == _FD_64:
+            if code == FD_64:
                 # python-can and Vector's own library fill up with zeros what is not stored.
                 end = np.where(body["extra"] > 0, body["extra"], size)
                 room = end - heads["head"] - _LEAST[code]
@@ -289,11 +205,11 @@ class FrameColumns:
 def _kinds(body: NDArray[Any], code: int) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Kinds of data and remote frames, and which are remote, shapes (n,)."""
     flags = body["flags"]
-    remote = (flags & (_FD_REMOTE if code == _FD_64 else _REMOTE)) != 0
+    remote = (flags & (_FD_REMOTE if code == FD_64 else _REMOTE)) != 0
     kind = np.full(len(body), Kind.DATA, np.uint8)
-    if code == _FD:
+    if code == FD:
         kind[(body["fd"] & 1) != 0] = Kind.FD
-    elif code == _FD_64:
+    elif code == FD_64:
         kind[(flags & _FD_FRAME) != 0] = Kind.FD
     kind[remote] = Kind.REMOTE
     return kind, remote
