@@ -9,6 +9,16 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
 from adhesion_can.estimation.tracker.curve_sums import (
+    Points,
+    coefficients,
+    common_shift,
+    costs,
+    increment,
+    interpolation,
+    residual_at,
+    slope_at,
+)
+from adhesion_can.estimation.tracker.layout import (
     BINS,
     C2_NODES,
     CORRECTED,
@@ -18,14 +28,6 @@ from adhesion_can.estimation.tracker.curve_sums import (
     MEASURED,
     X_NODES,
     X_RANGE,
-    Points,
-    coefficients,
-    common_shift,
-    costs,
-    increment,
-    interpolation,
-    residual_at,
-    slope_at,
 )
 from adhesion_can.estimation.tracker.points import OutlierGate, build_points
 from adhesion_can.physics.burckhardt import adhesion, adhesion_slope
@@ -56,7 +58,7 @@ def random_points(rng, *, private=0.0, common=0.0, transient=0.0, groups=4):
     return Points(
         rng.uniform(0.0, 0.3, n),
         rng.uniform(-0.1, 0.6, n),
-        np.full(n, private**2),
+        np.full(n, float(private ** 2)),
         ((common * rng.uniform(0.2, 1.0, groups)) ** 2)[group],
         (transient * rng.uniform(0.0, 1.0, n)) ** 2,
         group,

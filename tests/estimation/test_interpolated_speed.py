@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from adhesion_can.estimation.tracker.curve_sums import (
-    CORRECTED,
-    DOF,
     coefficients,
     costs,
     increment,
     interpolation,
     slope_at,
 )
+from adhesion_can.estimation.tracker.layout import CORRECTED, DOF
 from adhesion_can.estimation.tracker.points import CoastingGate, build_points
 from adhesion_can.physics.burckhardt import RAIL, adhesion
 from adhesion_can.physics.samples import Samples

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
-from adhesion_can.estimation.tracker.curve_sums import CORRECTED, Points, increment
+from adhesion_can.estimation.tracker.curve_sums import Points, increment
+from adhesion_can.estimation.tracker.layout import CORRECTED
 from adhesion_can.estimation.tracker.memories import FadingMemories
 from adhesion_can.estimation.tracker.posterior import NoisePrior
 from adhesion_can.estimation.tracker.prior import Prior
@@ -72,21 +73,21 @@ def test_sums_fade_by_the_time_of_each_memory():
 
 def test_probabilities_return_to_their_prior():
     ours = begun()
-    start = ours._probability.copy()
+    start = np.array(ours._probability)
     assert start[0] == pytest.approx(1 - MemorySettings().drift)
     away = []
     for _ in range(5):
-        ours._probability = np.array([0.0, 0.0, 1.0]) if not away else ours._probability
+        ours._probability = ours._probability if away else [0.0, 0.0, 1.0]
         ours.fade(60.0)
-        assert ours._probability.sum() == pytest.approx(1)
-        away.append(np.abs(ours._probability - start).max())
+        assert sum(ours._probability) == pytest.approx(1)
+        away.append(np.abs(np.array(ours._probability) - start).max())
     assert all(later < before for before, later in pairwise(away))
 
 
 def test_probabilities_do_not_depend_on_the_update_rate():
     rare, often = begun(), begun()
     for ours, times in ((rare, 1), (often, 3000)):
-        ours._probability = np.array([0.0, 0.0, 1.0])
+        ours._probability = [0.0, 0.0, 1.0]
         for _ in range(times):
             ours.fade(60.0 / times)
     np.testing.assert_allclose(rare._probability, often._probability, atol=0.002)
@@ -94,8 +95,8 @@ def test_probabilities_do_not_depend_on_the_update_rate():
 
 def test_prediction_is_the_density_of_all_curves_of_all_memories():
     ours = begun()
-    ours._probability = np.array([0.5, 0.3, 0.2])
-    probability, weights = ours._probability.copy(), ours._weights.copy()
+    ours._probability = [0.5, 0.3, 0.2]
+    probability, weights = np.array(ours._probability), ours._weights.copy()
     rng = np.random.default_rng(3)
     h = rng.uniform(0, 0.2, 3)
     z = adhesion(h, *DRY) + 0.01 * rng.standard_normal(3)

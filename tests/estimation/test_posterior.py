@@ -10,15 +10,13 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from adhesion_can.estimation.tracker.curve_sums import (
-    CORRECTED,
-    DOF,
-    LENGTH,
     Points,
     bend_at,
     increment,
     slope_at,
     slope_by_adhesion,
 )
+from adhesion_can.estimation.tracker.layout import CORRECTED, DOF, LENGTH
 from adhesion_can.estimation.tracker.posterior import (
     NoisePrior,
     draw,

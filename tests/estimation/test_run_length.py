@@ -6,14 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from adhesion_can.estimation.tracker import run_length as changes
-from adhesion_can.estimation.tracker.curve_sums import (
+from adhesion_can.estimation.tracker.curve_sums import Points, increment
+from adhesion_can.estimation.tracker.layout import (
     C2_NODES,
     CORRECTED,
     LENGTH,
+    NEW_MEAN,
+    NEW_STD,
     X_NODES,
-    Points,
-    increment,
 )
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.run_length import Evidence, RunLengthHypotheses
@@ -80,7 +80,7 @@ def test_factor_is_that_of_the_written_out_densities(seed, n, sd):
     parts = []
     for c2 in C2_NODES:
         f = np.column_stack([1 - np.exp(-c2 * h), -h])
-        parts.append((f @ changes._MEAN, (f * changes._STD**2) @ f.T + sd**2 * np.eye(n)))
+        parts.append((f @ NEW_MEAN, (f * np.square(NEW_STD)) @ f.T + sd**2 * np.eye(n)))
     new = [stats.multivariate_normal.logpdf(z, mean, cov) for mean, cov in parts]
     old = stats.norm.logpdf(r, scale=sd).sum()
     exact = np.logaddexp.reduce(np.log(weights) + new) - old

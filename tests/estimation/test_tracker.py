@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.config import load_configuration
-from adhesion_can.estimation.tracker.curve_sums import BINS
+from adhesion_can.estimation.tracker.layout import BINS
 from adhesion_can.estimation.tracker.points import is_usable
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import MemorySettings, PriorSettings, TrackerSettings

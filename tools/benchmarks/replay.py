@@ -1,7 +1,7 @@
-"""Replay of a drive with the tracker against real time, with and without the extra `fast`.
+"""Replay against real time, in columns and frame by frame, with and without the extra 'fast'.
 
-In columns, as `adhesion-can replay` does it, and frame by frame, as the live service. Each turn
-runs all four ways, so that they share what else the machine does. The frames sent must be equal.
+The ways run in processes of their own, in turns, so that what else the machine does meets all of
+them alike. What they send must be the same to the byte.
 """
 
 import argparse
@@ -9,80 +9,116 @@ import hashlib
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 from statistics import median
+from tempfile import TemporaryDirectory
 
-import adhesion_can
+from _report import Report
+
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.tracker import kernels
+from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence, open_recordings
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import replay, replay_blocks
+from adhesion_can.simulation.run import RunSettings, Simulation
+from adhesion_can.simulation.scenarios import scenario_by_name
 
+SCENARIOS = ("sweep", "dry-wet-greasy-dry")
 TARGETS = {"columns": 120.0, "frames": 60.0}
-SCENARIO = "dry-wet-greasy-dry"
+WORKER = "--worker"
 
 
-def play(way: str, path: str) -> None:
-    """Replay a recording once; print seconds and the hash of what was sent."""
-    recordings = open_recordings([Path(path)])
-    core, sent = ServiceCore(load_configuration()), []
-    if way == "columns":
-        began = time.perf_counter()
-        replay_blocks(blocks_in_sequence(recordings), core, sent.append)
-    else:
-        frames = list(in_sequence(recordings))  # a bus decodes no text
-        began = time.perf_counter()
-        replay(frames, core, sent.append)
-    seconds = time.perf_counter() - began
-    payloads = hashlib.sha256(b"".join(bytes(frame.data) for frame in sent)).hexdigest()
-    print(seconds, payloads)
+def serve(path):
+    """Replay in the way that each line of stdin names; seconds of the processor and digest."""
+    config = load_configuration()
+    for line in sys.stdin:
+        sent = []
+        recordings = open_recordings([path])
+        core = ServiceCore(config)
+        began = time.process_time()
+        if line.strip() == "columns":
+            replay_blocks(blocks_in_sequence(recordings), core, sent.append)
+        else:
+            replay(in_sequence(recordings), core, sent.append)
+        spent = time.process_time() - began
+        digest = hashlib.sha256(repr(sent).encode()).hexdigest()
+        print(kernels.active.__name__.rpartition(".")[2], spent, digest, flush=True)
 
 
-def time_once(way: str, path: Path, compiled: str) -> tuple[float, str]:
-    """Seconds and hash of a replay in a process of its own."""
-    told = subprocess.run(
-        [sys.executable, __file__, "--play", way, str(path)],
-        env=os.environ | {kernels.SWITCH: compiled},
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.split()
-    return float(told[0]), told[1]
+class Worker:
+    """Process that replays a recording with one kind of kernels."""
+
+    def __init__(self, path, switch):
+        environment = {**os.environ, kernels.SWITCH: switch}
+        command = [sys.executable, __file__, WORKER, str(path)]
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+        )
+
+    def run(self, way):
+        self._process.stdin.write(way + "\n")
+        self._process.stdin.flush()
+        name, spent, digest = self._process.stdout.readline().split()
+        return name, float(spent), digest
+
+    def close(self):
+        self._process.stdin.close()
+        self._process.wait()
 
 
-def main() -> int:
-    """Run the command; 1 where the frames differ."""
-    parser = argparse.ArgumentParser(prog="tools/bench replay", description=__doc__)
-    parser.add_argument("--seconds", type=float, default=120.0, help="length of the drive")
-    parser.add_argument("--runs", type=int, default=5, help="turns, of which the median counts")
-    parser.add_argument("--play", nargs=2, help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.play:
-        play(*options.play)
-        return 0
-    rates: dict[tuple[str, str], list[float]] = {}
-    hashes: set[str] = set()
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "drive.log"
-        adhesion_can.simulate(SCENARIO, options.seconds).write(path)
+def write_drive(path, scenario, duration_s):
+    config = load_configuration()
+    simulation = Simulation(RunSettings(scenario_by_name(scenario), duration_s), config.database)
+    with path.open("w") as file:
+        for step in simulation.run():
+            for frame in step:
+                file.write(format_frame(frame, "can0"))
+
+
+def measure(path, scenario, options, report):
+    workers = [Worker(path, switch) for switch in ("1", "0")]
+    times, digests = {}, set()
+    try:
         for _ in range(options.runs):
             for way in TARGETS:
-                for compiled in "01":
-                    seconds, payloads = time_once(way, path, compiled)
-                    rates.setdefault((way, compiled), []).append(options.seconds / seconds)
-                    hashes.add(payloads)
-    print(f"{SCENARIO}, {options.seconds:g} s, six axles, median of {options.runs}")
-    print(f"{'times real time':<20}{'NumPy':>8}{'fast':>8}{'ratio':>8}{'target':>8}")
-    for way, target in TARGETS.items():
-        plain, fast = (median(rates[way, compiled]) for compiled in "01")
-        met = "met" if fast >= target else "MISSED"
-        print(f"{way:<20}{plain:>8.1f}{fast:>8.1f}{fast / plain:>8.2f}{target:>8.0f}  {met}")
-    print(f"frames sent: {'equal in all runs' if len(hashes) == 1 else 'DIFFER'}")
-    return int(len(hashes) > 1)
+                for worker in workers:
+                    name, spent, digest = worker.run(way)
+                    times.setdefault((way, name), []).append(spent)
+                    digests.add(digest)
+    finally:
+        for worker in workers:
+            worker.close()
+    for (way, name), spent in times.items():
+        rate = options.duration / median(spent)
+        what = f"{scenario}, {way}, {name}"
+        if name == "compiled":
+            target = TARGETS[way]
+            report.check(what, f"{rate:.0f} x real time", f"{target:.0f}", met=rate >= target)
+        else:
+            report.write(f"{what}: {rate:.0f} x real time")
+    if len(times) == len(TARGETS):
+        report.write("the extra 'fast' is not installed: nothing is compiled")
+    report.check(f"{scenario}: sent", f"{len(digests)} kinds of bytes", "1", met=len(digests) == 1)
+
+
+def main():
+    if sys.argv[1:2] == [WORKER]:
+        serve(Path(sys.argv[2]))
+        return
+    parser = argparse.ArgumentParser(prog="tools/bench replay", description=__doc__)
+    parser.add_argument("--runs", type=int, default=5, metavar="N", help="runs a way (default 5)")
+    parser.add_argument("--duration", type=float, default=60.0, metavar="S", help="of a drive")
+    options = parser.parse_args()
+    report = Report()
+    with TemporaryDirectory() as folder:
+        for scenario in SCENARIOS:
+            path = Path(folder) / f"{scenario}.log"
+            write_drive(path, scenario, options.duration)
+            measure(path, scenario, options, report)
+    report.summarise()
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
