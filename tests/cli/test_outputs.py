@@ -171,8 +171,8 @@ def test_a_sigterm_ends_a_conversion(drive, tmp_path, suffix):
     code = (
         "import os, signal, sys; from adhesion_can.recordings.recording import Recording as R;"
         "from adhesion_can.cli.main import main; blocks = R.blocks\n"
-        "def ended(self):\n"
-        "    yield from blocks(self)\n"
+        "def ended(self, *options):\n"
+        "    yield from blocks(self, *options)\n"
         "    os.kill(os.getpid(), signal.SIGTERM)\n"
         "R.blocks = ended; sys.exit(main())"
     )

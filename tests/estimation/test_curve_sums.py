@@ -58,7 +58,7 @@ def random_points(rng, *, private=0.0, common=0.0, transient=0.0, groups=4):
     return Points(
         rng.uniform(0.0, 0.3, n),
         rng.uniform(-0.1, 0.6, n),
-        np.full(n, float(private ** 2)),
+        np.full(n, float(private**2)),
         ((common * rng.uniform(0.2, 1.0, groups)) ** 2)[group],
         (transient * rng.uniform(0.0, 1.0, n)) ** 2,
         group,
