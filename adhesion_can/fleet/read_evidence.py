@@ -9,8 +9,9 @@ from adhesion_can.fleet.dataset import FAILED, DataSet
 from adhesion_can.fleet.effect_records import Row, grams_from_rows
 from adhesion_can.fleet.evidence import AxleDeviation, UnitEvidence, VehicleForm
 from adhesion_can.fleet.schema import EFFECTS, UNITS
+from adhesion_can.physics.effects.wheel_radius import WheelRadius
 
-WHEEL_RADIUS = "wheel_radius"
+WHEEL_RADIUS = WheelRadius().id
 """Effect id of a wheel radius that is not the configured one."""
 _OF_UNITS = (
     "unit_id",

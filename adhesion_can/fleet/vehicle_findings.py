@@ -20,6 +20,8 @@ from adhesion_can.fleet.effect_sizes import (
 from adhesion_can.fleet.evidence import UnitEvidence
 from adhesion_can.fleet.findings import Finding, Scope
 from adhesion_can.fleet.settings import FleetSettings
+from adhesion_can.physics.effects.speed_scale import SpeedScale
+from adhesion_can.physics.effects.wheel_radius import WheelRadius
 
 RIVAL_SHARE = 0.9
 """Share of the gain of a named effect from which another one is its rival."""
@@ -28,7 +30,7 @@ SECOND_SHARE, LEAST_SECOND = 0.1, 0.03
 regression is linear in the sizes, and what it leaves of a large first effect must get no name."""
 ALIKE = 0.2
 """Spread of all axles' deviations, relative to their mean, below which the speed is wrong."""
-RADIUS = ("wheel_radius", "error", "1")
+RADIUS = (WheelRadius().id, "error", "1")
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,7 +278,7 @@ def _wheel_findings(
     if len(found) == len(statistics.axles) > 1 and np.ptp(values) < ALIKE * abs(values.mean()):
         # The ratio of wheel and vehicle speed is all that counts: a speed that reads high by some
         # share makes all wheels look larger by it.
-        speed = replace(found[0], effect="speed_scale", axle=0, value=float(values.mean()),
+        speed = replace(found[0], effect=SpeedScale().id, axle=0, value=float(values.mean()),
                         rivals=(RADIUS[0],))  # fmt: skip
         return [speed]
     return sorted(found, key=lambda one: -abs(one.value))

@@ -4,12 +4,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adhesion_can.physics.effects.speed_scale import SpeedScale
+from adhesion_can.physics.effects.wheel_radius import WheelRadius
+
 if TYPE_CHECKING:
     from adhesion_can.fleet.findings import Finding
 
 MOST_ROWS = 60
 """Largest number of rows of a table, that of the vehicles aside."""
-RELATIVE = frozenset({"wheel_radius", "speed_scale"})
+RELATIVE = frozenset({WheelRadius().id, SpeedScale().id})
 """Effects whose size is a relative error, shown in percent."""
 UNITS = {"1": "", "1/%": "per %", "1/K": "per K", "1/s": "per s"}
 """Units that are written otherwise."""
