@@ -2,7 +2,6 @@
 
 Errors of neighbouring samples are not independent, those of blocks nearly are: standard errors come
 from the scatter between blocks (batch means; Glynn & Whitt, Operations Research Letters 10, 1991).
-from adhesion_can.values import Stateful, Value
 Where there are many blocks, neighbours are merged, so that they are longer than what lasts.
 
 When a surface ends, its curve is projected out of its blocks (Frisch, Waugh & Lovell). What is left
