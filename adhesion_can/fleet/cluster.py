@@ -30,6 +30,9 @@ OURS = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.admin.low-level-log-length": 100,
+    # Else freed memory goes back to the system at once and is mapped anew for each array, which
+    # takes as long as all the work of a unit.
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
 }
 """Settings of dask for a cluster of our own."""
 _WARM = ("adhesion_can.fleet.work", "scipy.optimize", "adhesion_can.estimation.registry")

@@ -1,6 +1,7 @@
 """What is said of workers that cannot do the work, and of places that cannot be used."""
 
 import http.server
+import os
 import threading
 
 import pytest
@@ -134,3 +135,13 @@ def test_memory_is_a_positive_number(text):
 
 def test_numbers_that_are_none_are_null():
     assert [number(v) for v in (None, float("nan"), float("inf"), 1)] == [None, None, None, 1.0]
+
+
+@pytest.mark.skipif("MALLOC_TRIM_THRESHOLD_" in os.environ, reason="set by whoever runs the tests")
+def test_workers_keep_freed_memory_for_the_next_array_and_use_one_thread(client):
+    # With dask's own threshold two workers do no more than one.
+    found = client.run(lambda: dict(os.environ))
+    assert len(found) == 2
+    for environment in found.values():
+        assert "MALLOC_TRIM_THRESHOLD_" not in environment
+        assert environment["OMP_NUM_THREADS"] == environment["OPENBLAS_NUM_THREADS"] == "1"

@@ -1,7 +1,7 @@
 """Replay against real time, in columns and frame by frame, with and without the extra 'fast'.
 
 The ways run in processes of their own, in turns, so that what else the machine does meets all of
-them alike. What they send must be the same to the byte.
+them alike. What they send must be the same to the byte. Then: what of an update takes how long.
 """
 
 import argparse
@@ -10,14 +10,19 @@ import os
 import subprocess
 import sys
 import time
+from collections import deque
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
+from timeit import repeat
 
+import numpy as np
 from _report import Report
 
 from adhesion_can.config import load_configuration
+from adhesion_can.estimation.registry import make_tracker
 from adhesion_can.estimation.tracker import kernels
+from adhesion_can.estimation.tracker.layout import NODES
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence, open_recordings
 from adhesion_can.service.core import ServiceCore
@@ -103,13 +108,63 @@ def measure(path, scenario, options, report):
     report.check(f"{scenario}: sent", f"{len(digests)} kinds of bytes", "1", met=len(digests) == 1)
 
 
+def arithmetic_us(settings):
+    """Product of matrices, exponentials and logarithms of an update, all by NumPy, µs."""
+    numbers = np.random.default_rng(0)
+    curves = len(settings.memory.times_s) * settings.curves
+    sums, at_x = numbers.random((6, NODES)), numbers.random((NODES, curves))
+    both, one = numbers.random((2, curves)), numbers.random(curves)
+    terms = numbers.random((4, settings.run_length.contenders, NODES))
+    samples = numbers.random((7, NODES))
+
+    def run():
+        sums @ at_x
+        np.exp(both, out=both)
+        np.log(one + 1.0)
+        np.exp(one, out=one)
+        np.log(terms + 1.0)
+        np.exp(terms[0])
+        np.exp(samples)
+
+    return 1e6 * min(repeat(run, number=100, repeat=20)) / 100
+
+
+def tell_parts(path, report):
+    """Processor time of an update in columns, by what it is spent on."""
+    config = load_configuration()
+    updates = []
+    core = ServiceCore(config, on_samples=updates.append)
+    began = time.process_time()
+    replay_blocks(blocks_in_sequence(open_recordings([path])), core, deque(maxlen=0).append)
+    whole = time.process_time() - began
+    spent = {}
+    for name, estimator in (
+        ("tracker", make_tracker(config.estimators)),
+        ("estimator", config.make_estimator()),
+    ):
+        began = time.process_time()
+        for samples in updates:
+            estimator.update(samples, int(samples.t_us[-1]))
+        spent[name] = time.process_time() - began
+    each = 1e6 / len(updates)
+    tracker, estimator = each * spent["tracker"], each * spent["estimator"]
+    report.write(
+        f"an update, µs ({len(updates)} of them): {each * whole:.0f}, of which tracker "
+        f"{tracker:.0f} (product, exponentials and logarithms alone "
+        f"{arithmetic_us(config.estimators.tracker):.0f}), noise and doubt "
+        f"{estimator - tracker:.0f}, frames in and out {each * whole - estimator:.0f}"
+    )
+
+
 def main():
     if sys.argv[1:2] == [WORKER]:
         serve(Path(sys.argv[2]))
         return
     parser = argparse.ArgumentParser(prog="tools/bench replay", description=__doc__)
-    parser.add_argument("--runs", type=int, default=5, metavar="N", help="runs a way (default 5)")
-    parser.add_argument("--duration", type=float, default=60.0, metavar="S", help="of a drive")
+    parser.add_argument("--runs", type=int, default=3, metavar="N", help="runs a way (default 3)")
+    parser.add_argument(
+        "--duration", type=float, default=600.0, metavar="S", help="of a drive (default 600)"
+    )
     options = parser.parse_args()
     report = Report()
     with TemporaryDirectory() as folder:
@@ -117,6 +172,7 @@ def main():
             path = Path(folder) / f"{scenario}.log"
             write_drive(path, scenario, options.duration)
             measure(path, scenario, options, report)
+        tell_parts(path, report)
     report.summarise()
 
 
