@@ -2,9 +2,9 @@
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
-from adhesion_can.diagnosis.effect_grams import EffectGrams
 from adhesion_can.fleet.dataset import FAILED, DataSet
 from adhesion_can.fleet.effect_records import Row, grams_from_rows
 from adhesion_can.fleet.evidence import AxleDeviation, UnitEvidence, VehicleForm
@@ -35,32 +35,26 @@ _OF_UNITS = (
 
 def read_evidence(data: DataSet) -> list[UnitEvidence]:
     """Evidence of all units of a data set, in the order of their ids."""
-    units = [row for rows in data.read_rows(UNITS, _OF_UNITS) for row in rows]
+    # Not their rows, which are four times as large: there may be many units.
+    units = {
+        row["unit_id"]: unit_evidence(row)
+        for rows in data.read_rows(UNITS, _OF_UNITS)
+        for row in rows
+    }
     effects: dict[str, list[Row]] = defaultdict(list)
-    known = {row["unit_id"] for row in units}
-    grams = {}
     for rows in data.read_rows(EFFECTS):
         for row in rows:
             # A unit counts from its row in `units` on: that one is written last.
-            if row["unit_id"] in known:
+            if row["unit_id"] in units:
                 effects[row["unit_id"]].append(row)
         done = [name for name, own in effects.items() if len(own) == len(own[0]["gram"])]
         for name in done:
-            grams[name] = grams_from_rows(effects.pop(name))
-    return [
-        unit_evidence(row, grams.get(row["unit_id"]))
-        for row in sorted(units, key=lambda row: row["unit_id"])
-    ]
+            units[name] = replace(units[name], grams=grams_from_rows(effects.pop(name)))
+    return [units[name] for name in sorted(units)]
 
 
-def unit_evidence(row: Mapping[str, Any], grams: EffectGrams | None = None) -> UnitEvidence:
-    """Evidence of a unit from its row of `units`.
-
-    Args:
-        row: Values by column.
-        grams: Gram matrices of its effects; None: it has none.
-
-    """
+def unit_evidence(row: Mapping[str, Any]) -> UnitEvidence:
+    """Evidence of a unit from its row of `units`, without the Gram matrices of its effects."""
     failed = row["status"] == FAILED
     unusable = row["usable"] is False and row["first_failure"]
     causes = tuple(row["causes"] or ())
@@ -72,7 +66,6 @@ def unit_evidence(row: Mapping[str, Any], grams: EffectGrams | None = None) -> U
         form=_form(row),
         line=row["line"] or "",
         day="" if row["day"] is None else row["day"].isoformat(),
-        grams=grams,
         radii=tuple(_radii(row)),
         radii_applied=bool(row["wheel_radii_applied"]),
         causes=causes,
