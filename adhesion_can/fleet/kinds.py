@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from adhesion_can.fleet.compare_vehicles import LEAST_VEHICLES
 from adhesion_can.fleet.evidence import UnitEvidence, VehicleForm
+from adhesion_can.plurals import counted
 
 ALIKE = 0.5
 """Effects that two vehicles of one kind have in common, as a share of those that either has
@@ -108,4 +109,4 @@ def _plain_name(kind: Kind) -> str:
     form = kind.units[0].form
     if form.axles is None:
         return form.data or "others"
-    return f"{form.data} of {form.axles} {'axle' if form.axles == 1 else 'axles'}"
+    return f"{form.data} of {counted(form.axles, 'axle')}"

@@ -29,6 +29,7 @@ from adhesion_can.fleet.kinds import Kind, find_kinds
 from adhesion_can.fleet.settings import FleetSettings
 from adhesion_can.fleet.shared_findings import Known, find_fleet_effects, find_place_effects
 from adhesion_can.fleet.vehicle_findings import compare_units, find_vehicle_effects
+from adhesion_can.plurals import counted
 
 FAILED_COST = 10.0
 """Cost of a vehicle all of whose units failed, beside a gain in percent of the RMSE."""
@@ -53,10 +54,9 @@ def diagnose_fleet(
     notes = [note for one in found for note in one.notes]
     count = sum(not one.error and one.unit not in known for one in units)
     if count:
-        what = "1 unit was" if count == 1 else f"{count} units were"
         notes.append(
-            f"{what} worked through and {'has' if count == 1 else 'have'} neither evidence on "
-            "effects nor wheel radii: too short, or slip and adhesion hardly vary."
+            f"Neither effects nor wheel radii can be told from {counted(count, 'unit')}: too "
+            "short, or slip and adhesion hardly vary."
         )
     return FleetDiagnosis(
         vehicles=_rank(units, [one.vehicles for one in found]),
@@ -172,8 +172,8 @@ def _notes(kind: Kind, diagnosed: Sequence[UnitEvidence]) -> list[str]:
     without = sum(not one.error for one in units) - len(diagnosed)
     if without > 0:
         notes.append(
-            f"{without} units were worked through and have no evidence on effects: too short, "
-            "or slip and adhesion hardly vary."
+            f"No effect can be told from {counted(without, 'unit')}: too short, or slip and "
+            "adhesion hardly vary."
         )
     for scope, places in (
         ("line", [one.line for one in diagnosed]),
