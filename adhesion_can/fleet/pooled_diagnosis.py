@@ -169,8 +169,8 @@ def _notes(kind: Kind, diagnosed: Sequence[UnitEvidence]) -> list[str]:
             f"{kind.vehicles}, so no effect is called that of a vehicle: the diagnosis of each "
             "unit stands alone."
         )
-    without = sum(not one.error for one in units) - len(diagnosed)
-    if without > 0:
+    without = sum(not (one.error or one.has_effects) for one in units)
+    if without:
         notes.append(
             f"No effect can be told from {counted(without, 'unit')}: too short, or slip and "
             "adhesion hardly vary."

@@ -167,3 +167,11 @@ def test_what_a_comparison_confirms_is_not_told_twice():
     result = diagnose_fleet(units)
     assert result.named[0].vehicle == "V03"
     assert result.named_alone == ()
+
+
+def test_units_that_failed_at_a_step_do_not_hide_units_without_evidence():
+    units = Fleet(vehicles=6).draw(3)
+    units[0] = replace(units[0], grams=None)  # worked through, its radii alone are known
+    units[1] = replace(units[1], error="no coasting")  # failed at a step, its effects are known
+    notes = diagnose_fleet(units).notes
+    assert any(note.startswith("No effect can be told from 1 unit: ") for note in notes)
