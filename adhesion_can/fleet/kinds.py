@@ -96,13 +96,21 @@ def _are_alike(one: Effects, other: Effects) -> bool:
 
 
 def _names(kinds: Sequence[Kind]) -> list[str]:
-    """Names of several kinds: data and axles, and the first vehicle where these do not suffice."""
+    """Names of several kinds, each another one.
+
+    Data and axles, the first vehicle where these do not suffice, and a number where one vehicle has
+    units of several kinds: its configuration has changed.
+    """
     plain = [_plain_name(kind) for kind in kinds]
     often: Mapping[str, int] = Counter(plain)
-    return [
-        name if often[name] == 1 else f"{name}, such as {min(one.vehicle for one in kind.units)}"
-        for name, kind in zip(plain, kinds, strict=True)
-    ]
+    names: list[str] = []
+    seen: Counter[str] = Counter()
+    for name, kind in zip(plain, kinds, strict=True):
+        first = min(one.vehicle for one in kind.units)
+        longer = name if often[name] == 1 else f"{name}, such as {first}"
+        seen[longer] += 1
+        names.append(longer if seen[longer] == 1 else f"{longer} ({seen[longer]})")
+    return names
 
 
 def _plain_name(kind: Kind) -> str:
