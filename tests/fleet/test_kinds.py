@@ -137,3 +137,12 @@ def test_kinds_of_the_same_vehicles_have_names_of_their_own():
         "recordings of 6 axles, such as V00 (2)",
     ]
     assert len(result.spreads) == 2 * len(NAMES)
+
+
+def test_what_one_kind_shares_does_not_hide_what_recordings_of_another_name():
+    locomotives = Fleet(12, form=LOCOMOTIVE, everywhere={2: SIZE}).draw(1)
+    buses = renamed(Fleet(2, form=BUS).draw(2), "B")
+    units = [replace(one, causes=(NAMES[2],)) for one in [*locomotives, *buses]]
+    result = diagnose_fleet(units)
+    assert [f.effect for f in result.shared] == [NAMES[2]]
+    assert {one.vehicle for one, _ in result.named_alone} == {"BV00", "BV01"}

@@ -102,10 +102,14 @@ def test_a_speed_that_reads_high_is_not_six_worn_wheels():
     units = Fleet().draw(1)
     for place in (8, 9):
         radii = tuple(replace(one, value=one.value + 0.012) for one in units[place].radii)
-        units[place] = replace(units[place], radii=radii)
-    (finding,) = diagnose_fleet(units).named[0].findings
+        own = ("wheel_radius", "speed_scale") if place == 8 else ("wheel_radius",)
+        units[place] = replace(units[place], radii=radii, causes=own)
+    result = diagnose_fleet(units)
+    (finding,) = result.named[0].findings
     assert (finding.effect, finding.axle, finding.rivals) == ("speed_scale", 0, ("wheel_radius",))
     assert finding.value == pytest.approx(0.012, abs=1e-3)
+    assert finding.named_by == 1
+    assert result.named_alone == ()  # the radius is what the finding cannot be told from
 
 
 @pytest.mark.parametrize("vehicles", [0, 1, 2])
