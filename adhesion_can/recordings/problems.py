@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.recording import Recording
 
 NO_FRAME_MEND = "is it a recording of a bus, as 'candump -L' makes one?"
@@ -48,3 +49,17 @@ def describe_problems(
             lines = ", ".join(map(str, report.bad_lines[:5]))
             found.append(f"{name}: lines passed over: {kinds} (line {lines}, ..)")
     return found
+
+
+def no_frame_error(
+    recordings: Sequence[Recording], what: str = "not one frame in it"
+) -> RecordingError:
+    """Error for recordings without a frame, with what was passed over: the file may be cut.
+
+    Args:
+        recordings: Recordings that were read to their end.
+        what: What is missing.
+
+    """
+    where = ", ".join(str(recording.path) for recording in recordings)
+    return RecordingError(where, "; ".join([what, *describe_problems(recordings)]), NO_FRAME_MEND)
