@@ -10,7 +10,7 @@ import pytest
 from adhesion_can.bus.database import packaged_path
 from adhesion_can.cli.main import main
 from adhesion_can.recordings.candump import parse_line
-from adhesion_can.recordings.recording import to_message
+from adhesion_can.recordings.python_can_messages import to_message
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import zstandard
 
 from adhesion_can.cli.main import main
 from adhesion_can.recordings.candump import format_frame
-from adhesion_can.recordings.recording import to_message
+from adhesion_can.recordings.python_can_messages import to_message
 from tests.wire import Bench
 
 FRAMES = list(Bench().drive(10**12, 10**12 + 3_000_000))
