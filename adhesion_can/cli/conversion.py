@@ -179,7 +179,7 @@ class Conversion:
             "marks": report.marks,
             "lines": dict(lines),
             "problems": [
-                *describe_problems(recordings, "keep their stamps"),
+                *describe_problems(recordings, "stamps kept as they are"),
                 *self._problems(distinct_names([recording.path for recording in recordings])),
             ],
         }

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import NamedTuple
 
+from adhesion_can.plurals import counted
 from adhesion_can.recordings.blf_columns.stored_bytes import MARK, PIECE, ROOM, StoredBytes
 from adhesion_can.recordings.candump import ReadReport
 
@@ -109,18 +110,17 @@ class Faults:
         elif self.is_cut:
             tell("the file ends inside an object: it is cut, and what came before is used")
         if self.places:
-            where = "one place" if self.places == 1 else f"{self.places} places"
             tell(
-                f"the file is damaged in {where}, the first at byte {self.first}: what could be "
-                "read around it is used"
+                f"the file is damaged in {counted(self.places, 'place')}, the first at byte "
+                f"{self.first}: what could be read around it is used"
             )
         if self.malformed:
-            objects = "an object" if self.malformed == 1 else f"{self.malformed} objects"
-            tell(f"{objects} with impossible sizes or stamps passed over")
+            tell(f"{counted(self.malformed, 'object')} with impossible sizes or stamps passed over")
         if self.outside:
             tell(f"objects outside of containers passed over: {self.outside}")
         for method, count in self.methods.items():
-            tell(f"{count} containers of the unknown compression {method} passed over")
+            containers = counted(count, "container")
+            tell(f"{containers} of the unknown compression {method} passed over")
 
 
 class Contents(NamedTuple):
