@@ -130,5 +130,6 @@ def _failures(overview: "FleetOverview") -> list[Part]:
 
 
 def _reason(reason: str) -> str:
-    """A reason without the name of the file, which begins it."""
-    return reason.split(": ", 1)[-1][:120]
+    """A reason without the path or URL of the file, with which most begin."""
+    where, _, rest = reason.partition(": ")
+    return (rest if "/" in where else reason)[:120]

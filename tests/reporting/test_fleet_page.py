@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from adhesion_can.fleet.overview import FleetOverview
+from adhesion_can.fleet.overview import Failure, FleetOverview
 from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
 from adhesion_can.reporting.fleet_page import fleet_page
 from adhesion_can.reporting.fleet_words import left_out
@@ -50,7 +50,17 @@ def test_the_worst_vehicles_come_first_with_their_causes(overview):
 
 
 def test_failed_recordings_are_listed_with_their_reasons(overview):
-    assert "holds no known frame" in " ".join(cells(fleet_page(overview, {}), "Failed recordings"))
+    made = fleet_page(overview, {})
+    assert "holds no known frame" in " ".join(cells(made, "Failed recordings"))
+
+
+def test_reasons_are_counted_without_the_names_of_files_and_with_the_kind_of_an_error(overview):
+    bug = Failure("u", "V01", "KeyError: 'x' (core.py:12)")
+    made = fleet_page(replace(overview, failures=(bug, *overview.failures), failed=3), {})
+    (section,) = [one for one in made.sections if one.title == "Failed recordings"]
+    said = section.parts[0].text
+    assert "holds no known frame (check the database, or the bus of the recording): 2" in said
+    assert "KeyError: 'x' (core.py:12): 1" in said
 
 
 def test_a_fleet_without_positions_says_how_to_have_a_map():
