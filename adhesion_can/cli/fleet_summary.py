@@ -19,7 +19,19 @@ FIRST = 5
 
 @dataclass(slots=True)
 class Summary:
-    """What became of the units so far."""
+    """What became of the units so far.
+
+    Attributes:
+        units: Number of units in all.
+        count: Number of units that are complete, failed ones too.
+        kept: Number of them that the data set had before.
+        recorded_s: Length of the recordings that were analysed, s.
+        failed: Outcomes of the failed units, in the order in which they came.
+        vehicles: Number of units by vehicle.
+        contents: Paths of the units by the hash of their content.
+        began_s: Begin of the run on the monotonic clock, s.
+
+    """
 
     units: int
     count: int = 0

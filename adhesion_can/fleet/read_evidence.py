@@ -34,7 +34,12 @@ _OF_UNITS = (
 
 
 def read_evidence(data: DataSet) -> list[UnitEvidence]:
-    """Evidence of all units of a data set, in the order of their ids."""
+    """Evidence of all units of a data set, in the order of their ids.
+
+    Raises:
+        InputError: The data set cannot be read.
+
+    """
     units = [row for rows in data.read_rows(UNITS, _OF_UNITS) for row in rows]
     effects: dict[str, list[Row]] = defaultdict(list)
     known = {row["unit_id"] for row in units}

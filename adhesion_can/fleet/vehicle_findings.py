@@ -38,7 +38,8 @@ class VehicleStatistics:
         effects: Comparison of the effects' sizes.
         coasting: Evidence of the units with radii from coasting.
         axles: Axle numbers of the radii.
-        radii: Deviation of each radius from the configured one in each of these units.
+        radii: Deviation of each radius from the configured one, as a share of it, NaN where there
+            is none; shape (units with radii, axles).
         wheels: Comparison of the radii.
 
     """
