@@ -69,8 +69,8 @@ def calibration_fields(result: Calibration, applied: AppliedRadii) -> Row:
         return [number(value(axles[axle])) if axle in axles else None for axle in places]
 
     return {
-        "wheel_radii_m": listed(lambda one: one.estimate and one.estimate.value),
-        "wheel_radii_std_m": listed(lambda one: one.estimate and one.estimate.std),
+        "wheel_radii_m": listed(lambda one: None if one.estimate is None else one.estimate.value),
+        "wheel_radii_std_m": listed(lambda one: None if one.estimate is None else one.estimate.std),
         "wheel_radii_configured_m": listed(lambda one: one.configured),
         "coasting_s": listed(lambda one: one.coasting_s),
         "wheel_radii_applied": bool(applied.ratio),
