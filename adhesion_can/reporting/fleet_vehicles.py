@@ -82,7 +82,7 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
         parts.append(Table(caption, columns, failures, note, sentence_columns=(2,)))
     told = {one.vehicle for one in [*named, *failing]} | by_themselves
     clean = len(found.vehicles) - len(told)
-    if clean:
+    if clean and told:
         what = "the other vehicle" if clean == 1 else f"the other {clean} vehicles"
         parts.append(Text(f"Nothing is named on {what}."))
     return parts + _kinds(found)

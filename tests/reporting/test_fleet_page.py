@@ -102,6 +102,8 @@ def test_one_of_a_thing_is_told_in_singular():
     units = Fleet(vehicles=1, drives=1).draw(1)
     made = fleet_page(FleetOverview(diagnose_fleet(units)), {})
     assert made.lead.startswith("1 recording of 1 vehicle, 1 with evidence")
+    assert "No vehicle has a finding." in render(made)
+    assert "the other vehicle" not in render(made)
     assert made.verdict[0] == "1 vehicle is too few to be compared with each other."
     assert left_out(61, 60, "kind") == "1 further kind is not shown; all are in fleet.json."
     assert left_out(62, 60, "kind").startswith("2 further kinds are not shown")
