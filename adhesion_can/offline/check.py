@@ -197,8 +197,9 @@ def _check_messages(result: CheckResult) -> None:
                 f"{name}: cycle {cycle:.1f} ms instead of {nominal / 1e3:.0f} ms"
             )
     if result.clamped:
-        count = counted(result.clamped, "frame")
-        result.failures.append(f"{count} stamped before the one in front")
+        result.failures.append(
+            f"{counted(result.clamped, 'frame')} stamped before the one in front"
+        )
 
 
 def _check_senders(result: CheckResult) -> None:
