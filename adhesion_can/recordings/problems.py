@@ -46,7 +46,8 @@ def describe_problems(
                 if report.kinds[kind]
             )
             lines = ", ".join(map(str, report.bad_lines[:5]))
-            found.append(f"{name}: lines passed over: {kinds} (line {lines}, ..)")
+            where = f" (line {lines}, ..)" if lines else ""  # the end of a packed file has none
+            found.append(f"{name}: lines passed over: {kinds}{where}")
     return found
 
 
