@@ -130,7 +130,7 @@ def test_check_names_the_wrong_unit(folder, monkeypatch, capsys, typed):
     main(typed.split())
     said = capsys.readouterr().out
     assert FOUND[typed] in said
-    assert "gaps of more than three cycles" not in said
+    assert "of more than three cycles" not in said
     assert "opposite signs" not in said
 
 
