@@ -217,7 +217,7 @@ def _points_of_axles(drive: DriveData) -> Iterator[Points]:
 def _describe_unused_frames(input_file: InputFile, received: LoadedTraces) -> list[str]:
     problems = []
     if received.rejected:
-        problems.append(f"{input_file.name}: {received.rejected} frames failed their checks")
+        problems.append(f"{input_file.name}: frames that failed their checks: {received.rejected}")
     if received.derived:
         problems.append(
             f"{input_file.name}: {received.derived} vehicle speeds derived from the driven axles "

@@ -25,7 +25,7 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.silence import SilenceWatch, bus_name
 from adhesion_can.control.creep_controller import CreepController, Mode
 from adhesion_can.control.frames import ControllerOnBus, build_reference
-from adhesion_can.recordings.recording import from_message, to_message
+from adhesion_can.recordings.python_can_messages import from_message, to_message
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 

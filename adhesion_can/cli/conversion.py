@@ -13,7 +13,7 @@ from adhesion_can.bus.decoder import Decoder, MessageColumns
 from adhesion_can.bus.j1939 import parameter_group, unmarked_sentence
 from adhesion_can.cli.signal_filter import SignalFilter
 from adhesion_can.errors import RecordingError
-from adhesion_can.recordings.problems import NO_FRAME_MEND, describe_problems, distinct_names
+from adhesion_can.recordings.problems import describe_problems, distinct_names, no_frame_error
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.reporting.export import Rows, Writer
 from adhesion_can.reporting.export.messages import MessageRows, id_text
@@ -121,9 +121,7 @@ class Conversion:
             what += "".join(f"; {line}" for line in why[:_SHOWN])
             mend = "name other signals of these messages with --signals"
         elif not report.unknown:
-            problems = describe_problems(recordings)
-            what = "; ".join(["no data frame in it", *problems])
-            mend = NO_FRAME_MEND
+            raise no_frame_error(recordings, "no data frame in it")
         else:
             ids = {id_text(*key): count for key, count in report.unknown.items()}
             what = f"no frame of a known id; it has {counts_text(ids)}; {database}"
@@ -181,7 +179,7 @@ class Conversion:
             "marks": report.marks,
             "lines": dict(lines),
             "problems": [
-                *describe_problems(recordings, "keep their stamps"),
+                *describe_problems(recordings, "stamps kept as they are"),
                 *self._problems(distinct_names([recording.path for recording in recordings])),
             ],
         }

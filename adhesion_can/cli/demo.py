@@ -45,7 +45,7 @@ from adhesion_can.files import whole_file
 from adhesion_can.monitoring.snapshot import Transport, TruePeak
 from adhesion_can.monitoring.state import MonitorState
 from adhesion_can.recordings.candump import format_frame
-from adhesion_can.recordings.recording import from_message, to_message
+from adhesion_can.recordings.python_can_messages import from_message, to_message
 from adhesion_can.reporting.drive.demonstrated import demo_texts
 from adhesion_can.reporting.drive.page import page
 from adhesion_can.reporting.drive.recorder import DriveRecorder

@@ -22,6 +22,7 @@ from adhesion_can.cli.fleet_summary import Summary, describe
 from adhesion_can.cli.reports import missing_report, page_provenance
 from adhesion_can.errors import InputError
 from adhesion_can.fleet.schema import STEPS
+from adhesion_can.plurals import counted
 from adhesion_can.reporting.fleet_page import fleet_page
 from adhesion_can.reporting.page import render
 from adhesion_can.reporting.provenance import provenance
@@ -113,8 +114,8 @@ def run(options: argparse.Namespace) -> int:
             data.remove_incomplete({task.unit.unit_id for task in tasks}, kept.values())
             _work(options, tasks, summary)
     except (KeyboardInterrupt, SystemExit):
-        said = f"{summary.count} of {len(units)} units are complete"
-        print(f"stopped: {said}; the same command goes on from here", file=sys.stderr)
+        said = f"{summary.count} of {counted(len(units), 'unit')}"
+        print(f"stopped: complete are {said}; the same command goes on from here", file=sys.stderr)
         raise
     _finish(options, plan, summary)
     return 0

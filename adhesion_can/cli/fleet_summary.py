@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from time import monotonic
 from typing import TYPE_CHECKING
 
+from adhesion_can.plurals import counted
+
 # This needs the extra, which only the command itself does, and not its help.
 if TYPE_CHECKING:
     from adhesion_can.fleet.work import Outcome
@@ -17,7 +19,19 @@ FIRST = 5
 
 @dataclass(slots=True)
 class Summary:
-    """What became of the units so far."""
+    """What became of the units so far.
+
+    Attributes:
+        units: Number of units in all.
+        count: Number of units that are complete, failed ones too.
+        kept: Number of them that the data set had before.
+        recorded_s: Length of the recordings that were analysed, s.
+        failed: Outcomes of the failed units, in the order in which they came.
+        vehicles: Number of units by vehicle.
+        contents: Paths of the units by the hash of their content.
+        began_s: Begin of the run on the monotonic clock, s.
+
+    """
 
     units: int
     count: int = 0
@@ -43,7 +57,7 @@ class Summary:
     def progress(self) -> str:
         """How far it is, in a few words."""
         failed = f", {len(self.failed)} failed" if self.failed else ""
-        return f"{self.count} of {self.units} units{failed}"
+        return f"{self.count} of {counted(self.units, 'unit')}{failed}"
 
     def twice(self) -> list[list[str]]:
         """Paths of units that hold the same."""
@@ -65,15 +79,15 @@ def describe(
     new = summary.count - summary.kept
     speed = f", {summary.recorded_s / took_s:.0f} x real time" if summary.recorded_s else ""
     said = (
-        f"{summary.count} units of {len(summary.vehicles)} vehicles: {new} analysed in "
+        f"{counted(summary.count, 'unit')} of {counted(len(summary.vehicles), 'vehicle')}: "
+        f"{new} analysed in "
         f"{took_s:.0f} s ({summary.recorded_s / 3600:.1f} h of recordings{speed}), "
         f"{summary.kept} complete from before"
     )
     lines = [said]
     if failed:
         mend = "" if options.retry_failed else "; --retry-failed tries them again"
-        units = "1 unit" if len(failed) == 1 else f"{len(failed)} units"
-        lines.append(f"{units} failed; the data set has the errors{mend}:")
+        lines.append(f"{counted(len(failed), 'unit')} failed; the data set has the errors{mend}:")
         lines += [f"  {one.failed_step}: {one.error}" for one in failed[:FIRST]]
         if len(failed) > FIRST:
             lines.append(f"  and {len(failed) - FIRST} more: column error of the table units")

@@ -14,9 +14,9 @@ from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.cli.monitor_source import LOOKED_AT, TURN_S
 from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
-from adhesion_can.errors import RecordingError
 from adhesion_can.monitoring.snapshot import Origin, Transport
 from adhesion_can.offline.stamps import in_seconds
+from adhesion_can.recordings.problems import no_frame_error
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import with_answers
@@ -72,9 +72,7 @@ def survey(paths: Sequence[Path], configuration: Configuration) -> Extent:
             last_us = max(last_us, int(t_us.max()))
             has_service = has_service or bool(np.any(block.key[block.is_data] == key))
     if first_us is None:
-        raise RecordingError(
-            ", ".join(map(str, paths)), "holds no frame", "name a recording of a CAN bus"
-        )
+        raise no_frame_error(recordings)
     return Extent(first_us, last_us, has_service)
 
 

@@ -26,7 +26,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.files import whole_file
 from adhesion_can.recordings.candump import format_frame
-from adhesion_can.recordings.recording import from_message, to_message
+from adhesion_can.recordings.python_can_messages import from_message, to_message
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.simulation.effect_option import SYNTAX, effects_help

@@ -52,18 +52,19 @@ def choose_radii(found: Calibration) -> AppliedRadii:
     if not differ:
         return AppliedRadii({})
     if not found.effort_known:
-        return _none(differ, "no tractive effort tells coasting, the slip of traction is in them")
+        reason = "no tractive effort tells coasting, the slip of traction is in them"
+        return AppliedRadii({}, f"{_listed(differ)}: {reason}")
     implausible = [one for one in differ if abs(one.ratio - 1.0) > MOST_WEAR]
     if implausible:
+        reason = f"more than {100 * MOST_WEAR:g} % is no wear"
         mend = "check the configured radius and the unit of the wheel speed"
-        return _none(implausible, f"more than {100 * MOST_WEAR:g} % is no wear; {mend}")
-    certain = [one for one in differ if _is_certain(one, len(estimated))]
-    doubtful = [one for one in differ if one not in certain]
-    ratio = {one.axle: one.ratio for one in certain}
+        return AppliedRadii({}, f"{_listed(implausible)}: {reason}; {mend}")
+    certain = {one.axle: one.ratio for one in differ if _is_certain(one, len(estimated))}
+    doubtful = [one for one in differ if one.axle not in certain]
     if not doubtful:
-        return AppliedRadii(ratio)
+        return AppliedRadii(certain)
     reason = f"not certain: {LEAST_COASTING_S:g} s of coasting and a significance of {ALPHA:g}"
-    return AppliedRadii(ratio, _none(doubtful, f"{reason} are needed").note)
+    return AppliedRadii(certain, f"{_listed(doubtful)}: {reason} are needed")
 
 
 def _is_certain(one: AxleRadius, axles: int) -> bool:
@@ -74,11 +75,11 @@ def _is_certain(one: AxleRadius, axles: int) -> bool:
     return bool(2.0 * axles * scipy.special.stdtr(one.blocks - 1, -t) <= ALPHA)
 
 
-def _none(axles: Sequence[AxleRadius], reason: str) -> AppliedRadii:
-    """No radius, and why."""
-    listed = ", ".join(
-        f"axle {one.axle} {100 * (one.ratio - 1):+.2f} %"
-        + ("" if one.estimate is None else f" ± {100 * one.estimate.std / one.configured:.2f} %")
+def _listed(axles: Sequence[AxleRadius]) -> str:
+    """Deviations of estimated radii with their standard errors."""
+    return ", ".join(
+        f"axle {one.axle} {100 * (one.ratio - 1):+.2f} % ± "
+        f"{100 * one.estimate.std / one.configured:.2f} %"
         for one in axles
+        if one.estimate is not None
     )
-    return AppliedRadii({}, f"{listed}: {reason}")

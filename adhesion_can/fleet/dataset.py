@@ -113,7 +113,8 @@ class DataSet:
     def _files(self, table: TableSchema) -> list[str]:
         """Paths of the files of a table, in their order."""
         self._place.system.invalidate_cache()  # of listings: workers have written since
-        found = self._place.system.find(f"{self._place.inner.rstrip('/')}/{table.name}")
+        with self._place.errors():
+            found = self._place.system.find(f"{self._place.inner.rstrip('/')}/{table.name}")
         return sorted(file for file in found if file.endswith(".parquet"))
 
     def _read(self, file: str, names: Sequence[str]) -> Any:

@@ -89,6 +89,8 @@ class VehicleSummary:
         failed: Number of units that failed or cannot be used.
         reasons: Reasons of the failures, each once.
         causes: Number of units whose own diagnosis names an effect, by its id, the most first.
+        causes_alone: Effects of `causes` that no finding of the vehicle, or of its kind, names or
+            cannot tell from what it names.
 
     """
 
@@ -99,6 +101,7 @@ class VehicleSummary:
     failed: int
     reasons: tuple[str, ...] = ()
     causes: Mapping[str, int] = field(default_factory=dict)
+    causes_alone: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The vehicle as JSON has it."""
@@ -183,13 +186,7 @@ class FleetDiagnosis:
     @property
     def named_alone(self) -> tuple[tuple[VehicleSummary, str], ...]:
         """Vehicles and effects that their recordings name and no comparison does."""
-        shared = {one.effect for one in self.shared}
-        return tuple(
-            (one, effect)
-            for one in self.vehicles
-            for effect in one.causes
-            if effect not in shared | {finding.effect for finding in one.findings}
-        )
+        return tuple((one, effect) for one in self.vehicles for effect in one.causes_alone)
 
     @property
     def findings(self) -> tuple[Finding, ...]:

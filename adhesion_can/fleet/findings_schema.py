@@ -3,6 +3,7 @@
 Like them it says each column's type, unit and meaning.
 """
 
+from adhesion_can.fleet.schema import SIZED_EFFECT
 from adhesion_can.fleet.table_schema import Column, TableSchema
 
 FINDINGS = TableSchema(
@@ -10,14 +11,9 @@ FINDINGS = TableSchema(
     "a finding of the fleet-level diagnosis",
     (
         Column("scope", "string", "`vehicle`, `line`, `day` or `fleet`", required=True),
-        Column("place", "string", "name of the vehicle, line or day; empty for the fleet",
-               required=True),
-        Column("effect", "string", "id of the effect", required=True),
-        Column("form", "string", "form of the mechanism; empty where there is only one",
-               required=True),
-        Column("axle", "int", "axle of an effect at one axle; 0 for the others", required=True),
-        Column("parameter", "string", "name of the size", required=True),
-        Column("unit", "string", "unit of the size", required=True),
+        Column("place", "string", "name of the vehicle, line or day; of the fleet that of the kind "
+               "of vehicles, empty where there is only one", required=True),
+        *SIZED_EFFECT,
         Column("value", "double", "size, in `unit`", required=True),
         Column("std", "double", "its standard error, in `unit`", required=True),
         Column("fleet_value", "double", "size in the middle of the fleet, in `unit`",

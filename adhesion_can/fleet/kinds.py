@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from adhesion_can.fleet.compare_vehicles import LEAST_VEHICLES
 from adhesion_can.fleet.evidence import UnitEvidence, VehicleForm
+from adhesion_can.plurals import counted
 
 ALIKE = 0.5
 """Effects that two vehicles of one kind have in common, as a share of those that either has
@@ -95,17 +96,25 @@ def _are_alike(one: Effects, other: Effects) -> bool:
 
 
 def _names(kinds: Sequence[Kind]) -> list[str]:
-    """Names of several kinds: data and axles, and the first vehicle where these do not suffice."""
+    """Names of several kinds, each another one.
+
+    Data and axles, the first vehicle where these do not suffice, and a number where one vehicle has
+    units of several kinds: its configuration has changed.
+    """
     plain = [_plain_name(kind) for kind in kinds]
     often: Mapping[str, int] = Counter(plain)
-    return [
-        name if often[name] == 1 else f"{name}, such as {min(one.vehicle for one in kind.units)}"
-        for name, kind in zip(plain, kinds, strict=True)
-    ]
+    names: list[str] = []
+    seen: Counter[str] = Counter()
+    for name, kind in zip(plain, kinds, strict=True):
+        first = min(one.vehicle for one in kind.units)
+        longer = name if often[name] == 1 else f"{name}, such as {first}"
+        seen[longer] += 1
+        names.append(longer if seen[longer] == 1 else f"{longer} ({seen[longer]})")
+    return names
 
 
 def _plain_name(kind: Kind) -> str:
     form = kind.units[0].form
     if form.axles is None:
         return form.data or "others"
-    return f"{form.data} of {form.axles} {'axle' if form.axles == 1 else 'axles'}"
+    return f"{form.data} of {counted(form.axles, 'axle')}"

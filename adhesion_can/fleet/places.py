@@ -59,7 +59,7 @@ class Place:
 
     def info(self) -> Mapping[str, Any] | None:
         """What the file system says of it; None where it is not there."""
-        with self._errors():
+        with self.errors():
             try:
                 return self._with_time(self.system.info(self.inner))
             except FileNotFoundError:
@@ -67,13 +67,13 @@ class Place:
 
     def find(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
         """Names of all files below, each with what the file system says of it."""
-        with self._errors():
+        with self.errors():
             found = self.system.find(self.inner, detail=True)
         yield from ((self.full(one), self._with_time(info)) for one, info in found.items())
 
     def glob(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
         """Names of the files that fit the pattern, each with what the file system says of it."""
-        with self._errors():
+        with self.errors():
             found = self.system.glob(self.inner, detail=True)
         for one, info in found.items():
             if info["type"] != "directory":
@@ -86,7 +86,7 @@ class Place:
         return info
 
     @contextmanager
-    def _errors(self) -> Iterator[None]:
+    def errors(self) -> Iterator[None]:
         """What a server answers becomes an InputError."""
         try:
             yield
@@ -108,13 +108,13 @@ class Place:
         """
         if self.is_local:
             path = Path(self.inner)
-            with self._errors():
+            with self.errors():
                 digest = file_sha256(path)
             yield path, digest
             return
         with TemporaryDirectory(prefix="adhesion-can-") as folder:
             path = Path(folder) / (self.inner.rstrip("/").rsplit("/", 1)[-1] or "recording")
-            with self._errors():
+            with self.errors():
                 self._require_room(path.parent)
                 # In a stream: `open` asks for ranges, which not all servers give.
                 self.system.get_file(self.inner, str(path))

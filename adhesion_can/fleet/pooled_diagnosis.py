@@ -29,6 +29,7 @@ from adhesion_can.fleet.kinds import Kind, find_kinds
 from adhesion_can.fleet.settings import FleetSettings
 from adhesion_can.fleet.shared_findings import Known, find_fleet_effects, find_place_effects
 from adhesion_can.fleet.vehicle_findings import compare_units, find_vehicle_effects
+from adhesion_can.plurals import counted
 
 FAILED_COST = 10.0
 """Cost of a vehicle all of whose units failed, beside a gain in percent of the RMSE."""
@@ -53,13 +54,12 @@ def diagnose_fleet(
     notes = [note for one in found for note in one.notes]
     count = sum(not one.error and one.unit not in known for one in units)
     if count:
-        what = "1 unit was" if count == 1 else f"{count} units were"
         notes.append(
-            f"{what} worked through and {'has' if count == 1 else 'have'} neither evidence on "
-            "effects nor wheel radii: too short, or slip and adhesion hardly vary."
+            f"Neither effects nor wheel radii can be told from {counted(count, 'unit')}: too "
+            "short, or slip and adhesion hardly vary."
         )
     return FleetDiagnosis(
-        vehicles=_rank(units, [one.vehicles for one in found]),
+        vehicles=_rank(units, kinds, found),
         shared=tuple(finding for one in found for finding in one.shared),
         kinds=tuple(KindSummary(one.name, one.vehicles, len(one.units)) for one in kinds),
         units=len(units),
@@ -111,38 +111,44 @@ def _diagnose_kind(kind: Kind, settings: FleetSettings) -> _OfKind:
     statistics = compare_units(diagnosed, sizes.without(known), coasting)
     if kind.compared:
         vehicles = find_vehicle_effects(statistics, settings)
-    named = (f"{key.name}{f' of {name}' if name else ''}" for key in sizes.keys)
+    named = [f"{key.name} of {name}" if name else key.name for key in sizes.keys]
     return _OfKind(
         vehicles,
         tuple(replace(one, where=name) if one.scope is Scope.FLEET else one for one in shared),
         tuple(f"{name}: {note}" if name else note for note in _notes(kind, diagnosed)),
         {
-            name: spread.variance**0.5
-            for name, spread in zip(named, statistics.effects.spreads, strict=True)
+            effect: spread.variance**0.5
+            for effect, spread in zip(named, statistics.effects.spreads, strict=True)
         },
     )
 
 
 def _rank(
-    units: Sequence[UnitEvidence], found: Sequence[Mapping[str, tuple[Finding, ...]]]
+    units: Sequence[UnitEvidence], kinds: Sequence[Kind], found: Sequence[_OfKind]
 ) -> tuple[VehicleSummary, ...]:
-    """All vehicles: those with findings first, then those whose recordings name a cause.
-
-    Of each kind those come first that cost most.
-    """
+    """All vehicles: those with findings first, then those whose recordings name a cause."""
+    shared: dict[str, list[Finding]] = defaultdict(list)
+    for kind, of_kind in zip(kinds, found, strict=True):
+        for vehicle in {one.vehicle for one in kind.units}:
+            shared[vehicle] += of_kind.shared
     own: dict[str, list[UnitEvidence]] = defaultdict(list)
     for one in units:
         own[one.vehicle].append(one)
     summaries = []
     for vehicle, theirs in own.items():
         bad = [one for one in theirs if one.error or one.faults]
-        findings = tuple(one for own_kind in found for one in own_kind.get(vehicle, ()))
+        findings = tuple(one for of_kind in found for one in of_kind.vehicles.get(vehicle, ()))
+        told = [*findings, *shared[vehicle]]
+        known = {effect for one in told for effect in (one.effect, *one.rivals)}
         reasons = dict.fromkeys(one.error or one.faults[0] for one in bad)
         score = sum(map(_cost, findings)) + FAILED_COST * len(bad) / len(theirs)
         causes = dict(Counter(cause for one in theirs for cause in one.causes).most_common())
         summaries.append(
-            VehicleSummary(vehicle, score, findings, len(theirs), len(bad), tuple(reasons), causes)
-        )
+            VehicleSummary(
+                vehicle, score, findings, len(theirs), len(bad), tuple(reasons), causes,
+                tuple(effect for effect in causes if effect not in known),
+            )
+        )  # fmt: skip
     return tuple(sorted(summaries, key=_place))
 
 
@@ -169,11 +175,11 @@ def _notes(kind: Kind, diagnosed: Sequence[UnitEvidence]) -> list[str]:
             f"{kind.vehicles}, so no effect is called that of a vehicle: the diagnosis of each "
             "unit stands alone."
         )
-    without = sum(not one.error for one in units) - len(diagnosed)
-    if without > 0:
+    without = sum(not (one.error or one.has_effects) for one in units)
+    if without:
         notes.append(
-            f"{without} units were worked through and have no evidence on effects: too short, "
-            "or slip and adhesion hardly vary."
+            f"No effect can be told from {counted(without, 'unit')}: too short, or slip and "
+            "adhesion hardly vary."
         )
     for scope, places in (
         ("line", [one.line for one in diagnosed]),

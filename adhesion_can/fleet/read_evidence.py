@@ -34,7 +34,12 @@ _OF_UNITS = (
 
 
 def read_evidence(data: DataSet) -> list[UnitEvidence]:
-    """Evidence of all units of a data set, in the order of their ids."""
+    """Evidence of all units of a data set, in the order of their ids.
+
+    Raises:
+        InputError: The data set cannot be read.
+
+    """
     # Not their rows, which are four times as large: there may be many units.
     units = {
         row["unit_id"]: unit_evidence(row)

@@ -7,7 +7,7 @@ from math import isfinite
 from statistics import median
 from typing import Any
 
-from adhesion_can.calibration.fit import Calibration
+from adhesion_can.calibration.fit import AxleRadius, Calibration
 from adhesion_can.diagnosis.result import Cause, Diagnosis
 from adhesion_can.estimation.batch_fit import BatchResult
 from adhesion_can.fleet.calibrated_radii import AppliedRadii
@@ -54,23 +54,27 @@ def check_fields(result: CheckResult | TableCheck, problems: Sequence[str] = ())
 
 
 def calibration_fields(result: Calibration, applied: AppliedRadii) -> Row:
-    """Columns of `calibrate`, a radius an axle; none at an axle that does not coast.
+    """Columns of `calibrate`: lists by axle from 1, whose values are None at an axle without any.
 
     Args:
         result: Result of the calibration.
         applied: Radii that the later steps work with.
 
     """
-    found = [axle.estimate for axle in result.axles]
+    axles = {one.axle: one for one in result.axles}
+
+    def listed(value: Callable[[AxleRadius], float | None]) -> list[float | None]:
+        """A value of each axle; of axles without a wheel speed there is none."""
+        places = range(1, max(axles, default=0) + 1)
+        return [number(value(axles[axle])) if axle in axles else None for axle in places]
+
     return {
-        "wheel_radii_m": [None if one is None else number(one.value) for one in found],
-        "wheel_radii_std_m": [None if one is None else number(one.std) for one in found],
-        "wheel_radii_configured_m": [axle.configured for axle in result.axles],
-        "coasting_s": [axle.coasting_s for axle in result.axles],
+        "wheel_radii_m": listed(lambda one: None if one.estimate is None else one.estimate.value),
+        "wheel_radii_std_m": listed(lambda one: None if one.estimate is None else one.estimate.std),
+        "wheel_radii_configured_m": listed(lambda one: one.configured),
+        "coasting_s": listed(lambda one: one.coasting_s),
         "wheel_radii_applied": bool(applied.ratio),
-        "wheel_radii_used_m": [
-            axle.configured * applied.ratio.get(axle.axle, 1.0) for axle in result.axles
-        ],
+        "wheel_radii_used_m": listed(lambda one: one.configured * applied.ratio.get(one.axle, 1.0)),
         "wheel_radii_note": applied.note or None,
         "speed_offset_mps": None if result.offset is None else number(result.offset.value),
     }

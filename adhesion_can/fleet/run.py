@@ -38,8 +38,8 @@ def run_fleet(
 ) -> Iterator[Outcome]:
     """Outcomes of units, in the order in which they end.
 
-    At most `IN_FLIGHT` units a worker are
-    with the scheduler, so its memory does not grow with their number.
+    At most `IN_FLIGHT` units a worker are with the scheduler, so that its memory does not grow with
+    their number.
 
     Args:
         client: Client of a cluster, whose workers are ready.

@@ -26,6 +26,14 @@ POSITION = (
     Column("longitude_deg", "double", "longitude, WGS 84; none where it is not known", "deg"),
 )
 """Position of a row."""
+SIZED_EFFECT = (
+    Column("effect", "string", "id of the effect", required=True),
+    Column("form", "string", "form of the mechanism; empty where there is only one", required=True),
+    Column("axle", "int", "axle of an effect at one axle; 0 for the others", required=True),
+    Column("parameter", "string", "name of its first parameter, the size", required=True),
+    Column("unit", "string", "unit of the size", required=True),
+)
+"""Effect that a row has a size of: what tells it from the other effects of a unit or fleet."""
 
 
 def status_column(status: Status) -> str:
@@ -184,12 +192,7 @@ EFFECTS = TableSchema(
     (
         *PLACE,
         Column("place", "int", "place of the effect in the unit's matrices, from 0", required=True),
-        Column("effect", "string", "id of the effect", required=True),
-        Column("form", "string", "form of the mechanism; empty where there is only one",
-               required=True),
-        Column("axle", "int", "axle of an effect at one axle; 0 for the others", required=True),
-        Column("parameter", "string", "name of its first parameter, the size", required=True),
-        Column("unit", "string", "unit of the size", required=True),
+        *SIZED_EFFECT,
         Column("typical", "double", "typical size in `unit`", required=True),
         Column("value", "double", "size where it alone is added to the curves, in `unit`; none "
                "where the curves imitate all of it"),

@@ -7,16 +7,8 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.effect_grams import EffectKey
-from adhesion_can.fleet.compare_vehicles import (
-    VehicleComparison,
-    compare_vehicles,
-    discoveries,
-)
-from adhesion_can.fleet.effect_sizes import (
-    EffectSizes,
-    held_out_gain,
-    rmse_percent,
-)
+from adhesion_can.fleet.compare_vehicles import VehicleComparison, compare_vehicles, discoveries
+from adhesion_can.fleet.effect_sizes import EffectSizes, held_out_gain, rmse_percent
 from adhesion_can.fleet.evidence import UnitEvidence
 from adhesion_can.fleet.findings import Finding, Scope
 from adhesion_can.fleet.settings import FleetSettings
@@ -31,6 +23,9 @@ regression is linear in the sizes, and what it leaves of a large first effect mu
 ALIKE = 0.2
 """Spread of all axles' deviations, relative to their mean, below which the speed is wrong."""
 RADIUS = (WheelRadius().id, "error", "1")
+"""Effect id, parameter and unit of a wheel radius that is not the configured one."""
+SPEED = SpeedScale().id
+"""Effect id of a vehicle speed that is off by a share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +38,8 @@ class VehicleStatistics:
         effects: Comparison of the effects' sizes.
         coasting: Evidence of the units with radii from coasting.
         axles: Axle numbers of the radii.
-        radii: Deviation of each radius from the configured one in each of these units.
+        radii: Deviation of each radius from the configured one, as a share of it, NaN where there
+            is none; shape (units with radii, axles).
         wheels: Comparison of the radii.
 
     """
@@ -278,9 +274,16 @@ def _wheel_findings(
     if len(found) == len(statistics.axles) > 1 and np.ptp(values) < ALIKE * abs(values.mean()):
         # The ratio of wheel and vehicle speed is all that counts: a speed that reads high by some
         # share makes all wheels look larger by it.
-        speed = replace(found[0], effect=SpeedScale().id, axle=0, value=float(values.mean()),
-                        rivals=(RADIUS[0],))  # fmt: skip
-        return [speed]
+        return [
+            replace(
+                found[0],
+                effect=SPEED,
+                axle=0,
+                value=float(values.mean()),
+                rivals=(RADIUS[0],),
+                named_by=sum(SPEED in statistics.coasting[i].causes for i in own),
+            )
+        ]
     return sorted(found, key=lambda one: -abs(one.value))
 
 

@@ -131,7 +131,7 @@ def work_on(task: Task) -> Outcome:
 
     """
     unit, kept = task.unit, task.kept
-    place, content, key = open_place(unit.path), None, None
+    place, content = open_place(unit.path), None
     analysis = Analysis()
     try:
         with place.fetched() as (path, content):

@@ -19,6 +19,7 @@ from adhesion_can.offline.scan import Scan, SignalRange, scan
 from adhesion_can.physics.readings import Role, role_name
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.plurals import counted
 
 RATE_TOLERANCE = 0.1
 """Largest share by which a message's mean cycle may differ from its nominal one."""
@@ -178,11 +179,11 @@ def _check_messages(result: CheckResult) -> None:
         for reason, count in record.rejected.items():
             result.failures.append(f"{name}: {count} of {record.frames} frames rejected: {reason}")
         if record.lost:
-            result.failures.append(f"{name}: {record.lost} frames lost by its counter")
+            result.failures.append(f"{name}: {counted(record.lost, 'frame')} lost by its counter")
         if record.late:
             at = (record.gap_at_us or 0) / 1e6
             result.failures.append(
-                f"{name}: {record.late} gaps of more than three cycles, the longest "
+                f"{name}: {counted(record.late, 'gap')} of more than three cycles, the longest "
                 f"{record.longest_gap_us / 1e3:.0f} ms at {at:.3f} s"
             )
         cycle, nominal = mean_cycle_ms(record), record.message.cycle_us
@@ -197,7 +198,7 @@ def _check_messages(result: CheckResult) -> None:
             )
     if result.clamped:
         result.failures.append(
-            f"{result.clamped} frames are stamped before the one in front of them"
+            f"{counted(result.clamped, 'frame')} stamped before the one in front"
         )
 
 

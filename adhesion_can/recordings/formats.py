@@ -78,7 +78,7 @@ def require_text_name(path: Path, where: str) -> None:
     if path.suffix.lower() == ".zst":
         raise InputError(where, "candump text is packed as .gz alone", f"name it {path.stem}.gz")
     if suffix in PYTHON_CAN:
-        text = path.name[: path.name.lower().index(suffix)] + CANDUMP
+        text = path.name[: path.name.lower().rindex(suffix)] + CANDUMP
         mend = f"name it {text}, and let 'can_logconvert {text} {path.name}' make the other"
         raise InputError(where, "candump text is what is written, not that format", mend)
 

@@ -92,7 +92,16 @@ class FrameCounter:
 
 
 def join_blocks(found: Iterator[tuple[Block, int]], most: int) -> Iterator[tuple[Block, int]]:
-    """Blocks joined, at most `most` of them, each with the position of the last one in it."""
+    """Blocks joined, each with the position of the last one in it.
+
+    Args:
+        found: Blocks with their positions in the file, bytes.
+        most: Largest number of blocks that are joined.
+
+    Raises:
+        RecordingError: That of `found`; the blocks in front of it are given first.
+
+    """
     waiting: list[Block] = []
     position = 0
     try:

@@ -4,6 +4,8 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from adhesion_can.errors import RecordingError
+from adhesion_can.plurals import counted
 from adhesion_can.recordings.recording import Recording
 
 NO_FRAME_MEND = "is it a recording of a bus, as 'candump -L' makes one?"
@@ -18,14 +20,14 @@ def distinct_names(paths: Sequence[Path]) -> list[str]:
 
 def describe_problems(
     recordings: Sequence[Recording],
-    backwards: str = "were taken at that one's time",
+    backwards: str = "taken at that one's time",
     names: Sequence[str] | None = None,
 ) -> list[str]:
     """Sentences about lines that were passed over.
 
     Args:
         recordings: Recordings that were read to their end.
-        backwards: Clause on what was done with frames stamped before the one in front of them.
+        backwards: What was done with frames that are stamped before the one in front of them.
         names: Names of the recordings for the sentences; None: by their paths.
 
     """
@@ -35,10 +37,8 @@ def describe_problems(
         report = recording.report
         found += [f"{name}: {note}" for note in report.notes]
         if report.backwards:
-            found.append(
-                f"{name}: {report.backwards} frames are stamped before the one in "
-                f"front of them, and {backwards}"
-            )
+            count = counted(report.backwards, "frame")
+            found.append(f"{name}: {count} stamped before the one in front, {backwards}")
         if report.passed_over:
             kinds = ", ".join(
                 f"{report.kinds[kind]} {kind}"
@@ -46,5 +46,20 @@ def describe_problems(
                 if report.kinds[kind]
             )
             lines = ", ".join(map(str, report.bad_lines[:5]))
-            found.append(f"{name}: lines passed over: {kinds} (line {lines}, ..)")
+            where = f" (line {lines}, ..)" if lines else ""  # the end of a packed file has none
+            found.append(f"{name}: lines passed over: {kinds}{where}")
     return found
+
+
+def no_frame_error(
+    recordings: Sequence[Recording], what: str = "not one frame in it"
+) -> RecordingError:
+    """Error for recordings without a frame, with what was passed over: the file may be cut.
+
+    Args:
+        recordings: Recordings that were read to their end.
+        what: What is missing.
+
+    """
+    where = ", ".join(str(recording.path) for recording in recordings)
+    return RecordingError(where, "; ".join([what, *describe_problems(recordings)]), NO_FRAME_MEND)

@@ -8,7 +8,7 @@ from pathlib import Path
 import can
 
 from adhesion_can.bus.block import Block
-from adhesion_can.bus.frame import MAX_PAYLOAD, Frame, Mark, to_us
+from adhesion_can.bus.frame import MAX_PAYLOAD, Frame, Mark
 from adhesion_can.errors import RecordingError
 from adhesion_can.files import file_sha256
 from adhesion_can.recordings.candump import (
@@ -24,6 +24,7 @@ from adhesion_can.recordings.candump_columns.parse import read_chunks
 from adhesion_can.recordings.candump_columns.text_source import LINE_LIMIT, Packing, TextSource
 from adhesion_can.recordings.formats import CANDUMP, COLUMNS, HEAD, detect_format
 from adhesion_can.recordings.frame_rows import join_blocks
+from adhesion_can.recordings.python_can_messages import from_message
 from adhesion_can.recordings.reader_losses import collect_python_can_warnings
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
@@ -274,34 +275,3 @@ def _position(reader: can.io.generic.MessageReader | None) -> int:
     for inner in ("buffer", "fileobj"):  # of text, of gzip
         file = getattr(file, inner, file)
     return file.tell() if file and not file.closed else 0
-
-
-def from_message(message: can.Message) -> Frame:
-    """python-can's message as a frame."""
-    channel = message.channel
-    name = "" if channel is None else str(channel)
-    return Frame(
-        t_us=to_us(message.timestamp),
-        arbitration_id=message.arbitration_id,
-        data=b"" if message.is_error_frame or message.is_remote_frame else bytes(message.data),
-        channel=f"can{name}" if name.isdigit() else name,
-        is_extended=message.is_extended_id and not message.is_error_frame,
-        is_fd=message.is_fd,
-        is_remote=message.is_remote_frame,
-        is_error=message.is_error_frame,
-    )
-
-
-def to_message(frame: Frame) -> can.Message:
-    """A frame as python-can's message."""
-    return can.Message(
-        timestamp=frame.t_us / 1e6,
-        arbitration_id=frame.arbitration_id,
-        data=frame.data,
-        is_extended_id=frame.is_extended,
-        is_remote_frame=frame.is_remote,
-        is_error_frame=frame.is_error,
-        is_fd=frame.is_fd,
-        is_rx=False,
-        check=False,
-    )

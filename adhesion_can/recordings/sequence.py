@@ -10,6 +10,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.candump import ReadReport
+from adhesion_can.recordings.problems import no_frame_error
 from adhesion_can.recordings.recording import Recording
 
 STRAY_US = 60_000_000
@@ -103,7 +104,8 @@ def in_sequence(recordings: Sequence[Recording]) -> Iterator[Frame | Mark]:
     """Recordings one after another.
 
     Raises:
-        RecordingError: A recording begins before the one in front of it ended.
+        RecordingError: A recording begins before the one in front of it ended, or there is not one
+            frame in any of them.
 
     """
     last = None
@@ -115,13 +117,16 @@ def in_sequence(recordings: Sequence[Recording]) -> Iterator[Frame | Mark]:
             begins = False
             last = item.t_us if last is None else max(last, item.t_us)
             yield item
+    if recordings and last is None:
+        raise no_frame_error(recordings)
 
 
 def blocks_in_sequence(recordings: Sequence[Recording]) -> Iterator[Block]:
     """Recordings one after another, in blocks.
 
     Raises:
-        RecordingError: A recording begins before the one in front of it ended.
+        RecordingError: A recording begins before the one in front of it ended, or there is not one
+            frame in any of them.
 
     """
     last: int | None = None
@@ -135,6 +140,8 @@ def blocks_in_sequence(recordings: Sequence[Recording]) -> Iterator[Block]:
             latest = int(t_us.max())
             last = latest if last is None else max(last, latest)
             yield block
+    if recordings and last is None:
+        raise no_frame_error(recordings)
 
 
 def _out_of_order(recording: Recording) -> RecordingError:

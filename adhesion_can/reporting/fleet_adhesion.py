@@ -50,7 +50,7 @@ def adhesion_parts(estimates: "Sequence[PlaceEstimate]") -> list[Part]:
         )
         for one in sorted(estimates, key=lambda one: one.median)[:MOST_ROWS]
     ]
-    left = left_out(len(estimates), MOST_ROWS, "lines and days")
+    left = left_out(len(estimates), MOST_ROWS, "pair of line and day")
     columns = ("line", "day", "μ_max", "middle half", "segments", "vehicles")
     caption = "Median of μ_max over the segments of a line and day, the lowest first."
     note = f"Segments whose μ_max is known within 10 %. {left}"
@@ -85,9 +85,7 @@ def _by_day(by_line: "Mapping[str, Sequence[PlaceEstimate]]", lines: int) -> Fig
                          "dash": "solid" if number < len(COLOURS) else "dot"},
             }
         )  # fmt: skip
-    left = f" {lines - len(by_line)} lines with fewer segments are left out." * (
-        lines > len(by_line)
-    )
+    left = f" Lines left out, with fewer segments: {lines - len(by_line)}." * (lines > len(by_line))
     caption = (
         "Largest adhesion μ_max by day: median of the segments of a line, with the middle half as "
         f"a bar.{left}"

@@ -4,11 +4,11 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from adhesion_can.plurals import counted
 from adhesion_can.reporting.fleet_adhesion import adhesion_parts, map_parts
 from adhesion_can.reporting.fleet_vehicles import named_alone, vehicle_parts
 from adhesion_can.reporting.fleet_words import (
     MOST_ROWS,
-    count_recordings,
     format_gain,
     format_size,
     left_out,
@@ -57,8 +57,8 @@ def _lead(overview: "FleetOverview") -> str:
     )
     own = f" Each by itself: {verdicts}." if verdicts else ""
     return (
-        f"{found.units} recordings of {len(found.vehicles)} vehicles; {found.diagnosed} of them "
-        f"have evidence on effects.{own}"
+        f"{counted(found.units, 'recording')} of {counted(len(found.vehicles), 'vehicle')}, "
+        f"{found.diagnosed} with evidence on effects.{own}"
     )
 
 
@@ -70,13 +70,14 @@ def _verdict(overview: "FleetOverview") -> list[str]:
         counts = Counter(one.findings[0].effect for one in named)
         causes = ", ".join(f"{name} {count}" for name, count in counts.most_common(6))
         lines.append(
-            f"{len(named)} of {len(found.vehicles)} vehicles differ from the others: {causes}."
+            f"{len(named)} of {counted(len(found.vehicles), 'vehicle')} "
+            f"{'differs' if len(named) == 1 else 'differ'} from the others: {causes}."
         )
     elif found.compared:
         lines.append("No vehicle differs from the others by more than chance and matters.")
     for kind in found.kinds:
         if kind.vehicles and not kind.compared:
-            what = "1 vehicle is" if kind.vehicles == 1 else f"{kind.vehicles} vehicles are"
+            what = f"{counted(kind.vehicles, 'vehicle')} {'is' if kind.vehicles == 1 else 'are'}"
             of = f" ({kind.name})" if kind.name else ""
             lines.append(f"{what} too few to be compared with each other{of}.")
     if found.named_alone:
@@ -84,14 +85,14 @@ def _verdict(overview: "FleetOverview") -> list[str]:
         shown = "; ".join(named_alone(one, effect) for one, effect in found.named_alone[:3])
         more = f"; and {len(found.named_alone) - 3} more" * (len(found.named_alone) > 3)
         lines.append(
-            f"Recordings of {count} vehicle{'s' * (count > 1)} name a cause by themselves, which "
+            f"Recordings of {counted(count, 'vehicle')} name a cause by themselves, which "
             f"no comparison confirms: {shown}{more}."
         )
     lines += [f"{owner(one)}: {one.name}, {format_size(one)}." for one in found.shared[:5]]
     if not found.shared:
         lines.append("Nothing was found that all vehicles, a line or a day share.")
     if overview.failed:
-        lines.append(f"{overview.failed} of {found.units} recordings failed.")
+        lines.append(f"{overview.failed} of {counted(found.units, 'recording')} failed.")
     return lines
 
 
@@ -108,7 +109,7 @@ def _shared(found: "FleetDiagnosis") -> list[Part]:
     note = (
         "An effect of all vehicles belongs to the model; one of a line or a day shows on whatever "
         f"vehicle was there. The probability of any wrong row is {100 * found.alpha:g} % for each "
-        "of the three. " + left_out(len(found.shared), MOST_ROWS, "findings")
+        "of the three. " + left_out(len(found.shared), MOST_ROWS, "finding")
     )
     caption = "Effects that several vehicles share."
     return [Table(caption, SHARED_COLUMNS, rows, note, sentence_columns=(1,))]
@@ -119,17 +120,16 @@ def _failures(overview: "FleetOverview") -> list[Part]:
         return [Text("No recording failed.")]
     counts = Counter(_reason(one.reason) for one in overview.failures)
     rows = [(one.unit, one.vehicle, one.reason) for one in overview.failures[:MOST_ROWS]]
-    note = left_out(overview.failed, MOST_ROWS, "recordings").replace(
-        "fleet.json", "the table units"
-    )
+    note = left_out(overview.failed, MOST_ROWS, "recording", "the table units")
     caption = "Recordings that failed, with the reason."
     kinds = "; ".join(f"{reason}: {count}" for reason, count in counts.most_common(5))
     return [
-        Text(f"{count_recordings(overview.failed)} failed. The reasons met most: {kinds}."),
+        Text(f"{counted(overview.failed, 'recording')} failed. The reasons met most: {kinds}."),
         Table(caption, ("recording", "vehicle", "reason"), rows, note, sentence_columns=(0, 1, 2)),
     ]
 
 
 def _reason(reason: str) -> str:
-    """A reason without the name of the file, which begins it."""
-    return reason.split(": ", 1)[-1][:120]
+    """A reason without the path or URL of the file, with which most begin."""
+    where, _, rest = reason.partition(": ")
+    return (rest if "/" in where else reason)[:120]

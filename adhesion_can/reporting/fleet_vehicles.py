@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
+from adhesion_can.plurals import counted
 from adhesion_can.reporting.fleet_words import (
     MOST_ROWS,
-    count_recordings,
     format_gain,
     format_size,
     left_out,
@@ -49,7 +49,7 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
             "the adhesion on the vehicle's recordings that had no part in the size; units: those "
             "that show it by themselves. A radius comes from coasting. At most "
             f"{100 * found.false_discovery_rate:g} % of such vehicles are expected to be wrong. "
-            + left_out(len(named), MOST_VEHICLES, "vehicles")
+            + left_out(len(named), MOST_VEHICLES, "vehicle")
         )
         caption = "Vehicles that differ from the others, the worst first."
         parts.append(Table(caption, VEHICLE_COLUMNS, rows, note, sentence_columns=(1, 6)))
@@ -64,7 +64,7 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
         note = (
             "Each recording was diagnosed by itself; what several of a vehicle agree on is likely "
             "there, one among many may be chance. Sizes are in the table causes. "
-            + left_out(len(alone), MOST_ROWS, "of them")
+            + left_out(len(alone), MOST_ROWS, "cause")
         )
         caption = "Causes that recordings name by themselves, and no comparison of vehicles."
         columns = ("vehicle", "cause", "recordings")
@@ -76,13 +76,13 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
             (one.vehicle, f"{one.failed} of {one.units}", one.reasons[0] if one.reasons else "-")
             for one in failing[:MOST_ROWS]
         ]
-        note = left_out(len(failing), MOST_ROWS, "vehicles")
+        note = left_out(len(failing), MOST_ROWS, "vehicle")
         caption = "Vehicles without a finding whose recordings failed or cannot be used."
         columns = ("vehicle", "recordings", "reason")
         parts.append(Table(caption, columns, failures, note, sentence_columns=(2,)))
     told = {one.vehicle for one in [*named, *failing]} | by_themselves
     clean = len(found.vehicles) - len(told)
-    if clean:
+    if clean and told:
         what = "the other vehicle" if clean == 1 else f"the other {clean} vehicles"
         parts.append(Text(f"Nothing is named on {what}."))
     return parts + _kinds(found)
@@ -100,7 +100,7 @@ def _kinds(found: "FleetDiagnosis") -> list[Part]:
         "Vehicles are of one kind where their data have the same form (recordings or TABLEs, "
         "number of axles, configured vehicle but for its wheel radii) and tell the same effects. "
         f"A kind is compared from {found.least_vehicles} vehicles on. "
-        + left_out(len(found.kinds), MOST_ROWS, "kinds")
+        + left_out(len(found.kinds), MOST_ROWS, "kind")
     )
     caption = "Kinds of vehicles: each vehicle is compared with those of its kind alone."
     columns = ("kind", "vehicles", "units", "compared")
@@ -113,4 +113,4 @@ def _numbered(findings: "Sequence[Finding]") -> "list[tuple[bool, Finding]]":
 
 def named_alone(one: "VehicleSummary", effect: str) -> str:
     """A cause that recordings of a vehicle name by themselves."""
-    return f"{one.vehicle}: {effect}, {one.causes[effect]} of {count_recordings(one.units)}"
+    return f"{one.vehicle}: {effect}, {one.causes[effect]} of {counted(one.units, 'recording')}"

@@ -6,6 +6,7 @@ import numpy as np
 
 from adhesion_can.physics.effects.speed_scale import SpeedScale
 from adhesion_can.physics.effects.wheel_radius import WheelRadius
+from adhesion_can.plurals import counted
 
 if TYPE_CHECKING:
     from adhesion_can.fleet.findings import Finding
@@ -47,11 +48,17 @@ def format_gain(finding: "Finding") -> str:
     return f"{finding.gain_percent:.1f}{'' if finding.held_out else ' (same rows)'}"
 
 
-def left_out(count: int, shown: int, what: str) -> str:
-    """Sentence on the rows that a table does not show; '' where it shows all."""
-    return f"{count - shown} further {what} are not shown; all are in fleet.json." * (count > shown)
+def left_out(count: int, shown: int, noun: str, where: str = "fleet.json") -> str:
+    """Sentence on the rows that a table does not show; '' where it shows all.
 
+    Args:
+        count: Number of rows that there are.
+        shown: Largest number of rows that the table shows.
+        noun: What a row is, in singular.
+        where: Where all of them are.
 
-def count_recordings(count: int) -> str:
-    """Number of recordings in words."""
-    return f"{count} recording{'s' * (count != 1)}"
+    """
+    if count <= shown:
+        return ""
+    more = counted(count - shown, f"further {noun}")
+    return f"{more} {'is' if count - shown == 1 else 'are'} not shown; all are in {where}."

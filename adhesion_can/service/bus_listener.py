@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.bus.j1939 import IdFilter
-from adhesion_can.recordings.recording import from_message
+from adhesion_can.recordings.python_can_messages import from_message
 from adhesion_can.service.live import start_clock
 from adhesion_can.service.receive_queue import Received, ReceiveQueue
 from adhesion_can.service.reconnecting_bus import ReconnectingBus

@@ -16,7 +16,7 @@ import numpy as np
 from adhesion_can.bus.e2e import COUNTS
 from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, STOP, Frame, Mark, to_us
 from adhesion_can.recordings.candump import format_frame, format_mark
-from adhesion_can.recordings.recording import from_message, to_message
+from adhesion_can.recordings.python_can_messages import from_message, to_message
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.echoes import EchoFilter
 from adhesion_can.service.lateness import Lateness

@@ -10,7 +10,8 @@ import pytest
 
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.cli.main import main
-from adhesion_can.recordings.recording import Recording, from_message, to_message
+from adhesion_can.recordings.python_can_messages import from_message, to_message
+from adhesion_can.recordings.recording import Recording
 from adhesion_can.service.live import LiveService
 from tests.wire import decoded, seal_ok
 

@@ -22,7 +22,7 @@ def test_three_parties_pull_on_one_bus_as_printed(tmp_path):
 
 def bench(folder):
     """The bench of docs/creep_control.md: the motors follow the controller, and it pulls."""
-    from adhesion_can.recordings.recording import from_message
+    from adhesion_can.recordings.python_can_messages import from_message
     from tests.wire import decoded, seal_ok
 
     run, control, simulate = bench_lines("control", PAGE)

@@ -1,6 +1,7 @@
 """What a person is likely to type wrongly, and the one line that comes: where, what, the mend."""
 
 import csv
+import gzip
 import re
 
 import can
@@ -9,7 +10,7 @@ import pytest
 from adhesion_can.bus.database import packaged_path
 from adhesion_can.cli.main import main
 from adhesion_can.recordings.candump import parse_line
-from adhesion_can.recordings.recording import to_message
+from adhesion_can.recordings.python_can_messages import to_message
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +25,10 @@ def folder(tmp_path_factory):
         for line in text.splitlines(keepends=True):
             writer(to_message(parse_line(line.encode())))
     (folder / "was.asc").rename(folder / "asc.log")
+    with can.BLFWriter(folder / "cut.blf") as writer:
+        writer(to_message(parse_line(text.splitlines()[0].encode())))
+    (folder / "cut.blf").write_bytes((folder / "cut.blf").read_bytes()[:150])
+    (folder / "cut.log.gz").write_bytes(gzip.compress(text.encode())[:40])
     (folder / "log.asc").write_text(text)
     (folder / "empty.log").write_text("")
     (folder / "empty.csv").write_text("")
@@ -69,6 +74,12 @@ REFUSED = {
     "replay nowhere.log": "nowhere.log: No such file or directory; check the path",
     "replay folder.log": "folder.log: Is a directory; check the path",
     "replay empty.log": "empty.log: not one frame in it; is it a recording of a bus",
+    "replay cut.log.gz": "cut.log.gz: not one frame in it; cut.log.gz: the compressed file ends",
+    "replay cut.log.gz --realtime": "not one frame in it; cut.log.gz: the compressed file ends",
+    "check cut.log.gz": "not one frame in it; cut.log.gz: the compressed file ends early",
+    "diagnose cut.log.gz": "not one frame in it; cut.log.gz: the compressed file ends early",
+    "check cut.blf": "cut.blf: not one frame in it; cut.blf: the file is cut: it has 150 of the",
+    "convert cut.blf --out x.csv": "no data frame in it; cut.blf: the file is cut: it has 150 of",
     "identify empty.csv": "empty.csv: a .csv with neither a 'slip' column",
     "replay asc.log": "a .asc file by its content, and not what its name says; name it .asc",
     "replay log.asc": "candump text by its content, and not what its name says; name it .log",
@@ -119,7 +130,7 @@ def test_check_names_the_wrong_unit(folder, monkeypatch, capsys, typed):
     main(typed.split())
     said = capsys.readouterr().out
     assert FOUND[typed] in said
-    assert "gaps of more than three cycles" not in said
+    assert "of more than three cycles" not in said
     assert "opposite signs" not in said
 
 

@@ -22,7 +22,8 @@ from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
 from adhesion_can.monitoring.snapshot import Kind, MessageState, Origin
 from adhesion_can.physics.status import Status
-from adhesion_can.recordings.recording import Recording, to_message
+from adhesion_can.recordings.python_can_messages import to_message
+from adhesion_can.recordings.recording import Recording
 from adhesion_can.service.bus_listener import EVERY_ID, BusListener
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.reconnecting_bus import ReconnectingBus

@@ -66,7 +66,7 @@ def bench(folder):
     points = [m for m in messages if m.arbitration_id == 0x201]
     # Some 1000 in the 20 s; on a busy machine the logger loses datagrams, which UDP allows.
     assert len(points) > 200
-    from adhesion_can.recordings.recording import from_message
+    from adhesion_can.recordings.python_can_messages import from_message
 
     assert all(seal_ok(from_message(m)) for m in points)
     statuses = [str(decoded(from_message(m))["Status"]) for m in points]

@@ -10,7 +10,7 @@ import zstandard
 
 from adhesion_can.cli.main import main
 from adhesion_can.recordings.candump import format_frame
-from adhesion_can.recordings.recording import to_message
+from adhesion_can.recordings.python_can_messages import to_message
 from tests.wire import Bench
 
 FRAMES = list(Bench().drive(10**12, 10**12 + 3_000_000))
@@ -126,3 +126,12 @@ def test_every_format_gives_the_same_columns(suffix, tmp_path):
             ]
     assert rows[f"a{suffix}"] == rows["a.log"]
     assert len(rows["a.log"]) == 300
+
+
+def test_a_packed_file_that_is_cut_names_no_line(tmp_path, capsys):
+    whole = gzip.compress(WHOLE.encode())
+    (tmp_path / "a.log.gz").write_bytes(whole[: len(whole) * 2 // 3])
+    main(["replay", str(tmp_path / "a.log.gz")])
+    out = capsys.readouterr().out
+    assert "a.log.gz: the compressed file ends early" in out
+    assert "(line , ..)" not in out

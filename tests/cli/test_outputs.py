@@ -87,6 +87,7 @@ REFUSED = [
     ("run -i virtual -c x --log c.toml --config c.toml", INPUT),
     ("run -i virtual -c x --log a --state a", "is the file of --log too"),
     ("simulate --scenario dry --log a.BLF", "name it a.log, and let 'can_logconvert a.log a.BLF'"),
+    ("simulate --scenario dry --log a.db.b.db", "name it a.db.b.log, and let"),
     ("run -i virtual -c x --log a.csv.gz", "candump text is what is written"),
     ("replay drive.log --frames a.asc", "candump text is what is written"),
     ("replay drive.log --frames a.log.zst", "is packed as .gz alone; name it a.log.gz"),

@@ -12,7 +12,7 @@ import can
 import pytest
 
 from adhesion_can.cli.main import main
-from adhesion_can.recordings.recording import to_message
+from adhesion_can.recordings.python_can_messages import to_message
 from tests.terminals import Terminal
 from tests.wire import Bench
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adhesion_can.cli.main import _compilation_told
 from adhesion_can.estimation.tracker import kernels
 from adhesion_can.estimation.tracker.kernels import SWITCH, choose, plain
 from adhesion_can.estimation.tracker.tracker import Tracker
@@ -139,3 +140,22 @@ def test_nothing_is_compiled_with_the_switch():
         check=True,
     )
     assert told.stdout.strip() == "False"
+
+
+@pytest.mark.parametrize(
+    ("hits", "wanted", "said"),
+    [(0, True, True), (0, None, False), (0, False, False), (1, True, False)],
+)
+def test_the_first_compilation_is_told_once_where_somebody_looks(
+    monkeypatch, capsys, hits, wanted, said
+):
+    from adhesion_can.estimation.tracker.kernels import jit
+
+    made = SimpleNamespace(stats=SimpleNamespace(cache_hits={"a": 1} if hits else {}))
+    monkeypatch.setattr(jit.numba, "njit", lambda *_, **__: lambda _: made)
+    jit._log_compilation.cache_clear()
+    with _compilation_told("replay", wanted=wanted):
+        for _ in range(2):
+            jit.compiled(lambda *_: None)(len)
+    err = capsys.readouterr().err
+    assert err.count("\n") == err.count("adhesion-can replay: compiling the estimator") == said

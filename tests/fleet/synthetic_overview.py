@@ -8,7 +8,9 @@ from adhesion_can.fleet.overview import summarise_fleet
 from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
 from tests.fleet.synthetic_units import SIZE, Fleet
 
-FAILED = "L{:03d}.log: holds no known frame (check the database, or the bus of the recording)"
+FAILED = (
+    "/drives/L{:03d}.log: holds no known frame (check the database, or the bus of the recording)"
+)
 
 
 def synthetic_overview(vehicles=30, *, drives=2, positions=True):

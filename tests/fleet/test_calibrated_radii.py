@@ -12,6 +12,9 @@ from adhesion_can.config.calibrated_radii import rim_axles, with_radii
 from adhesion_can.files import file_sha256
 from adhesion_can.fleet.analysis import analyse
 from adhesion_can.fleet.calibrated_radii import choose_radii
+from adhesion_can.fleet.read_evidence import unit_evidence
+from adhesion_can.fleet.rows import calibration_fields
+from adhesion_can.fleet.schema import UNITS
 from adhesion_can.physics.readings import Role
 from tests.worlds.fleet import HIDDEN, WEAR, FleetDrive, write_drive
 from tests.worlds.hidden import Hidden
@@ -64,6 +67,21 @@ def test_a_doubtful_axle_does_not_keep_a_certain_one_from_being_applied():
     chosen = choose_radii(replace(found, axles=(found.axles[0], doubtful)))
     assert set(chosen.ratio) == {1}
     assert chosen.note.startswith("axle 2 -1.20 % ± 0.20 %: not certain")
+
+
+def test_radii_stand_at_the_places_of_their_axles():
+    """Of a vehicle whose second axle has no wheel speed."""
+    found = calibration(0.001, -0.012, 0.0)
+    axles = (found.axles[0], replace(found.axles[1], axle=3),
+             AxleRadius(4, 0.6, None, 1.0, 0))  # fmt: skip
+    found = replace(found, axles=axles)
+    fields = calibration_fields(found, choose_radii(found))
+    assert fields["wheel_radii_m"] == pytest.approx([0.6006, None, 0.5928, None])
+    assert fields["wheel_radii_used_m"] == pytest.approx([0.6, None, 0.5928, 0.6])
+    assert fields["coasting_s"] == [20.0, None, 20.0, 1.0]
+    row = dict.fromkeys(column.name for column in UNITS.columns) | fields
+    radii = unit_evidence({**row, "vehicle": "a"}).radii
+    assert [one.axle for one in radii] == [1, 3]
 
 
 def test_rates_of_radii_that_are_applied_by_chance():

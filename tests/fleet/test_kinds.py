@@ -122,3 +122,27 @@ def test_axles_are_counted_in_the_data(tmp_path, drives, axles):
     path.write_text("\n".join([head, *rows]))
     found = analyse(path, "x", file_sha256(path), config, ("check",)).fields
     assert found["axles"] == (axles or 1)
+
+
+def test_kinds_of_the_same_vehicles_have_names_of_their_own():
+    """Units before and after a change of the configured vehicle, in one data set."""
+    before = Fleet(6, form=LOCOMOTIVE).draw(1)
+    after = [
+        replace(one, unit=f"n{one.unit}")
+        for one in Fleet(6, form=LOCOMOTIVE._replace(vehicle_data="b")).draw(2)
+    ]
+    result = diagnose_fleet([*before, *after])
+    assert [one.name for one in result.kinds] == [
+        "recordings of 6 axles, such as V00",
+        "recordings of 6 axles, such as V00 (2)",
+    ]
+    assert len(result.spreads) == 2 * len(NAMES)
+
+
+def test_what_one_kind_shares_does_not_hide_what_recordings_of_another_name():
+    locomotives = Fleet(12, form=LOCOMOTIVE, everywhere={2: SIZE}).draw(1)
+    buses = renamed(Fleet(2, form=BUS).draw(2), "B")
+    units = [replace(one, causes=(NAMES[2],)) for one in [*locomotives, *buses]]
+    result = diagnose_fleet(units)
+    assert [f.effect for f in result.shared] == [NAMES[2]]
+    assert {one.vehicle for one, _ in result.named_alone} == {"BV00", "BV01"}

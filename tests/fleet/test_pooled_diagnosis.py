@@ -102,10 +102,14 @@ def test_a_speed_that_reads_high_is_not_six_worn_wheels():
     units = Fleet().draw(1)
     for place in (8, 9):
         radii = tuple(replace(one, value=one.value + 0.012) for one in units[place].radii)
-        units[place] = replace(units[place], radii=radii)
-    (finding,) = diagnose_fleet(units).named[0].findings
+        own = ("wheel_radius", "speed_scale") if place == 8 else ("wheel_radius",)
+        units[place] = replace(units[place], radii=radii, causes=own)
+    result = diagnose_fleet(units)
+    (finding,) = result.named[0].findings
     assert (finding.effect, finding.axle, finding.rivals) == ("speed_scale", 0, ("wheel_radius",))
     assert finding.value == pytest.approx(0.012, abs=1e-3)
+    assert finding.named_by == 1
+    assert result.named_alone == ()  # the radius is what the finding cannot be told from
 
 
 @pytest.mark.parametrize("vehicles", [0, 1, 2])
@@ -167,3 +171,11 @@ def test_what_a_comparison_confirms_is_not_told_twice():
     result = diagnose_fleet(units)
     assert result.named[0].vehicle == "V03"
     assert result.named_alone == ()
+
+
+def test_units_that_failed_at_a_step_do_not_hide_units_without_evidence():
+    units = Fleet(vehicles=6).draw(3)
+    units[0] = replace(units[0], grams=None)  # worked through, its radii alone are known
+    units[1] = replace(units[1], error="no coasting")  # failed at a step, its effects are known
+    notes = diagnose_fleet(units).notes
+    assert any(note.startswith("No effect can be told from 1 unit: ") for note in notes)

@@ -61,6 +61,18 @@ def test_an_output_that_cannot_be_written_is_said_before_the_work(tmp_path):
         require_workers(Answering((__version__, "")), None, str(tmp_path / "file" / "out"), None)
 
 
+def test_a_data_set_that_cannot_be_listed_is_an_error_with_the_mend(monkeypatch):
+    """Libraries of object stores raise errors that are no OSError."""
+    data = DataSet("memory://out")
+
+    def find(*_, **__):
+        raise RuntimeError("no credentials")
+
+    monkeypatch.setattr("fsspec.implementations.memory.MemoryFileSystem.find", find)
+    with pytest.raises(InputError, match=r"memory://out: cannot be read \(no credentials\); check"):
+        data.read_units()
+
+
 def test_a_file_appears_whole_or_not_at_all(tmp_path):
     place, final = open_place(str(tmp_path)), tmp_path / "a" / "b.parquet"
     put(place, str(final), b"first")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import can
 
 from adhesion_can.bus.frame import Frame
-from adhesion_can.recordings.recording import from_message, to_message
+from adhesion_can.recordings.python_can_messages import from_message, to_message
 from tests.histories.faults import Fault
 from tests.histories.traffic import START_US, Passing
 

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from adhesion_can.bus.block import Block, Kind
 from adhesion_can.errors import RecordingError
-from adhesion_can.recordings.recording import Recording, from_message
+from adhesion_can.recordings.python_can_messages import from_message
+from adhesion_can.recordings.recording import Recording
 from tests.recordings import wire_blf as wire
 
 START_NS = 1000 * round(datetime(2023, 11, 14, 22, 13, 20, 123_000, UTC).timestamp() * 1e6)

@@ -23,7 +23,8 @@ from adhesion_can.recordings.candump_columns import parse as chunk_parser
 from adhesion_can.recordings.candump_columns.ascii_numbers import decimal, hexadecimal, keep
 from adhesion_can.recordings.candump_columns.line_layouts import find_layout, match_lines
 from adhesion_can.recordings.candump_columns.text_source import BACK, FRONT, LINE_LIMIT, Chunk
-from adhesion_can.recordings.recording import Recording, from_message
+from adhesion_can.recordings.python_can_messages import from_message
+from adhesion_can.recordings.recording import Recording
 from tests.bus.bus_helpers import real_data
 
 FD_SIZES = (*range(9), 12, 16, 20, 24, 32, 48, 64)

@@ -19,7 +19,8 @@ from adhesion_can.errors import AdhesionCanError, InputError, RecordingError
 from adhesion_can.files import file_sha256, whole_file
 from adhesion_can.recordings import recording as recordings
 from adhesion_can.recordings.candump import format_frame
-from adhesion_can.recordings.recording import Recording, from_message, to_message
+from adhesion_can.recordings.python_can_messages import from_message, to_message
+from adhesion_can.recordings.recording import Recording
 
 T = 1_700_000_000_123_456
 # python-can's readers leave their file open where their constructor raises.

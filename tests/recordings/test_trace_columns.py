@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from adhesion_can.bus.block import Block
 from adhesion_can.errors import RecordingError
-from adhesion_can.recordings.recording import Recording, from_message
+from adhesion_can.recordings.python_can_messages import from_message
+from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.trace_columns import read as columns
 from adhesion_can.recordings.trace_columns.odd_lines import PythonCanLines
 

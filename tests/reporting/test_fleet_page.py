@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from adhesion_can.fleet.overview import FleetOverview
+from adhesion_can.fleet.overview import Failure, FleetOverview
 from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
 from adhesion_can.reporting.fleet_page import fleet_page
+from adhesion_can.reporting.fleet_words import left_out
 from adhesion_can.reporting.page import render, write_page
 from tests.fleet.synthetic_overview import synthetic_overview
 from tests.fleet.synthetic_units import Fleet
@@ -49,7 +50,17 @@ def test_the_worst_vehicles_come_first_with_their_causes(overview):
 
 
 def test_failed_recordings_are_listed_with_their_reasons(overview):
-    assert "holds no known frame" in " ".join(cells(fleet_page(overview, {}), "Failed recordings"))
+    made = fleet_page(overview, {})
+    assert "holds no known frame" in " ".join(cells(made, "Failed recordings"))
+
+
+def test_reasons_are_counted_without_the_names_of_files_and_with_the_kind_of_an_error(overview):
+    bug = Failure("u", "V01", "KeyError: 'x' (core.py:12)")
+    made = fleet_page(replace(overview, failures=(bug, *overview.failures), failed=3), {})
+    (section,) = [one for one in made.sections if one.title == "Failed recordings"]
+    said = section.parts[0].text
+    assert "holds no known frame (check the database, or the bus of the recording): 2" in said
+    assert "KeyError: 'x' (core.py:12): 1" in said
 
 
 def test_a_fleet_without_positions_says_how_to_have_a_map():
@@ -85,3 +96,22 @@ def test_causes_that_recordings_name_by_themselves_are_told_apart():
     assert made.verdict[0] == "2 vehicles are too few to be compared with each other."
     assert cells(made, "Vehicles") == ["V01", "load_dependence", "2 of 2"]
     assert "Nothing is named on the other vehicle." in render(made)
+
+
+def test_one_of_a_thing_is_told_in_singular():
+    units = Fleet(vehicles=1, drives=1).draw(1)
+    made = fleet_page(FleetOverview(diagnose_fleet(units)), {})
+    assert made.lead.startswith("1 recording of 1 vehicle, 1 with evidence")
+    assert "No vehicle has a finding." in render(made)
+    assert "the other vehicle" not in render(made)
+    assert made.verdict[0] == "1 vehicle is too few to be compared with each other."
+    assert left_out(61, 60, "kind") == "1 further kind is not shown; all are in fleet.json."
+    assert left_out(62, 60, "kind").startswith("2 further kinds are not shown")
+    assert not left_out(60, 60, "kind")
+
+
+def test_one_vehicle_differs_from_the_others():
+    result = diagnose_fleet(Fleet(worn={20: -0.013}).draw(5))
+    assert len(result.named) == 1
+    verdict = fleet_page(FleetOverview(result), {}).verdict
+    assert verdict[0] == "1 of 30 vehicles differs from the others: wheel_radius 1."

@@ -10,7 +10,7 @@ import pytest
 from adhesion_can.bus.frame import ADVANCE, Frame, Mark
 from adhesion_can.config import load_configuration
 from adhesion_can.recordings.candump import ReadReport, read_candump
-from adhesion_can.recordings.recording import from_message, to_message
+from adhesion_can.recordings.python_can_messages import from_message, to_message
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.live import LiveService
 from adhesion_can.service.receive_queue import STALE_US, Received, ReceiveQueue

@@ -14,7 +14,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
-from adhesion_can.recordings.recording import to_message
+from adhesion_can.recordings.python_can_messages import to_message
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.counters import COUNTERS, read_counters
 from adhesion_can.service.lateness import BOUNDS_US, Lateness

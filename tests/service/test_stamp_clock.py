@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from adhesion_can.bus.frame import to_us
 from adhesion_can.config import load_configuration
-from adhesion_can.recordings.recording import from_message, to_message
+from adhesion_can.recordings.python_can_messages import from_message, to_message
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.live import LiveService
 from adhesion_can.service.reconnecting_bus import ReconnectingBus

@@ -157,7 +157,7 @@ def causes_row(report, folder, missions, vehicles=200, seeds=(1,), workers=2):
     report.check(
         "of these with their causes", f"{right} of {count}", f"{count}", met=right == count
     )
-    quiet = 1.0 - len(wrong) / others
+    quiet = 1.0 - len(wrong) / max(others, 1)
     report.check(
         "others without a name", f"{100 * quiet:.1f} %", f"{100 * LEAST_QUIET:g} %",
         met=quiet >= LEAST_QUIET,

@@ -1,5 +1,6 @@
-"""The tables of the data set that `fleet` writes, from `adhesion_can/fleet/schema.py`."""
+"""The tables that `fleet` writes, from `adhesion_can/fleet/schema.py` and `findings_schema.py`."""
 
+from adhesion_can.fleet.findings_schema import FINDINGS
 from adhesion_can.fleet.schema import TABLES
 from adhesion_can.fleet.table_schema import SCHEMA_VERSION, Column, TableSchema
 from reference_pages.markdown import GENERATED, code, page, table
@@ -15,7 +16,7 @@ open them: [A fleet](../fleet.md).
 def fleet_page() -> str:
     """Every table with its columns."""
     parts = ["# Data set of a fleet: every column", GENERATED, INTRODUCTION]
-    for one in TABLES:
+    for one in (*TABLES, FINDINGS):
         parts += [f"## `{one.name}`", f"A row is {one.row}.", table(HEAD, _rows(one))]
     return page(parts)
 

@@ -5,15 +5,15 @@ The format is Vector's; its layout here is that of python-can's reader (`can/io/
 
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import NamedTuple
 
+from adhesion_can.plurals import counted
+from adhesion_can.recordings.blf_columns.stored_bytes import MARK, PIECE, ROOM, StoredBytes
 from adhesion_can.recordings.candump import ReadReport
 
-MARK = b"LOBJ"
-"""First bytes of every object, containers among them."""
 BASE = struct.Struct("<4sHHII")
 """Head of every object: mark, sizes of the head, version of the head, size, type."""
 
@@ -22,8 +22,6 @@ _FILE_HEAD = struct.Struct("<4sI8xQ16x8H16x")
 _CONTAINER = 10
 _CONTAINER_HEAD = struct.Struct("<H6xI4x")  # method, size of the contents
 _PLAIN, _ZLIB = 0, 2
-_PIECE = 1 << 18  # bytes read and unpacked at once, however large a container claims to be
-_ROOM = 8  # bytes behind an object in which the next one begins
 
 
 class FileHead(NamedTuple):
@@ -41,7 +39,7 @@ class FileHead(NamedTuple):
     start_ns: int
 
     @classmethod
-    def read(cls, stored: "StoredBytes") -> "FileHead":
+    def read(cls, stored: StoredBytes) -> "FileHead":
         """Head of a file, of which nothing was read so far.
 
         Raises:
@@ -112,80 +110,17 @@ class Faults:
         elif self.is_cut:
             tell("the file ends inside an object: it is cut, and what came before is used")
         if self.places:
-            where = "one place" if self.places == 1 else f"{self.places} places"
             tell(
-                f"the file is damaged in {where}, the first at byte {self.first}: what could be "
-                "read around it is used"
+                f"the file is damaged in {counted(self.places, 'place')}, the first at byte "
+                f"{self.first}: what could be read around it is used"
             )
         if self.malformed:
-            objects = "an object" if self.malformed == 1 else f"{self.malformed} objects"
-            tell(f"{objects} with impossible sizes or stamps passed over")
+            tell(f"{counted(self.malformed, 'object')} with impossible sizes or stamps passed over")
         if self.outside:
             tell(f"objects outside of containers passed over: {self.outside}")
         for method, count in self.methods.items():
-            tell(f"{count} containers of the unknown compression {method} passed over")
-
-
-class StoredBytes:
-    """Bytes of the file, with a look ahead.
-
-    Args:
-        read: Function that gives the next bytes of the file, fewer than asked for at its end.
-
-    """
-
-    def __init__(self, read: Callable[[int], bytes]) -> None:
-        self._read = read
-        self._ahead = b""
-        self._at = 0  # of `_ahead`, whose bytes before that are taken
-        self.position = 0
-        """Number of bytes taken so far."""
-
-    def _fill(self, count: int) -> None:
-        held = len(self._ahead) - self._at
-        if held < count:
-            more = self._read(max(count - held, 1 << 12))
-            self._ahead, self._at = self._ahead[self._at :] + more, 0
-
-    def peek(self, count: int) -> bytes:
-        """Next bytes, which are not taken by that."""
-        self._fill(count)
-        return self._ahead[self._at : self._at + count]
-
-    def take(self, count: int) -> bytes:
-        """Next bytes."""
-        taken = self.peek(count)
-        self._at += len(taken)
-        self.position += len(taken)
-        return taken
-
-    def put_back(self, data: bytes) -> None:
-        """Make bytes that were taken the next ones again."""
-        self._ahead, self._at = data + self._ahead[self._at :], 0
-        self.position -= len(data)
-
-    def skip(self, count: int) -> int:
-        """Pass over so many bytes; how many there were."""
-        left = count
-        while left and (taken := self.take(min(left, _PIECE))):
-            left -= len(taken)
-        return count - left
-
-    def skip_to_mark(self) -> int:
-        """Pass over everything in front of the next object; how many bytes that is."""
-        begin = self.position
-        while True:
-            self._fill(_ROOM)
-            place = self._ahead.find(MARK, self._at)
-            if place >= 0:
-                self.skip(place - self._at)
-                break
-            held = len(self._ahead) - self._at
-            if held < _ROOM:
-                self.skip(held)
-                break
-            self.skip(held - len(MARK) + 1)
-        return self.position - begin
+            containers = counted(count, "container")
+            tell(f"{containers} of the unknown compression {method} passed over")
 
 
 class Contents(NamedTuple):
@@ -213,10 +148,10 @@ def read_contents(stored: StoredBytes, faults: Faults) -> Iterator[Contents]:
     """
     follows = True
     while head := stored.peek(BASE.size):
-        place = head[:_ROOM].find(MARK)  # padding is that of `size % 4`, or none
+        place = head[:ROOM].find(MARK)  # padding is that of `size % 4`, or none
         if place < 0:
             begin = stored.position
-            if stored.skip_to_mark() >= _ROOM:
+            if stored.skip_to_mark() >= ROOM:
                 faults.add_place(begin)
                 follows = False
             else:  # the end of the file: padding, or part of a mark
@@ -267,7 +202,7 @@ def _unpacked(stored: StoredBytes, size: int, faults: Faults) -> Iterator[bytes 
 
 
 def _plain(stored: StoredBytes, left: int, faults: Faults) -> Iterator[bytes | None]:
-    while left and (data := stored.take(min(left, _PIECE))):
+    while left and (data := stored.take(min(left, PIECE))):
         left -= len(data)
         yield data
     faults.is_cut |= left > 0
@@ -278,12 +213,12 @@ def _inflated(stored: StoredBytes, left: int, faults: Faults) -> Iterator[bytes 
     while not unpacker.eof:
         data = unpacker.unconsumed_tail
         if not data:
-            data = stored.take(min(left, _PIECE))
+            data = stored.take(min(left, PIECE))
             is_cut = left > 0 and not data
             left -= len(data)
         try:
             # In pieces: a megabyte of zeros packs into a kilobyte.
-            piece = unpacker.decompress(data, _PIECE)
+            piece = unpacker.decompress(data, PIECE)
         except zlib.error:
             faults.add_place(stored.position)
             break

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.recordings.blf_columns.containers import BASE, MARK
+from adhesion_can.recordings.blf_columns.containers import BASE
+from adhesion_can.recordings.blf_columns.stored_bytes import MARK, ROOM
 
 Places = NDArray[np.int64]
 
@@ -17,7 +18,6 @@ FRAME_TYPES = {1: CLASSIC, 86: CLASSIC, 100: FD, 101: FD_64, 73: ERROR}
 LONGEST = 1 << 16
 """Size of an object with a frame, bytes: a larger one is damage."""
 
-_ROOM_OF_MARK = 8  # bytes in which the mark of the next object stands
 _GAP = 5  # an object begins at most so many bytes behind the end of the one before, less one
 _MARK = np.uint32(int.from_bytes(MARK, "little"))
 
@@ -68,7 +68,7 @@ def _chained(data: bytes, starts: Places, stop: int) -> FoundObjects | None:
     last, end = int(sizes[-1]), int(ends[-1])
     if end > stop:
         return FoundObjects(starts[:-1], int(starts[-1]), last, 0) if last <= LONGEST else None
-    return FoundObjects(starts, end, 0, 0) if stop - end < _ROOM_OF_MARK else None
+    return FoundObjects(starts, end, 0, 0) if stop - end < ROOM else None
 
 
 def _walked(data: bytes) -> FoundObjects:
@@ -76,9 +76,9 @@ def _walked(data: bytes) -> FoundObjects:
     starts: list[int] = []
     place = broken = size = 0
     while True:
-        at = data.find(MARK, place, place + _ROOM_OF_MARK)
+        at = data.find(MARK, place, place + ROOM)
         if at < 0:
-            if place + _ROOM_OF_MARK > len(data):
+            if place + ROOM > len(data):
                 break
             broken += 1
             at = data.find(MARK, place)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.frame import MAX_PAYLOAD
-from adhesion_can.recordings.blf_columns.containers import MARK, Contents, Faults
+from adhesion_can.recordings.blf_columns.containers import Contents, Faults
 from adhesion_can.recordings.blf_columns.object_chain import (
     CLASSIC,
     ERROR,
@@ -20,6 +20,7 @@ from adhesion_can.recordings.blf_columns.object_chain import (
     find_objects,
     gathered,
 )
+from adhesion_can.recordings.blf_columns.stored_bytes import MARK
 from adhesion_can.recordings.candump import LAST_US, ReadReport
 from adhesion_can.recordings.frame_rows import payload_words
 

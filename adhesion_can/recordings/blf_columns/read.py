@@ -3,13 +3,9 @@
 from collections.abc import Callable, Iterator
 
 from adhesion_can.bus.block import Block
-from adhesion_can.recordings.blf_columns.containers import (
-    Faults,
-    FileHead,
-    StoredBytes,
-    read_contents,
-)
+from adhesion_can.recordings.blf_columns.containers import Faults, FileHead, read_contents
 from adhesion_can.recordings.blf_columns.objects import FrameColumns
+from adhesion_can.recordings.blf_columns.stored_bytes import StoredBytes
 from adhesion_can.recordings.candump import ReadReport
 from adhesion_can.recordings.frame_rows import FrameCounter, NumberedBuses, bus_from_1
 

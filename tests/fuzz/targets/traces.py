@@ -9,7 +9,8 @@ import can
 
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import MAX_PAYLOAD
-from adhesion_can.recordings.recording import Recording, from_message
+from adhesion_can.recordings.python_can_messages import from_message
+from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.trace_columns import read as columns
 from tests.fuzz.octets import Octets
 from tests.fuzz.rule import file_of, value_or_refusal

@@ -1,6 +1,8 @@
 """Compilation of kernels by numba, with types: the only place that numba is imported in."""
 
+import logging
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar
 
 import numba
@@ -30,18 +32,29 @@ def compiled(result: Any, *arguments: Any) -> Callable[[Function], Function]:
 
     Never at a call: a live loop has no time for it. What was compiled is kept beside the source or
     in the user's cache (`NUMBA_CACHE_DIR`), and where neither can be written to, not at all.
-    Without fast mathematics, so that it rounds as NumPy does.
+    Without fast mathematics, so that it rounds as NumPy does. The first function that is compiled
+    and not loaded is logged, at level INFO: all of them take some ten seconds.
     """
 
     def compile_now(function: Function) -> Function:
         signature = result(*arguments)
         options = {"nogil": True, "fastmath": False, "error_model": "numpy"}
         try:
-            return numba.njit(signature, cache=True, **options)(function)
+            made = numba.njit(signature, cache=True, **options)(function)
         except RuntimeError:  # no place for the cache
-            return numba.njit(signature, **options)(function)
+            made = numba.njit(signature, **options)(function)
+        if not made.stats.cache_hits:
+            _log_compilation()
+        return made
 
     return compile_now
+
+
+@cache
+def _log_compilation() -> None:
+    logging.getLogger(__name__).info(
+        "compiling the estimator for this machine: some ten seconds, kept for later starts"
+    )
 
 
 def inlined(function: Function) -> Function:

@@ -1,0 +1,26 @@
+"""Sentences on a run of `fleet`."""
+
+from argparse import Namespace
+
+from adhesion_can.cli.fleet_summary import Summary, describe
+from adhesion_can.fleet.work import Outcome
+
+OPTIONS = Namespace(retry_failed=False)
+
+
+def lines(*outcomes):
+    summary = Summary(len(outcomes))
+    for outcome in outcomes:
+        summary.add(outcome)
+    return describe(OPTIONS, summary, summary.failed, 10.0)
+
+
+def test_one_of_a_thing_is_told_in_singular():
+    one = Outcome("/a/1.log", "a", "x", None, None, 60.0)
+    (said,) = lines(one)
+    assert said.startswith("1 unit of 1 vehicle: 1 analysed in 10 s (0.0 h of recordings, 6 x")
+    failed = Outcome("/b/2.log", "b", None, "read", "/b/2.log: not one frame in it")
+    said, failures, error = lines(one, failed)
+    assert said.startswith("2 units of 2 vehicles: 2 analysed")
+    assert failures.startswith("1 unit failed; the data set has the errors; --retry-failed")
+    assert error == "  read: /b/2.log: not one frame in it"
