@@ -104,7 +104,7 @@ class Target:
         A message's file takes its own columns, and a hundred messages want long ones; a row of one
         table has a cell for each signal of the database.
         """
-        return (8 if self.is_folder else 4) << 20
+        return (16 if self.is_folder else 4) << 20
 
     @property
     def files(self) -> int:
