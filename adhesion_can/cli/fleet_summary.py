@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from adhesion_can.fleet.work import Outcome
 
 FIRST = 5
-"""Failed units that are told; the data set has all of them."""
+"""Failed units, and names of one recording, that are told; the data set has all of them."""
 
 
 @dataclass(slots=True)
@@ -91,6 +91,11 @@ def describe(
         lines += [f"  {one.failed_step}: {one.error}" for one in failed[:FIRST]]
         if len(failed) > FIRST:
             lines.append(f"  and {len(failed) - FIRST} more: column error of the table units")
-    for paths in summary.twice():
-        lines.append(f"the same recording under {len(paths)} names: {', '.join(paths)}")
+    twice = summary.twice()
+    for paths in twice[:FIRST]:
+        more = f" and {len(paths) - FIRST} more" if len(paths) > FIRST else ""
+        named = ", ".join(paths[:FIRST])
+        lines.append(f"the same recording under {len(paths)} names: {named}{more}")
+    if len(twice) > FIRST:
+        lines.append(f"and {len(twice) - FIRST} more recordings under several names: --json")
     return lines

@@ -30,6 +30,7 @@ OURS = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.admin.low-level-log-length": 100,
+    "distributed.worker.profile.enabled": False,
     # Else freed memory goes back to the system at once and is mapped anew for each array, which
     # takes as long as all the work of a unit.
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
