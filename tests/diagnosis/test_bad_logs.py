@@ -239,15 +239,32 @@ STILL = {
     "wheel of one axle": axle(PLAIN, "wheel_speed", 3, 15.0),
 }
 QUICK = ("wheels all along", "no effort at all")
+REFUSED = {
+    "efforts all along": "slip and force have opposite signs",
+    "wheel of one axle": "axle 3: without adhesion the rim runs at",
+}
+"""Signals that cannot be what they are said to be, and what is said of them."""
 
 
 @pytest.mark.parametrize(
-    "kind", [k if k in QUICK else pytest.param(k, marks=pytest.mark.slow) for k in STILL]
+    "kind",
+    [
+        k if k in QUICK else pytest.param(k, marks=pytest.mark.slow)
+        for k in sorted(STILL.keys() - REFUSED)
+    ],
 )
 def test_a_signal_that_stands_still_has_no_cause(kind, tmp_path):
     answer = run(tmp_path, STILL[kind])
     if kind == "no effort at all":
         assert answer.document["gain"] is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", REFUSED)
+def test_a_signal_that_stands_still_all_along_is_refused_by_its_name(kind, tmp_path):
+    answer = diagnosed(tmp_path, write(tmp_path / "a.log", STILL[kind]))
+    assert answer.status == 2
+    assert REFUSED[kind] in answer.err
 
 
 # --- anything
