@@ -22,9 +22,12 @@ LEAST_VEHICLES = 5
 """Number of vehicles from which the fleet's middle is known well enough to compare with it."""
 OUTSIDE = 1e-3
 """P-value of a vehicle, all effects counted, from which it has no part in the fleet's spread."""
-TAIL_FREEDOM = 8.0
+FREEDOMS = (8.0, 12.0, 16.0)
 """Degrees of freedom of Student's t for the tails of a vehicle's statistic: drives differ more than
-a normal law has it."""
+a normal law has it, and a size's variance comes from some 17 blocks of a drive."""
+FAR, UNLIKELY = 3.0, 1e-3
+"""Statistic from which the tails are counted, and probability of as few there below which a law is
+left for one with lighter tails; small, since effects of a vehicle are not independent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,11 +136,30 @@ def _compare(
             scale[j] = np.sqrt(1.0 + fit_spread(own, np.ones(len(own))).variance)
     statistic = z / scale
     enough = np.isfinite(z[left]).sum(axis=0) >= LEAST_VEHICLES
-    tail = 2.0 * scipy.stats.t.sf(np.abs(statistic), TAIL_FREEDOM)
+    known = statistic[left][np.isfinite(statistic[left])]
+    tail = 2.0 * scipy.stats.t.sf(np.abs(statistic), fit_freedom(known))
     p_value = np.where(np.isfinite(statistic) & enough, np.minimum(effects * tail, 1.0), 1.0)
     return VehicleComparison(
         tuple(names), spreads, mean, std * scale, np.nan_to_num(statistic), p_value
     )
+
+
+def fit_freedom(statistic: Array) -> float:
+    """Degrees of freedom of Student's t with the widest tails that a fleet does not contradict.
+
+    In a small fleet these are the widest of `FREEDOMS`. With those a vehicle of a large one would
+    have to differ ever more, as ever more vehicles are compared.
+
+    Args:
+        statistic: Statistics of the vehicles that do not stand out, shape (n,).
+
+    """
+    far = int(np.count_nonzero(np.abs(statistic) > FAR))
+    for freedom in FREEDOMS[:-1]:
+        share = 2.0 * scipy.stats.t.sf(FAR, freedom)
+        if scipy.stats.binom.cdf(far, len(statistic), share) >= UNLIKELY:
+            return freedom
+    return FREEDOMS[-1]
 
 
 def _sum_by(number: NDArray[np.int64], values: Array, count: int) -> Array:
