@@ -216,8 +216,13 @@ def _in_changes(gram: Array, changes: Array) -> Array:
 
     """
     onto = changes.T @ gram[:SIZE]
-    corner, edge = onto[:, :SIZE] @ changes, onto[:, SIZE:]
-    return np.block([[corner, edge], [edge.T, gram[SIZE:, SIZE:]]])
+    edge = onto[:, SIZE:]
+    size = CURVE + edge.shape[1]
+    found = np.empty((size, size))
+    found[:CURVE, :CURVE] = onto[:, :SIZE] @ changes
+    found[:CURVE, CURVE:], found[CURVE:, :CURVE] = edge, edge.T
+    found[CURVE:, CURVE:] = gram[SIZE:, SIZE:]
+    return found
 
 
 def _project_out(gram: Array, onto: Array) -> Array:
