@@ -1,7 +1,7 @@
 """A fleet at a glance: adhesion by line and day, where it was measured, and what failed."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -84,20 +84,32 @@ class FleetOverview:
 
 def summarise_fleet(
     diagnosis: FleetDiagnosis,
-    units: Sequence[Mapping[str, Any]],
+    units: Iterable[Mapping[str, Any]],
     segments: Iterable[Mapping[str, Any]],
 ) -> FleetOverview:
     """Overview of a fleet.
 
     Args:
         diagnosis: Result of the fleet-level diagnosis.
-        units: Rows of the table `units`.
+        units: Rows of the table `units`, in any order.
         segments: Rows of the table `segments`.
 
     """
-    lines = {row["unit_id"]: row.get("line") or "" for row in units}
-    # A list of units may say where a recording was made; a TABLE says it row by row.
-    where = {row["unit_id"]: (row["longitude_deg"], row["latitude_deg"]) for row in units}
+    lines: dict[str, str] = {}
+    where: dict[str, tuple[float, float]] = {}
+    failures: list[Failure] = []
+    verdicts: Counter[str] = Counter()
+    # One by one: there may be more of them than should be held.
+    for row in units:
+        unit = row["unit_id"]
+        lines[unit] = row.get("line") or ""
+        if row["longitude_deg"] is not None and row["latitude_deg"] is not None:
+            # A list of units may say where a recording was made; a TABLE says it row by row.
+            where[unit] = row["longitude_deg"], row["latitude_deg"]
+        if row["status"] == "failed":
+            failures.append(Failure(unit, row["vehicle"], row["error"] or "no reason given"))
+        if row.get("verdict"):
+            verdicts[row["verdict"]] += 1
     values: dict[tuple[str, str], list[float]] = defaultdict(list)
     vehicles: dict[tuple[str, str], set[str]] = defaultdict(set)
     points: list[tuple[float, float, float]] = []
@@ -110,7 +122,7 @@ def summarise_fleet(
         values[place].append(mu)
         vehicles[place].add(row["vehicle"])
         at = row["longitude_deg"], row["latitude_deg"]
-        longitude, latitude = where[row["unit_id"]] if None in at else at
+        longitude, latitude = where.get(row["unit_id"], (None, None)) if None in at else at
         if longitude is not None and latitude is not None:
             points.append((longitude, latitude, mu))
     estimates = []
@@ -119,11 +131,7 @@ def summarise_fleet(
         estimates.append(
             PlaceEstimate(*place, median, low, high, len(values[place]), len(vehicles[place]))
         )
-    failures = [
-        Failure(row["unit_id"], row["vehicle"], row["error"] or "no reason given")
-        for row in units
-        if row["status"] == "failed"
-    ]
+    failures.sort(key=lambda one: one.unit)
     kept = np.unique(np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS)).astype(int))
     return FleetOverview(
         diagnosis,
@@ -132,5 +140,5 @@ def summarise_fleet(
         len(points),
         tuple(failures[:MOST_FAILURES]),
         len(failures),
-        Counter(row["verdict"] for row in units if row.get("verdict")),
+        verdicts,
     )

@@ -39,9 +39,9 @@ def diagnose_data_set(data: DataSet, settings: FleetSettings | None = None) -> F
 
     """
     found = diagnose_fleet(read_evidence(data), settings)
-    units = [row for rows in data.read_rows(UNITS, _OF_UNITS) for row in rows]
+    units = (row for rows in data.read_rows(UNITS, _OF_UNITS) for row in rows)
     segments = (row for rows in data.read_rows(SEGMENTS, _OF_SEGMENTS) for row in rows)
-    return summarise_fleet(found, sorted(units, key=lambda row: row["unit_id"]), segments)
+    return summarise_fleet(found, units, segments)
 
 
 def write_results(data: DataSet, overview: FleetOverview, origin: Mapping[str, Any]) -> list[str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from math import isfinite
 from pathlib import Path
+from sys import intern
 from typing import Any
 from urllib.parse import unquote
 
@@ -157,7 +158,8 @@ def _degrees(text: str, name: str, where: str) -> float | None:
 
 
 def _unit(path: str, vehicle: str, info: Mapping[str, Any]) -> Unit:
-    return Unit(path, vehicle, info.get("size"), _fingerprint(info))
+    # One text for all units of a vehicle.
+    return Unit(path, intern(vehicle), info.get("size"), _fingerprint(info))
 
 
 def _fingerprint(info: Mapping[str, Any]) -> str:
