@@ -196,7 +196,8 @@ def propose(
     log_c1 = np.log(np.where(good, c1, 1.0))
     log_density = log_cells - np.log(frame.area)
     log_density += -0.5 * step * step - np.log(std) - 0.5 * np.log(2 * np.pi) + log_c1
-    return Proposal(np.column_stack([log_c1, places]), log_density, good)
+    # Those out of range have no weight; their numbers must be ones all the same.
+    return Proposal(np.column_stack([log_c1, _clip(places)]), log_density, good)
 
 
 def _closer(frame: _Frame, inside: NDArray[np.bool_]) -> _Frame:
