@@ -1,5 +1,6 @@
 """Recordings of three vehicles, an object store, and two workers that all tests here share."""
 
+import logging
 import os
 import re
 
@@ -58,6 +59,11 @@ def store():
 def client(store):  # noqa: ARG001  its address is in the environment, which workers inherit
     """Client of a cluster of two workers, which reach the store."""
     with open_cluster(None, workers=2) as found:
+        # Dask silences the handlers of its loggers: pytest's among them, which all tests share.
+        for name in ("distributed", "bokeh"):
+            for handler in logging.getLogger(name).handlers:
+                if type(handler).__module__.startswith("_pytest"):
+                    handler.setLevel(logging.NOTSET)
         yield found
 
 
