@@ -154,6 +154,12 @@ class DataSet:
         path = self._file(table, unit["unit_id"], unit["vehicle"], unit.get("day"))
         put(self._place, path, buffer.getvalue().to_pybytes())
 
+    def write_fingerprint(self, kept: Kept, fingerprint: str) -> None:
+        """Write another fingerprint of a unit, all else of which is as it was."""
+        path = self._file(UNITS, kept.unit_id, kept.vehicle, kept.day)
+        (row,) = self._read(path, [column.name for column in UNITS.columns]).to_pylist()
+        self._write(UNITS, row, [row | {"fingerprint": fingerprint}])
+
     def remove_incomplete(self, units: Collection[str], kept: Iterable[Kept]) -> int:
         """Remove what an interrupted run wrote of some units without completing them.
 

@@ -1,7 +1,7 @@
 """Evidence of all units from the tables of a data set."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +10,7 @@ from adhesion_can.fleet.effect_records import Row, grams_from_rows
 from adhesion_can.fleet.evidence import AxleDeviation, UnitEvidence, VehicleForm
 from adhesion_can.fleet.schema import EFFECTS, UNITS
 from adhesion_can.physics.effects.wheel_radius import WheelRadius
+from adhesion_can.plurals import counted
 
 WHEEL_RADIUS = WheelRadius().id
 """Effect id of a wheel radius that is not the configured one."""
@@ -55,6 +56,8 @@ def read_evidence(data: DataSet) -> list[UnitEvidence]:
         done = [name for name, own in effects.items() if len(own) == len(own[0]["gram"])]
         for name in done:
             units[name] = replace(units[name], grams=grams_from_rows(effects.pop(name)))
+    for name, own in effects.items():
+        units[name] = replace(units[name], error=_describe_incomplete(own, data.out))
     return [units[name] for name in sorted(units)]
 
 
@@ -77,6 +80,13 @@ def unit_evidence(row: Mapping[str, Any]) -> UnitEvidence:
         faults=(row["first_failure"],) if unusable else (),
         error=(row["error"] or "failed") if failed else "",
     )
+
+
+def _describe_incomplete(rows: Sequence[Row], out: str) -> str:
+    """Error of a unit whose rows of effects are not those that its matrix needs."""
+    name, wanted = rows[0]["unit_id"], len(rows[0]["gram"])
+    what = f"{out}: effects of {name}: {counted(len(rows), 'row')} where {wanted} are needed"
+    return f"{what}; remove its file below units/ and run the same command again"
 
 
 def _form(row: Mapping[str, Any]) -> VehicleForm:

@@ -3,7 +3,8 @@
 import gc
 import json
 import pickle
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
@@ -132,20 +133,25 @@ def work_on(task: Task) -> Outcome:
     """
     unit, kept = task.unit, task.kept
     place, content = open_place(unit.path), None
-    analysis = Analysis()
+    analysis, is_kept = Analysis(), False
     try:
         with place.fetched() as (path, content):
             key = hash_unit(content, task.settings)
-            if kept is not None and kept.key == key and not (task.again and kept.status == FAILED):
-                return describe_kept(kept)
-            config = _configuration(task.configuration)
-            analysis = analyse(path, unit.path, content, config, task.steps)
-            table = analysis.fields.get("frames") is None
-            analysis.fields["vehicle_data"] = hash_vehicle_data(config, table=table)
-            if not place.is_local:
-                _name(analysis, str(path), unit.path)
+            is_kept = (
+                kept is not None and kept.key == key and not (task.again and kept.status == FAILED)
+            )
+            if not is_kept:
+                config = _configuration(task.configuration)
+                analysis = analyse(path, unit.path, content, config, task.steps)
+                table = analysis.fields.get("frames") is None
+                analysis.fields["vehicle_data"] = hash_vehicle_data(config, table=table)
+                if not place.is_local:
+                    _name(analysis, str(path), unit.path)
     except (InputError, OSError) as error:
         analysis.fail(READ, describe_error(error))
+    if kept is not None and is_kept:
+        renew_fingerprint(task, kept)
+        return describe_kept(kept)
     fields = describe_unit(task, content) | analysis.fields
     fields["status"] = FAILED if analysis.failed else DONE
     store(task, fields, analysis)
@@ -178,11 +184,25 @@ def give_up(task: Task, deaths: int) -> Outcome:
 
 def store(task: Task, fields: Row, analysis: Analysis) -> None:
     """Write the files of a unit in place of those that were there before."""
-    data_set = DataSet(task.out)
-    try:
+    with writing_errors(task):
+        data_set = DataSet(task.out)
         if task.kept is not None:
             data_set.remove(task.kept)
         data_set.write(fields, analysis.rows)
+
+
+def renew_fingerprint(task: Task, kept: Kept) -> None:
+    """Write the fingerprint of a file that is the same in spite of it: it is not hashed again."""
+    if kept.fingerprint != task.unit.fingerprint:
+        with writing_errors(task):
+            DataSet(task.out).write_fingerprint(kept, task.unit.fingerprint)
+
+
+@contextmanager
+def writing_errors(task: Task) -> Iterator[None]:
+    """Raise an error of the file system as one that names the data set."""
+    try:
+        yield
     except OSError as error:
         reason = " ".join(str(error).split())[:200]
         mend = "make room or check the rights; the same command goes on from here"

@@ -10,8 +10,10 @@ from adhesion_can.api.configuration import as_configuration
 from adhesion_can.api.diagnosis import diagnose_inputs, list_input_files, load_inputs
 from adhesion_can.diagnosis.effect_grams import EffectKey, project_grams
 from adhesion_can.diagnosis.regression.gram_matrices import BlockGramMatrices
+from adhesion_can.fleet.dataset import DataSet
 from adhesion_can.fleet.effect_records import effect_rows, grams_from_rows
 from adhesion_can.fleet.effect_sizes import EffectSizes, held_out_gain, remove_effects
+from adhesion_can.fleet.read_evidence import read_evidence
 from tests.worlds.fleet import FleetDrive, write_drive
 from tests.worlds.hidden import Hidden
 
@@ -99,6 +101,23 @@ def test_rows_of_the_table_give_the_matrices_back():
     assert grams_from_rows([]) is None
     with pytest.raises(ValueError, match="missing"):
         grams_from_rows(rows[1:])
+
+
+def test_a_unit_some_of_whose_rows_are_gone_counts_as_failed_and_says_so(tmp_path):
+    data, effects = DataSet(str(tmp_path)), effect_rows(drawn(1)[3])
+    for name, rows in (("whole", effects), ("torn", effects[1:]), ("twice", effects * 2)):
+        unit = {"unit_id": name, "path": f"/{name}", "vehicle": "007", "status": "done",
+                "steps": ["diagnose"], "fingerprint": "1", "settings": "s",
+                "package_version": "v"}  # fmt: skip
+        data.write(unit, {"effects": rows})
+    torn, twice, whole = read_evidence(data)
+    assert (whole.error, whole.grams.keys) == ("", KEYS)
+    assert torn.grams is twice.grams is None
+    assert torn.error == (
+        f"{tmp_path}: effects of torn: 2 rows where 3 are needed; "
+        "remove its file below units/ and run the same command again"
+    )
+    assert "effects of twice: 6 rows where 3" in twice.error
 
 
 def test_a_drive_of_a_locomotive_has_the_effect_that_is_hidden_in_it(tmp_path):

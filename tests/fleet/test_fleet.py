@@ -87,21 +87,31 @@ def test_the_same_command_again_does_only_what_is_new(made, drives, fleet, tmp_p
         document = json.loads((tmp_path / "a.json").read_text())
         return document["units"] - document["kept"], len(document["failed"])
 
+    def own():
+        path = str(drive / "drive3.log")
+        (row,) = (row for (row,) in rows(out).values() if row["path"] == path)
+        return row
+
     (tmp_path / "bad.log").write_text("nothing\n")
     assert again() == (3, 1)  # other paths than before
     before = {p: p.stat().st_mtime_ns for p in out.rglob("vehicle=*/**/*.parquet")}
     assert again() == (0, 1)
     assert {p: p.stat().st_mtime_ns for p in out.rglob("vehicle=*/**/*.parquet")} == before
+    then = own()
     os.utime(drive / "drive3.log", ns=(1, 1))  # another time, the same content
     assert again() == (0, 1)
+    now = own()
+    assert now["fingerprint"] != then["fingerprint"]
+    assert now | {"fingerprint": then["fingerprint"]} == then
+    after = {p: p.stat().st_mtime_ns for p in out.rglob("vehicle=*/**/*.parquet")}
+    assert again() == (0, 1)  # it is not written, nor hashed, a second time
+    assert {p: p.stat().st_mtime_ns for p in out.rglob("vehicle=*/**/*.parquet")} == after
     assert again("--retry-failed") == (1, 1)
     (drive / "drive3.log").write_bytes((drives / "007" / "drive0.log").read_bytes())
     assert again() == (1, 1)  # another content, and with it another day
-    own = [row for (row,) in rows(out).values() if row["path"] == str(drive / "drive3.log")]
-    assert [row["day"].isoformat() for row in own] == ["2026-01-31"]
+    assert own()["day"].isoformat() == "2026-01-31"
     assert again("--vehicle", r"/(\w+)\.log") == (3, 1)  # another name
-    own = [row for (row,) in rows(out).values() if row["path"] == str(drive / "drive3.log")]
-    assert [row["vehicle"] for row in own] == ["drive3"]
+    assert own()["vehicle"] == "drive3"
     assert len(list((out / "units").rglob("*.parquet"))) == 6 + 3
 
 
