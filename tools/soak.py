@@ -5,18 +5,91 @@ import gc
 import os
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from tests.histories.faults import Fault, S, draw
 from tests.histories.play import judge, play_on, shrink
+from tools.benchmarks._report import Report
 
 HISTORY_S = 60
 """Length of a history, s."""
+AN_HOUR = 3600 // HISTORY_S
+"""Histories of an hour."""
 FLAT_MIB = 1.0
 """Most that the memory of one service may grow after its first hour, MiB."""
+LEAST_H = 2.0
+"""Least number of hours of which the growth after the first can be told."""
+
+
+@dataclass(frozen=True)
+class Soak:
+    """What is run.
+
+    Attributes:
+        hours: Simulated time.
+        per_minute: Faults a minute.
+        seed: Seed of the first history.
+
+    """
+
+    hours: float
+    per_minute: float
+    seed: int
+
+    @property
+    def count(self) -> int:
+        """Number of histories."""
+        return max(round(self.hours * AN_HOUR), 1)
+
+
+def run_history(task: tuple[int, float]) -> tuple[int, list[str], tuple[Fault, ...]]:
+    """Seed, broken rules, and the fewest faults that break them."""
+    seed, per_minute = task
+    faults = draw(seed, HISTORY_S * S, per_minute)
+    found = judge(seed, HISTORY_S * S, faults)
+    told = [f"{one.rule}: {one.text}" for one in found]
+    return seed, told, shrink(seed, HISTORY_S * S, faults) if found else faults
+
+
+def judge_histories(soak: Soak, jobs: int) -> int:
+    """Number of histories in which a rule was broken; each is printed with its seed."""
+    began, broken = time.monotonic(), 0
+    with ProcessPoolExecutor(jobs) as pool:
+        tasks = [(soak.seed + number, soak.per_minute) for number in range(soak.count)]
+        for number, (seed, told, fewest) in enumerate(pool.map(run_history, tasks), 1):
+            if told:
+                broken += 1
+                print(f"seed {seed}: {len(told)} times, first {told[0]}")
+                for fault in fewest:
+                    print(f"    {fault}")
+            if number % 20 == 0 or number == soak.count:
+                took_s = time.monotonic() - began
+                print(
+                    f"histories: {number / AN_HOUR:.2f} h, {broken} broken, {took_s:.0f} s",
+                    flush=True,
+                )
+    return broken
+
+
+def watch_memory(soak: Soak) -> list[float]:
+    """Resident memory of one service after each of its hours, MiB."""
+    memory: list[float] = []
+    began = time.monotonic()
+    for number in play_on(soak.seed, HISTORY_S * S, soak.per_minute):
+        if number % AN_HOUR == 0:
+            gc.collect()
+            memory.append(resident_mib())
+            took_s = time.monotonic() - began
+            hours = number // AN_HOUR
+            print(f"one service: {hours} h, {memory[-1]:.1f} MiB, {took_s:.0f} s", flush=True)
+        if number >= soak.count:
+            return memory
+    raise AssertionError("histories have no end")
 
 
 def resident_mib() -> float:
@@ -25,78 +98,47 @@ def resident_mib() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-def run_history(task: tuple[int, float]) -> tuple[int, list[str], tuple[Fault, ...], float]:
-    """Seed, broken rules, the fewest faults that break them, and resident memory, MiB."""
-    seed, per_minute = task
-    faults = draw(seed, HISTORY_S * S, per_minute)
-    found = judge(seed, HISTORY_S * S, faults)
-    told = [f"{one.rule}: {one.text}" for one in found]
-    fewest = shrink(seed, HISTORY_S * S, faults) if found else faults
-    return seed, told, fewest, resident_mib()
-
-
-def watch_memory(hours: float, per_minute: float, seed: int) -> int:
-    """Print the memory of one service after each hour; 1 where it grew by more than `FLAT_MIB`."""
-    memory = []
-    began = time.monotonic()
-    an_hour = round(3600 / HISTORY_S)
-    for number in play_on(seed, HISTORY_S * S, per_minute):
-        if number % an_hour == 0:
-            gc.collect()
-            memory.append(resident_mib())
-            print(
-                f"{number // an_hour} h: {memory[-1]:.1f} MiB, {time.monotonic() - began:.0f} s",
-                flush=True,
-            )
-        if number >= hours * an_hour:
-            break
-    grown = max(memory[1:], default=memory[0]) - memory[0]
-    print(f"one service, {per_minute:g} faults a minute: {memory[0]:.1f} MiB after the first hour,")
-    print(f"at most {grown:+.2f} MiB from it later, {memory[-1] - memory[0]:+.2f} at the end")
-    return 1 if grown > FLAT_MIB else 0
-
-
 def main() -> int:
-    """Run the command; 1 where a rule was broken."""
+    """Run the command; 1 where a target was missed."""
     parser = argparse.ArgumentParser(prog="tools/soak", description=__doc__)
     parser.add_argument("--hours", type=float, default=1.0, metavar="H", help="simulated time")
     parser.add_argument(
         "--faults", type=float, default=6.0, metavar="RATE", help="faults a minute (default 6)"
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the first history")
-    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="histories at a time")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes at a time")
     parser.add_argument(
-        "--one-service",
-        action="store_true",
-        help="one service with the tracker for all hours, not judged: its memory after each",
+        "--only",
+        choices=("histories", "memory"),
+        help="histories of a minute, each judged; or one service with the tracker for all hours, "
+        f"its memory after each (by default both, memory from --hours {LEAST_H:g} on)",
     )
     options = parser.parse_args()
-    if options.one_service:
-        if options.hours < 1.0:
-            parser.error("--one-service is told hour by hour: --hours 1 or more")
-        return watch_memory(options.hours, options.faults, options.seed)
-    count = max(round(options.hours * 3600 / HISTORY_S), 1)
-    began, broken, memory = time.monotonic(), 0, []
-    with ProcessPoolExecutor(options.jobs) as pool:
-        tasks = [(options.seed + number, options.faults) for number in range(count)]
-        for number, (seed, told, fewest, rss) in enumerate(pool.map(run_history, tasks), 1):
-            memory.append(rss)
-            if told:
-                broken += 1
-                print(f"seed {seed}: {len(told)} times, first {told[0]}")
-                for fault in fewest:
-                    print(f"    {fault}")
-            if number % 20 == 0 or number == count:
-                hours = number * HISTORY_S / 3600
-                print(
-                    f"{hours:.2f} h, {broken} broken, {time.monotonic() - began:.0f} s", flush=True
-                )
-    settled = memory[min(len(memory) - 1, max(len(memory) // 4, 1)) :]
-    print(
-        f"{count} histories of {HISTORY_S} s, {options.faults:g} faults a minute: {broken} broken"
-    )
-    print(f"memory of a process: {settled[0]:.1f} MiB, at the end {settled[-1]:.1f} MiB")
-    return 1 if broken else 0
+    soak = Soak(options.hours, options.faults, options.seed)
+    with_memory = options.only != "histories" and soak.hours >= LEAST_H
+    if options.only == "memory" and not with_memory:
+        parser.error(f"growth after the first hour needs more of them: --hours {LEAST_H:g} or more")
+    # A new interpreter, whose memory holds nothing of the histories.
+    with ProcessPoolExecutor(1, get_context("spawn")) as alone:
+        memory = alone.submit(watch_memory, soak) if with_memory else None
+        broken = None
+        if options.only != "memory":
+            broken = judge_histories(soak, max(options.jobs - with_memory, 1))
+        return tell(soak, broken, memory)
+
+
+def tell(soak: Soak, broken: int | None, memory: "Future[list[float]] | None") -> int:
+    """Print the figures beside their targets; 1 where one was missed."""
+    report = Report()
+    after = None if memory is None else memory.result()
+    print(f"{soak.hours:g} h of simulated time, {soak.per_minute:g} faults a minute")
+    if broken is not None:
+        what = f"of {soak.count} histories of {HISTORY_S} s, those in which a rule was broken"
+        report.at_most(what, broken, 0, "d")
+    if after is not None:
+        what = f"one service, growth after its first hour, when it had {after[0]:.1f} MiB, MiB"
+        report.at_most(what, max(after[1:]) - after[0], FLAT_MIB, "+.2f")
+    return 1 if report.missed else 0
 
 
 if __name__ == "__main__":

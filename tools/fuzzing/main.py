@@ -21,6 +21,8 @@ BUILD = ROOT / "build" / "fuzz"
 SEEDS = ROOT / "tests" / "fuzz" / "corpus"
 FINDINGS = ("crash-", "timeout-", "oom-", "leak-")
 """First letters of the names that libFuzzer gives to inputs that it found."""
+WANTED = 10_000_000
+"""Inputs that each target is to have had, in all runs."""
 STANDSTILL_S = 600
 """Time after which an input that does not even come back to Python counts as a hang, s."""
 _EXECUTIONS = re.compile(rb"stat::number_of_executed_units:\s*(\d+)")
@@ -33,6 +35,7 @@ class Outcome:
 
     Attributes:
         executions: Number of inputs that were tried.
+        total: Number of inputs in all runs whose files are still there.
         coverage: Number of branches of the followed packages that were seen; None where unknown.
         per_s: Number of inputs a second.
         findings: Inputs that broke the rule.
@@ -41,6 +44,7 @@ class Outcome:
     """
 
     executions: int
+    total: int
     coverage: int | None
     per_s: float
     findings: tuple[Path, ...]
@@ -72,7 +76,15 @@ def fuzz(name: str, options: argparse.Namespace) -> Outcome:
     new = sorted(set(found.iterdir()) - before)
     findings = tuple(path for path in new if path.name.startswith(FINDINGS))
     failed = done.returncode != 0 and not findings
-    return Outcome(executions, branches, executions / took_s, findings, failed)
+    total = _add_up(found / "executions.txt", executions)
+    return Outcome(executions, total, branches, executions / took_s, findings, failed)
+
+
+def _add_up(path: Path, executions: int) -> int:
+    """Sum of the executions of all runs, kept in a file."""
+    total = executions + (int(path.read_text()) if path.exists() else 0)
+    path.write_text(f"{total}\n")
+    return total
 
 
 def _memory_folder() -> str | None:
@@ -104,14 +116,17 @@ def main() -> int:
         if len(options.targets) != 1:
             parser.error("--repeat wants one target")
         return repeat(options.targets[0], options.repeat)
-    status = 0
-    print(f"{'target':16}{'executions':>12}{'a second':>10}{'branches':>10}{'findings':>10}")
+    status, fewer = 0, []
+    print(
+        f"{'target':16}{'executions':>12}{'a second':>10}{'in all runs':>13}{'branches':>10}"
+        f"{'findings':>10}"
+    )
     for name in options.targets or TARGETS:
         outcome = fuzz(name, options)
         branches = "-" if outcome.coverage is None else outcome.coverage
         print(
-            f"{name:16}{outcome.executions:>12}{outcome.per_s:>10.0f}{branches:>10}"
-            f"{len(outcome.findings):>10}",
+            f"{name:16}{outcome.executions:>12}{outcome.per_s:>10.0f}{outcome.total:>13}"
+            f"{branches:>10}{len(outcome.findings):>10}",
             flush=True,
         )
         for path in outcome.findings:
@@ -120,6 +135,9 @@ def main() -> int:
             print(f"    the fuzzer failed: see {(BUILD / name / 'fuzzer.txt').relative_to(ROOT)}")
         if outcome.findings or outcome.failed:
             status = 1
+        if outcome.total < WANTED:
+            fewer.append(name)
+    print(f"fewer than the {WANTED:,} inputs wanted in all runs: {', '.join(fewer) or 'none'}")
     return status
 
 
