@@ -94,7 +94,8 @@ class SwingSettings:
         time_constant_s: Time constant of the mean error, s.
         error_max: Largest mean of |error|/setpoint over time and axles, each limited to 1. A change
             of the rail brings 0.2 for a moment.
-        hold_s: Time for which one slip is held then, s; twice as long each time.
+        hold_s: Time for which one slip is held then, s; twice as long each time, and half as long
+            again after as much time without swings.
         bandwidth_first: Factor of the loop's bandwidth from then on.
         back_off: Factor of the slip and of the bandwidth where it swings all the same.
         bandwidth_min: Smallest factor of the bandwidth.

@@ -27,7 +27,7 @@ class SwingGuard:
 
     def __init__(self, settings: SwingSettings, cycle_s: float) -> None:
         self._settings, self._cycle_s = settings, cycle_s
-        self._error = self._left_s = self._waits_s = 0.0
+        self._error = self._left_s = self._waits_s = self._calm_s = 0.0
         self._hold_s = settings.hold_s
         self.bandwidth_share = 1.0
         """Factor of the loop's bandwidth for now."""
@@ -67,6 +67,8 @@ class SwingGuard:
             self._back_off(slip)
         elif self.holds:
             self._climb(float((measured.effort / measured.load)[known].mean()))
+        else:
+            self._forget()
 
     def _back_off(self, slip: float) -> None:
         s = self._settings
@@ -77,10 +79,18 @@ class SwingGuard:
             self.slip, self.bandwidth_share = slip, s.bandwidth_first
             self._left_s = self._hold_s
             self._hold_s *= 2.0
+            self._calm_s = 0.0
         # What was lowered needs a while to show.
         self._error, self._waits_s = 0.0, s.time_constant_s
         self._begin_step()
         self._up, self._before = True, 0.0
+
+    def _forget(self) -> None:
+        """Count time without swings: as much as the next hold would last halves it again."""
+        self._calm_s += self._cycle_s
+        if self._calm_s >= self._hold_s:
+            self._hold_s = max(0.5 * self._hold_s, self._settings.hold_s)
+            self._calm_s = 0.0
 
     def _begin_step(self) -> None:
         self._used = self._steps = 0.0

@@ -1,5 +1,7 @@
 """Creep speeds that swing: when the guard acts, what it holds, and a drive with late speeds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,29 @@ def test_it_ends_after_its_time_which_doubles():
         run(guard, 2.0, 0.0)
         assert not guard.holds
         assert guard.bandwidth_share == 1.0
+
+
+def length_of_hold(guard):
+    """Time for which one slip is held after a swing, s."""
+    run(guard, 1.0, 1.0)
+    assert guard.holds
+    seconds = 1.0
+    while guard.holds:
+        run(guard, 0.5, 0.0)
+        seconds += 0.5
+    return seconds
+
+
+def test_time_without_swings_shortens_it_again():
+    guard = SwingGuard(replace(SETTINGS, hold_s=8.0), CYCLE_S)
+    first, second = length_of_hold(guard), length_of_hold(guard)
+    assert second == pytest.approx(2 * first, abs=1.5)
+    run(guard, 33.0, 0.0)  # as long as the next hold would last
+    assert length_of_hold(guard) == pytest.approx(second, abs=1.5)
+    run(guard, 49.0, 0.0)  # twice: 32 s and 16 s
+    assert length_of_hold(guard) == pytest.approx(first, abs=1.5)
+    run(guard, 100.0, 0.0)
+    assert length_of_hold(guard) == pytest.approx(first, abs=1.5)  # and never below the first
 
 
 @pytest.mark.parametrize("peak", [0.02, 0.08])
