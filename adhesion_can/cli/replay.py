@@ -5,12 +5,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
+from itertools import chain
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from adhesion_can.bus.block import Block, Kind
-from adhesion_can.bus.frame import Frame, Mark
+from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.common import (
     MODEL_ONLINE,
     add_configuration,
@@ -44,7 +45,7 @@ from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.problems import describe_problems
-from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence, open_recordings
+from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.drive.page import page
 from adhesion_can.reporting.drive.recorder import DriveRecorder, NoRecorder
 from adhesion_can.reporting.drive.replayed import replay_texts
@@ -135,12 +136,14 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
         where = ", ".join(map(str, options.log))
         span = {"from_s": options.from_s, "to_s": options.to_s}
         core = ServiceCore(config, make, on_setpoint, on_samples)
+        blocks = channel.watch(
+            in_seconds(watched(blocks_in_sequence(recordings)), config.messages, where)
+        )
         if options.realtime:
-            items = channel.watch_items(in_sequence(recordings))
+            items = chain.from_iterable(block.items() for block in blocks)
             summary = replay(items, core, send, **span, realtime=True)
         else:
-            blocks = in_seconds(watched(blocks_in_sequence(recordings)), config.messages, where)
-            summary = replay_blocks(channel.watch_blocks(blocks), core, send, **span)
+            summary = replay_blocks(blocks, core, send, **span)
         for recording in recordings:
             summary.kinds.update(recording.report.kinds)
         require_frames_in_span(summary, options.from_s, where)
@@ -240,13 +243,7 @@ class _Channel:
     def __init__(self) -> None:
         self.name = "can0"
 
-    def watch_items(self, items: Iterator[Frame | Mark]) -> Iterator[Frame | Mark]:
-        for count, item in enumerate(items):
-            if count == 0 and isinstance(item, Frame) and item.channel:
-                self.name = item.channel
-            yield item
-
-    def watch_blocks(self, blocks: Iterator[Block]) -> Iterator[Block]:
+    def watch(self, blocks: Iterator[Block]) -> Iterator[Block]:
         for count, block in enumerate(blocks):
             if count == 0 and block.kind[0] <= Kind.ERROR:
                 self.name = block.channels[block.channel[0]] or self.name

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.bus.block import Block
-from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.candump import ReadReport
 from adhesion_can.recordings.problems import no_frame_error
@@ -63,21 +62,7 @@ class _StrayDetector:
             )
 
 
-def _without_strays(items: Iterable[Frame | Mark], report: ReadReport) -> Iterator[Frame | Mark]:
-    detector = _StrayDetector(report)
-    suspect: Frame | Mark | None = None
-    for item in items:
-        suspect_is_valid, valid = detector.add(item.t_us)
-        if suspect is not None and suspect_is_valid:
-            yield suspect
-        suspect = None if valid else item
-        if valid:
-            yield item
-    if suspect is not None:
-        yield suspect
-
-
-def _blocks_without_strays(blocks: Iterable[Block], report: ReadReport) -> Iterator[Block]:
+def _without_strays(blocks: Iterable[Block], report: ReadReport) -> Iterator[Block]:
     detector = _StrayDetector(report)
     suspect: Block | None = None
     for block in blocks:
@@ -100,27 +85,6 @@ def _blocks_without_strays(blocks: Iterable[Block], report: ReadReport) -> Itera
         yield suspect
 
 
-def in_sequence(recordings: Sequence[Recording]) -> Iterator[Frame | Mark]:
-    """Recordings one after another.
-
-    Raises:
-        RecordingError: A recording begins before the one in front of it ended, or there is not one
-            frame in any of them.
-
-    """
-    last = None
-    for recording in recordings:
-        begins = True
-        for item in _without_strays(recording, recording.report):
-            if begins and last is not None and item.t_us < last:
-                raise _out_of_order(recording)
-            begins = False
-            last = item.t_us if last is None else max(last, item.t_us)
-            yield item
-    if recordings and last is None:
-        raise no_frame_error(recordings)
-
-
 def blocks_in_sequence(recordings: Sequence[Recording]) -> Iterator[Block]:
     """Recordings one after another, in blocks.
 
@@ -132,7 +96,7 @@ def blocks_in_sequence(recordings: Sequence[Recording]) -> Iterator[Block]:
     last: int | None = None
     for recording in recordings:
         begins = True
-        for block in _blocks_without_strays(recording.blocks(), recording.report):
+        for block in _without_strays(recording.blocks(), recording.report):
             t_us = block.t_us
             if begins and last is not None and t_us[0] < last:
                 raise _out_of_order(recording)

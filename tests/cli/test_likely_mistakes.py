@@ -92,6 +92,7 @@ REFUSED = {
     "identify us.log": "its stamps look to be in us",
     "check us.log": "its stamps look to be in us",
     "replay us.log": "its stamps look to be in us",
+    "replay us.log --realtime": "its stamps look to be in us",
     "diagnose thousandth.log": "its stamps look to be a thousandth of the seconds",
     "calibrate drive.log": "of the simulated scenarios 'sweep' coasts",
 }

@@ -9,13 +9,18 @@ from adhesion_can.config import load_configuration
 from adhesion_can.estimation.registry import ESTIMATORS
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.candump import ReadReport
-from adhesion_can.recordings.sequence import _without_strays
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.early_start import EarlyStart
 from adhesion_can.service.estimation_loop import EstimationLoop, EstimatorFailure
 from adhesion_can.service.replay import replay
 from adhesion_can.simulation.scenarios import SCENARIOS
-from tests.service.test_column_replay import SummingEstimator, run_core, simulated, spoiled
+from tests.service.test_column_replay import (
+    SummingEstimator,
+    run_core,
+    simulated,
+    spoiled,
+    without_strays,
+)
 from tests.wire import CYCLES_MS, REQUIRED, Bench
 
 CONFIG = load_configuration()
@@ -51,7 +56,7 @@ def run_both(items, make, seed=0, share=0.5):
 @given(st.integers(0, 2**32), st.sampled_from([0.1, 0.5, 0.95]))
 def test_spoiled_drives_give_the_same_frames(seed, share):
     """Lost, late and repeated frames: what was done ahead is often in vain."""
-    items = list(_without_strays(spoiled(seed), ReadReport()))
+    items = list(without_strays(spoiled(seed), ReadReport()))
     run_both(items, SummingEstimator, seed, share)
 
 

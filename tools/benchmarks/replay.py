@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections import deque
+from itertools import chain
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
@@ -24,7 +25,7 @@ from adhesion_can.estimation.registry import make_tracker
 from adhesion_can.estimation.tracker import kernels
 from adhesion_can.estimation.tracker.layout import NODES
 from adhesion_can.recordings.candump import format_frame
-from adhesion_can.recordings.sequence import blocks_in_sequence, in_sequence, open_recordings
+from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import replay, replay_blocks
 from adhesion_can.simulation.run import RunSettings, Simulation
@@ -43,10 +44,12 @@ def serve(path):
         recordings = open_recordings([path])
         core = ServiceCore(config)
         began = time.process_time()
+        blocks = blocks_in_sequence(recordings)
         if line.strip() == "columns":
-            replay_blocks(blocks_in_sequence(recordings), core, sent.append)
+            replay_blocks(blocks, core, sent.append)
         else:
-            replay(in_sequence(recordings), core, sent.append)
+            items = chain.from_iterable(block.items() for block in blocks)
+            replay(items, core, sent.append)
         spent = time.process_time() - began
         digest = hashlib.sha256(repr(sent).encode()).hexdigest()
         print(kernels.active.__name__.rpartition(".")[2], spent, digest, flush=True)
