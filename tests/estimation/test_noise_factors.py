@@ -151,18 +151,18 @@ def test_settings_that_make_no_sense_are_rejected(bad):
 
 @pytest.mark.slow
 def test_wrong_noise_costs_little_where_it_is_estimated():
-    # A quarter of the speeds' noise is configured. Of 8 intervals of λ_m the tracker alone has none
-    # or two, as its standard deviations are; with the noise estimated 6 or more.
+    # A quarter of the speeds' noise is configured. Of 24 drives the interval of λ_m holds 15 times
+    # then, and 21 times with the noise estimated; its errors are 2.2 and 1.3 standard deviations.
     true = float(peak(*DRY).lambda_m)
     sensors = Sensors(0.005, 0.005, 900.0)
-    hits = {True: 0, False: 0}
-    for seed in range(8):
+    errors = {True: [], False: []}
+    for seed in range(24):
         samples = Tram(seconds=30.0).samples(seed, sensors)
-        for estimated in hits:
+        for estimated, found in errors.items():
             settings = EstimatorSettings(noise=NoiseSettings(estimated=estimated))
             estimator, last = estimator_by_name("tracker")(settings), None
             for part, now_us in updates(samples):
                 last = estimator.update(part, now_us)
-            hits[estimated] += abs(last.lambda_m - true) <= 1.96 * last.lambda_m_std
-    assert hits[True] >= 6
-    assert hits[False] <= 4
+            found.append((last.lambda_m - true) / last.lambda_m_std)
+    assert np.mean(np.abs(errors[True]) <= 1.96) >= 0.8
+    assert np.square(errors[False]).mean() > 2.0 * np.square(errors[True]).mean()

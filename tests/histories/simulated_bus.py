@@ -4,6 +4,7 @@ import errno
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from math import ceil
 
 import can
 
@@ -86,8 +87,8 @@ class SimulatedBus:
         return self.now_us
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass."""
-        self._pass(self.now_us + round(seconds * 1e6))
+        """Let time pass: at least the least there is, as who sleeps for less would never end."""
+        self._pass(self.now_us + ceil(seconds * 1e6))
 
     def open(self) -> "SimulatedBus":
         """Opening of the bus."""

@@ -26,10 +26,10 @@ ZOOMS = 20
 """Largest number of grids, each over the part of the last one that matters."""
 RESOLVED = 0.15
 """Share of the cells that matter from which the grid resolves the density."""
-KEPT = 0.3
-"""Depth of the cells that the next grid is laid about, as a share of the median cell's: those
-within about half of the way from the ridge to the edge of the grid. With √0.05 of it the grids lost
-the top of a thin ridge that is bent, and 90 % intervals held as little as no curve at all."""
+NEAREST = 0.04
+"""Share of the cells that the next grid is laid about where fewer matter: those that a line through
+the grid passes, of 20 by 20. By their rank, since how far they are below the top says little: their
+middles pass a ridge thinner than a cell at some distance."""
 SHAPE_RANGE = (0.05, 60.0)
 """Range of the shape s."""
 SPREAD = 1.3
@@ -181,10 +181,8 @@ def propose(
         top = log_m.max()
         if (log_m >= top - DEPTH).mean() >= RESOLVED:
             break
-        # A ridge thinner than a cell passes between the middles of cells: those next to it are far
-        # below its top, but not so far as most.
-        deeper = KEPT * (top - np.median(log_m[log_m > LOWEST]))
-        frame = _closer(frame, log_m >= top - max(DEPTH, deeper))
+        nearest = np.quantile(log_m[log_m > LOWEST], 1.0 - NEAREST)
+        frame = _closer(frame, log_m >= min(top - DEPTH, nearest))
     log_m, found_var = segment.log_density(frame, _FINE_CELLS, found_var)
     u, log_cells = _draw_from_cells(log_m, size)
     places = frame.points(u)
