@@ -7,7 +7,7 @@ import pytest
 from tests.histories.checker import check
 from tests.histories.faults import KINDS, Fault, S, draw
 from tests.histories.play import judge, play
-from tests.histories.simulated_bus import Record
+from tests.histories.simulated_bus import Record, SimulatedBus
 from tests.histories.traffic import START_US
 from tests.wire import sealed
 
@@ -31,6 +31,13 @@ def test_each_fault_alone(name, size):
 @pytest.mark.parametrize("seed", range(12))
 def test_faults_together(seed):
     assert judge(seed, 20 * S, draw(seed, 20 * S, per_minute=12.0)) == []
+
+
+def test_time_passes_in_the_shortest_sleep():
+    """A pause of 2e-10 s is left of a rounded sum of seconds: who waits for it waited for ever."""
+    bus = SimulatedBus(iter(()), (), START_US + S)
+    bus.sleep(2e-10)
+    assert bus.now_us == START_US + 1
 
 
 def test_a_first_frame_with_an_early_stamp_ends_the_silence():
