@@ -72,9 +72,11 @@ def test_own_database(tmp_path):
 )
 def test_bench(tmp_path):
     before = () if SOME_BUS else ("unshare", "-n", "sh", "-c", NETWORK + '"$0" "$@"')
-    out = run_example("bench.py", 4, tmp_path, before)
+    for seconds in (4, 12, 30):  # in live time: a busy machine is late, and datagrams are lost
+        out = run_example("bench.py", seconds, tmp_path, before)
+        if "TRACKING" in out:
+            break
     assert "TRACKING" in out
-    # Some 200 in the 4 s; on a busy machine datagrams are lost.
     assert int(re.search(r"(\d+) setpoints received", out)[1]) > 50
 
 

@@ -25,6 +25,8 @@ PROBE_US = 5_000
 before it is waited for."""
 DRAIN_FRAMES = 256
 """Largest number of messages read from the bus before the next one is handled."""
+HELD_UP_FRAMES = 65_536
+"""The same after this process stood still: the last message tells how old the others are."""
 
 
 class Received(NamedTuple):
@@ -69,8 +71,10 @@ class ReceiveQueue:
         self._clock = clock
         self._capacity = capacity
         self._waiting: deque[Received] = deque()
-        self._empty_us = clock()
-        """Latest time at which nothing is known to have waited."""
+        self._newest: Received | None = None
+        """Message with the latest stamp of those that waited together."""
+        self._empty_us = self._left_us = clock()
+        """Latest times at which nothing is known to have waited, and at which `get` returned."""
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -82,14 +86,23 @@ class ReceiveQueue:
             timeout_s: Longest time to wait, s; a message that waits already is returned at once.
 
         """
+        try:
+            return self._get(timeout_s)
+        finally:
+            self._left_us = self._clock()
+
+    def _get(self, timeout_s: float) -> Received | None:
+        if not self._waiting:
+            self._newest = None
         if not self._waiting and self._clock() - self._empty_us > PROBE_US:
             received = self._receive(0.0) or self._receive(timeout_s)
         else:
             received = self._receive(0.0 if self._waiting else timeout_s)
         if received is not None:
-            if not self._waiting and self._bounded_age_us(received) <= BEHIND_US:
+            held_up = self._clock() - self._left_us > STALE_US + 1e6 * timeout_s
+            if not (self._waiting or held_up) and self._bounded_age_us(received) <= BEHIND_US:
                 return received
-            self._drain(received)
+            self._drain(received, HELD_UP_FRAMES if held_up else DRAIN_FRAMES)
             self._drop_stale()
         return self._waiting.popleft() if self._waiting else None
 
@@ -102,10 +115,10 @@ class ReceiveQueue:
             self._empty_us = began_us
         return None if message is None else Received(message, now_us, awaited, self._empty_us)
 
-    def _drain(self, first: Received) -> None:
+    def _drain(self, first: Received, most: int) -> None:
         """Add a message, and those that the bus has ready after it."""
         received: Received | None = first
-        for _ in range(DRAIN_FRAMES):
+        for _ in range(most):
             if received is None:
                 return
             self._add(received)
@@ -115,13 +128,21 @@ class ReceiveQueue:
 
     def _add(self, received: Received) -> None:
         self._waiting.append(received)
+        newest = self._newest
+        if newest is None or received.message.timestamp > newest.message.timestamp:
+            self._newest = received
         if len(self._waiting) > self._capacity:
             self._waiting.popleft()
             self.dropped += 1
 
     def _bounded_age_us(self, received: Received) -> int:
-        """Age of a message; whatever its stamp says, it came after nothing had waited."""
-        return min(self._age_us(received), self._clock() - received.earliest_us)
+        """Age of a message; whatever its stamp says, it came after nothing had waited.
+
+        A stamp of the future says that the clock was set, perhaps while the messages waited: all of
+        them are as much older than their stamps.
+        """
+        ahead_us = 0 if self._newest is None else max(-self._age_us(self._newest), 0)
+        return min(self._age_us(received) + ahead_us, self._clock() - received.earliest_us)
 
     def _drop_stale(self) -> None:
         while len(self._waiting) > 1 and self._bounded_age_us(self._waiting[0]) > STALE_US:

@@ -49,6 +49,17 @@ def test_a_first_frame_with_an_early_stamp_ends_the_silence():
     assert judge(1070, 15 * S, faults) == []
 
 
+@pytest.mark.parametrize("step_s", [3600.0, 1.0, -1.0, -3600.0])
+def test_a_clock_that_is_set_while_the_service_stands_still_makes_nothing_fresh(step_s):
+    """What waited for 3 s has stamps that say nothing; a message is silent when it goes on."""
+    faults = (
+        Fault("stopped", 2_043_905, 5_223_826, ""),
+        Fault("clock_set", 2_428_470, 2_428_471, "", step_s),
+        Fault("silent", 4_610_535, 5_474_068, "TractiveEffort2"),
+    )
+    assert judge(311207, 10 * S, faults) == []
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("part", range(10))
