@@ -28,15 +28,24 @@ class ProtectedMessage:
         self._count = 0
 
     def frame(self, t_us: int, values: Mapping[str, float | None]) -> Frame:
-        """Next frame of the message.
+        """Next frame of the message; the one after it has the next count.
 
         Args:
             t_us: Stamp, µs.
             values: Values by signal, in its unit; None: not available.
 
         """
+        frame = self.draft(t_us, values)
+        self.count()
+        return frame
+
+    def draft(self, t_us: int, values: Mapping[str, float | None]) -> Frame:
+        """The same as `frame`, but not counted: `count` does that where it is sent."""
         payload = self.plan.encode(values)
         protect(payload, self._data_id, self._count)
-        self._count = (self._count + 1) % COUNTS
         plan = self.plan
         return Frame(t_us, plan.frame_id, bytes(payload), "", plan.is_extended)
+
+    def count(self) -> None:
+        """Take down that a frame with the present count is sent."""
+        self._count = (self._count + 1) % COUNTS

@@ -5,12 +5,18 @@ import can
 from adhesion_can.bus.frame import Frame, to_us
 
 
-def from_message(message: can.Message) -> Frame:
-    """python-can's message as a frame."""
+def from_message(message: can.Message, t_us: int | None = None) -> Frame:
+    """python-can's message as a frame.
+
+    Args:
+        message: The message.
+        t_us: Time stamp of the frame, µs; None takes the message's.
+
+    """
     channel = message.channel
     name = "" if channel is None else str(channel)
     return Frame(
-        t_us=to_us(message.timestamp),
+        t_us=to_us(message.timestamp) if t_us is None else t_us,
         arbitration_id=message.arbitration_id,
         data=b"" if message.is_error_frame or message.is_remote_frame else bytes(message.data),
         channel=f"can{name}" if name.isdigit() else name,

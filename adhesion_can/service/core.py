@@ -160,13 +160,15 @@ class ServiceCore:
             self._estimation.prepare(samples, t_us)
         if self._estimation.prepared is not None:
             # Mostly the status stays as it is, and no other speed comes any more.
-            self._builder.prepare(
+            outputs = self._builder.prepare(
                 self.outputs.status,
                 t_us,
                 self._estimation.prepared,
                 self._inputs.speed,
                 speed_derived=self.speed_derived,
             )
+            if outputs is not None:
+                self.messages.prepare(t_us, outputs)
         return self._estimation.can_prepare
 
     @property

@@ -152,23 +152,24 @@ class LiveService:
                 return
         if received is None:
             received = self._queue.get(wait_s)
-        self.core.counts.receive_drops = self._queue.dropped + self.bus.kernel_drops
         if received is not None:
             self._handle(received)
         elif due_us is not None and self.clock() >= due_us + GRACE_US:
             self._log(format_mark(Mark(due_us, ADVANCE)))
             self._send(self.core.due_frames(due_us))
+        # Behind the sending, which it would hold up.
+        self.core.counts.receive_drops = self._queue.dropped + self.bus.kernel_drops
 
     def _handle(self, received: Received) -> None:
         began = time.perf_counter()
         self.counts.received += 1
-        frame = from_message(received.message)
+        stamp_us = to_us(received.message.timestamp)
+        t_us = self.stamps.to_host(
+            stamp_us, received.time_us, received.earliest_us, awaited=received.awaited
+        )
+        frame = from_message(received.message, t_us)
         if frame.is_error and frame.arbitration_id & BUS_OFF:
             self._tell_bus_off()
-        t_us = self.stamps.to_host(
-            frame.t_us, received.time_us, received.earliest_us, awaited=received.awaited
-        )
-        frame = frame._replace(t_us=t_us)
         # The id of an error frame is a set of bits, and may look like one of ours.
         if frame.is_data and ((frame.arbitration_id, frame.is_extended) in self.core.messages.ids):
             self._handle_own_id(frame)

@@ -71,6 +71,23 @@ def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
         require_layout(message, own.message(name), f"{database.path.name}: {name}")
 
 
+class _Ahead(NamedTuple):
+    """Setpoint of all axles, composed ahead of its due time.
+
+    Attributes:
+        outputs: Outputs that it carries.
+        frame: The frame, which is not counted yet.
+
+    """
+
+    outputs: Outputs
+    frame: Frame
+
+    def serves(self, t_us: int, outputs: Outputs) -> bool:
+        """Whether it carries these outputs, which are a value, at this due time, µs."""
+        return self.outputs is outputs and self.frame.t_us == t_us
+
+
 class OutputMessages:
     """Composes the frames of the output messages; each message has a counter of its own.
 
@@ -103,6 +120,7 @@ class OutputMessages:
             (one.plan.frame_id, one.plan.is_extended) for one in self._encoders.values()
         )
         """Id of every output message, and whether it has 29 bits."""
+        self._ahead: _Ahead | None = None
         self._composers: dict[str, Callable[[int, Outputs, Callable[[], Health]], list[Frame]]] = {
             SETPOINT: self._setpoint,
             "AdhesionModel": self._model,
@@ -146,15 +164,19 @@ class OutputMessages:
         """Frames of one message at its due time, µs; `health` is asked by the one that tells it."""
         return self._composers[name](t_us, outputs, health)
 
+    def prepare(self, t_us: int, outputs: Outputs) -> None:
+        """Compose ahead the setpoint of all axles that is due at a time, µs, if it carries this."""
+        frame = self._encoders[SETPOINT].draft(t_us, _setpoint_values(outputs))
+        self._ahead = _Ahead(outputs, frame)
+
     def _setpoint(self, t_us: int, outputs: Outputs, _: object) -> list[Frame]:
-        point = outputs.setpoint
-        values = {
-            "Status": float(outputs.status),
-            "MuMax": point.mu_max,
-            "LambdaM": point.lambda_m,
-            "CreepSpeedSetpoint": point.creep_speed,
-        }
-        return [self._encoders[SETPOINT].frame(t_us, values)]
+        # One that was composed ahead of another due time has a count that is taken by now.
+        ahead, self._ahead = self._ahead, None
+        encoder = self._encoders[SETPOINT]
+        if ahead is not None and ahead.serves(t_us, outputs):
+            encoder.count()
+            return [ahead.frame]
+        return [encoder.frame(t_us, _setpoint_values(outputs))]
 
     def _model(self, t_us: int, outputs: Outputs, _: object) -> list[Frame]:
         theta = outputs.theta or (None, None, None)
@@ -190,3 +212,13 @@ class OutputMessages:
             "LoopTimeP99": health.loop_time_p99_us,
         }
         return [self._encoders["ServiceStatus"].frame(t_us, values)]
+
+
+def _setpoint_values(outputs: Outputs) -> dict[str, float | None]:
+    point = outputs.setpoint
+    return {
+        "Status": float(outputs.status),
+        "MuMax": point.mu_max,
+        "LambdaM": point.lambda_m,
+        "CreepSpeedSetpoint": point.creep_speed,
+    }

@@ -156,8 +156,8 @@ class OutputBuilder:
         speed: float | None,
         *,
         speed_derived: bool,
-    ) -> None:
-        """Compute ahead what `build` gives if its arguments are these.
+    ) -> Outputs | None:
+        """Compute ahead what `build` gives if its arguments are these; None: no current values.
 
         Args:
             status: Status to be expected.
@@ -167,9 +167,12 @@ class OutputBuilder:
             speed_derived: Whether the vehicle speed is derived from the driven axles.
 
         """
-        if VALUES[status] is Values.CURRENT:
-            current = _Current(status, t_us, estimate, speed, speed_derived)
-            self._ahead = current, self._build_current(current)
+        if VALUES[status] is not Values.CURRENT:
+            return None
+        current = _Current(status, t_us, estimate, speed, speed_derived)
+        outputs = self._build_current(current)
+        self._ahead = current, outputs
+        return outputs
 
     def build(
         self,

@@ -1,8 +1,13 @@
 """What the output messages say of themselves."""
 
+from dataclasses import replace
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from adhesion_can.bus.database import OUTPUT_MESSAGES, load_database
+from adhesion_can.bus.protected_message import ProtectedMessage
 from adhesion_can.errors import DatabaseError
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.status import Status
@@ -115,6 +120,47 @@ def test_each_message_counts_by_itself_from_0_to_14_and_again(messages):
         assert [frame.data[1] & 15 for frame in frames] == [t % 15 for t in range(32)]
     (frame,) = messages.compose("AdhesionModel", 4711, FULL, lambda: HEALTH)
     assert (frame.t_us, frame.arbitration_id, frame.is_extended) == (4711, 0x202, False)
+
+
+DATABASE = load_database()
+OTHERS = (FULL, replace(FULL), Outputs(Status.STALE_INPUT), Outputs())
+STEPS = st.lists(st.tuples(st.booleans(), st.sampled_from(OTHERS), st.integers(0, 2)), max_size=40)
+
+
+@given(STEPS)
+def test_what_is_composed_ahead_changes_no_frame(steps):
+    """Prepared in vain, twice, for another due time, for other outputs: the same frames."""
+    ahead, plain = (OutputMessages(DATABASE, ()) for _ in range(2))
+    for is_prepared, outputs, late in steps:
+        if is_prepared:
+            ahead.prepare(1000, outputs)
+        else:
+            found, wanted = (
+                one.compose(SETPOINT, 1000 + late // 2, outputs, lambda: HEALTH)
+                for one in (ahead, plain)
+            )
+            assert found == wanted
+
+
+def test_what_is_composed_ahead_is_sent_once(messages):
+    messages.prepare(1000, FULL)
+    messages.prepare(2000, FULL)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ProtectedMessage, "draft", None)
+        (first,) = messages.compose(SETPOINT, 2000, FULL, lambda: HEALTH)
+        with pytest.raises(TypeError):
+            messages.compose(SETPOINT, 2000, FULL, lambda: HEALTH)
+    (second,) = messages.compose(SETPOINT, 2000, FULL, lambda: HEALTH)
+    assert [frame.data[1] & 15 for frame in (first, second)] == [0, 1]
+
+
+@pytest.mark.parametrize(("t_us", "outputs"), [(1000, replace(FULL)), (2000, FULL)])
+def test_for_another_due_time_or_other_outputs_it_is_composed_anew(messages, t_us, outputs):
+    messages.prepare(1000, FULL)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ProtectedMessage, "draft", None)
+        with pytest.raises(TypeError):
+            messages.compose(SETPOINT, t_us, outputs, lambda: HEALTH)
 
 
 # --- databases of the user's own

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adhesion_can.bus.protected_message import ProtectedMessage
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.registry import ESTIMATORS
 from adhesion_can.physics.samples import Samples
@@ -12,6 +13,7 @@ from adhesion_can.recordings.candump import ReadReport
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.early_start import EarlyStart
 from adhesion_can.service.estimation_loop import EstimationLoop, EstimatorFailure
+from adhesion_can.service.output_messages import SETPOINT
 from adhesion_can.service.replay import replay
 from adhesion_can.simulation.scenarios import SCENARIOS
 from tests.service.test_column_replay import (
@@ -102,6 +104,31 @@ def test_nothing_is_updated_at_a_due_time_that_was_prepared_for():
                 assert len(updated) == before
         core.feed(frame)
     assert len(updated) >= 40
+
+
+def test_the_setpoint_is_not_composed_at_a_due_time_that_was_prepared_for(monkeypatch):
+    core, _ = counting_core()
+    drafted, draft = [], ProtectedMessage.draft
+
+    def count(self, t_us, values):
+        drafted.append(self.plan.name)
+        return draft(self, t_us, values)
+
+    monkeypatch.setattr(ProtectedMessage, "draft", count)
+    prepared = 0
+    for frame in Bench().drive(0, 800_000):
+        if core.next_due_us is not None and frame.t_us >= core.next_due_us:
+            while core.work_ahead():
+                pass
+            drafted.clear()
+            sent = core.advance(core.next_due_us)
+            # INIT has no numbers, and the first status after it is not the expected one.
+            if frame.t_us > 600_000:
+                assert SETPOINT not in drafted
+                assert core.messages.ids_by_name[SETPOINT] in [one.arbitration_id for one in sent]
+                prepared += 1
+        core.feed(frame)
+    assert prepared >= 8
 
 
 COMPLETING = ("VehicleSpeed", "WheelSpeeds1", "TractiveEffort1")
