@@ -154,7 +154,7 @@ def test_what_is_composed_ahead_is_sent_once(messages):
     assert [frame.data[1] & 15 for frame in (first, second)] == [0, 1]
 
 
-@pytest.mark.parametrize(("t_us", "outputs"), [(1000, replace(FULL)), (2000, FULL)])
+@pytest.mark.parametrize(("t_us", "outputs"), [(1000, replace(FULL)), (500, FULL), (2000, FULL)])
 def test_for_another_due_time_or_other_outputs_it_is_composed_anew(messages, t_us, outputs):
     messages.prepare(1000, FULL)
     with pytest.MonkeyPatch.context() as patch:

@@ -26,6 +26,7 @@ WANTED = 10_000_000
 STANDSTILL_S = 600
 """Time after which an input that does not even come back to Python counts as a hang, s."""
 _EXECUTIONS = re.compile(rb"stat::number_of_executed_units:\s*(\d+)")
+_PROGRESS = re.compile(rb"^#(\d+)\s", re.MULTILINE)
 _COVERAGE = re.compile(rb"cov: (\d+) ft: ")
 
 
@@ -71,7 +72,9 @@ def fuzz(name: str, options: argparse.Namespace) -> Outcome:
         )
     took_s = max(time.monotonic() - began, 1e-3)
     (found / "fuzzer.txt").write_bytes(done.stdout)
-    executions = sum(map(int, _EXECUTIONS.findall(done.stdout)))
+    # One that was interrupted says how far it was, but not how many there were.
+    counts = _EXECUTIONS.findall(done.stdout) or _PROGRESS.findall(done.stdout)
+    executions = max(map(int, counts), default=0)
     branches = max(map(int, _COVERAGE.findall(done.stdout)), default=None)
     new = sorted(set(found.iterdir()) - before)
     findings = tuple(path for path in new if path.name.startswith(FINDINGS))
