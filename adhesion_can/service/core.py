@@ -11,6 +11,7 @@ each due time the parts work one after the other:
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import partial
 
@@ -96,6 +97,8 @@ class ServiceCore:
         self._on_setpoint = on_setpoint
         self._on_samples = on_samples
         self._dropped: Mapping[str, int] = {}
+        self._ready: Frame | None = None
+        """Setpoint of the next due time, if nothing else comes before it."""
         self._now_us = 0
         self._stopped = False
 
@@ -137,7 +140,12 @@ class ServiceCore:
             return
         if t_us - self._now_us > self.restart_us:
             self.restart()
-        yield from self._emit(t_us, self._inputs.snapshot)
+        ready = self._take_ready(t_us)
+        if ready is not None:
+            yield ready
+        for frame in self._emit(t_us, self._inputs.snapshot):
+            if frame is not ready:
+                yield frame
 
     def work_ahead(self) -> bool:
         """Do work of the next due time before it, for a caller that has nothing to do.
@@ -158,18 +166,38 @@ class ServiceCore:
             if self._inputs.next_expected_us < t_us:
                 self._early.begin(t_us)
             self._estimation.prepare(samples, t_us)
-        if self._estimation.prepared is not None:
-            # Mostly the status stays as it is, and no other speed comes any more.
-            outputs = self._builder.prepare(
-                self.outputs.status,
-                t_us,
-                self._estimation.prepared,
-                self._inputs.speed,
-                speed_derived=self.speed_derived,
-            )
-            if outputs is not None:
-                self.messages.prepare(t_us, outputs)
+        self._ready = self._compose_ahead(t_us, samples)
         return self._estimation.can_prepare
+
+    def _compose_ahead(self, t_us: int, samples: Samples) -> Frame | None:
+        """Setpoint of the next due time, µs, if nothing else comes before it; None: not known."""
+        estimate = self._estimation.prepared
+        if estimate is None:
+            return None
+        derived = self.speed_derived
+        status = copy(self._status).advance(
+            t_us,
+            samples,
+            estimate,
+            is_new=estimate is not self.estimate,
+            stale=self._inputs.is_stale(t_us),
+            speed_derived=derived,
+        )
+        outputs = self._builder.prepare(
+            status, t_us, estimate, self._inputs.speed, speed_derived=derived
+        )
+        if outputs is None or not self.schedule.is_due(SETPOINT, t_us):
+            return None
+        return self.messages.prepare(t_us, outputs)
+
+    def _take_ready(self, t_us: int) -> Frame | None:
+        """The setpoint that was composed ahead, where it is due at a time, µs, and nothing came."""
+        ready = self._ready
+        if ready is None or ready.t_us > t_us:
+            return None
+        self._ready = None
+        holds = ready.t_us == self.schedule.next_due_us and self._inputs.is_collected(ready.t_us)
+        return ready if holds else None
 
     @property
     def has_work_ahead(self) -> bool:
@@ -300,9 +328,16 @@ class ServiceCore:
     def _update(self, t_us: int, inputs: InputSnapshot) -> None:
         """Bring estimate, status and outputs to a due time."""
         self._dropped = inputs.dropped
-        self._update_estimate(t_us, inputs.samples)
+        is_new = self._update_estimate(t_us, inputs.samples)
         derived = self.speed_derived
-        status = self._status.update(t_us, self.estimate, stale=inputs.stale, speed_derived=derived)
+        status = self._status.advance(
+            t_us,
+            inputs.samples,
+            self.estimate,
+            is_new=is_new,
+            stale=inputs.stale,
+            speed_derived=derived,
+        )
         self.outputs = self._builder.build(
             status,
             t_us,
@@ -312,10 +347,10 @@ class ServiceCore:
             may_hold=self._status.may_hold(t_us),
         )
 
-    def _update_estimate(self, t_us: int, samples: Samples) -> None:
+    def _update_estimate(self, t_us: int, samples: Samples) -> bool:
+        """Bring the estimate to a due time; returns whether it is another one than before."""
         if len(samples):
             self.counts.samples += len(samples)
-            self._status.add_sample(int(samples.t_us[-1]))
             if self._on_samples:
                 self._on_samples(samples)
         try:
@@ -324,11 +359,11 @@ class ServiceCore:
         except EstimatorFailure as failure:
             self._add_fault(t_us, str(failure))
             self._discard_estimate()
-            return
-        if is_new and self.estimate is not None:
-            self._status.add_estimate(t_us, self.estimate)
+            return False
+        return is_new
 
     def _add_fault(self, t_us: int, reason: str) -> None:
+        self._ready = None
         if not self.faults or self.faults[-1] != reason:
             self.faults.append(reason)
         self._status.add_fault(t_us)

@@ -161,11 +161,15 @@ class FrameInputs:
         self._ahead = None
         return InputSnapshot(
             samples=samples,
-            stale=any(t_us - message.last_us > message.timeout_us for message in self._supervised),
+            stale=self.is_stale(t_us),
             speed=self.speed,
             totals=self._count_frames,
             dropped=self._former.dropped,
         )
+
+    def is_stale(self, t_us: int) -> bool:
+        """Whether a required input has been silent for too long at a time, µs."""
+        return any(t_us - message.last_us > message.timeout_us for message in self._supervised)
 
     def _count_frames(self) -> tuple[int, int]:
         return self._receiver.rejected, self._receiver.lost

@@ -164,10 +164,14 @@ class OutputMessages:
         """Frames of one message at its due time, µs; `health` is asked by the one that tells it."""
         return self._composers[name](t_us, outputs, health)
 
-    def prepare(self, t_us: int, outputs: Outputs) -> None:
-        """Compose ahead the setpoint of all axles that is due at a time, µs, if it carries this."""
+    def prepare(self, t_us: int, outputs: Outputs) -> Frame:
+        """Setpoint of all axles that is due at a time, µs, if it carries this: composed ahead.
+
+        With these very outputs, `compose` gives the same object.
+        """
         frame = self._encoders[SETPOINT].draft(t_us, _setpoint_values(outputs))
         self._ahead = _Ahead(outputs, frame)
+        return frame
 
     def _setpoint(self, t_us: int, outputs: Outputs, _: object) -> list[Frame]:
         # One that was composed ahead of another due time has a count that is taken by now.

@@ -33,6 +33,10 @@ class Schedule:
         """Time at which the next message is due, µs; None before the start."""
         return min(self._due_us.values()) if self._due_us else None
 
+    def is_due(self, name: str, t_us: int) -> bool:
+        """Whether a message is due at exactly this time, µs."""
+        return self._due_us.get(name) == t_us
+
     def start(self, t0_us: int) -> None:
         """Make every message due at T0, and then once a cycle."""
         self._due_us = dict.fromkeys(self._cycles_us, t0_us)

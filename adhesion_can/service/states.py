@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from adhesion_can.config import ServiceSettings
 from adhesion_can.physics.estimate import CHANGED, Estimate
+from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 
 FAULT_HOLD_US = 1_000_000
@@ -133,6 +134,33 @@ class StatusMachine:
     def discard_estimate(self) -> None:
         """Stop the change timer: the estimate that reported the change is gone."""
         self._changed_at_us = None
+
+    def advance(
+        self,
+        t_us: int,
+        samples: Samples,
+        estimate: Estimate | None,
+        *,
+        is_new: bool,
+        stale: bool,
+        speed_derived: bool,
+    ) -> Status:
+        """Status at a due time, with the timers started by what came since the one before.
+
+        Args:
+            t_us: Due time, µs; not before that of the previous call.
+            samples: Samples that became complete since the due time before; may be empty.
+            estimate: Latest estimate of the curve; None where there is none.
+            is_new: Whether it is another estimate than at the due time before.
+            stale: Whether a required input has been silent for more than three cycles.
+            speed_derived: Whether the vehicle speed is derived from the driven axles.
+
+        """
+        if len(samples):
+            self.add_sample(int(samples.t_us[-1]))
+        if is_new and estimate is not None:
+            self.add_estimate(t_us, estimate)
+        return self.update(t_us, estimate, stale=stale, speed_derived=speed_derived)
 
     def update(
         self, t_us: int, estimate: Estimate | None, *, stale: bool, speed_derived: bool

@@ -39,6 +39,16 @@ def test_a_due_time_that_was_passed_over_is_not_skipped():
     assert schedule.next_due_us == 120
 
 
+def test_a_message_is_due_at_its_own_times_alone():
+    schedule = Schedule({"a": 20, "b": 30})
+    assert not schedule.is_due("a", 0)
+    schedule.start(100)
+    schedule.pop_due(100)
+    assert [t for t in range(100, 150) if schedule.is_due("a", t)] == [120]
+    assert [t for t in range(100, 150) if schedule.is_due("b", t)] == [130]
+    assert not schedule.is_due("c", 120)
+
+
 @given(CYCLES_US, st.integers(0, 10**12), st.integers(0, 300))
 def test_every_message_is_due_at_t0_plus_multiples_of_its_cycle(cycles_us, t0_us, span_us):
     schedule = Schedule(cycles_us)

@@ -7,6 +7,7 @@ import pytest
 from adhesion_can.bus.database import load_database
 from adhesion_can.config import ServiceSettings
 from adhesion_can.physics.estimate import Identifiable
+from adhesion_can.physics.samples import Sample, Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.service.states import (
     FAULT_HOLD_US,
@@ -127,6 +128,37 @@ def test_a_change_counts_from_even_odds_on(probability, changed):
     one = machine()
     one.add_estimate(0, replace(VAGUE, change_probability=probability))
     assert status(one, 0) is (Status.SURFACE_CHANGE if changed else Status.TRACKING)
+
+
+NO_SAMPLES = Samples.from_rows([])
+
+
+def samples_at(*times_us):
+    """Samples of which the stamps alone matter."""
+    return Samples.from_rows(
+        Sample(t_us, axle=1, slip=0.02, adhesion=0.2, creep_speed=0.2, speed=10.0, load=1e5)
+        for t_us in times_us
+    )
+
+
+def advance(machine, t_us, samples, estimate=KNOWN, *, is_new=True, **how):
+    how = {"stale": False, "speed_derived": False} | how
+    return machine.advance(t_us, samples, estimate, is_new=is_new, **how)
+
+
+def test_what_came_starts_the_timers_before_the_status_is_told():
+    one, none = StatusMachine(SETTINGS), NO_SAMPLES
+    some = samples_at(1_000_000, 2_000_000, 1_500_000)
+    assert advance(one, 0, none) is Status.LOW_EXCITATION
+    assert advance(one, 2_000_000, some) is Status.TRACKING
+    assert advance(one, 3_500_000, none) is Status.TRACKING
+    assert advance(one, 3_500_001, none) is Status.LOW_EXCITATION, "by the last of the samples"
+    changed = replace(VAGUE, change_probability=0.5)
+    assert advance(one, 3_600_000, some, changed, is_new=False) is Status.LOW_EXCITATION
+    assert advance(one, 3_700_000, none, changed) is Status.SURFACE_CHANGE
+    assert advance(one, 3_700_000, none, None) is Status.INIT
+    assert advance(one, 3_700_000, none, changed, speed_derived=True) is Status.LOW_EXCITATION
+    assert advance(one, 3_700_000, none, changed, stale=True) is Status.STALE_INPUT
 
 
 def test_old_samples_are_low_excitation():

@@ -13,6 +13,7 @@ from adhesion_can.recordings.candump import ReadReport
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.early_start import EarlyStart
 from adhesion_can.service.estimation_loop import EstimationLoop, EstimatorFailure
+from adhesion_can.service.inputs import FrameInputs
 from adhesion_can.service.output_messages import SETPOINT
 from adhesion_can.service.replay import replay
 from adhesion_can.simulation.scenarios import SCENARIOS
@@ -23,7 +24,7 @@ from tests.service.test_column_replay import (
     spoiled,
     without_strays,
 )
-from tests.wire import CYCLES_MS, REQUIRED, Bench
+from tests.wire import CYCLES_MS, DBC, REQUIRED, Bench
 
 CONFIG = load_configuration()
 
@@ -129,6 +130,105 @@ def test_the_setpoint_is_not_composed_at_a_due_time_that_was_prepared_for(monkey
                 prepared += 1
         core.feed(frame)
     assert prepared >= 8
+
+
+def ready_core():
+    """A core that has the setpoint of its next due time ready, and its bench."""
+    core, _ = counting_core()
+    bench = Bench()
+    for frame in bench.drive(0, 700_000):
+        core.feed(frame)
+        if core.work_ahead() and frame.t_us > 600_000:
+            return core, bench, core.next_due_us
+    raise AssertionError("nothing was ready")
+
+
+def without_inputs(core, monkeypatch):
+    """No input can be read any more."""
+    monkeypatch.setattr(FrameInputs, "snapshot", None)
+    return core
+
+
+def test_the_setpoint_goes_out_before_anything_is_computed(monkeypatch):
+    core, _, due_us = ready_core()
+    frames = without_inputs(core, monkeypatch).due_frames(due_us)
+    assert next(frames).arbitration_id == core.messages.ids_by_name[SETPOINT]
+    with pytest.raises(TypeError):
+        next(frames)
+
+
+def test_a_setpoint_that_was_ready_is_sent_once():
+    core, _, due_us = ready_core()
+    sent = [one.arbitration_id for one in core.advance(due_us)]
+    assert sent.count(core.messages.ids_by_name[SETPOINT]) == 1
+
+
+def feed_reading(core, bench, due_us):
+    core.feed(bench.steady("VehicleSpeed", due_us - 1))
+
+
+def feed_rejected(core, bench, due_us):
+    core.feed(bench.steady("VehicleSpeed", due_us - 1)._replace(data=bytes(8)))
+
+
+def second_sender(core, _, due_us):
+    core.second_sender(due_us - 1)
+
+
+def stop(core, _, due_us):
+    core.stop(due_us - 1)
+
+
+def restart(core, *_):
+    core.restart()
+
+
+@pytest.mark.parametrize(
+    ("happens", "serves"),
+    [
+        (feed_rejected, True),
+        (feed_reading, False),
+        (second_sender, False),
+        (stop, None),
+        (restart, None),
+    ],
+)
+def test_a_setpoint_that_is_ready_serves_if_nothing_came(monkeypatch, happens, serves):
+    core, bench, due_us = ready_core()
+    happens(core, bench, due_us)
+    frames = without_inputs(core, monkeypatch).due_frames(due_us)
+    if serves is None:
+        assert list(frames) == []
+    elif serves:
+        assert next(frames).arbitration_id == core.messages.ids_by_name[SETPOINT]
+    else:
+        with pytest.raises(TypeError):
+            next(frames)
+
+
+def test_a_setpoint_that_is_ready_waits_for_its_due_time(monkeypatch):
+    core, _, due_us = ready_core()
+    assert core.advance(due_us - 1) == []
+    assert next(without_inputs(core, monkeypatch).due_frames(due_us)).t_us == due_us
+
+
+def test_between_its_due_times_no_setpoint_is_sent(tmp_path):
+    """A user's database may send that of all axles less often than those of each."""
+    text = DBC.read_text()
+    cycle = 'BA_ "GenMsgCycleTime" BO_ 513 20;'
+    assert cycle in text
+    (tmp_path / "mine.dbc").write_text(text.replace(cycle, cycle.replace("20", "100")))
+    config = load_configuration(dbc=tmp_path / "mine.dbc")
+    seen = []
+    for is_ahead in (False, True):
+        core = ServiceCore(config, SummingEstimator)
+        sent = []
+        for frame in Bench().drive(0, 900_000):
+            sent += core.feed(frame)
+            while is_ahead and core.work_ahead():
+                pass
+        seen.append(sent)
+    assert seen[0] == seen[1]
 
 
 COMPLETING = ("VehicleSpeed", "WheelSpeeds1", "TractiveEffort1")
