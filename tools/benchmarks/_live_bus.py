@@ -1,11 +1,19 @@
 """What the live benchmark's processes share: the drive that is played, and a bus that is timed."""
 
+import os
+import sys
 import threading
 import time
 from typing import NamedTuple
 
-import can
 import numpy as np
+
+if "ADHESION_CAN_EMULATED" in os.environ:
+    # python-can imports asammdf where it is installed, and that polars, which needs more of a
+    # processor than the emulated one has, and ends Python there. No MF4 file is read here.
+    sys.modules["asammdf"] = None
+
+import can
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.config import load_configuration

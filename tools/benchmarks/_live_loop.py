@@ -9,9 +9,8 @@ import json
 import time
 from collections import deque
 
-import can
 import numpy as np
-from _live_bus import Bus, TimedBus, drive_frames, play_beside
+from _live_bus import Bus, TimedBus, can, drive_frames, play_beside
 
 from adhesion_can.bus.frame import to_us
 from adhesion_can.config import load_configuration
