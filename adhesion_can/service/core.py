@@ -134,7 +134,8 @@ class ServiceCore:
     def due_frames(self, t_us: int) -> Iterator[Frame]:
         """Frames of `advance` one by one, each composed when it is asked for; ask for all of them.
 
-        So the first one, the setpoint of all axles, is on the bus before the others are composed.
+        So the first one, the setpoint of all axles, is on the bus before the others are composed;
+        where it was composed ahead and nothing came since, before anything is computed.
         """
         if t_us < self._now_us:
             return

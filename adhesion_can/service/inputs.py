@@ -168,7 +168,7 @@ class FrameInputs:
         )
 
     def is_stale(self, t_us: int) -> bool:
-        """Whether a required input has been silent for too long at a time, µs."""
+        """Whether a required input is silent for over `STALE_CYCLES` cycles at a time, µs."""
         return any(t_us - message.last_us > message.timeout_us for message in self._supervised)
 
     def _count_frames(self) -> tuple[int, int]:
