@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.bus.acceptance import SERVICE_POLICY, DecodedFrame, MessageAcceptance
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.rejection import Rejection
 from adhesion_can.bus.roles import BoundMessage
-from adhesion_can.physics.readings import Reading
+from adhesion_can.bus.stuck_signal import StuckSignalCheck
+from adhesion_can.physics.readings import Reading, Role
 
 LATE_CYCLES = 3
 """A gap between two accepted frames is late where it is longer than this number of cycles."""
@@ -35,6 +37,8 @@ class MessageRecord:
         late: Number of gaps of more than three cycles.
         not_available: Number of readings with the raw value for 'not available'.
         readings: Number of readings of all signals.
+        stuck: Number of readings of stuck signals, which count as not available from there on.
+        stuck_checks: Supervision of the signals that may be stuck, by role and axle.
 
     """
 
@@ -51,6 +55,8 @@ class MessageRecord:
     late: int = 0
     not_available: int = 0
     readings: int = 0
+    stuck: int = 0
+    stuck_checks: dict[tuple[Role, int], StuckSignalCheck] = field(default_factory=dict)
 
     @classmethod
     def begin(
@@ -58,12 +64,43 @@ class MessageRecord:
     ) -> "MessageRecord":
         """Empty record of a message with its decoder, with the checks of the service."""
         size, data_id, cycle_us = message.plan.size, message.data_id, message.cycle_us
-        return cls(message, MessageAcceptance(SERVICE_POLICY, size, data_id, cycle_us), decode)
+        record = cls(message, MessageAcceptance(SERVICE_POLICY, size, data_id, cycle_us), decode)
+        for signal in message.signals:
+            if signal.stuck_check:
+                check = StuckSignalCheck(signal.resolution, rest=-signal.offset)
+                record.stuck_checks[signal.role, signal.axle] = check
+        return record
 
     @property
     def lost(self) -> int:
         """Number of lost frames, by the counter."""
         return self.acceptance.lost
+
+    def leave_out_stuck(self, readings: list[Reading]) -> list[Reading]:
+        """The readings of an accepted frame; those of stuck signals are not available."""
+        kept = []
+        for reading in readings:
+            check = self.stuck_checks.get((reading.role, reading.axle))
+            if check is not None and reading.value is not None and check.accept(reading.value):
+                self.stuck += 1
+                reading = Reading(reading.t_us, reading.role, reading.axle, None)
+            kept.append(reading)
+        return kept
+
+    def find_stuck(self, key: tuple[Role, int], values: Array) -> NDArray[np.bool_]:
+        """Whether a signal is stuck at each of its consecutive accepted readings; shape (n,).
+
+        Args:
+            key: Role and axle of the signal.
+            values: Its readings, SI, NaN where not available, shape (n,).
+
+        """
+        stuck = np.zeros(len(values), dtype=np.bool_)
+        if key in self.stuck_checks:
+            available = np.isfinite(values)
+            stuck[available] = self.stuck_checks[key].accept_all(values[available])
+            self.stuck += int(stuck.sum())
+        return stuck
 
     def add(self, t_us: int) -> None:
         """Count an accepted frame with its time stamp, µs."""

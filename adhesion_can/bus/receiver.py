@@ -27,7 +27,7 @@ from adhesion_can.bus.message_record import MessageRecord
 from adhesion_can.bus.receiver_columns import ReceivedBlock, RecordsById, receive_block
 from adhesion_can.bus.rejection import Rejection
 from adhesion_can.bus.roles import BoundMessage
-from adhesion_can.physics.readings import Reading
+from adhesion_can.physics.readings import Reading, role_name
 
 
 class Receiver:
@@ -86,6 +86,21 @@ class Receiver:
         return sum([record.frames - record.accepted for record in self.records])
 
     @property
+    def stuck(self) -> int:
+        """Number of readings left out since the start, since their signal was stuck."""
+        return sum([record.stuck for record in self.records])
+
+    @property
+    def stuck_signals(self) -> list[str]:
+        """Signals that are stuck now, by their roles' names."""
+        return [
+            role_name(*key)
+            for record in self.records
+            for key, check in record.stuck_checks.items()
+            if check.is_stuck
+        ]
+
+    @property
     def lost(self) -> int:
         """Number of frames lost since the start, by the counters."""
         return sum([record.acceptance.lost for record in self.records])
@@ -113,6 +128,8 @@ class Receiver:
             record.add(frame.t_us)
             record.readings += len(outcome)
             record.not_available += [reading.value for reading in outcome].count(None)
+            if record.stuck_checks:
+                return record.leave_out_stuck(outcome)
         return outcome
 
     def accept_block(self, block: Block, t_us: NDArray[np.int64]) -> ReceivedBlock:

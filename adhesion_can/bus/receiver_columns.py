@@ -106,7 +106,9 @@ def _receive_rows(
         carried = good if present is None else good & present
         record.readings += int(carried.sum())
         record.not_available += int(np.isnan(values[carried]).sum())
-        received.readings[key] = (t_us[carried], values[carried])
+        kept = values[carried]
+        kept[record.find_stuck(key, kept)] = np.nan
+        received.readings[key] = (t_us[carried], kept)
     received.accepted.append(rows[good])
     received.rejected.append(rows[~good])
     received.lost.append((rows[found.lost > 0], found.lost[found.lost > 0]))

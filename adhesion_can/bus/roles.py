@@ -11,7 +11,7 @@ from adhesion_can.bus.database import CanDatabase, cycle_us, e2e_data_id
 from adhesion_can.bus.signal_columns import find_obstacle
 from adhesion_can.bus.units import known_units, to_si
 from adhesion_can.errors import ConfigError
-from adhesion_can.physics.readings import Role, role_name
+from adhesion_can.physics.readings import REQUIRED, Role, role_name
 
 Protection = Literal["e2e-p01", "none"]
 PROTECTIONS: tuple[Protection, ...] = ("e2e-p01", "none")
@@ -35,6 +35,7 @@ class SignalChoice:
         data_id: Data id of the protection, 0..65535.
         cycle_us: Cycle time of the message, µs.
         not_available: Whether a raw value of all ones means 'not available'.
+        stuck_check: Whether a noisy signal that stops to change counts as not available.
 
     """
 
@@ -51,6 +52,7 @@ class SignalChoice:
     data_id: int | None = None
     cycle_us: int | None = None
     not_available: bool = True
+    stuck_check: bool = True
 
     @property
     def name(self) -> str:
@@ -71,6 +73,7 @@ class BoundSignal:
         not_available: Raw value for 'not available'; None: the signal has none.
         at_rim: Whether a wheel speed is given as speed of the rim, which is divided by the
             configured radius.
+        stuck_check: Whether a noisy signal that stops to change counts as not available.
 
     """
 
@@ -81,11 +84,17 @@ class BoundSignal:
     offset: float
     not_available: int | None
     at_rim: bool
+    stuck_check: bool
 
     @property
     def name(self) -> str:
         """Role as configurations spell it: `wheel_speed.1`, `vehicle_speed`."""
         return role_name(self.role, self.axle)
+
+    @property
+    def resolution(self) -> float:
+        """Step of one raw bit, SI; 0 for floating point."""
+        return 0.0 if self.plan.is_float else abs(self.plan.scale * self.scale)
 
 
 @dataclass(frozen=True)
@@ -250,6 +259,7 @@ def _bind_signal(
         offset=choice.offset,
         not_available=signal_plan.not_available if choice.not_available else None,
         at_rim=to_si(choice.role, unit, None) is None,
+        stuck_check=choice.stuck_check and choice.role in REQUIRED,
     )
 
 
@@ -281,6 +291,5 @@ def resolutions_by_role(messages: Iterable[BoundMessage]) -> Mapping[Role, float
     steps: dict[Role, float] = {}
     for message in messages:
         for signal in message.signals:
-            step = 0.0 if signal.plan.is_float else abs(signal.plan.scale * signal.scale)
-            steps[signal.role] = max(steps.get(signal.role, 0.0), step)
+            steps[signal.role] = max(steps.get(signal.role, 0.0), signal.resolution)
     return steps

@@ -26,6 +26,8 @@ class _RoleTable:
         data_id: Data ID of the protection, 0..65535; without it that of the database.
         cycle_ms: Cycle of the message, ms; 0 for that of the database.
         not_available: Whether a raw value of all ones means that the signal is not available.
+        stuck_check: Whether a speed or an effort with noise counts as not available once its value
+            stops to change.
 
     """
 
@@ -39,6 +41,7 @@ class _RoleTable:
     data_id: int | None = None
     cycle_ms: float = 0.0
     not_available: bool = True
+    stuck_check: bool = True
 
 
 def load_roles(value: object, where: str) -> tuple[SignalChoice, ...]:
@@ -110,6 +113,7 @@ def load_choice(role: Role, axle: int, table: Mapping[str, Any], place: str) -> 
         data_id=row.data_id,
         cycle_us=round(row.cycle_ms * 1000) or None,
         not_available=row.not_available,
+        stuck_check=row.stuck_check,
     )
 
 

@@ -16,7 +16,7 @@ from adhesion_can.offline.compare_noise import NOISY_ROLES, ComparedNoise, compa
 from adhesion_can.offline.fault_history import FaultHistory
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.offline.scan import Scan, SignalRange, scan
-from adhesion_can.physics.readings import Role, role_name
+from adhesion_can.physics.readings import REQUIRED, Role, role_name
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.plurals import counted
@@ -103,6 +103,7 @@ def message_json(record: MessageRecord) -> dict[str, Any]:
         "accepted": record.accepted,
         "lost": record.lost,
         "rejected": {str(reason): count for reason, count in record.rejected.items()},
+        "stuck": record.stuck,
         "cycle_ms": mean_cycle_ms(record),
         "nominal_cycle_ms": record.message.cycle_us and record.message.cycle_us / 1e3,
         "longest_gap_ms": record.longest_gap_us / 1e3,
@@ -168,11 +169,7 @@ def _check_messages(result: CheckResult) -> None:
     for record in result.receiver.records:
         name = f"{record.message.plan.name} ({record.message.plan.frame_id:#x})"
         if not record.frames:
-            required = record.message.roles & {
-                Role.WHEEL_SPEED,
-                Role.VEHICLE_SPEED,
-                Role.TRACTIVE_EFFORT,
-            }
+            required = record.message.roles & REQUIRED
             sentences = result.failures if required else result.limits
             sentences.append(f"{name}: not one frame in the recording")
             continue
@@ -180,6 +177,12 @@ def _check_messages(result: CheckResult) -> None:
             result.failures.append(f"{name}: {count} of {record.frames} frames rejected: {reason}")
         if record.lost:
             result.failures.append(f"{name}: {counted(record.lost, 'frame')} lost by its counter")
+        if record.stuck:
+            result.failures.append(
+                f"{name}: {counted(record.stuck, 'reading')} of a stuck signal, whose value stands "
+                "still while it used to change; they are left out (stuck_check = false for a role "
+                "that may stand still)"
+            )
         if record.late:
             at = (record.gap_at_us or 0) / 1e6
             result.failures.append(

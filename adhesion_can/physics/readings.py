@@ -28,6 +28,8 @@ class Role(StrEnum):
         return self in PER_AXLE
 
 
+REQUIRED = frozenset({Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT})
+"""Roles without which no sample can be formed."""
 PER_AXLE = frozenset({Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT, Role.AXLE_LOAD})
 
 

@@ -18,9 +18,9 @@ from adhesion_can.bus.block import Block, Kind, clamped
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver_columns import ReceivedBlock
 from adhesion_can.config import Configuration
-from adhesion_can.physics.readings import Role, SpeedSource
+from adhesion_can.physics.readings import REQUIRED, Role, SpeedSource
 from adhesion_can.service.core import ServiceCore
-from adhesion_can.service.inputs import REQUIRED, STALE_CYCLES, InputSnapshot
+from adhesion_can.service.inputs import STALE_CYCLES, InputSnapshot
 
 Stamps = NDArray[np.int64]
 _NO_READINGS = (np.empty(0, dtype=np.int64), np.empty(0))

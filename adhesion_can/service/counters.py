@@ -80,6 +80,12 @@ COUNTERS = (
         lambda s: s.core.counts.clamped,
     ),
     Counter(
+        "readings_stuck",
+        "readings_stuck",
+        "readings left out, since their signal was stuck",
+        lambda s: s.core.receiver.stuck,
+    ),
+    Counter(
         "samples",
         "samples",
         "samples of slip and adhesion",

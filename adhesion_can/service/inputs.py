@@ -7,12 +7,10 @@ from typing import NamedTuple
 
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
-from adhesion_can.physics.readings import Reading, Role, SpeedSource
+from adhesion_can.physics.readings import REQUIRED, Reading, Role, SpeedSource
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.former import SampleFormer
 
-REQUIRED = frozenset({Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT})
-"""Roles without which no sample can be formed."""
 OVERDUE_CYCLES = 1.5
 """Number of cycles after which a message is not waited for, by the stamps of the others."""
 STALE_CYCLES = 3

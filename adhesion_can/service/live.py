@@ -113,6 +113,9 @@ class LiveService:
         self._dry_run = dry_run
         self._notify = notify
         self._each_turn = each_turn
+        self._stuck_signals: list[str] = []
+        """Signals that were told to be stuck."""
+        self._stuck_readings = 0
         self._stop = threading.Event()
         self._loop_times_s: deque[float] = deque(maxlen=1000)
 
@@ -159,6 +162,7 @@ class LiveService:
             self._send(self.core.due_frames(due_us))
         # Behind the sending, which it would hold up.
         self.core.counts.receive_drops = self._queue.dropped + self.bus.kernel_drops
+        self._tell_stuck()
 
     def _handle(self, received: Received) -> None:
         began = time.perf_counter()
@@ -185,6 +189,25 @@ class LiveService:
         self._loop_times_s.append(time.perf_counter() - began)
         if self.counts.received % 100 == 0:
             self.core.loop_time_p99_us = float(np.quantile(self._loop_times_s, 0.99)) * 1e6
+
+    def _tell_stuck(self) -> None:
+        """Tell the signals that became stuck, and those that change again."""
+        stuck = self.core.receiver.stuck
+        if stuck == self._stuck_readings and not self._stuck_signals:
+            return
+        self._stuck_readings = stuck
+        signals = self.core.receiver.stuck_signals
+        for name in signals:
+            if name not in self._stuck_signals:
+                self._notify(
+                    f"{name} is stuck: its frames come, but a value that used to change stands "
+                    "still; not available until it changes (stuck_check = false for that role "
+                    "where it may)"
+                )
+        for name in self._stuck_signals:
+            if name not in signals:
+                self._notify(f"{name} changes again")
+        self._stuck_signals = signals
 
     def _tell_bus_off(self) -> None:
         self.counts.bus_off += 1
