@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,14 +78,12 @@ class MessageRecord:
 
     def leave_out_stuck(self, readings: list[Reading]) -> list[Reading]:
         """The readings of an accepted frame; those of stuck signals are not available."""
-        kept = []
-        for reading in readings:
-            check = self.stuck_checks.get((reading.role, reading.axle))
-            if check is not None and reading.value is not None and check.accept(reading.value):
+        for place, reading in enumerate(readings):
+            value, check = reading.value, self.stuck_checks.get((reading.role, reading.axle))
+            if check is not None and value is not None and check.accept(value):
                 self.stuck += 1
-                reading = Reading(reading.t_us, reading.role, reading.axle, None)
-            kept.append(reading)
-        return kept
+                readings[place] = replace(reading, value=None)
+        return readings
 
     def find_stuck(self, key: tuple[Role, int], values: Array) -> NDArray[np.bool_]:
         """Whether a signal is stuck at each of its consecutive accepted readings; shape (n,).

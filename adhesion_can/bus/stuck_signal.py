@@ -2,14 +2,20 @@
 
 A measured quantity carries noise, so its readings change again and again, whatever it does. Noise
 shows itself by changes of the slope that are large beside the resolution and reverse; a trend, and
-the rounding of a smooth signal, do neither. How long a run of equal readings may be, the longest of
-`WINDOW` runs says: one of more than `LIMIT_FACTOR` times that length comes by chance with a
-probability of about `WINDOW ** -LIMIT_FACTOR` where runs end at random, and is taken for a fault.
+the rounding of a smooth signal, do neither. How long a run of equal readings may be, two things say
+that were seen in a window of changes:
 
-A signal without noise (a command, a filtered speed) may stand still for long, and is not judged.
+- the longest run: where runs end at random, one of more than `LIMIT_FACTOR` times that length comes
+  with a probability of about `WINDOW ** -LIMIT_FACTOR`;
+- the noise: a trend makes runs shorter, and noise alone with the standard deviation s, in steps of
+  the resolution, gives equal neighbours with the probability 1 / (2 sqrt(pi) s).
+
+A longer run is taken for a fault. A signal without noise (a command, a filtered speed) may stand
+still for long, and is not judged.
 """
 
 from dataclasses import dataclass, field
+from math import ceil, log, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +24,23 @@ from adhesion_can.arrays import Array
 
 WINDOW = 256
 """Number of changes from which noise and the longest run are known."""
-LIMIT_FACTOR, LIMIT_MARGIN, LEAST_LIMIT = 4, 4, 24
-"""Limit of a run of equal readings: factor on the longest run of a window, readings added, and
-least limit: where a signal moves fast, its runs are shorter than noise alone makes them."""
+LIMIT_FACTOR, LIMIT_MARGIN = 4, 4
+"""Limit of a run of equal readings by the longest run: factor, and readings added."""
+FALSE_ALARM = 1e-10
+"""Probability of a run beyond the limit by the noise alone."""
+MOST_EQUAL, LEAST_EQUAL = 0.5, 0.02
+"""Range of the probability of equal neighbours that the noise gives."""
+MOST_READINGS = 64
+"""Mean length of a run up to which a signal is judged: one that changes more seldom is a command,
+or measured too seldom to say within seconds that it is stuck."""
 STRONG_STEPS = 2.5
 """Size of a strong change of the slope, in steps of the signal's resolution."""
 LEAST_REVERSALS = 48
 """Number of reversals between strong changes of the slope, in a window, from which a signal is
 noisy. White noise of half a step of the resolution gives 27 at most, of 1.5 steps 71 at least, and
 a smooth signal none."""
+MEDIAN_BEND = 0.6745 * sqrt(6.0)
+"""Median size of a change of the slope in white noise, in standard deviations."""
 
 
 @dataclass(slots=True)
@@ -52,9 +66,12 @@ class StuckSignalCheck:
     """Latest change of the value."""
     _turn: int = field(default=0, init=False)
     """Sign of the latest change of the slope; 0 where it was not strong."""
-    _changes: int = field(default=0, init=False)
+    _bends: list[float] = field(default_factory=list, init=False)
+    """Changes of the slope in this window."""
     _reversals: int = field(default=0, init=False)
     _longest: int = field(default=0, init=False)
+    _total: int = field(default=0, init=False)
+    """Number of readings in the runs of this window."""
 
     def accept(self, value: float) -> bool:
         """Whether the signal is stuck with this reading, SI."""
@@ -66,13 +83,26 @@ class StuckSignalCheck:
             step = value - self._value
             bend, strong = step - self._step, STRONG_STEPS * self.resolution
             turn = (bend >= strong) - (bend <= -strong)
-            run = 0 if self._value == self.rest else self._run  # a stop teaches nothing
-            self._add_changes(1, run, int(turn * self._turn < 0))
+            self._bends.append(bend)
+            self._reversals += turn * self._turn < 0
+            run = self._usual(self._run, self._value)
+            self._total += run
+            self._longest = max(self._longest, run)
             self._value, self._run, self._step, self._turn = value, 1, step, turn
-            if self._changes == WINDOW:
+            if len(self._bends) == WINDOW:
                 self._end_window()
         self.is_stuck = 0 < self.limit <= self._run and value != self.rest
         return self.is_stuck
+
+    def _usual(self, run: int, value: float) -> int:
+        """Length of a run as far as it says how long one may be.
+
+        A stop says nothing. A fault must not teach that long runs are usual; a sensor that has
+        become slower must.
+        """
+        if value == self.rest:
+            return 0
+        return min(run, self.limit) if self.limit else run
 
     def accept_all(self, values: Array) -> NDArray[np.bool_]:
         """Whether the signal is stuck with each reading, as `accept` tells one after another.
@@ -91,17 +121,17 @@ class StuckSignalCheck:
             bends = np.diff(steps[changed], prepend=self._step)
         strong = STRONG_STEPS * self.resolution
         turns = (bends >= strong).astype(np.int64) - (bends <= -strong)
-        reversed_ = turns * np.append(self._turn, turns[:-1]) < 0
         begins = np.append(-self._run, changed)
-        runs = np.diff(begins)
-        runs[np.append(self._value, values)[changed] == self.rest] = 0
-        limits = self._limits(len(values), changed, runs, reversed_)
+        ended = np.diff(begins)
+        ended[np.append(self._value, values)[changed] == self.rest] = 0
+        reversed_ = turns * np.append(self._turn, turns[:-1]) < 0
+        limits = self._limits(len(values), changed, bends, ended, reversed_)
         run = np.arange(1, len(values) + 1) - np.repeat(
             begins, np.diff(changed, prepend=0, append=len(values))
         )
         if len(changed):
-            self._step, self._turn = float(steps[changed[-1]]), int(turns[-1])
-        self._value, self._run = values.item(-1), int(run[-1])
+            self._step, self._turn = steps.item(changed[-1]), turns.item(-1)
+        self._value, self._run = values.item(-1), run.item(-1)
         stuck = (limits > 0) & (run >= limits) & (values != self.rest)
         self.is_stuck = bool(stuck[-1])
         return np.asarray(stuck)
@@ -110,7 +140,8 @@ class StuckSignalCheck:
         self,
         size: int,
         changed: NDArray[np.int64],
-        runs: NDArray[np.int64],
+        bends: Array,
+        ended: NDArray[np.int64],
         reversed_: NDArray[np.bool_],
     ) -> NDArray[np.int64]:
         """Limit at each of so many readings, with the windows brought forward; shape (size,).
@@ -118,30 +149,38 @@ class StuckSignalCheck:
         Args:
             size: Number of readings, n.
             changed: Readings that differ from the one before, ascending, shape (k,).
-            runs: Length of the run that each of them ended, shape (k,).
+            bends: Changes of the slope at these, SI, shape (k,).
+            ended: Length of the run that each of them ended, 0 for a stop, shape (k,).
             reversed_: Whether each of them reversed a strong change of the slope, shape (k,).
 
         """
         limits = np.full(size, self.limit)
         done = 0
         while done < len(changed):
-            end = min(done + WINDOW - self._changes, len(changed))
-            rows = slice(done, end)
-            self._add_changes(end - done, int(runs[rows].max()), int(reversed_[rows].sum()))
-            if self._changes == WINDOW:
+            rows = slice(done, min(done + WINDOW - len(self._bends), len(changed)))
+            runs = np.minimum(ended[rows], self.limit) if self.limit else ended[rows]
+            self._bends += bends[rows].tolist()
+            self._reversals += int(reversed_[rows].sum())
+            self._total += int(runs.sum())
+            self._longest = max(self._longest, int(runs.max()))
+            done = rows.stop
+            if len(self._bends) == WINDOW:
                 self._end_window()
-                limits[changed[end - 1] :] = self.limit
-            done = end
+                limits[changed[done - 1] :] = self.limit
         return limits
 
-    def _add_changes(self, count: int, longest: int, reversals: int) -> None:
-        """Count changes of one window, the longest run that they ended, and their reversals."""
-        self._changes += count
-        self._reversals += reversals
-        # A fault must not teach that long runs are usual; a sensor that has become slower must.
-        self._longest = max(self._longest, min(longest, self.limit) if self.limit else longest)
-
     def _end_window(self) -> None:
-        limit = max(LIMIT_FACTOR * self._longest + LIMIT_MARGIN, LEAST_LIMIT)
-        self.limit = limit if self._reversals >= LEAST_REVERSALS else 0
-        self._changes = self._reversals = self._longest = 0
+        by_runs = LIMIT_FACTOR * self._longest + LIMIT_MARGIN
+        by_noise = ceil(self._most_equal() * max(self._total / WINDOW, 1.0))
+        judged = self._reversals >= LEAST_REVERSALS and self._total <= MOST_READINGS * WINDOW
+        self.limit = max(by_runs, by_noise) if judged else 0
+        self._bends.clear()
+        self._reversals = self._longest = self._total = 0
+
+    def _most_equal(self) -> float:
+        """Number of equal neighbours in a row that noise gives with the set probability."""
+        bends = np.abs(self._bends)
+        steps = float(np.median(bends)) / MEDIAN_BEND
+        # Where equal neighbours have the probability that the noise gives to a signal at rest.
+        equal = self.resolution / (2.0 * sqrt(pi) * steps) if steps > 0.0 else MOST_EQUAL
+        return 1.0 + log(FALSE_ALARM) / log(min(max(equal, LEAST_EQUAL), MOST_EQUAL))

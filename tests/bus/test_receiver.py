@@ -1,7 +1,9 @@
 """Frames in, readings out: every reason to reject, and what a rejected frame must not do."""
 
+import itertools
 import struct
 from collections import Counter
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 
@@ -527,3 +529,68 @@ def test_a_number_that_is_none_in_si_is_out_of_range_in_blocks_too(unit, value):
     (a,), (b,) = one.records, other.records
     assert a.rejected == b.rejected == ({} if fits else {Rejection.RANGE: 1})
     assert (a.not_available, b.not_available) == (0, 0)
+
+
+# --- stuck signals -------------------------------------------------------------------------------
+
+
+def noisy_frames(count, frozen_from, seed=0):
+    """Speeds of three wheels with noise; from a frame on those of the first wheel are frozen."""
+    raw = 5000 + np.random.default_rng(seed).integers(-20, 20, (count, 3))
+    raw[frozen_from:, 0] = raw[frozen_from, 0]
+    return [
+        Frame(10 * MS * i, 0x101, wheel_payload(i % 15, speeds=row))
+        for i, row in enumerate(raw.tolist())
+    ]
+
+
+def test_a_stuck_signal_is_not_available_and_the_others_of_its_frame_are():
+    subject = receiver()
+    found = [by_role(subject.accept(frame)) for frame in noisy_frames(900, 800)]
+    assert None not in [value for one in found[:800] for value in one.values()]
+    assert {key[1] for key, value in found[-1].items() if value is None} == {1}
+    record = record_of(subject, "WheelSpeeds1")
+    assert 60 < record.stuck == subject.stuck < 100
+    assert record.stuck == [one[Role.WHEEL_SPEED, 1] for one in found].count(None)
+    assert (record.not_available, record.readings) == (0, 2700)
+    assert subject.stuck_signals == ["wheel_speed.1"]
+    subject.accept(Frame(10_000 * MS, 0x101, wheel_payload(0, speeds=(1, 2, 3))))
+    assert subject.stuck_signals == []
+
+
+@given(st.integers(0, 1 << 20), st.integers(300, 700), st.lists(st.integers(1, 799), max_size=6))
+@settings(max_examples=20)
+def test_blocks_leave_out_what_single_frames_do(seed, frozen_from, cuts):
+    frames = noisy_frames(800, frozen_from, seed)
+    single, many = receiver(), receiver()
+    wanted = [
+        (one.t_us, one.value)
+        for frame in frames
+        for one in single.accept(frame)
+        if (one.role, one.axle) == (Role.WHEEL_SPEED, 1)
+    ]
+    found = []
+    for begin, end in itertools.pairwise(sorted({0, *cuts, 800})):
+        block = Block.from_frames(frames[begin:end])
+        stamps, values = many.accept_block(block, block.t_us).readings[Role.WHEEL_SPEED, 1]
+        numbers = [None if np.isnan(value) else value for value in values.tolist()]
+        found += zip(stamps.tolist(), numbers, strict=True)
+    assert found == wanted
+    assert many.stuck == single.stuck
+    assert many.stuck_signals == single.stuck_signals
+
+
+def test_a_stuck_signal_goes_through_where_the_configuration_says_so():
+    choices = [replace(choice, stuck_check=False) for choice in packaged_choices()]
+    subject = Receiver(bind(choices, DATABASE, RADII, "test"))
+    found = [by_role(subject.accept(frame)) for frame in noisy_frames(900, 500)]
+    assert None not in [value for one in found for value in one.values()]
+    assert subject.stuck == 0
+
+
+def test_speeds_and_efforts_alone_are_supervised():
+    supervised = {key for record in receiver().records for key in record.stuck_checks}
+    axles = range(1, 7)
+    per_axle = (Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT)
+    wanted = {(role, axle) for role in per_axle for axle in axles}
+    assert supervised == wanted | {(Role.VEHICLE_SPEED, 0)}
