@@ -393,6 +393,7 @@ BAD_KEYS = {
     "cycle_ms = 1e9": ("roles.vehicle_speed.cycle_ms",),
     "channel = 0": ("roles.vehicle_speed.channel", "text"),
     'not_available = "no"': ("roles.vehicle_speed.not_available",),
+    "stuck_check = 0": ("roles.vehicle_speed.stuck_check",),
 }
 
 
@@ -426,9 +427,10 @@ def test_the_keys_of_a_role_arrive(tmp_path):
     (message,) = speed_role(
         tmp_path,
         'channel = "can1", unit = "km/h", factor = 1.02, sign = -1, protection = "e2e-p01", '
-        "data_id = 0, cycle_ms = 12.5, not_available = false",
+        "data_id = 0, cycle_ms = 12.5, not_available = false, stuck_check = false",
     ).messages
     (signal,) = message.signals
+    assert signal.stuck_check is False
     assert message.channel == "can1"
     assert message.data_id == 0
     assert message.cycle_us == 12_500
