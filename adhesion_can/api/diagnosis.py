@@ -218,6 +218,7 @@ def _describe_unused_frames(input_file: InputFile, received: LoadedTraces) -> li
     problems = []
     if received.rejected:
         problems.append(f"{input_file.name}: frames that failed their checks: {received.rejected}")
+    problems += [f"{input_file.name}: {sentence}" for sentence in received.stuck]
     if received.derived:
         problems.append(
             f"{input_file.name}: {received.derived} vehicle speeds derived from the driven axles "

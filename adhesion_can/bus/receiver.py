@@ -91,6 +91,17 @@ class Receiver:
         return sum([record.stuck for record in self.records])
 
     @property
+    def stuck_sentences(self) -> list[str]:
+        """Sentences about messages of which readings were left out, since they were stuck."""
+        return [
+            f"{record.message.plan.name} ({record.message.plan.frame_id:#x}): {record.stuck} "
+            "readings of a stuck signal left out: its value stood still while its frames came, "
+            "and used to change (stuck_check = false for a role that may stand still)"
+            for record in self.records
+            if record.stuck
+        ]
+
+    @property
     def stuck_signals(self) -> list[str]:
         """Signals that are stuck now, by their roles' names."""
         return [

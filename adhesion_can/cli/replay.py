@@ -260,6 +260,7 @@ def _document(
         "frames_foreign": core.counts.foreign,
         "frames_rejected": receiver.rejected,
         "frames_lost": receiver.lost,
+        "readings_stuck": receiver.stuck,
         "frames_clamped": core.counts.clamped,
         "frames_sent": summary.sent,
         "lines": dict(summary.kinds),
@@ -300,7 +301,7 @@ def _print(
             f"lambda_m {plus_minus(e.lambda_m, e.lambda_m_std)}, "
             f"c1 {e.c1:.4f}, c2 {e.c2:.2f}, c3 {e.c3:.4f}"
         )
-    notes = (*setpoints.describe_doubts(), *problems, *core.faults)
+    notes = (*setpoints.describe_doubts(), *problems, *receiver.stuck_sentences, *core.faults)
     for line in (*notes, *left_out_lines(core.left_out_samples)):
         out.print(line, markup=False)
 

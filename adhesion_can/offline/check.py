@@ -177,12 +177,6 @@ def _check_messages(result: CheckResult) -> None:
             result.failures.append(f"{name}: {count} of {record.frames} frames rejected: {reason}")
         if record.lost:
             result.failures.append(f"{name}: {counted(record.lost, 'frame')} lost by its counter")
-        if record.stuck:
-            result.failures.append(
-                f"{name}: {counted(record.stuck, 'reading')} of a stuck signal, whose value stands "
-                "still while it used to change; they are left out (stuck_check = false for a role "
-                "that may stand still)"
-            )
         if record.late:
             at = (record.gap_at_us or 0) / 1e6
             result.failures.append(
@@ -199,6 +193,7 @@ def _check_messages(result: CheckResult) -> None:
             result.failures.append(
                 f"{name}: cycle {cycle:.1f} ms instead of {nominal / 1e3:.0f} ms"
             )
+    result.failures.extend(result.receiver.stuck_sentences)
     if result.clamped:
         result.failures.append(
             f"{counted(result.clamped, 'frame')} stamped before the one in front"

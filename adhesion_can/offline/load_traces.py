@@ -31,6 +31,7 @@ class LoadedTraces:
         trailing: Number of vehicle speeds measured at a trailing axle.
         backwards: Number of frames stamped before the one in front of them, moved to its stamp.
         rejected: Number of frames that failed their checks.
+        stuck: Sentences about messages of which readings were left out, since they were stuck.
 
     """
 
@@ -39,6 +40,7 @@ class LoadedTraces:
     trailing: int = 0
     backwards: int = 0
     rejected: int = 0
+    stuck: list[str] = field(default_factory=list)
     _source: float = np.nan
 
     def add(self, readings: Readings) -> None:
@@ -98,5 +100,6 @@ def load_traces(blocks: Iterable[Block], config: Configuration, where: str) -> L
         frames, now_us = frames + len(own), int(t_us[-1])
         loaded.add(receiver.accept_block(own, t_us).readings)
     loaded.rejected = receiver.rejected
+    loaded.stuck = receiver.stuck_sentences
     require_accepted_frame(receiver, frames, where)
     return loaded

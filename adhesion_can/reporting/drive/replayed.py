@@ -63,7 +63,8 @@ def core_quality(
         "samples": core.counts.samples,
     }
     dropped = core.dropped_samples | core.left_out_samples
-    return quality_parts(core.receiver.records, counts, dropped, [*problems, *core.faults])
+    notes = [*problems, *core.receiver.stuck_sentences, *core.faults]
+    return quality_parts(core.receiver.records, counts, dropped, notes)
 
 
 def duration_text(seconds: float) -> str:
