@@ -28,19 +28,47 @@ def require_layout(message: Message, own: Message, where: str) -> None:
     if message.length < 2:
         raise DatabaseError(where, "no room for checksum and counter", "give it 8 bytes")
     present = {signal.name: signal for signal in message.signals}
-    pairs = [
-        (present[signal.name], signal)
-        for signal in own.signals
-        if signal.name in present and signal.name not in PROTECTION
-    ]
-    for signal, _ in pairs:
+    pairs = [(present[signal.name], signal) for signal in own.signals if signal.name in present]
+    for signal, original in pairs:
         obstacle = find_obstacle(signal, message)
         if obstacle:
             raise DatabaseError(where, f"its signal {signal.name}: {obstacle}", "correct it")
+        if _page(signal) != _page(original):
+            raise DatabaseError(
+                where,
+                f"its signal {signal.name} is multiplexed otherwise than the one that is sent",
+                f"write {_page_text(original)}",
+            )
     plan, own_plan = MessagePlan(message), MessagePlan(own)
     for signal, original in pairs:
-        _require_values(plan.signals[signal.name], own_plan.signals[original.name], where)
-    _require_places(plan, [original for _, original in pairs], where)
+        if signal.name in PROTECTION:
+            _require_protection(plan.signals[signal.name], own_plan.signals[signal.name], where)
+        else:
+            _require_values(plan.signals[signal.name], own_plan.signals[original.name], where)
+    _require_places(plan, [one for _, one in pairs if one.name not in PROTECTION], where)
+
+
+def _page(signal: Signal) -> tuple[bool, str | None, frozenset[int]]:
+    """Whether a signal is a multiplexer, and the selector and its values that it is sent with."""
+    ids = frozenset(signal.multiplexer_ids or ())
+    return signal.is_multiplexer, signal.multiplexer_signal, ids
+
+
+def _page_text(signal: Signal) -> str:
+    """Page of a signal as a DBC writes it, `SG_ NAME m1`."""
+    number = "".join(f" m{one}" for one in signal.multiplexer_ids or ())
+    return f"SG_ {signal.name}{' M' if signal.is_multiplexer else number}"
+
+
+def _require_protection(plan: SignalPlan, own: SignalPlan, where: str) -> None:
+    """DatabaseError where receivers would look for checksum or counter in another place."""
+    scaling = plan.is_float, plan.signed, plan.scale, plan.offset
+    if _bits(plan) != _bits(own) or scaling != (False, False, 1, 0):
+        raise DatabaseError(
+            where,
+            f"its signal {plan.name} is not where it is sent",
+            f"begin at bit {own.shift} with {own.length} bits, no sign, factor 1 and offset 0",
+        )
 
 
 def _require_values(plan: SignalPlan, own: SignalPlan, where: str) -> None:

@@ -27,7 +27,9 @@ class Octets:
 
     def number(self, size=1):
         """Unsigned number of so many bytes."""
-        return int.from_bytes(self.take(size), "little")
+        octets = self._data[self._at : self._at + size]  # zeros behind them would not matter
+        self._at += size
+        return int.from_bytes(octets, "little")
 
     def below(self, limit):
         """A number from 0 to below the limit."""

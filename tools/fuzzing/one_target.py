@@ -4,6 +4,7 @@ PACKAGES are those whose branches guide the fuzzer, with commas between. COMPARI
 comparisons guide it too, else 0: atheris 3.0 never frees what they give, which counts for arrays.
 """
 
+import logging
 import resource
 import signal
 import sys
@@ -46,6 +47,7 @@ def main() -> None:
         signal.setitimer(signal.ITIMER_PROF, 0)
 
     signal.signal(signal.SIGPROF, stop)
+    logging.getLogger("can").setLevel(logging.CRITICAL)  # python-can tells of each line it refuses
     warnings.simplefilter("error")  # as in the tests: a warning is no answer to an input
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
     atheris.Setup([sys.argv[0], *sys.argv[4:]], run_in_time)

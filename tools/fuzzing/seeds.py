@@ -10,7 +10,6 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from adhesion_can.bus.database import OUTPUT_MESSAGES, packaged_path
 from adhesion_can.bus.frame import ADVANCE, STOP, Frame, Mark
 from adhesion_can.config.model_file import model_text
 from adhesion_can.estimation.extended.model import BaseCurve, ExtendedModel
@@ -141,18 +140,16 @@ def model_texts() -> dict[str, str]:
     }
 
 
-def output_database() -> str:
-    """The output messages of our own database with their cycles."""
-    lines = packaged_path().read_text().splitlines()
-    kept, inside = ['VERSION ""'], False
-    for line in lines:
-        if line.startswith("BO_ "):
-            inside = line.split()[2].rstrip(":") in OUTPUT_MESSAGES
-        if inside and line.startswith(("BO_ ", " SG_ ")):
-            kept.append(line.replace(" ADHESION", " A").replace(" DRIVE,LOCO", " B"))
-    cycles = [line for line in lines if "GenMsgCycleTime" in line]
-    kept += [line for line in cycles if line.startswith("BA_DEF") or " BO_ 5" in line]
-    return "\n".join(kept) + "\n"
+def output_changes() -> dict[str, bytes]:
+    """Changes of the output messages: message, kind of change, and what it becomes, by numbers."""
+    size, cycle, far_start, order, sign = 0, 2, 7, 9, 10
+    return {
+        "own": bytes(octet for message in range(4) for octet in (message, size, 0)),
+        "health": bytes([4, size, 0]),
+        # A signal behind the first 8 bytes in the other byte order, and one with a sign.
+        "moved": bytes([0, size, 3, 0, far_start, 3, 100, 0, 0, order, 3, 0, 0, sign, 5]),
+        "cycles": bytes([1, cycle, 8, 2, cycle, 4, 3, cycle, 0, 4, cycle, 8]),
+    }
 
 
 def blf_files() -> dict[str, bytes]:
@@ -189,7 +186,7 @@ def seeds() -> dict[str, dict[str, bytes]]:
             for version in trace_tests.TRC
         },
         "database": {"good": DBC.encode(), "faulty": FAULTY.encode()},
-        "outputs": {"own": output_database().encode()},
+        "outputs": output_changes(),
         "other_database": {"kcd": b"\0" + KCD.encode(), "sym": b"\x02" + SYM.encode()},
         "decoding": {
             "plain": bytes([0, 0, 8, 2, 1, 4, 255, 2]) * 6,

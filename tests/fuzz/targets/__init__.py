@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tests.fuzz.targets.candump import candump_line, candump_text
-from tests.fuzz.targets.databases import database, decoding, other_database, outputs
+from tests.fuzz.targets.databases import database, decoding, other_database
 from tests.fuzz.targets.frames import acceptance, counter, secoc
+from tests.fuzz.targets.outputs import outputs
 from tests.fuzz.targets.service import service
 from tests.fuzz.targets.settings import configuration, formula, model, state
 from tests.fuzz.targets.tables import choice, table
@@ -38,16 +39,16 @@ TARGETS = {
     target.run.__name__: target
     for target in (
         Target(candump_line, 300),
-        Target(candump_text, 4000, has_arrays=True),
-        Target(blf, 4000, has_arrays=True),
-        Target(asc, 3000, has_arrays=True),
-        Target(trc, 3000, has_arrays=True),
-        Target(database, 4000, _DATABASES, has_arrays=True),
+        Target(candump_text, 2000, has_arrays=True),
+        Target(blf, 2000, has_arrays=True),
+        Target(asc, 2000, has_arrays=True),
+        Target(trc, 2000, has_arrays=True),
+        Target(database, 2000, _DATABASES, has_arrays=True),
         Target(other_database, 4000, _DATABASES),
-        Target(outputs, 5000, _DATABASES),
+        Target(outputs, 40),
         Target(decoding, 200, has_arrays=True),
         Target(acceptance, 400, has_arrays=True),
-        Target(counter, 300, has_arrays=True),
+        Target(counter, 160, has_arrays=True),
         Target(secoc, 200),
         Target(configuration, 4000, _TOML),
         Target(model, 4000, _TOML, has_arrays=True),

@@ -4,7 +4,6 @@ import math
 import struct
 from hashlib import shake_128
 from itertools import combinations
-from math import inf
 
 import numpy as np
 from cantools.database.can import Message, Signal
@@ -16,9 +15,6 @@ from adhesion_can.bus.database import load_database
 from adhesion_can.bus.decoder import Decoder
 from adhesion_can.bus.frame import MAX_PAYLOAD
 from adhesion_can.bus.signal_columns import MessageSignals
-from adhesion_can.physics.status import Status
-from adhesion_can.service.output_messages import Health, OutputMessages
-from adhesion_can.service.outputs import Outputs, Setpoint
 from tests.fuzz.octets import Octets
 from tests.fuzz.rule import file_of, value_or_refusal
 
@@ -47,21 +43,6 @@ def other_database(data):
     found = value_or_refusal(load_database, path)
     if found is not None:
         value_or_refusal(Decoder, found)
-
-
-def outputs(data):
-    """A DBC with output messages of its own: refused, or every message is sent as long as it is."""
-    found = value_or_refusal(load_database, file_of("fuzz.dbc", data))
-    messages = found and value_or_refusal(OutputMessages, found, ())
-    if not messages:
-        return
-    point = Setpoint(0.3, 0.05, 0.5)
-    full = Outputs(Status.TRACKING, point, {1: point, 6: point}, (0.4, 30.0, 0.3), inf, 0.01, 1e9)
-    for name, cycle_us in messages.cycles_us.items():
-        assert cycle_us > 0
-        for content in (Outputs(), full):
-            for frame in messages.compose(name, 0, content, lambda: Health(10**9, 0, None)):
-                assert len(frame.data) == messages.sizes[name]
 
 
 def decoding(data):
@@ -99,7 +80,7 @@ def _require_same(message, payloads):
     undecodable = {}
     signals = MessageSignals(message, None, undecodable)
     assert all(reason.strip() for reason in undecodable.values())
-    if undecodable or _has_overlap(message):
+    if undecodable or has_overlap(message):
         return  # cantools decodes a message as a whole, and no signals that share bits
     width = 1 if message.length <= 8 else 8
     padded = b"".join(payload.ljust(8 * width, b"\0") for payload in payloads)
@@ -123,7 +104,7 @@ def _require_same(message, payloads):
             assert _bits(signal.value_column(raw)[row].item()) == _bits(signal.value(one)), name
 
 
-def _has_overlap(message):
+def has_overlap(message):
     """Whether two signals of one byte order, and of one page, share bits."""
     for one, other in combinations(message.signals, 2):
         pages = [set(signal.multiplexer_ids or ()) for signal in (one, other)]
