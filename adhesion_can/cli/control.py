@@ -31,11 +31,6 @@ from adhesion_can.service.reconnecting_bus import ReconnectingBus
 
 WAIT_S = 0.05
 """Longest wait for a frame before the first step, s: Ctrl-C is noticed after it."""
-MEANINGS = {
-    Mode.SLOW: "the train hardly moves: a small slip is held",
-    Mode.SEARCH: "searching the peak by pairs of axles",
-    Mode.HOLD: "holding the service's slip",
-}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -151,7 +146,7 @@ class _Loop:
             self._counts[mode] += 1
             if mode is not self._mode:
                 self._mode = mode
-                _say(f"{mode.name}: {MEANINGS[mode]}")
+                _say(f"{mode.name}: {mode.value}")
 
 
 def _now_us() -> int:

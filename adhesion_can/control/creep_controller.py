@@ -10,7 +10,7 @@ it agrees with what the search found. Back: it states it no longer, or excursion
 So a setpoint that is wrong with confidence is never followed alone.
 """
 
-from enum import Enum, auto
+from enum import Enum
 
 import numpy as np
 
@@ -42,12 +42,12 @@ SPINNING, SPIN_CREEP = 3.0, 0.05
 
 
 class Mode(Enum):
-    """What the controller goes by."""
+    """What the controller goes by; the value is what to tell of it."""
 
-    SLOW = auto()
-    SEARCH = auto()
-    HOLD = auto()
-    STEADY = auto()
+    SLOW = "the train hardly moves: a small slip is held"
+    SEARCH = "searching the peak by pairs of axles"
+    HOLD = "holding the service's slip"
+    STEADY = "creep speeds swing: one slip for all axles, which climbs slowly"
 
 
 class CreepController:
