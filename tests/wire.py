@@ -33,13 +33,21 @@ CYCLES_MS = {
 REQUIRED = ("WheelSpeeds1", "WheelSpeeds2", "VehicleSpeed", "TractiveEffort1", "TractiveEffort2")
 
 
+def divided(byte):
+    """Remainder of one byte by the polynomial 0x1D, bit by bit."""
+    for _ in range(8):
+        byte = ((byte << 1) ^ 0x1D if byte & 0x80 else byte << 1) & 0xFF
+    return byte
+
+
+REMAINDERS = [divided(byte) for byte in range(256)]
+
+
 def crc8(data):
-    """CRC-8, polynomial 0x1D, init 0, no final xor, bit by bit."""
+    """CRC-8, polynomial 0x1D, init 0, no final xor."""
     crc = 0
     for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = ((crc << 1) ^ 0x1D if crc & 0x80 else crc << 1) & 0xFF
+        crc = REMAINDERS[crc ^ byte]
     return crc
 
 

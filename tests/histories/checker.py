@@ -3,6 +3,7 @@
 from bisect import bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -36,6 +37,9 @@ FAULT_US = S + SLACK_US
 FIRST_US = 100 * MS
 """Latest time of the first setpoint after the first good input."""
 WITHOUT_NUMBERS = ("INIT", "FAULT")
+LIVELY_FRAMES, SHORT_FRAMES, STUCK_FRAMES = 600, 10, 40
+"""A message that changed all through so many frames, with no more than so many alike in a row, and
+then stands still for so many, is stuck."""
 
 
 class Violation(NamedTuple):
@@ -136,14 +140,22 @@ class _Schedule:
 
 
 def _point(at_us: int, frame: Frame) -> Point:
-    signals = decoded(frame)
-    raw = int.from_bytes(frame.data, "little")
+    # Checksum and counter differ from frame to frame and say nothing of the content.
+    status, available = _content(bytes([0, frame.data[1] & 0xF0]) + frame.data[2:])
+    return Point(at_us, frame.t_us, status, available)
+
+
+@lru_cache(1024)
+def _content(data: bytes) -> tuple[str, dict[str, float]]:
+    """Status and available numbers of a setpoint."""
+    signals = decoded(Frame(0, 0x201, data))
+    raw = int.from_bytes(data, "little")
     available = {
         name: float(signals[name])
         for name, place in (("MuMax", 16), ("LambdaM", 32), ("CreepSpeedSetpoint", 48))
         if raw >> place & 0xFFFF != 0xFFFF
     }
-    return Point(at_us, frame.t_us, str(signals["Status"]), available)
+    return str(signals["Status"]), available
 
 
 def _frames(record: Record, schedule: _Schedule) -> Iterator[Violation]:
@@ -212,6 +224,7 @@ def _good_times(record: Record, schedule: _Schedule) -> dict[str, list[int]]:
     """Times at which each required message came with a seal, a new counter and values."""
     names = {INPUTS[name]: name for name in REQUIRED}
     last: dict[str, tuple[int, int]] = {}
+    stuck = {name: _StuckPayload() for name in REQUIRED}
     good: dict[str, list[int]] = {name: [] for name in REQUIRED}
     for at_us, frame in record.inputs:
         name = names.get(frame.arbitration_id)
@@ -228,9 +241,28 @@ def _good_times(record: Record, schedule: _Schedule) -> dict[str, list[int]]:
         paused = at_us - before_us > SILENT_CYCLES * CYCLES_MS[name] * MS
         new = count != before or paused or schedule.overtaken(name, at_us)
         last[name] = at_us, count
-        if new and frame.data[2:] != NOT_AVAILABLE[name]:
+        if not new or frame.data[2:] == NOT_AVAILABLE[name]:
+            continue
+        if not stuck[name].accept(frame.data[2:]):
             good[name].append(at_us)
     return good
+
+
+class _StuckPayload:
+    """Whether the values of a message are stuck: long lively, they stand still."""
+
+    def __init__(self) -> None:
+        self._values = b""
+        self._alike = self._lively = 0
+
+    def accept(self, values: bytes) -> bool:
+        """Whether they are, with these values."""
+        if values == self._values:
+            self._alike += 1
+            return self._lively >= LIVELY_FRAMES and self._alike >= STUCK_FRAMES
+        self._lively = 0 if self._alike > SHORT_FRAMES else self._lively + 1
+        self._values, self._alike = values, 1
+        return False
 
 
 def _silence(points: list[Point], record: Record, schedule: _Schedule) -> Iterator[Violation]:

@@ -1,6 +1,6 @@
 """Schedule of faults: what goes wrong on the bus and in the host, from when to when."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +32,15 @@ class Fault:
     def active(self, t_us: int) -> bool:
         """Whether it is at work."""
         return self.from_us <= t_us < self.until_us
+
+
+def any_active(faults: Iterable[Fault], t_us: int) -> bool:
+    """Whether any of some faults is at work."""
+    # Not by any(): asked several times for each frame, mostly of no fault at all.
+    for fault in faults:  # noqa: SIM110
+        if fault.active(t_us):
+            return True
+    return False
 
 
 @dataclass(frozen=True)

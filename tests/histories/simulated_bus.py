@@ -10,7 +10,7 @@ import can
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.recordings.python_can_messages import from_message, to_message
-from tests.histories.faults import Fault
+from tests.histories.faults import Fault, any_active
 from tests.histories.traffic import START_US, Passing
 
 
@@ -78,9 +78,10 @@ class SimulatedBus:
         self._waiting: deque[Passing] = deque()
         self._stops = deque(f for f in faults if f.kind == "stopped")
         self._downs = [f for f in faults if f.kind in ("bus_down", "link_missing")]
-        self._off = [f for f in faults if f.kind == "bus_off"]
+        off = [f for f in faults if f.kind == "bus_off"]
+        self._silent = [*self._downs, *off]
         self._deaf = [f for f in faults if f.kind == "listen_only"]
-        self._full = [f for f in faults if f.kind == "no_buffer"]
+        self._full = [*off, *(f for f in faults if f.kind == "no_buffer")]
 
     def clock(self) -> int:
         """Time of the host, µs."""
@@ -113,15 +114,17 @@ class SimulatedBus:
             return None
         passing = self._waiting.popleft()
         self.record.inputs.append((passing.at_us, passing.frame))
-        return to_message(passing.frame._replace(t_us=passing.stamp_us))
+        message = to_message(passing.frame)
+        message.timestamp = passing.stamp_us / 1e6
+        return message
 
     def send(self, message: can.Message, timeout: float | None = None) -> None:
         """Send a frame."""
         if self._is_down():
             raise can.CanOperationError("down", errno.ENETDOWN)
-        if any(fault.active(self.now_us - self._start_us) for fault in (*self._full, *self._off)):
+        if any_active(self._full, self.now_us - self._start_us):
             raise can.CanOperationError("no buffer space", errno.ENOBUFS)
-        if any(fault.active(self.now_us - self._start_us) for fault in self._deaf):
+        if any_active(self._deaf, self.now_us - self._start_us):
             # As the kernel does it: the sender does not learn of it.
             self.unsent += 1
             return
@@ -134,7 +137,7 @@ class SimulatedBus:
         """Nothing to close."""
 
     def _is_down(self) -> bool:
-        return any(fault.active(self.now_us - self._start_us) for fault in self._downs)
+        return any_active(self._downs, self.now_us - self._start_us)
 
     def _pass(self, until_us: int) -> None:
         """Let time pass; a stop that begins meanwhile lasts until its end."""
@@ -149,5 +152,5 @@ class SimulatedBus:
 
     def _is_lost(self, passing: Passing) -> bool:
         """Whether a frame does not arrive; of a controller that is off its own reports do."""
-        silent = self._downs if passing.frame.is_error else (*self._downs, *self._off)
-        return any(fault.active(passing.at_us - self._start_us) for fault in silent)
+        silent = self._downs if passing.frame.is_error else self._silent
+        return any_active(silent, passing.at_us - self._start_us)

@@ -1,8 +1,9 @@
 """Frames of a drive as they pass the bus, spoilt by faults."""
 
-import heapq
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator
 from functools import cache
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +17,14 @@ STEPS = 50
 OFFSETS_US = {name: 230 * number for number, name in enumerate(REQUIRED)}
 """Times within 10 ms at which the messages are sent."""
 SEALS = 15
+NOISE = np.random.default_rng(60).standard_normal((STEPS, SEALS)).tolist()
+"""Draws of the noise of a measurement, by step and counter: few payloads, none like the next."""
 FOREIGN_ID, OWN_ID = 0x5A0, 0x201
 BUS_OFF, ERROR_WITH_COUNTS = 0x40, 0x204
 """Ids of error frames as Linux makes them: bus-off; a controller's warning with its counts, which
 looks like our AxleSetpoint."""
+FOREIGN = ("bus_off", "flood", "error_frames", "second_service")
+"""Kinds of faults that are frames of others."""
 START_US = 1_000_000_000_000
 """Time of the host at the begin of a history, µs."""
 
@@ -39,19 +44,28 @@ class Passing(NamedTuple):
     frame: Frame
 
 
-def _payload(name: str, step: int, count: int, drift: float = 0.0, limit: float = 1.0) -> bytes:
+def _payload(
+    name: str, step: int, count: int, noise: float, drift: float = 0.0, limit: float = 1.0
+) -> bytes:
     """Sealed payload of a message at a step of the drive, from slips that drift or are limited."""
     slip = min(0.02 + 0.06 * abs(2.0 * step / STEPS - 1.0), limit) + drift
     adhesion = 0.4 * (1.0 - np.exp(-60.0 * slip)) - 0.3 * slip
     bench = Bench()
     bench.counts[name] = count
-    return bench.steady(name, 0, slip=slip, adhesion=float(adhesion)).data
+    # Each message has one kind of values, and so one of these: 3 to 25 steps of its resolution.
+    return bench.steady(
+        name,
+        0,
+        speed=10.0 + (0.01 * noise if name == "VehicleSpeed" else 0.0),
+        slip=slip + 0.0004 * noise,
+        adhesion=float(adhesion) + 0.001 * noise,
+    ).data
 
 
 @cache
-def _undistorted(name: str, step: int, count: int) -> bytes:
+def _undistorted(name: str, step: int, count: int, noise: float) -> bytes:
     """The same from the slips as they are: few, whatever the number of histories."""
-    return _payload(name, step, count)
+    return _payload(name, step, count, noise)
 
 
 NOT_AVAILABLE = dict.fromkeys(REQUIRED, 6 * b"\xff") | {
@@ -74,6 +88,9 @@ class _Sender:
     def send(self, t_us: int) -> Iterator[tuple[int, bytes]]:
         """Delays, µs, and payloads of what is sent at a time of the history."""
         active = {fault.kind: fault for fault in self._faults if fault.active(t_us)}
+        if not active:
+            yield 0, self._data(t_us, active)
+            return
         if "silent" in active:
             return
         data = self._data(t_us, active)
@@ -95,6 +112,7 @@ class _Sender:
             return self._last
         at_us = active["frozen"].from_us if "frozen" in active else t_us
         step = at_us // 200_000 % STEPS
+        noise = NOISE[step][at_us // (CYCLES_MS[self.name] * 1000) % SEALS]
         if "jumped" in active:
             step = (step + STEPS // 2) % STEPS
         self._count = (self._count + 1) % SEALS
@@ -104,9 +122,9 @@ class _Sender:
         else:
             drift, limit = _distortion(t_us, active)
             if (drift, limit) == (0.0, 1.0):
-                self._last = _undistorted(self.name, step, self._count)
+                self._last = _undistorted(self.name, step, self._count, noise)
             else:
-                self._last = _payload(self.name, step, self._count, drift, limit)
+                self._last = _payload(self.name, step, self._count, noise, drift, limit)
         if "axles_lost" in active:
             lost = 2 + 2 * round(active["axles_lost"].size)
             payload = self._last[:2] + NOT_AVAILABLE[self.name][: lost - 2] + self._last[lost:]
@@ -135,8 +153,9 @@ def make_traffic(
     rng = np.random.default_rng([seed, 78])
     senders = [_Sender(name, faults, rng) for name in REQUIRED]
     others = [_Other(fault) for fault in faults if fault.kind == "other_sender"]
-    waiting: list[tuple[int, int, Frame]] = []
-    number = 0
+    foreign = tuple(fault for fault in faults if fault.kind in FOREIGN)
+    sets = [(f.from_us, round(f.size * 1e6)) for f in faults if f.kind == "clock_set"]
+    waiting: list[tuple[int, Frame]] = []
     for t_us in range(0, duration_us, 10_000):
         sent = [
             (t_us + OFFSETS_US[sender.name] + late_us, INPUTS[sender.name], data)
@@ -146,19 +165,15 @@ def make_traffic(
         ]
         for other in others:
             sent += other.send(t_us)
-        frames = [(at_us, Frame(at_us, number_, data)) for at_us, number_, data in sent]
-        frames += _foreign(t_us, faults, rng)
-        for at_us, frame in frames:
-            number += 1
-            heapq.heappush(waiting, (at_us, number, frame))
-        while waiting and waiting[0][0] < t_us + 10_000:
-            at_us, _, frame = heapq.heappop(waiting)
-            set_us = sum(
-                round(fault.size * 1e6)
-                for fault in faults
-                if fault.kind == "clock_set" and fault.from_us <= at_us
-            )
+        waiting += [(at_us, Frame(at_us, number, data)) for at_us, number, data in sent]
+        waiting += _foreign(t_us, foreign, rng)
+        # Of the same time, what was sent first passes first: the sort keeps their order.
+        waiting.sort(key=itemgetter(0))
+        passed = bisect_left(waiting, t_us + 10_000, key=itemgetter(0))
+        for at_us, frame in waiting[:passed]:
+            set_us = sum(size_us for from_us, size_us in sets if from_us <= at_us) if sets else 0
             yield Passing(start_us + at_us, start_us + at_us + set_us, frame)
+        del waiting[:passed]
 
 
 class _Other:
@@ -173,14 +188,14 @@ class _Other:
         if not fault.active(t_us) or t_us % (CYCLES_MS[fault.target] * 1000):
             return []
         self._count = (self._count + 1) % SEALS
-        return [(t_us + 5_100, INPUTS[fault.target], _payload(fault.target, 3, self._count))]
+        return [(t_us + 5_100, INPUTS[fault.target], _payload(fault.target, 3, self._count, 0.0))]
 
 
 def _foreign(
     t_us: int, faults: tuple[Fault, ...], rng: np.random.Generator
 ) -> list[tuple[int, Frame]]:
-    """Frames of others: floods, error frames, and a second service."""
-    found = []
+    """Frames of others: bus-off, floods, error frames, and a second service."""
+    found: list[tuple[int, Frame]] = []
     for fault in faults:
         if fault.kind == "bus_off" and t_us <= fault.from_us < t_us + 10_000:
             found.append((fault.from_us, Frame(0, BUS_OFF, b"", is_error=True)))

@@ -1,9 +1,11 @@
 """Runs with faults, judged from the record of the bus; and the judge itself, by flawed records."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from adhesion_can.config import load_configuration
 from tests.histories.checker import check
 from tests.histories.faults import KINDS, Fault, S, draw
 from tests.histories.play import judge, play
@@ -47,6 +49,26 @@ def test_a_first_frame_with_an_early_stamp_ends_the_silence():
         Fault("clock_set", 5_191_448, 5_191_449, "", -0.05),
     )
     assert judge(1070, 15 * S, faults) == []
+
+
+@pytest.mark.parametrize("target", KINDS["frozen"].targets)
+def test_a_frozen_message_is_stale_and_told(target):
+    """It was lively for long enough that everybody can tell, the checker too."""
+    faults = (Fault("frozen", 13 * S, 16 * S, target),)
+    record = play(5, 20 * S, faults)
+    assert check(record, faults, START_US, START_US + 20 * S) == []
+    told = [line for line in record.notices if "is stuck" in line]
+    assert len(told) == (1 if target == "VehicleSpeed" else 3)
+    assert len([line for line in record.notices if "changes again" in line]) == len(told)
+
+
+def test_the_checker_sees_a_frozen_message_that_is_taken_for_a_measurement(monkeypatch):
+    config = load_configuration()
+    choices = tuple(replace(choice, stuck_check=False) for choice in config.choices)
+    monkeypatch.setattr("tests.histories.play.CONFIG", replace(config, choices=choices))
+    found = judge(5, 20 * S, (Fault("frozen", 13 * S, 16 * S, "VehicleSpeed"),))
+    # A rule of the record and, since the replay still judges what is stuck, of the log.
+    assert {one.rule for one in found} == {"stale", "replay"}
 
 
 @pytest.mark.parametrize("step_s", [3600.0, 1.0, -1.0, -3600.0])
