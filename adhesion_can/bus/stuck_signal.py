@@ -49,7 +49,7 @@ class StuckSignalCheck:
 
     Attributes:
         resolution: Step of one raw bit, SI; 0 for floating point.
-        rest: Value that may last, SI: that of the raw value 0, as of a train that stands.
+        rest: Value that may last, within half a step of the resolution, SI: no speed, no effort.
         limit: Number of equal readings from which the signal is stuck; 0 while it is not judged.
         is_stuck: Whether it is stuck with the latest reading.
 
@@ -91,8 +91,11 @@ class StuckSignalCheck:
             self._value, self._run, self._step, self._turn = value, 1, step, turn
             if len(self._bends) == WINDOW:
                 self._end_window()
-        self.is_stuck = 0 < self.limit <= self._run and value != self.rest
+        self.is_stuck = 0 < self.limit <= self._run and not self._rests(value)
         return self.is_stuck
+
+    def _rests(self, value: float) -> bool:
+        return abs(value - self.rest) <= self.resolution / 2.0
 
     def _usual(self, run: int, value: float) -> int:
         """Length of a run as far as it says how long one may be.
@@ -100,7 +103,7 @@ class StuckSignalCheck:
         A stop says nothing. A fault must not teach that long runs are usual; a sensor that has
         become slower must.
         """
-        if value == self.rest:
+        if self._rests(value):
             return 0
         return min(run, self.limit) if self.limit else run
 
@@ -119,11 +122,12 @@ class StuckSignalCheck:
             steps = np.diff(values, prepend=self._value)
             changed = np.flatnonzero(steps != 0.0)
             bends = np.diff(steps[changed], prepend=self._step)
+            rests = np.abs(np.append(self._value, values) - self.rest) <= self.resolution / 2.0
         strong = STRONG_STEPS * self.resolution
         turns = (bends >= strong).astype(np.int64) - (bends <= -strong)
         begins = np.append(-self._run, changed)
         ended = np.diff(begins)
-        ended[np.append(self._value, values)[changed] == self.rest] = 0
+        ended[rests[changed]] = 0
         reversed_ = turns * np.append(self._turn, turns[:-1]) < 0
         limits = self._limits(len(values), changed, bends, ended, reversed_)
         run = np.arange(1, len(values) + 1) - np.repeat(
@@ -132,7 +136,7 @@ class StuckSignalCheck:
         if len(changed):
             self._step, self._turn = steps.item(changed[-1]), turns.item(-1)
         self._value, self._run = values.item(-1), run.item(-1)
-        stuck = (limits > 0) & (run >= limits) & (values != self.rest)
+        stuck = (limits > 0) & (run >= limits) & ~rests[1:]
         self.is_stuck = bool(stuck[-1])
         return np.asarray(stuck)
 

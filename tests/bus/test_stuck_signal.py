@@ -154,12 +154,15 @@ def test_a_stop_at_a_station_does_not_make_it_blind():
     assert 0 < check.limit < 40
 
 
-def test_the_value_that_may_last_is_that_of_the_raw_value_0():
-    rng = np.random.default_rng(7)
+@pytest.mark.parametrize(
+    ("value", "found"),
+    [(-0.5, False), (-0.5 + 0.4 * STEP, False), (-0.5 + 1.1 * STEP, True), (0.0, True)],
+)
+def test_the_value_at_rest_may_last_as_near_as_the_signal_can_say_it(value, found):
+    """The offset of a database need not be a multiple of its factor."""
     check = StuckSignalCheck(STEP, rest=-0.5)
-    check.accept_all(noisy(rng, 3 * WINDOW, 3.0))
-    assert not check.accept_all(np.full(1000, -0.5)).any()
-    assert check.accept_all(np.full(1000, 0.0)).any()
+    check.accept_all(noisy(np.random.default_rng(7), 3 * WINDOW, 3.0))
+    assert check.accept_all(np.full(1000, value)).any() == found
 
 
 # --- what is not told ----------------------------------------------------------------------------
