@@ -336,6 +336,15 @@ def test_a_rejected_frame_yields_no_reading_and_leaves_no_trace_in_gaps():
     assert (record.first_us, record.last_us) == (0, 50 * MS)
 
 
+def test_a_block_of_rejected_frames_leaves_no_trace_in_gaps_either():
+    subject = receiver()
+    block = Block.from_frames([Frame(i * 10 * MS, 0x101, bytes(8)) for i in range(3)])
+    subject.accept_block(block, block.t_us)
+    record = record_of(subject, "WheelSpeeds1")
+    assert (record.frames, record.accepted) == (3, 0)
+    assert (record.first_us, record.last_us, record.late) == (None, None, 0)
+
+
 @settings(max_examples=100, deadline=None)
 @given(
     can_id=st.sampled_from([0x101, 0x111, 0x141, 0x151, 0x7FF]),
@@ -582,10 +591,14 @@ def test_blocks_leave_out_what_single_frames_do(seed, frozen_from, cuts):
 
 def test_a_stuck_signal_goes_through_where_the_configuration_says_so():
     choices = [replace(choice, stuck_check=False) for choice in packaged_choices()]
-    subject = Receiver(bind(choices, DATABASE, RADII, "test"))
-    found = [by_role(subject.accept(frame)) for frame in noisy_frames(900, 500)]
+    single, many = (Receiver(bind(choices, DATABASE, RADII, "test")) for _ in range(2))
+    frames = noisy_frames(900, 500)
+    found = [by_role(single.accept(frame)) for frame in frames]
     assert None not in [value for one in found for value in one.values()]
-    assert subject.stuck == 0
+    block = Block.from_frames(frames)
+    received = many.accept_block(block, block.t_us).readings
+    assert all(np.isfinite(values).all() for _, values in received.values())
+    assert (single.stuck, many.stuck) == (0, 0)
 
 
 def test_speeds_and_efforts_alone_are_supervised():
