@@ -76,7 +76,7 @@ def test_bench(tmp_path):
         out = run_example("bench.py", seconds, tmp_path, before)
         if "TRACKING" in out:
             break
-    assert "TRACKING" in out
+    assert "TRACKING" in out or "STALE_INPUT" in out  # where all inputs come late
     assert int(re.search(r"(\d+) setpoints received", out)[1]) > 50
 
 

@@ -10,12 +10,14 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from distributed import LocalCluster
 
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.files import file_sha256
 from adhesion_can.fleet import run
 from adhesion_can.fleet.analysis import analyse
+from adhesion_can.fleet.cluster import open_cluster
 from adhesion_can.fleet.dataset import DataSet
 from adhesion_can.fleet.plan import make_plan
 from adhesion_can.fleet.schema import STEPS, TABLES
@@ -319,6 +321,19 @@ def test_a_data_set_of_another_version_is_not_mixed(made, drives, monkeypatch, c
     assert "of version 2 of the tables, this is 99; give --out another folder" in (
         capsys.readouterr().err
     )
+
+
+def test_a_worker_that_is_slow_to_end_holds_nothing_up(monkeypatch):
+    """All work is done; where the machine is busy, a killed process may outlast dask's patience."""
+    close = LocalCluster.close
+
+    def close_late(cluster, timeout=None):
+        close(cluster, timeout)
+        raise TimeoutError
+
+    monkeypatch.setattr(LocalCluster, "close", close_late)
+    with open_cluster(None, workers=1) as client:
+        assert client.submit(sum, [1, 2]).result(60) == 3
 
 
 def test_without_a_scheduler_processes_of_this_machine_do_it(drives, tmp_path, capsys):
