@@ -373,8 +373,8 @@ def test_the_demo_ends_with_its_table_and_a_recording_that_replay_takes(tmp_path
     assert max(abs(p["mu_max_error"]) for p in phases) < 0.05
     assert main(["replay", str(out / "demo.log"), "--json", str(out / "r.json")]) == 0
     result = json.loads((out / "r.json").read_text())
-    # At most what is due in 14 s; a machine that is busy may start the service late.
-    assert 7 * 371 < result["frames_own_skipped"] <= 14 * 371 + 30
+    # At most what is due in 14 s; a busy machine starts late, and leaves out what is overdue.
+    assert 371 < result["frames_own_skipped"] <= 14 * 371 + 30
     assert result["frames_rejected"] == result["frames_lost"] == 0
     written = {"demo.log", "demo.json", "truth.json", "report.html", "r.json"}
     assert {p.name for p in out.iterdir()} == written
