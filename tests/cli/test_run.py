@@ -56,7 +56,7 @@ def test_run_in_this_process_keeps_log_state_and_json(tmp_path):
     document = json.loads(files["run.json"].read_text())
     assert len(fed) > 800
     assert document["sent"] > 400
-    # Of some 930 frames and 1200 samples; a busy machine loses frames, and samples for their stamps.
+    # Of some 930 frames and 1200 samples; a busy machine loses of both.
     assert document["received"] > 100
     assert document["samples"] >= document["last"]["samples"] > 0
     assert main(["replay", str(files["run.log"]), "--frames", str(tmp_path / "again.log")]) == 0
