@@ -18,7 +18,7 @@ OFFSETS_US = {name: 230 * number for number, name in enumerate(REQUIRED)}
 """Times within 10 ms at which the messages are sent."""
 SEALS = 15
 NOISE = np.random.default_rng(60).standard_normal((STEPS, SEALS)).tolist()
-"""Draws of the noise of a measurement, by step and counter: few payloads, none like the next."""
+"""Draws of the noise of a measurement, by step and frame: few payloads, none like the next."""
 FOREIGN_ID, OWN_ID = 0x5A0, 0x201
 BUS_OFF, ERROR_WITH_COUNTS = 0x40, 0x204
 """Ids of error frames as Linux makes them: bus-off; a controller's warning with its counts, which
