@@ -60,7 +60,7 @@ def _are_shared(items: Iterable[object]) -> bool:
 def _copy(value: Any, memo: dict[int, Any]) -> Any:
     """Deep copy of an attribute; a container that two attributes share is shared by the copies."""
     kind = type(value)
-    if _is_shared(kind) or (kind is tuple and _are_shared(value)):
+    if _is_shared(kind) or (isinstance(value, tuple) and _are_shared(value)):
         return value
     if kind not in _CONTAINERS:
         return deepcopy(value, memo)

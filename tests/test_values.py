@@ -3,6 +3,7 @@
 from collections import deque
 from copy import deepcopy
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from hypothesis import given
@@ -14,6 +15,11 @@ from adhesion_can.values import Stateful, Value
 @dataclass(frozen=True)
 class Point(Value):
     x: float
+
+
+class Pair(NamedTuple):
+    one: object
+    two: object
 
 
 class Box(Stateful):
@@ -89,3 +95,12 @@ def test_values_are_shared_and_arrays_are_copied():
     assert twin.queue[0] is point
     array[0] = 9
     assert twin.array.tolist() == [0, 1, 2]
+
+
+def test_named_tuples_are_shared_where_nothing_in_them_changes():
+    numbers, lists = Pair(1.0, Point(2.0)), Pair(1.0, [2.0])
+    twin = deepcopy(Box(numbers=numbers, lists=lists))
+    assert twin.numbers is numbers
+    assert type(twin.lists) is Pair
+    assert twin.lists == lists
+    assert twin.lists.two is not lists.two

@@ -1,5 +1,6 @@
 """FadingMemories of several lengths, and what single axles have of their own."""
 
+from copy import deepcopy
 from itertools import pairwise
 
 import numpy as np
@@ -146,6 +147,18 @@ def test_what_is_taken_is_in_all_memories_and_weighs_the_curves():
         np.testing.assert_allclose(ours._costs[i], curves.costs(ours._sums[i]), rtol=1e-6)
     parts = ours.leading(0.0)
     assert sum(w.sum() for _, w in parts) == pytest.approx(1)
+
+
+def test_a_copy_is_not_changed_by_what_the_original_draws_and_shares_its_curves():
+    ours = begun()
+    twin, reference = deepcopy(ours), begun()
+    assert twin._all.at_x is ours._all.at_x
+    h = np.linspace(0.01, 0.2, 40)
+    ours.restart(sums_of(h, adhesion(h, *WET)), ours.noise)
+    more = both(sums_of(h, adhesion(h, *DRY)))
+    for one, other in zip(twin.predict(more), reference.predict(more), strict=True):
+        assert np.array_equal(one, other)
+    assert not np.array_equal(twin._all.at_x, ours._all.at_x)
 
 
 def test_one_memory_has_nothing_to_choose():

@@ -78,7 +78,7 @@ class RowBuilder(Stateful):
     """
 
     def __init__(self, directions: Sequence[Direction], axles: int) -> None:
-        self._names = [direction.name for direction in directions]
+        self._names = tuple(direction.name for direction in directions)
         self._axles = axles
         self._work: dict[tuple[str, int], tuple[float, float]] = {}
         """By direction and axle: time of the latest sample, s, and slip work then."""

@@ -6,7 +6,9 @@ its predictive density, with slow switching between them (dynamic model averagin
 and Ettler, Technometrics 52, 2010).
 """
 
+from dataclasses import dataclass
 from math import exp, expm1, log
+from typing import Self
 
 import numpy as np
 
@@ -27,7 +29,7 @@ from adhesion_can.estimation.tracker.posterior import (
 )
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import MemorySettings
-from adhesion_can.values import Stateful
+from adhesion_can.values import Stateful, Value
 
 LEAST_DENSITY = exp(-3.0)
 """Least factor on a memory's probability by one update, so that no single one decides."""
@@ -41,6 +43,39 @@ LEAST_NEW_SHARE = 0.03
 """Least share of samples that are new since the last draw, for another draw."""
 LEAST_KEPT_SHARE = 0.7
 """Share of the samples at the last draw below which the curves are drawn anew, wider."""
+
+
+@dataclass(frozen=True, slots=True)
+class _AllCurves(Value):
+    """Curves of all memories side by side, so that all of them are one operation.
+
+    A value, since it is large and seldom another one: copies of the memories share it.
+
+    Attributes:
+        at_x: `Curves.at_x` with a column a curve, shape (NODES, memories * size).
+        factors: `Curves.factors`, shape (5, memories * size).
+        log_base: `Curves.log_base`, shape (memories, size).
+
+    """
+
+    at_x: Array
+    factors: Array
+    log_base: Array
+
+    @classmethod
+    def empty(cls, memories: int, size: int) -> Self:
+        """Room for the curves of all memories, not filled."""
+        columns = memories * size
+        return cls(np.empty((NODES, columns)), np.empty((5, columns)), np.empty((memories, size)))
+
+    def with_memory(self, i: int, curves: Curves) -> Self:
+        """The same with other curves in the i-th memory."""
+        twin = type(self)(self.at_x.copy(), self.factors.copy(), self.log_base.copy())
+        size = self.log_base.shape[1]
+        own = slice(i * size, (i + 1) * size)
+        twin.at_x[:, own], twin.factors[:, own] = curves.at_x.T, curves.factors
+        twin.log_base[i] = curves.log_base
+        return twin
 
 
 class FadingMemories(Stateful):
@@ -71,9 +106,7 @@ class FadingMemories(Stateful):
         # One row per memory, so that all of them are one operation.
         self._sums: Array = np.zeros((count, LENGTH))
         self._curves: list[Curves] = []
-        self._at_x: Array = np.empty((NODES, count * size))
-        self._factors: Array = np.empty((5, count * size))
-        self._base: Array = np.empty((count, size))
+        self._all = _AllCurves.empty(count, size)
         self._costs: Array = np.empty((count, size))
         self._weights: Array = np.empty((count, size))
         self._drawn_dof = [0.0] * count
@@ -135,11 +168,11 @@ class FadingMemories(Stateful):
 
         """
         # The product is NumPy's, whichever kernels are in use.
-        nodal = added[:, : 3 * NODES].reshape(-1, NODES) @ self._at_x
+        nodal = added[:, : 3 * NODES].reshape(-1, NODES) @ self._all.at_x
         costs = np.empty((len(added), *self._costs.shape))
         relative = np.empty_like(costs)
         scale = -0.5 / self.noise_var
-        least = kernels.active.cost_curves(nodal, self._factors, added, scale, costs, relative)
+        least = kernels.active.cost_curves(nodal, self._all.factors, added, scale, costs, relative)
         np.exp(relative, out=relative)
         relative *= self._weights
         inside = relative.sum(axis=2)
@@ -213,9 +246,7 @@ class FadingMemories(Stateful):
         self._adopt(i, draw(self._sums[i], self.noise, self.prior, self._slip_max, self._size))
 
     def _adopt(self, i: int, curves: Curves) -> None:
-        own = slice(i * self._size, (i + 1) * self._size)
-        self._curves[i], self._base[i] = curves, curves.log_base
-        self._at_x[:, own], self._factors[:, own] = curves.at_x.T, curves.factors
+        self._curves[i], self._all = curves, self._all.with_memory(i, curves)
         self._costs[i] = curves.costs(self._sums[i])
         self._drawn_dof[i], self._new_dof[i] = self._sums.item(i, DOF), 0.0
 
@@ -230,7 +261,9 @@ class FadingMemories(Stateful):
         dof = self._sums[:, DOF]
         # Not in place: who asked for the weights may still have them.
         self._weights = weights = np.empty_like(logs)
-        kernels.active.weight_exponents(self._base, logs, 0.5 * (noise.freedom + dof), weights)
+        kernels.active.weight_exponents(
+            self._all.log_base, logs, 0.5 * (noise.freedom + dof), weights
+        )
         np.exp(weights, out=weights)
         effective: list[float] = kernels.active.normalise(weights, self._costs, leader).tolist()
         self.noise_var = noise.posterior_var(effective.pop(), dof.item(leader))
