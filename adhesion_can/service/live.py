@@ -116,6 +116,7 @@ class LiveService:
         self._stuck_signals: list[str] = []
         """Signals that were told to be stuck."""
         self._stuck_readings = 0
+        self._overload_told = False
         self._stop = threading.Event()
         self._loop_times_s: deque[float] = deque(maxlen=1000)
 
@@ -163,6 +164,12 @@ class LiveService:
         # Behind the sending, which it would hold up.
         self.core.counts.receive_drops = self._queue.dropped + self.bus.kernel_drops
         self._tell_stuck()
+        if self._queue.is_overloaded and not self._overload_told:
+            self._overload_told = True
+            self._notify(
+                "more frames come than are handled here: the oldest are dropped (frames_lost), "
+                "setpoints go on; end what runs beside, or send fewer frames of our inputs"
+            )
 
     def _handle(self, received: Received) -> None:
         began = time.perf_counter()

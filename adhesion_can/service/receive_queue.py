@@ -1,7 +1,9 @@
 """Queue of received messages, bounded in number and age: the oldest ones go.
 
 A service that was held up, or cannot follow, drops what waited for too long. So it is back at the
-present within a cycle, and what it sends is from the present.
+present within a cycle, and what it sends is from the present. What waited while it was held up for
+a moment is worth catching up with; where the machine is too slow for the bus, catching up never
+ends, and no more than a cycle may wait.
 """
 
 from collections import deque
@@ -16,6 +18,13 @@ BEHIND_US = 10_000
 """Age of a received message beyond which others are likely to wait behind it, µs."""
 STALE_US = 500_000
 """Age beyond which a message is dropped where others wait behind it, µs."""
+OVERLOAD_US = 100_000
+"""Time behind the bus without a moment at the present from which it cannot be followed, µs."""
+OVERLOAD_STALE_US, OVERLOAD_KEPT_US = 20_000, 5_000
+"""Age beyond which messages are dropped then, a cycle of the setpoints, and age of those that are
+kept, µs."""
+OVERLOAD_OVER_US = 1_000_000
+"""Time without dropping after which the bus can be followed again, µs."""
 QUEUE_FRAMES = 4096
 """Largest number of waiting messages: eight seconds of the packaged message set's full input."""
 AWAITED_US = 200
@@ -45,6 +54,11 @@ class Received(NamedTuple):
     awaited: bool
     earliest_us: int
 
+    @property
+    def message_id(self) -> tuple[int, bool]:
+        """Arbitration id, and whether it has 29 bits."""
+        return self.message.arbitration_id, self.message.is_extended_id
+
 
 class ReceiveQueue:
     """Receives from a bus, and keeps what comes in faster than it is handled.
@@ -73,11 +87,21 @@ class ReceiveQueue:
         self._waiting: deque[Received] = deque()
         self._newest: Received | None = None
         """Message with the latest stamp of those that waited together."""
+        self._behind_us: int | None = None
+        """Time since which messages of the past are handled; None at the present."""
+        self._overloaded_us: int | None = None
+        """Latest time at which messages were dropped for an overload; None where none were."""
         self._empty_us = self._left_us = clock()
         """Latest times at which nothing is known to have waited, and at which `get` returned."""
 
     def __len__(self) -> int:
         return len(self._waiting)
+
+    @property
+    def is_overloaded(self) -> bool:
+        """Whether messages were dropped of late because more come than can be handled."""
+        dropped_us = self._overloaded_us
+        return dropped_us is not None and self._clock() - dropped_us <= OVERLOAD_OVER_US
 
     def get(self, timeout_s: float) -> Received | None:
         """Oldest message; None where none came in time.
@@ -101,9 +125,14 @@ class ReceiveQueue:
         if received is not None:
             held_up = self._clock() - self._left_us > STALE_US + 1e6 * timeout_s
             if not (self._waiting or held_up) and self._bounded_age_us(received) <= BEHIND_US:
+                self._behind_us = None
                 return received
+            if self._behind_us is None:
+                self._behind_us = self._clock()
             self._drain(received, HELD_UP_FRAMES if held_up else DRAIN_FRAMES)
-            self._drop_stale()
+        elif not self._waiting:
+            self._behind_us = None
+        self._drop_stale()
         return self._waiting.popleft() if self._waiting else None
 
     def _receive(self, timeout_s: float) -> Received | None:
@@ -145,6 +174,26 @@ class ReceiveQueue:
         return min(self._age_us(received) + ahead_us, self._clock() - received.earliest_us)
 
     def _drop_stale(self) -> None:
-        while len(self._waiting) > 1 and self._bounded_age_us(self._waiting[0]) > STALE_US:
-            self._waiting.popleft()
-            self.dropped += 1
+        """Drop what waited too long, all but one message."""
+        now_us = self._clock()
+        is_behind = self._behind_us is not None and now_us - self._behind_us > OVERLOAD_US
+        if not (is_behind or self.is_overloaded):
+            while self._has_older(STALE_US):
+                self._drop_oldest()
+            return
+        while self._has_older(OVERLOAD_STALE_US):
+            self._overloaded_us = now_us
+            # One of each message: were it the oldest alone, the last one of those that are sent
+            # together would be dropped each time.
+            first = self._drop_oldest()
+            while self._has_older(OVERLOAD_KEPT_US) and self._waiting[0].message_id != first:
+                self._drop_oldest()
+
+    def _has_older(self, age_us: int) -> bool:
+        """Whether the oldest of several waiting messages is older than that."""
+        return len(self._waiting) > 1 and self._bounded_age_us(self._waiting[0]) > age_us
+
+    def _drop_oldest(self) -> tuple[int, bool]:
+        """Id of the message that was dropped."""
+        self.dropped += 1
+        return self._waiting.popleft().message_id

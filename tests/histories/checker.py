@@ -34,6 +34,8 @@ RECOVERY_US = 3 * S
 """Time after the last fault within which the service tracks again."""
 FAULT_US = S + SLACK_US
 """Time for which FAULT lasts after the last frame of another service."""
+SLOW_GAP_US = 100 * MS
+"""Time for which frames may be left out where the machine is slow."""
 FIRST_US = 100 * MS
 """Latest time of the first setpoint after the first good input."""
 WITHOUT_NUMBERS = ("INIT", "FAULT")
@@ -105,10 +107,12 @@ class _Schedule:
         self.faults = faults
         self.start_us = start_us
 
-    def disturbed(self, from_us: int, until_us: int) -> bool:
+    def disturbed(self, from_us: int, until_us: int, but_for: str = "") -> bool:
         """Whether sending was disturbed between two times, or shortly before."""
         return any(
-            KINDS[f.kind].disturbs and self._overlaps(f, from_us - 8 * S, until_us, f.kind)
+            KINDS[f.kind].disturbs
+            and f.kind != but_for
+            and self._overlaps(f, from_us - 8 * S, until_us, f.kind)
             for f in self.faults
         )
 
@@ -196,7 +200,7 @@ def _times(record: Record, schedule: _Schedule, end_us: int) -> Iterator[Violati
         for before_us, due_us in pairwise(dues):
             if (due_us - before_us) % cycle_us:
                 yield Violation("grid", due_us, f"{number:#x} left its cycle")
-            elif due_us - before_us > cycle_us and not schedule.disturbed(before_us, due_us):
+            elif _is_gap(cycle_us, before_us, due_us, schedule):
                 yield Violation("gap", due_us, f"{number:#x}: none for {due_us - before_us} us")
         ended = bool(dues) and end_us - dues[-1] > cycle_us + SLACK_US
         if ended and not schedule.disturbed(dues[-1], end_us):
@@ -205,6 +209,14 @@ def _times(record: Record, schedule: _Schedule, end_us: int) -> Iterator[Violati
     for place, count in bursts.items():
         if count > 8:
             yield Violation("burst", place * 20 * MS, f"{count} setpoints within 20 ms")
+
+
+def _is_gap(cycle_us: int, before_us: int, due_us: int, schedule: _Schedule) -> bool:
+    """Whether frames are missing between two that should follow each other."""
+    left_out_us = due_us - before_us - cycle_us
+    if left_out_us > SLOW_GAP_US:
+        return not schedule.disturbed(before_us, due_us, but_for="slow")
+    return left_out_us > 0 and not schedule.disturbed(before_us, due_us)
 
 
 def _numbers(points: list[Point]) -> Iterator[Violation]:

@@ -84,6 +84,7 @@ KINDS: Mapping[str, Kind] = {
     "error_frames": Kind(sizes=RATES),
     "clock_set": Kind(sizes=(-3600.0, -3.0, -0.05, 0.05, 2.0, 3600.0), longest_s=0.0),
     "stopped": Kind(longest_s=4.0, disturbs=True),
+    "slow": Kind(sizes=(0.0025, 0.004, 0.01), longest_s=4.0, disturbs=True),
     "bus_down": Kind(longest_s=4.0, disturbs=True),
     "link_missing": Kind(longest_s=4.0, disturbs=True, at_start=True),
     "bus_off": Kind(longest_s=4.0, disturbs=True),

@@ -22,8 +22,7 @@ def play(
     """Record of the bus after a history."""
     bus = SimulatedBus(make_traffic(seed, duration_us, faults), faults, START_US + duration_us)
     service = _serve(bus, ServiceCore(CONFIG, estimator))
-    while bus.now_us < bus.end_us:
-        service._step()
+    _run_to_end(bus, service)
     return bus.record
 
 
@@ -39,9 +38,15 @@ def play_on(seed: int, duration_us: int, per_minute: float) -> Iterator[int]:
         faults = draw(seed + number, duration_us, per_minute)
         traffic = make_traffic(seed + number, duration_us, faults, bus.now_us)
         bus.go_on(traffic, faults, bus.now_us + duration_us)
-        while bus.now_us < bus.end_us:
-            service._step()
+        _run_to_end(bus, service)
         yield number
+
+
+def _run_to_end(bus: SimulatedBus, service: LiveService) -> None:
+    """Turns of the service's loop until a history ends."""
+    while bus.now_us < bus.end_us:
+        service._step()
+        bus.turn()
 
 
 def _serve(bus: SimulatedBus, core: ServiceCore) -> LiveService:

@@ -77,6 +77,7 @@ class SimulatedBus:
         self._next = next(traffic, None)
         self._waiting: deque[Passing] = deque()
         self._stops = deque(f for f in faults if f.kind == "stopped")
+        self._slow = [f for f in faults if f.kind == "slow"]
         self._downs = [f for f in faults if f.kind in ("bus_down", "link_missing")]
         off = [f for f in faults if f.kind == "bus_off"]
         self._silent = [*self._downs, *off]
@@ -90,6 +91,12 @@ class SimulatedBus:
     def sleep(self, seconds: float) -> None:
         """Let time pass: at least the least there is, as who sleeps for less would never end."""
         self._pass(self.now_us + ceil(seconds * 1e6))
+
+    def turn(self) -> None:
+        """Let the time pass that a turn of the service's loop takes: none but on a slow machine."""
+        for fault in self._slow:
+            if fault.active(self.now_us - self._start_us):
+                self._pass(self.now_us + round(fault.size * 1e6))
 
     def open(self) -> "SimulatedBus":
         """Opening of the bus."""

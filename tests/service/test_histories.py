@@ -11,6 +11,7 @@ from tests.histories.faults import KINDS, Fault, S, draw
 from tests.histories.play import judge, play
 from tests.histories.simulated_bus import Record, SimulatedBus
 from tests.histories.traffic import START_US
+from tests.service.test_core import status
 from tests.wire import sealed
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -174,6 +175,29 @@ def test_a_missing_a_late_and_a_shifted_setpoint_are_seen(calm):
     assert {"gap", "counter"} <= rules(flawed(calm, missing))
     assert "late" in rules(flawed(calm, late))
     assert "grid" in rules(flawed(calm, shifted))
+
+
+def test_a_service_that_falls_silent_where_the_machine_is_slow_is_seen(calm):
+    def silent(outputs):
+        first = setpoint(outputs)
+        return outputs[:first] + [(t, f) for t, f in outputs[first:] if t > outputs[first][0] + S]
+
+    slow = Fault("slow", 2 * S, 4 * S, "", 0.004)
+    stopped = replace(slow, kind="stopped")
+    assert "gap" in rules(flawed(calm, silent), (slow,))
+    assert "gap" not in rules(flawed(calm, silent), (slow, stopped))
+
+
+@pytest.mark.parametrize(("turn_s", "least"), [(0.0023, 0.99), (0.003, 0.9), (0.02, 0.0)])
+def test_where_the_machine_is_slow_setpoints_go_on_and_it_is_told(turn_s, least):
+    faults = (Fault("slow", 2 * S, 8 * S, "", turn_s),)
+    record = play(3, 10 * S, faults)
+    assert check(record, faults, START_US, START_US + 10 * S) == []
+    sent = [f for _, f in record.outputs if f.arbitration_id == 0x201]
+    assert len(sent) > 0.98 * 500
+    slow = [f for f in sent if 2 * S < f.t_us - START_US < 8 * S]
+    assert sum(status([f]) == "TRACKING" for f in slow) >= least * len(slow)
+    assert sum("the oldest are dropped" in line for line in record.notices) == 1
 
 
 def test_a_burst_is_seen(calm):
