@@ -11,8 +11,10 @@ from pathlib import Path
 import can
 import pytest
 
+from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.main import main
-from adhesion_can.recordings.candump import parse_line
+from adhesion_can.recordings.candump import ReadReport, parse_line, read_candump
+from tests.promptness import frames_with_prompt_past
 from tests.wire import DB, DBC, Bench, decoded, seal_ok
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -375,6 +377,11 @@ def test_the_demo_ends_with_its_table_and_a_recording_that_replay_takes(tmp_path
     result = json.loads((out / "r.json").read_text())
     # At most what is due in 14 s; a busy machine starts late, and leaves out what is overdue.
     assert 371 < result["frames_own_skipped"] <= 14 * 371 + 30
+    items = read_candump((out / "demo.log").read_bytes().splitlines(True), ReadReport())
+    frames = [item for item in items if isinstance(item, Frame)]
+    prompt = frames_with_prompt_past(frames, 0x201, past_us=0)
+    # 371 a second, of which 50 are setpoints.
+    assert result["frames_own_skipped"] > 0.95 * 371 / 50 * len(prompt)
     assert result["frames_rejected"] == result["frames_lost"] == 0
     written = {"demo.log", "demo.json", "truth.json", "report.html", "r.json"}
     assert {p.name for p in out.iterdir()} == written

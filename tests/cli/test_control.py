@@ -13,6 +13,7 @@ from adhesion_can.cli.main import main
 from adhesion_can.control.creep_controller import Mode
 from adhesion_can.recordings.python_can_messages import from_message, to_message
 from tests.cli.test_multicast import ROOT, own_network, run_in_own_network
+from tests.promptness import ON_TIME, frames_with_prompt_past
 from tests.terminals import Terminal, bench_lines
 from tests.wire import Bench, decoded, seal_ok
 
@@ -60,20 +61,34 @@ def bench(folder):
     # Some 2000 in the 20 s; on a busy machine datagrams are lost and steps come late.
     assert len(demands) > 300
     assert all(map(seal_ok, demands))
-    efforts = [decoded(f)["TractiveEffort_Ax1"] for f in seen if f.arbitration_id == 0x121]
     # Some 80 kN, and less where demands come late: the motors give nothing after three cycles.
-    assert max(x for x in efforts if isinstance(x, int | float)) > 1e3
+    assert greatest_effort(seen) > 1e3
     document = json.loads((folder / "control.json").read_text())
     assert document["steps"] > 300
     # What datagrams are lost leave gaps in the counters, and some frames behind a gap are rejected.
     assert document["rejected"] < 0.2 * document["received"]
     assert sum(document["share_of_steps"].values()) == pytest.approx(1.0)
+    frames = sorted(seen, key=lambda frame: frame.t_us)
+    prompt = frames_with_prompt_past(frames, 0x121, of=(*ON_TIME, 0x201, 0x301))
+    share = len(prompt) / sum(frame.arbitration_id == 0x121 for frame in frames)
+    if len(prompt) > 500:
+        assert greatest_effort(prompt) > 60e3
+    if share > 0.8:
+        shares = document["share_of_steps"]
+        assert shares["search"] + shares["hold"] + shares["steady"] > 0.5
+        assert document["rejected"] < 0.01 * document["received"]
     said = (folder / "control.err").read_text()
     assert "SEARCH: searching the peak by pairs of axles" in said
     last = decoded(demands[-1])
     assert (
         str(last["EffortDemand_Ax1"]) in ("not available", "0.0") or last["EffortDemand_Ax1"] < 2e5
     )
+
+
+def greatest_effort(frames):
+    """Greatest effort of the first axle, N."""
+    told = [decoded(f)["TractiveEffort_Ax1"] for f in frames if f.arbitration_id == 0x121]
+    return max(effort for effort in told if isinstance(effort, int | float))
 
 
 class Walking:

@@ -5,9 +5,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import can
 import pytest
 
+from adhesion_can.recordings.python_can_messages import from_message
+from tests.promptness import frames_with_prompt_past
 from tests.terminals import Terminal, bench_lines
+from tests.wire import decoded, seal_ok
 
 ROOT = Path(__file__).resolve().parents[2]
 NETWORK = "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && exec "
@@ -38,10 +42,6 @@ def run_in_own_network(module, folder):
 
 def bench(folder):
     """Three terminals; what the logger wrote must carry the answers."""
-    import can
-
-    from tests.wire import decoded, seal_ok
-
     run, simulate, logger = bench_lines("udp_multicast")
     terminals = []
 
@@ -63,14 +63,20 @@ def bench(folder):
                 terminal.kill()
     with can.LogReader(folder / "bench.log") as reader:
         messages = list(reader)
-    points = [m for m in messages if m.arbitration_id == 0x201]
+    frames = sorted(map(from_message, messages), key=lambda frame: frame.t_us)
+    points = [frame for frame in frames if frame.arbitration_id == 0x201]
     # Some 1000 in the 20 s; on a busy machine the logger loses datagrams, which UDP allows.
     assert len(points) > 200
-    from adhesion_can.recordings.python_can_messages import from_message
-
-    assert all(seal_ok(from_message(m)) for m in points)
-    statuses = [str(decoded(from_message(m))["Status"]) for m in points]
+    assert all(map(seal_ok, points))
+    statuses = list(map(status, points))
     # The very last one, with which the service ends, may be lost as any other.
     # TRACKING some 970 times; where all inputs come late, as on a busy machine, they are stale.
     assert [name for name in statuses if name != "INIT"][-1] in ("TRACKING", "STALE_INPUT")
     assert "FAULT" not in statuses  # the interface echoes our own frames
+    prompt = list(map(status, frames_with_prompt_past(frames, 0x201)))
+    assert prompt.count("TRACKING") >= 0.9 * len(prompt), prompt
+
+
+def status(frame):
+    """Status that a setpoint tells."""
+    return str(decoded(frame)["Status"])

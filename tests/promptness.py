@@ -1,0 +1,40 @@
+"""Which frames of a bench in live time had a prompt past: what a test may claim on a busy machine.
+
+A machine that is busy holds senders, receivers and the service up. Inputs are stale then, and the
+service says so. What it says where nobody was late is claimed as on an idle machine.
+"""
+
+from tests.wire import INPUTS, REQUIRED
+
+GAP_US = 40_000
+"""Longest time between two frames of one id where nobody is late, µs: four cycles of most."""
+PAST_US = 3_000_000
+"""Least time since the last such gap, µs."""
+ON_TIME = tuple(INPUTS[name] for name in REQUIRED)
+
+
+def frames_with_prompt_past(frames, number, past_us=PAST_US, gap_us=GAP_US, of=ON_TIME):
+    """Frames of an id before which it and some others came without a gap.
+
+    Args:
+        frames: Frames of a bus, in the order of their stamps.
+        number: The id.
+        past_us: Time for which there was no gap, µs.
+        gap_us: Longest time between two frames of one id, µs.
+        of: The other ids; by default those of the required inputs.
+
+    """
+    watched = {*of, number}
+    latest_us: dict[int, int] = {}
+    late_us, found = 0, []
+    for frame in frames:
+        if frame.arbitration_id not in watched:
+            continue
+        is_first = frame.arbitration_id not in latest_us
+        if is_first or frame.t_us - min(latest_us.values()) > gap_us:
+            late_us = frame.t_us
+        latest_us[frame.arbitration_id] = frame.t_us
+        is_complete = len(latest_us) == len(watched)
+        if frame.arbitration_id == number and is_complete and frame.t_us - late_us >= past_us:
+            found.append(frame)
+    return found
