@@ -117,6 +117,7 @@ class LiveService:
         """Signals that were told to be stuck."""
         self._stuck_readings = 0
         self._overload_told = False
+        """Whether it was told that more frames come than are handled."""
         self._stop = threading.Event()
         self._loop_times_s: deque[float] = deque(maxlen=1000)
 
@@ -164,12 +165,7 @@ class LiveService:
         # Behind the sending, which it would hold up.
         self.core.counts.receive_drops = self._queue.dropped + self.bus.kernel_drops
         self._tell_stuck()
-        if self._queue.is_overloaded and not self._overload_told:
-            self._overload_told = True
-            self._notify(
-                "more frames come than are handled here: the oldest are dropped (frames_lost), "
-                "setpoints go on; end what runs beside, or send fewer frames of our inputs"
-            )
+        self._tell_overload()
 
     def _handle(self, received: Received) -> None:
         began = time.perf_counter()
@@ -215,6 +211,15 @@ class LiveService:
             if name not in signals:
                 self._notify(f"{name} changes again")
         self._stuck_signals = signals
+
+    def _tell_overload(self) -> None:
+        """Tell once that the machine is too slow for the bus."""
+        if self._queue.is_overloaded and not self._overload_told:
+            self._overload_told = True
+            self._notify(
+                "more frames come than are handled here: the oldest are dropped (frames_lost), "
+                "setpoints go on; end what runs beside, or send fewer frames of our inputs"
+            )
 
     def _tell_bus_off(self) -> None:
         self.counts.bus_off += 1
