@@ -13,7 +13,9 @@ PAST_US = 3_000_000
 ON_TIME = tuple(INPUTS[name] for name in REQUIRED)
 
 
-def frames_with_prompt_past(frames, number, past_us=PAST_US, gap_us=GAP_US, of=ON_TIME):
+def frames_with_prompt_past(
+    frames, number, past_us=PAST_US, gap_us=GAP_US, of=ON_TIME, is_whole=False
+):
     """Frames of an id before which it and some others came without a gap.
 
     Args:
@@ -22,6 +24,9 @@ def frames_with_prompt_past(frames, number, past_us=PAST_US, gap_us=GAP_US, of=O
         past_us: Time for which there was no gap, µs.
         gap_us: Longest time between two frames of one id, µs.
         of: The other ids; by default those of the required inputs.
+        is_whole: Whether the search ends at the first gap after all ids came. What the service
+            says may depend on all that it saw, for longer than `past_us`: a claim on that needs
+            a run in which nobody was ever late.
 
     """
     watched = {*of, number}
@@ -32,6 +37,8 @@ def frames_with_prompt_past(frames, number, past_us=PAST_US, gap_us=GAP_US, of=O
             continue
         is_first = frame.arbitration_id not in latest_us
         if is_first or frame.t_us - min(latest_us.values()) > gap_us:
+            if is_whole and not is_first and len(latest_us) == len(watched):
+                break
             late_us = frame.t_us
         latest_us[frame.arbitration_id] = frame.t_us
         is_complete = len(latest_us) == len(watched)

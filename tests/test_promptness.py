@@ -21,9 +21,9 @@ def drive(seconds, without=()):
     ]
 
 
-def times(frames):
+def times(frames, **options):
     """Times of the setpoints with a prompt past, s."""
-    return [frame.t_us / 1e6 for frame in frames_with_prompt_past(frames, SETPOINT)]
+    return [frame.t_us / 1e6 for frame in frames_with_prompt_past(frames, SETPOINT, **options)]
 
 
 def test_all_from_the_least_past_on_where_nobody_is_late():
@@ -39,6 +39,19 @@ def test_none_for_a_while_after_one_was_late(late):
     assert not [t for t in found if 5.0 + GAP_US / 1e6 < t < 5.1 + PAST_US / 1e6]
     assert [t for t in found if t < 5.0]
     assert [t for t in found if t > 5.1 + PAST_US / 1e6]
+
+
+@pytest.mark.parametrize("late", [*(INPUTS[name] for name in REQUIRED), SETPOINT])
+def test_none_ever_again_after_one_was_late_where_the_whole_past_counts(late):
+    found = times(drive(10.0, without=[(late, 5.0, 5.1)]), is_whole=True)
+    assert found[0] == PAST_US / 1e6
+    assert 4.98 <= found[-1] <= 5.0 + GAP_US / 1e6
+
+
+def test_the_whole_past_begins_when_all_have_come():
+    without = [(SETPOINT, 0.5, 0.9)] + [(INPUTS[name], 0.0, 2.0) for name in REQUIRED]
+    found = times(drive(10.0, without=without), is_whole=True)
+    assert (found[0], found[-1]) == (2.0 + PAST_US / 1e6, 9.98)
 
 
 @pytest.mark.parametrize("missing", [*(INPUTS[name] for name in REQUIRED), SETPOINT])
