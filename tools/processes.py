@@ -3,7 +3,7 @@
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import TypeVar
 
 Task, Result = TypeVar("Task"), TypeVar("Result")
@@ -28,5 +28,16 @@ def results_as_done(
         initargs=(signal.SIGINT, signal.SIG_DFL),
     ) as pool:
         waiting = {pool.submit(work, task): number for number, task in enumerate(tasks)}
-        for future in as_completed(waiting):
-            yield waiting[future], future.result()
+        try:
+            for future in as_completed(waiting):
+                yield waiting[future], future.result()
+        except KeyboardInterrupt:
+            # Leaving the pool would wait for the tasks in hand.
+            end_processes()
+            raise
+
+
+def end_processes() -> None:
+    """The end of all processes begun here, at once."""
+    for process in active_children():
+        process.terminate()

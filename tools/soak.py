@@ -3,11 +3,12 @@
 import argparse
 import gc
 import os
+import signal
 import sys
 import time
-from concurrent.futures import Future, ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
@@ -15,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from tests.histories.faults import Fault, S, draw
 from tests.histories.play import judge, play_on, shrink
 from tools.benchmarks._report import Report
+from tools.processes import end_processes, results_as_done
 
 HISTORY_S = 60
 """Length of a history, s."""
@@ -47,6 +49,22 @@ class Soak:
         return max(round(self.hours * AN_HOUR), 1)
 
 
+@dataclass
+class Found:
+    """What was found so far.
+
+    Attributes:
+        histories: Number of histories judged.
+        broken: Number of those in which a rule was broken.
+        memory: Resident memory of the one service after each of its hours, MiB.
+
+    """
+
+    histories: int = 0
+    broken: int = 0
+    memory: list[float] = field(default_factory=list)
+
+
 def run_history(task: tuple[int, float]) -> tuple[int, list[str], tuple[Fault, ...]]:
     """Seed, broken rules, and the fewest faults that break them."""
     seed, per_minute = task
@@ -56,40 +74,73 @@ def run_history(task: tuple[int, float]) -> tuple[int, list[str], tuple[Fault, .
     return seed, told, shrink(seed, HISTORY_S * S, faults) if found else faults
 
 
-def judge_histories(soak: Soak, jobs: int) -> int:
-    """Number of histories in which a rule was broken; each is printed with its seed."""
-    began, broken = time.monotonic(), 0
-    with ProcessPoolExecutor(jobs) as pool:
-        tasks = [(soak.seed + number, soak.per_minute) for number in range(soak.count)]
-        for number, (seed, told, fewest) in enumerate(pool.map(run_history, tasks), 1):
-            if told:
-                broken += 1
-                print(f"seed {seed}: {len(told)} times, first {told[0]}")
-                for fault in fewest:
-                    print(f"    {fault}")
-            if number % 20 == 0 or number == soak.count:
-                took_s = time.monotonic() - began
-                print(
-                    f"histories: {number / AN_HOUR:.2f} h, {broken} broken, {took_s:.0f} s",
-                    flush=True,
-                )
-    return broken
+def judge_histories(soak: Soak, jobs: int, found: Found) -> None:
+    """Judge all histories; one in which a rule was broken is printed with its seed."""
+    began = time.monotonic()
+    tasks = [(soak.seed + number, soak.per_minute) for number in range(soak.count)]
+    for _, (seed, told, fewest) in results_as_done(run_history, tasks, jobs):
+        found.histories += 1
+        if told:
+            found.broken += 1
+            print(f"seed {seed}: {len(told)} times, first {told[0]}")
+            for fault in fewest:
+                print(f"    {fault}")
+        if found.histories % 20 == 0 or found.histories == soak.count:
+            took_s = time.monotonic() - began
+            print(
+                f"histories: {found.histories / AN_HOUR:.2f} h, {found.broken} broken, "
+                f"{took_s:.0f} s",
+                flush=True,
+            )
 
 
-def watch_memory(soak: Soak) -> list[float]:
-    """Resident memory of one service after each of its hours, MiB."""
-    memory: list[float] = []
+class OneService:
+    """One service with the tracker for all hours, in a process of its own."""
+
+    def __init__(self, soak: Soak):
+        # A new interpreter, whose memory holds nothing of the histories.
+        context = get_context("spawn")
+        self._reader, writer = context.Pipe(duplex=False)
+        self._process = context.Process(target=watch_memory, args=(soak, writer))
+        self._process.start()
+        writer.close()
+
+    def wait(self, found: Found) -> None:
+        """Wait for its end.
+
+        Raises:
+            ChildProcessError: If it ended before its hours were over.
+
+        """
+        self.collect(found, is_waiting=True)
+        self._process.join()
+        if self._process.exitcode:
+            text = f"the one service ended after {len(found.memory)} h, with exit code"
+            raise ChildProcessError(f"{text} {self._process.exitcode}; its words are above")
+
+    def collect(self, found: Found, *, is_waiting: bool = False) -> None:
+        """Take what it told until now, or until its end."""
+        while is_waiting or self._reader.poll():
+            try:
+                found.memory.append(self._reader.recv())
+            except EOFError:
+                return
+
+
+def watch_memory(soak: Soak, writer: Connection) -> None:
+    """Resident memory of one service after each of its hours, MiB, told as they come."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     began = time.monotonic()
     for number in play_on(soak.seed, HISTORY_S * S, soak.per_minute):
         if number % AN_HOUR == 0:
             gc.collect()
-            memory.append(resident_mib())
+            memory = resident_mib()
+            writer.send(memory)
             took_s = time.monotonic() - began
             hours = number // AN_HOUR
-            print(f"one service: {hours} h, {memory[-1]:.1f} MiB, {took_s:.0f} s", flush=True)
+            print(f"one service: {hours} h, {memory:.1f} MiB, {took_s:.0f} s", flush=True)
         if number >= soak.count:
-            return memory
-    raise AssertionError("histories have no end")
+            return
 
 
 def resident_mib() -> float:
@@ -118,29 +169,48 @@ def main() -> int:
     with_memory = options.only != "histories" and soak.hours >= LEAST_H
     if options.only == "memory" and not with_memory:
         parser.error(f"growth after the first hour needs more of them: --hours {LEAST_H:g} or more")
-    # A new interpreter, whose memory holds nothing of the histories.
-    with ProcessPoolExecutor(1, get_context("spawn")) as alone:
-        memory = alone.submit(watch_memory, soak) if with_memory else None
-        broken = None
-        if options.only != "memory":
-            broken = judge_histories(soak, max(options.jobs - with_memory, 1))
-        return tell(soak, broken, memory)
+    jobs = None if options.only == "memory" else max(options.jobs - with_memory, 1)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    return run(soak, jobs, with_memory=with_memory)
 
 
-def tell(soak: Soak, broken: int | None, memory: "Future[list[float]] | None") -> int:
-    """Print the figures beside their targets; 1 where one was missed."""
+def run(soak: Soak, jobs: int | None, *, with_memory: bool) -> int:
+    """Run both parts, or as much as there is time for until the command is stopped."""
+    found = Found()
+    one_service = OneService(soak) if with_memory else None
+    is_stopped = False
+    try:
+        if jobs is not None:
+            judge_histories(soak, jobs, found)
+        if one_service is not None:
+            one_service.wait(found)
+    except KeyboardInterrupt:
+        is_stopped = True
+        if one_service is not None:
+            one_service.collect(found)
+    finally:
+        end_processes()
+    is_missed = tell(soak, found, is_stopped=is_stopped)
+    return 1 if is_missed or is_stopped else 0
+
+
+def tell(soak: Soak, found: Found, *, is_stopped: bool) -> bool:
+    """Print the figures beside their targets; whether one was missed."""
     report = Report()
-    after = None if memory is None else memory.result()
     print(f"{soak.hours:g} h of simulated time, {soak.per_minute:g} faults a minute")
-    if broken is not None:
-        what = f"of {soak.count} histories of {HISTORY_S} s, those in which a rule was broken"
-        report.at_most(what, broken, 0, "d")
-    if after is not None:
-        grown, at_end = max(after[1:]) - after[0], after[-1] - after[0]
-        what = f"one service, growth after its first hour, when it had {after[0]:.1f} MiB"
+    if is_stopped:
+        done = f"{found.histories / AN_HOUR:.2f} h of histories, {len(found.memory)} h of one"
+        print(f"  STOPPED before the end, after {done} service: the figures are of these")
+    if found.histories:
+        what = f"of {found.histories} histories of {HISTORY_S} s, those in which a rule was broken"
+        report.at_most(what, found.broken, 0, "d")
+    if len(found.memory) >= LEAST_H:
+        first, *others = found.memory
+        grown, at_end = max(others) - first, others[-1] - first
+        what = f"one service, growth after its first hour, when it had {first:.1f} MiB"
         value = f"{grown:+.2f} MiB, {at_end:+.2f} at the end"
         report.check(what, value, f"at most {FLAT_MIB:g} MiB", met=grown <= FLAT_MIB)
-    return 1 if report.missed else 0
+    return bool(report.missed)
 
 
 if __name__ == "__main__":

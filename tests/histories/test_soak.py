@@ -1,0 +1,75 @@
+"""The command tools/soak: what it tells at its end, or when it is stopped."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tools.soak import Found, OneService, Soak, tell
+
+ROOT = Path(__file__).resolve().parents[2]
+DAY = Soak(24.0, 6.0, 1)
+
+
+@pytest.mark.parametrize(
+    ("broken", "memory", "is_missed"),
+    [(0, [360.0, 361.0, 359.0], False), (1, [360.0, 360.0], True), (0, [360.0, 362, 360], True)],
+)
+def test_the_figures_beside_their_targets(broken, memory, is_missed, capsys):
+    assert tell(DAY, Found(1440, broken, memory), is_stopped=False) is is_missed
+    told = capsys.readouterr().out
+    assert f"of 1440 histories of 60 s, those in which a rule was broken: {broken}" in told
+    assert f"growth after its first hour, when it had 360.0 MiB: {max(memory) - 360:+.2f}" in told
+    assert "STOPPED" not in told
+
+
+def test_one_that_is_stopped_says_of_how_much_its_figures_are(capsys):
+    assert not tell(DAY, Found(90, 0, [360.0]), is_stopped=True)
+    told = capsys.readouterr().out
+    assert "STOPPED before the end, after 1.50 h of histories, 1 h of one service" in told
+    assert "of 90 histories" in told
+    assert "growth" not in told  # nothing is known of it after one hour
+
+
+def end_at_once(*_):
+    """A service that crashes."""
+    os._exit(3)
+
+
+def test_a_service_that_crashed_is_no_end(monkeypatch):
+    monkeypatch.setattr("tools.soak.watch_memory", end_at_once)
+    with pytest.raises(ChildProcessError, match="after 0 h, with exit code 3"):
+        OneService(DAY).wait(Found())
+
+
+WAITING = """
+import signal, sys, time
+from tools.processes import results_as_done
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        for number, _ in results_as_done(time.sleep, [0.0, 600.0, 600.0, 600.0], 2):
+            print("done", number, flush=True)
+    except KeyboardInterrupt:
+        print("stopped", flush=True)
+"""
+
+
+def test_processes_end_with_the_command_that_began_them(tmp_path):
+    script = tmp_path / "waiting.py"
+    script.write_text(WAITING)
+    began = time.monotonic()
+    with subprocess.Popen(
+        [sys.executable, script], stdout=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    ) as process:  # fmt: skip
+        assert process.stdout.readline() == "done 0\n"
+        process.send_signal(signal.SIGTERM)
+        # The end of the pipe: all who could write to it are gone.
+        assert process.stdout.read() == "stopped\n"
+        assert process.wait() == 0
+    assert time.monotonic() - began < 500
