@@ -38,7 +38,7 @@ from adhesion_can.estimation.families.family_fit import (
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.curves import Conditions, CurveFamily
 from adhesion_can.physics.estimate import PeakEstimate
-from adhesion_can.values import Stateful
+from adhesion_can.values import Stateful, Value
 
 FEWEST_POINTS = 15
 """Points of the curve below which families are not compared."""
@@ -80,7 +80,7 @@ class LevelError(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class FamilyComparison:
+class FamilyComparison(Value):
     """Families fitted to the samples of a surface.
 
     Attributes:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.families.curve_points import CurvePoints
 from adhesion_can.physics.curves import FAMILIES, CurveFamily, bounds
+from adhesion_can.values import Value
 
 STEPS = 20
 """Largest number of steps of a fit."""
@@ -52,7 +53,7 @@ PRIORS: Mapping[str, FamilyPrior] = {
 
 
 @dataclass(frozen=True, slots=True)
-class FamilyFit:
+class FamilyFit(Value):
     """A family fitted to points.
 
     Attributes:

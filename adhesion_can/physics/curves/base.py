@@ -15,13 +15,14 @@ from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import SLIP_MAX, Peak
 from adhesion_can.physics.parameter import Parameter
 from adhesion_can.physics.samples import Samples
+from adhesion_can.values import Value
 
 Values = Sequence[float] | Sequence[Array] | Array
 """Values of a family's parameters, in their order, each a number or an array beside the slip."""
 
 
 @dataclass(frozen=True, slots=True)
-class Conditions:
+class Conditions(Value):
     """Conditions of a contact on which a curve may depend; they broadcast against the slip.
 
     Attributes:

@@ -1,5 +1,7 @@
 """The tracker that doubts itself: what it says of drives with and without a hidden error."""
 
+from collections import deque
+from copy import deepcopy
 from dataclasses import replace
 from math import inf
 
@@ -19,7 +21,10 @@ from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
+from adhesion_can.values import Stateful, Value
 from tests.estimation.doubt.doubt_helpers import AXLES, THETA, in_seconds, make_samples
+from tests.estimation.families.family_helpers import make_samples as make_law_samples
+from tests.estimation.families.family_helpers import polach
 
 STEP_S = 0.2
 MU_MAX, LAMBDA_M = (float(x) for x in (peak(*THETA, 0.5).mu_max, peak(*THETA, 0.5).lambda_m))
@@ -176,3 +181,36 @@ def test_where_every_block_begins_with_a_change_every_second_one_is_assessed() -
             seen.append(now_us)
     late = [now_us for now_us in seen if now_us > 20_000_000]
     assert max(np.diff(late)) <= 4_100_000
+
+
+NEED_NO_COPY = (Value, bool, int, float, str, type(None))
+
+
+def kinds_copied(item: object, known: dict[int, object]) -> set[type]:
+    """Classes of what a deep copy of an object takes to pieces, beside containers."""
+    if id(item) in known or isinstance(item, NEED_NO_COPY):
+        return set()
+    known[id(item)] = item
+    if isinstance(item, Stateful):
+        parts = list(vars(item).values())
+    elif isinstance(item, dict):
+        parts = list(item.values())
+    elif isinstance(item, list | tuple | deque):
+        parts = list(item)
+    else:
+        return {type(item)}
+    return set().union(*(kinds_copied(part, known) for part in parts))
+
+
+def test_an_update_on_a_copy_is_the_update_where_families_know_the_peak() -> None:
+    """The service updates a copy, ahead of the due time; a replay updates the estimator itself."""
+    samples = make_law_samples(polach(), np.random.default_rng(1), 40.0)
+    own, copied, families = doubting(), doubting(), []
+    for part in in_seconds(samples, 0.1):
+        now_us = int(part.t_us[-1]) + 1
+        copied = deepcopy(copied)
+        one, other = own.update(part, now_us), copied.update(part, now_us)
+        assert repr(one) == repr(other)
+        families.append(None if one is None else one.family)
+    assert families[-1] == "polach"
+    assert kinds_copied(copied, {}) == {np.ndarray}
