@@ -14,7 +14,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from tests.histories.faults import Fault, S, draw
-from tests.histories.play import judge, play_on, shrink
+from tests.histories.play import estimator_of, judge, play_on, shrink
 from tools.benchmarks._report import Report
 from tools.processes import end_processes, results_as_done
 
@@ -69,9 +69,10 @@ def run_history(task: tuple[int, float]) -> tuple[int, list[str], tuple[Fault, .
     """Seed, broken rules, and the fewest faults that break them."""
     seed, per_minute = task
     faults = draw(seed, HISTORY_S * S, per_minute)
-    found = judge(seed, HISTORY_S * S, faults)
+    estimator = estimator_of(seed)
+    found = judge(seed, HISTORY_S * S, faults, estimator)
     told = [f"{one.rule}: {one.text}" for one in found]
-    return seed, told, shrink(seed, HISTORY_S * S, faults) if found else faults
+    return seed, told, shrink(seed, HISTORY_S * S, faults, estimator) if found else faults
 
 
 def judge_histories(soak: Soak, jobs: int, found: Found) -> None:

@@ -39,6 +39,8 @@ SLOW_GAP_US = 100 * MS
 FIRST_US = 100 * MS
 """Latest time of the first setpoint after the first good input."""
 WITHOUT_NUMBERS = ("INIT", "FAULT")
+ESTIMATOR_DECIDES = {"TRACKING", "LOW_EXCITATION", "SURFACE_CHANGE"}
+"""Statuses that say what an estimator knows, where inputs are good."""
 LIVELY_FRAMES, SHORT_FRAMES, STUCK_FRAMES = 600, 10, 40
 """A message that changed all through so many frames, with no more than so many alike in a row, and
 then stands still for so many, is stuck."""
@@ -76,7 +78,13 @@ class Point(NamedTuple):
     values: dict[str, float]
 
 
-def check(record: Record, faults: tuple[Fault, ...], start_us: int, end_us: int) -> list[Violation]:
+def check(
+    record: Record,
+    faults: tuple[Fault, ...],
+    start_us: int,
+    end_us: int,
+    estimator=FixedEstimator,
+) -> list[Violation]:
     """Violations of all rules.
 
     Args:
@@ -84,6 +92,7 @@ def check(record: Record, faults: tuple[Fault, ...], start_us: int, end_us: int)
         faults: Faults of the history, in its own time.
         start_us: Time of the host at the begin, µs.
         end_us: Time of the host at the end, µs.
+        estimator: Maker of the service's estimator; None: of the configured one.
 
     """
     schedule = _Schedule(faults, start_us)
@@ -93,10 +102,10 @@ def check(record: Record, faults: tuple[Fault, ...], start_us: int, end_us: int)
         *_times(record, schedule, end_us),
         *_numbers(points),
         *_silence(points, record, schedule),
-        *_recovery(points, schedule),
+        *_recovery(points, schedule, estimator),
         *_second_service(points, schedule),
         *_first(points, record, schedule),
-        *_replayed(record),
+        *_replayed(record, estimator),
     ]
 
 
@@ -301,12 +310,13 @@ def _silence(points: list[Point], record: Record, schedule: _Schedule) -> Iterat
                 )
 
 
-def _recovery(points: list[Point], schedule: _Schedule) -> Iterator[Violation]:
-    """Where no fault was for a while, it tracks."""
+def _recovery(points: list[Point], schedule: _Schedule, estimator) -> Iterator[Violation]:
+    """Where no fault was for a while, it tracks, as far as the estimator is sure of itself."""
+    expected = {"TRACKING"} if estimator is FixedEstimator else ESTIMATOR_DECIDES
     for point in points:
         from_us = point.due_us - RECOVERY_US
         calm = from_us >= schedule.start_us and not schedule.any_fault(from_us, point.due_us)
-        if calm and point.status != "TRACKING":
+        if calm and point.status not in expected:
             yield Violation("recovery", point.at_us, f"{point.status} without any fault")
 
 
@@ -337,14 +347,14 @@ def _first(points: list[Point], record: Record, schedule: _Schedule) -> Iterator
         yield Violation("first", first_us, "no setpoint within 100 ms of the first input")
 
 
-def _replayed(record: Record) -> Iterator[Violation]:
+def _replayed(record: Record, estimator) -> Iterator[Violation]:
     """A replay of the service's log sends the same bytes."""
     report = ReadReport()
     items = list(read_candump([line.encode() for line in record.log], report))
     if report.passed_over:
         yield Violation("log", 0, f"{report.passed_over} lines of the log cannot be read")
     sent: list[Frame] = []
-    replay(items, ServiceCore(CONFIG, FixedEstimator), sent.append)
+    replay(items, ServiceCore(CONFIG, estimator), sent.append)
     again = {(f.t_us, f.arbitration_id, f.data) for f in sent if f.arbitration_id != 0x211}
     # Error frames have bits for an id, which may look like one of ours.
     frames = [item for item in items if isinstance(item, Frame) and item.is_data]

@@ -8,7 +8,7 @@ import pytest
 from adhesion_can.config import load_configuration
 from tests.histories.checker import check
 from tests.histories.faults import KINDS, Fault, S, draw
-from tests.histories.play import judge, play
+from tests.histories.play import estimator_of, judge, play
 from tests.histories.simulated_bus import Record, SimulatedBus
 from tests.histories.traffic import START_US
 from tests.service.test_core import status
@@ -33,7 +33,7 @@ def test_each_fault_alone(name, size):
 
 @pytest.mark.parametrize("seed", range(12))
 def test_faults_together(seed):
-    assert judge(seed, 20 * S, draw(seed, 20 * S, per_minute=12.0)) == []
+    assert judge(seed, 20 * S, draw(seed, 20 * S, per_minute=12.0), estimator_of(seed)) == []
 
 
 def test_time_passes_in_the_shortest_sleep():
@@ -89,7 +89,8 @@ def test_a_clock_that_is_set_while_the_service_stands_still_makes_nothing_fresh(
 def test_a_thousand_histories(part):
     failed = {}
     for seed in range(1000 + 100 * part, 1100 + 100 * part):
-        if found := judge(seed, 15 * S, draw(seed, 15 * S, per_minute=15.0)):
+        faults = draw(seed, 15 * S, per_minute=15.0)
+        if found := judge(seed, 15 * S, faults, estimator_of(seed)):
             failed[seed] = found[0]
     assert failed == {}
 
