@@ -1,5 +1,6 @@
 """Tables of axles, of messages and of the service's own figures, as lines of a width."""
 
+import textwrap
 from collections.abc import Sequence
 
 from rich.text import Text
@@ -25,6 +26,8 @@ NAME = 16
 """Width of a message's name in a narrow table, cells."""
 WIDE = 68
 """Width from which a table of messages has all its columns, with its frame, cells."""
+ENTRY = 10
+"""Width of the name before a figure of the service, cells."""
 LARGEST_TEXT = 5
 """Width of a count, cells."""
 
@@ -166,22 +169,29 @@ def _rate(rate: float) -> str:
 def service_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
     """Curve parameters and figures of the service itself, for terminals with room for them."""
     service = snapshot.service
-    lines: list[str] = []
+    entries: dict[str, str] = {}
     if service is not None:
         theta = service.theta
         curve = "-" if theta is None else f"c1 {theta[0]:.4f}, c2 {theta[1]:.2f}, c3 {theta[2]:.4f}"
         rejected, lost = _plain(service.rejected, "rejected", 0), _plain(service.lost, "lost", 0)
-        lines = [
-            f"curve     {curve}",
-            f"rail      {_plain(service.surface_age_s, 's since its change', 1)}",
-            f"creep     {_plain(service.creep_speed, 'm/s wanted of all axles', 3)}",
-            f"doubt     {service.doubt.name.lower().replace('_', ' ')}",
-            f"inputs    {rejected}, {lost}, by its own count",
-            f"loop      {_plain(service.loop_time_us, 'us, 99 % of the frames', 0)}",
-        ]
+        entries = {
+            "curve": curve,
+            "rail": _plain(service.surface_age_s, "s since its change", 1),
+            "creep": _plain(service.creep_speed, "m/s wanted of all axles", 3),
+            "doubt": service.doubt.name.lower().replace("_", " "),
+            "inputs": f"{rejected}, {lost}, by its own count",
+            "loop": _plain(service.loop_time_us, "us, 99 % of the frames", 0),
+        }
     others = sum(view.kind is Kind.OTHER for view in snapshot.messages)
-    lines.append(f"frames    {snapshot.frames}, {snapshot.frame_rate:.0f} 1/s; {others} other ids")
+    entries["frames"] = f"{snapshot.frames}, {snapshot.frame_rate:.0f} 1/s; {others} other ids"
+    lines = [line for name, text in entries.items() for line in _entry(name, text, width - 2)]
     return boxed("the service", lines[: height - 2], width, height)
+
+
+def _entry(name: str, text: str, width: int) -> list[str]:
+    """Lines of a named text; one that is too long goes on below, where its first line begins."""
+    first = f"{name:{ENTRY}}"
+    return textwrap.wrap(text, width, initial_indent=first, subsequent_indent=" " * ENTRY)
 
 
 def _plain(value: float | None, unit: str, digits: int) -> str:

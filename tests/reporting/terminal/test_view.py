@@ -75,6 +75,16 @@ def test_no_width_is_one_too_narrow_for_its_columns(name):
         assert {cell_len(line.plain) for line in lines} == {width}
 
 
+@pytest.mark.parametrize("width", [80, 81, 85, 100])
+def test_figures_of_the_service_too_long_for_a_line_go_on_in_the_next(width):
+    """At 80 by 42 the curve of the full one was a cell too long, and counts grow over months."""
+    months = service(theta=(0.4, 1234.56, 0.3), rejected=2**32 - 1, lost=2**32 - 1)
+    for one in (service(), months):
+        lines = draw(snapshot(service=one), width, 48, ViewOptions(keys=""))
+        assert {cell_len(line.plain) for line in lines} == {width}
+        assert all(word in text_of(lines) for word in ("c1 0.4000", "inputs", "own"))
+
+
 @given_settings(max_examples=60)
 @given(
     st.integers(1, 200), st.integers(2, 70), st.sampled_from(list(Page)), st.sampled_from(
