@@ -80,14 +80,16 @@ def test_where_most_changes_are_even_the_noise_counts_as_little():
 
 
 @pytest.mark.parametrize(("strong", "judged"), [(49, True), (48, False)])
-def test_the_fewest_reversals_from_which_a_signal_is_noisy(strong, judged):
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("windows", [1, 2])
+def test_the_fewest_reversals_from_which_a_signal_is_noisy(windows, sign, strong, judged):
     """So many strong changes of the slope, to and fro, have one reversal less between them."""
     bends = np.zeros(256)
     bends[1 : strong + 1] = 4.0 * FINE * (-1.0) ** np.arange(strong)
     bends[strong + 1 :] = FINE * (-1.0) ** np.arange(255 - strong)
     # A slope throughout, so that every reading is another one.
-    steps = 20.0 * FINE + np.cumsum(bends)
-    values = np.concatenate([[10.0], 10.0 + np.cumsum(steps)])
+    steps = 20.0 * FINE + np.cumsum(np.tile(bends, windows))
+    values = 10.0 + sign * np.cumsum(np.append(0.0, steps))
     assert (limits(values)[-1] > 0) is judged
     assert (limit_after_a_window(values, FINE, 0.0) > 0) is judged
 
