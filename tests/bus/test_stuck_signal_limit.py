@@ -17,7 +17,6 @@ def limit_after_a_window(values, resolution, rest):
     """Limit after the first 256 changes, from the words at the head of the module."""
     runs = [(value, len(list(same))) for value, same in groupby(values)][:257]
     bends = np.diff(np.diff([value for value, _ in runs]), prepend=0.0)
-    bends[0] = runs[1][0] - runs[0][0]
     signs = np.sign(bends) * (np.abs(bends) >= 2.5 * resolution)
     lengths = [0 if abs(value - rest) <= resolution / 2 else n for value, n in runs[:256]]
     if np.sum(signs[1:] * signs[:-1] < 0) < 48 or sum(lengths) > 64 * 256:
