@@ -99,7 +99,6 @@ class LiveService:
         """Times from due to sent of the setpoints of all axles together."""
         self.clock = clock or start_clock()
         self.stamps = StampClock(notify)
-        self._queue = ReceiveQueue(bus, self._age_us, self.clock)
         self._echoes = EchoFilter()
         self._missed: dict[int, int] = {}
         """Number of frames since the last one that the bus took, by id."""
@@ -108,6 +107,8 @@ class LiveService:
             for number, cycle_us in core.messages.cycles_by_id_us.items()
         }
         self._setpoint_id = core.messages.ids_by_name[SETPOINT]
+        cycle_us = core.messages.cycles_by_id_us[self._setpoint_id]
+        self._queue = ReceiveQueue(bus, self._age_us, self.clock, cycle_us=cycle_us)
         self._write_log = write_log
         self._secure = secure
         self._dry_run = dry_run

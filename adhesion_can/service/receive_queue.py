@@ -18,13 +18,13 @@ BEHIND_US = 10_000
 """Age of a received message beyond which others are likely to wait behind it, µs."""
 STALE_US = 500_000
 """Age beyond which a message is dropped where others wait behind it, µs."""
-OVERLOAD_US = 100_000
-"""Time behind the bus without a moment at the present from which it cannot be followed, µs."""
-OVERLOAD_STALE_US, OVERLOAD_KEPT_US = 20_000, 5_000
-"""Age beyond which messages are dropped then, a cycle of the setpoints, and age of those that are
-kept, µs."""
-OVERLOAD_OVER_US = 1_000_000
-"""Time without dropping after which the bus can be followed again, µs."""
+OVERLOAD_STALE_US = 20_000
+"""Age beyond which messages are dropped in an overload, µs: a cycle of the packaged setpoints. On a
+bus so slow that this is less than half a cycle, half a cycle: what is due is not overdue then."""
+OVERLOAD_AFTER, OVERLOAD_KEPT, OVERLOAD_OVER = 5, 1 / 4, 50
+"""Time behind the bus without a moment at the present from which it cannot be followed, age of
+the messages that are kept then, and time without dropping after which it can be followed again, in
+units of that age."""
 QUEUE_FRAMES = 4096
 """Largest number of waiting messages: eight seconds of the packaged message set's full input."""
 AWAITED_US = 200
@@ -67,6 +67,7 @@ class ReceiveQueue:
         bus: Bus to receive from.
         age_us: Time since a received message passed the bus, by its stamp, µs.
         clock: Clock of this host, µs.
+        cycle_us: Cycle at which what is received is answered, µs; None where nothing is.
         capacity: Largest number of waiting messages.
 
     """
@@ -76,6 +77,8 @@ class ReceiveQueue:
         bus: ReconnectingBus,
         age_us: Callable[[Received], int],
         clock: Callable[[], int],
+        *,
+        cycle_us: int | None = None,
         capacity: int = QUEUE_FRAMES,
     ) -> None:
         self.dropped = 0
@@ -83,6 +86,7 @@ class ReceiveQueue:
         self._bus = bus
         self._age_us = age_us
         self._clock = clock
+        self._overload_stale_us = max((cycle_us or 0) // 2, OVERLOAD_STALE_US)
         self._capacity = capacity
         self._waiting: deque[Received] = deque()
         self._newest: Received | None = None
@@ -100,8 +104,8 @@ class ReceiveQueue:
     @property
     def is_overloaded(self) -> bool:
         """Whether messages were dropped of late because more come than can be handled."""
-        dropped_us = self._overloaded_us
-        return dropped_us is not None and self._clock() - dropped_us <= OVERLOAD_OVER_US
+        dropped_us, over_us = self._overloaded_us, OVERLOAD_OVER * self._overload_stale_us
+        return dropped_us is not None and self._clock() - dropped_us <= over_us
 
     def get(self, timeout_s: float) -> Received | None:
         """Oldest message; None where none came in time.
@@ -175,18 +179,19 @@ class ReceiveQueue:
 
     def _drop_stale(self) -> None:
         """Drop what waited too long, all but one message."""
-        now_us = self._clock()
-        is_behind = self._behind_us is not None and now_us - self._behind_us > OVERLOAD_US
-        if not (is_behind or self.is_overloaded):
-            while self._has_older(STALE_US):
+        now_us, stale_us = self._clock(), self._overload_stale_us
+        behind_us = 0 if self._behind_us is None else now_us - self._behind_us
+        if behind_us <= OVERLOAD_AFTER * stale_us and not self.is_overloaded:
+            while self._has_older(max(STALE_US, stale_us)):
                 self._drop_oldest()
             return
-        while self._has_older(OVERLOAD_STALE_US):
+        kept_us = round(OVERLOAD_KEPT * stale_us)
+        while self._has_older(stale_us):
             self._overloaded_us = now_us
             # One of each message: were it the oldest alone, the last one of those that are sent
             # together would be dropped each time.
             first = self._drop_oldest()
-            while self._has_older(OVERLOAD_KEPT_US) and self._waiting[0].message_id != first:
+            while self._has_older(kept_us) and self._waiting[0].message_id != first:
                 self._drop_oldest()
 
     def _has_older(self, age_us: int) -> bool:

@@ -1,4 +1,8 @@
-"""A bench that an emulated machine can follow: our own messages ten times as slow, two axles."""
+"""A bench that an emulated machine can follow: our own messages ten times as slow, two axles.
+
+It estimates by recursive least squares, in half the time of the tracker, and in a tenth where an
+estimate begins. What is tested is the kernel's interface; the tracker runs live on other buses.
+"""
 
 import math
 import random
@@ -8,6 +12,8 @@ from adhesion_can.recordings.candump import format_frame
 from tests.wire import DBC, Bench
 
 CONFIG = """\
+estimator = "rls"
+
 [bus]
 database = "slow.dbc"
 
