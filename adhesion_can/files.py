@@ -3,6 +3,7 @@
 import errno
 import gzip
 import io
+import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from hashlib import sha256
@@ -27,6 +28,9 @@ def file_sha256(path: Path) -> str:
 def whole_file(path: Path, mode: str = "w", *, keep_part: bool = False) -> Iterator[Any]:
     """Write a file under a temporary name; it gets its own when all is written, else vanishes.
 
+    A device or a pipe, such as /dev/stdout, is written to as it is: by its name a file would take
+    its place. So would it take that of a symbolic link; the file that a link names is written.
+
     Args:
         path: Path of the finished file; a suffix .gz compresses it.
         mode: Mode of opening, 'w' or 'wb'.
@@ -37,9 +41,11 @@ def whole_file(path: Path, mode: str = "w", *, keep_part: bool = False) -> Itera
         InputError: the folder does not exist or cannot be written to, or the disk is full.
 
     """
-    part = path.with_name(path.name + ".part")
     if path.is_dir():
         raise InputError(str(path), "is a folder", "name a file")
+    is_stream = path.exists() and not path.is_file()
+    target = path if is_stream else Path(os.path.realpath(path))
+    part = path if is_stream else target.with_name(target.name + ".part")
     try:
         raw: BinaryIO = part.open("wb")
     except OSError as error:
@@ -56,9 +62,10 @@ def whole_file(path: Path, mode: str = "w", *, keep_part: bool = False) -> Itera
                 text = io.TextIOWrapper(file, encoding="utf-8", newline="")
                 file = stack.enter_context(text)
             yield file
-        part.replace(path)
+        if not is_stream:
+            part.replace(target)
     except BaseException as error:
-        if not keep_part:
+        if not (keep_part or is_stream):
             part.unlink(missing_ok=True)
         if isinstance(error, OSError) and error.errno in _DISK_FULL:
             reason = error.strerror or "cannot be written"

@@ -7,6 +7,8 @@ import logging
 import os
 import random
 import sqlite3
+import stat
+import threading
 from itertools import pairwise
 from pathlib import Path
 
@@ -565,6 +567,66 @@ def test_an_exception_leaves_the_old_file_as_it_was(tmp_path):
         file.write("new")
     assert path.read_text() == "new"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("mode", ["w", "wb"])
+def test_a_pipe_is_written_to_and_stays_one(tmp_path, mode):
+    path = tmp_path / "pipe.csv"
+    os.mkfifo(path)
+    read = []
+    reader = threading.Thread(target=lambda: read.append(path.read_bytes()), daemon=True)
+    reader.start()
+    with whole_file(path, mode) as file:
+        file.write("λ" if mode == "w" else "λ".encode())
+    reader.join(60)
+    assert read == ["λ".encode()]
+    assert path.is_fifo()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_exception_does_not_take_a_pipe_away(tmp_path):
+    path = tmp_path / "pipe.csv"
+    os.mkfifo(path)
+    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    with pytest.raises(BrokenError), whole_file(path):
+        raise BrokenError
+    os.close(reader)
+    assert path.is_fifo()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="to make a device needs root")
+def test_a_device_stays_one(tmp_path):
+    """A file in its place would take the machine's /dev/null away from all others."""
+    path = tmp_path / "null"
+    try:
+        os.mknod(path, 0o666 | stat.S_IFCHR, os.makedev(1, 3))
+        path.write_bytes(b"")
+    except OSError as error:
+        pytest.skip(f"no device can be made and opened here ({error})")
+    with whole_file(path) as file:
+        file.write("x")
+    assert path.is_char_device()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_file_that_a_link_names_is_written(tmp_path):
+    (folder := tmp_path / "runs").mkdir()
+    path = tmp_path / "latest.csv"
+    path.symlink_to(folder / "1.csv")
+    for text in ("first", "second"):
+        with whole_file(path) as file:
+            file.write(text)
+        assert (folder / "1.csv").read_text() == text
+    assert path.is_symlink()
+    assert [one.name for one in folder.iterdir()] == ["1.csv"]
+
+
+def test_a_link_to_itself_gives_way_to_the_file(tmp_path):
+    path = tmp_path / "a.csv"
+    path.symlink_to(path)
+    with whole_file(path) as file:
+        file.write("x")
+    assert path.read_text() == "x"
 
 
 def test_a_missing_folder_is_an_error_with_a_mend(tmp_path):
