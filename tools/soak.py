@@ -179,7 +179,7 @@ def run(soak: Soak, jobs: int | None, *, with_memory: bool) -> int:
     """Run both parts, or as much as there is time for until the command is stopped."""
     found = Found()
     one_service = OneService(soak) if with_memory else None
-    is_stopped = False
+    is_stopped, crash = False, None
     try:
         if jobs is not None:
             judge_histories(soak, jobs, found)
@@ -189,10 +189,14 @@ def run(soak: Soak, jobs: int | None, *, with_memory: bool) -> int:
         is_stopped = True
         if one_service is not None:
             one_service.collect(found)
+    except ChildProcessError as error:
+        crash = error
     finally:
         end_processes()
     is_missed = tell(soak, found, is_stopped=is_stopped)
-    return 1 if is_missed or is_stopped else 0
+    if crash is not None:
+        print(f"  CRASHED: {crash}")
+    return 1 if is_missed or is_stopped or crash is not None else 0
 
 
 def tell(soak: Soak, found: Found, *, is_stopped: bool) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.soak import Found, OneService, Soak, tell
+from tools.soak import Found, OneService, Soak, run, tell
 
 ROOT = Path(__file__).resolve().parents[2]
 DAY = Soak(24.0, 6.0, 1)
@@ -44,6 +44,18 @@ def test_a_service_that_crashed_is_no_end(monkeypatch):
     monkeypatch.setattr("tools.soak.watch_memory", end_at_once)
     with pytest.raises(ChildProcessError, match="after 0 h, with exit code 3"):
         OneService(DAY).wait(Found())
+
+
+def test_a_crash_is_told_beside_the_figures_of_the_histories(monkeypatch, capsys):
+    def judge(soak, jobs, found):
+        found.histories, found.broken = 60, 0
+
+    monkeypatch.setattr("tools.soak.watch_memory", end_at_once)
+    monkeypatch.setattr("tools.soak.judge_histories", judge)
+    assert run(DAY, 1, with_memory=True) == 1
+    told = capsys.readouterr().out
+    assert "of 60 histories of 60 s" in told
+    assert "CRASHED: the one service ended after 0 h, with exit code 3" in told
 
 
 WAITING = """
