@@ -47,7 +47,8 @@ def test_a_service_that_crashed_is_no_end(monkeypatch):
 
 
 def test_a_crash_is_told_beside_the_figures_of_the_histories(monkeypatch, capsys):
-    def judge(soak, jobs, found):
+    def judge(*arguments):
+        found = arguments[-1]
         found.histories, found.broken = 60, 0
 
     monkeypatch.setattr("tools.soak.watch_memory", end_at_once)
