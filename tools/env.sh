@@ -34,6 +34,9 @@ need() {
     rm -rf "$venv"
     # Debian splits venv off Python; without its ensurepip the first attempt fails.
     "$python" -m venv "$venv" >/dev/null 2>&1 || { rm -rf "$venv"; apt python3-venv; "$python" -m venv "$venv"; }
+    # The pip that comes with Python 3.11 seeks for minutes what fits together, a newer one for seconds.
+    "$venv/bin/python" -m pip install -q --disable-pip-version-check --upgrade pip >/dev/null 2>&1 ||
+      say "pip could not be brought up to date; going on with the one there is"
   fi
   wanted=$(sha256sum <"$root/pyproject.toml" | cut -d' ' -f1)
   if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ] || ! "$venv/bin/python" -c 'import adhesion_can' 2>/dev/null; then
