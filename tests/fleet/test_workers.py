@@ -152,6 +152,7 @@ def test_numbers_that_are_none_are_null():
 @pytest.mark.skipif("MALLOC_TRIM_THRESHOLD_" in os.environ, reason="set by whoever runs the tests")
 def test_workers_keep_freed_memory_for_the_next_array_and_use_one_thread(client):
     # With dask's own threshold two workers do no more than one.
+    client.wait_for_workers(2, timeout=120)  # a busy machine may still be starting one again
     found = client.run(lambda: dict(os.environ))
     assert len(found) == 2
     for environment in found.values():
