@@ -6,6 +6,7 @@ import hashlib
 import re
 import shlex
 import shutil
+import signal
 import sqlite3
 import subprocess
 import sys
@@ -234,6 +235,8 @@ def report(sessions: list[Session], known: dict[Mutant, str]) -> int:
 
 def main() -> int:
     """Run the command; 1 where a mutant survived that is not known."""
+    # As Ctrl-C, which ends what it began as well: else mutants would go on without it.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     settings = tomllib.loads((ROOT / "tools" / "mutation.toml").read_text())
     by_name = {Path(module).stem: module for module in settings["tests"]}
     parser = argparse.ArgumentParser(prog="tools/mutation", description=__doc__)
