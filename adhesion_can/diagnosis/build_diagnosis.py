@@ -18,8 +18,10 @@ from adhesion_can.diagnosis.extended_model import (
 )
 from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import ConfirmedFindings
+from adhesion_can.diagnosis.inference.equivalent_effects import find_equivalent_effects
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.one_speed import find_rivals_at_one_speed, is_at_one_speed
+from adhesion_can.diagnosis.parameter_values import effect_title, parameter_values
 from adhesion_can.diagnosis.peak_spread import compare_peaks, fit_other_forms
 from adhesion_can.diagnosis.plot_data import (
     build_curve_data,
@@ -29,11 +31,12 @@ from adhesion_can.diagnosis.plot_data import (
     find_plotted_channel,
 )
 from adhesion_can.diagnosis.plot_result import Profile
+from adhesion_can.diagnosis.refutation_result import build_closest, build_environments
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import Channel, build_channels
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
-from adhesion_can.diagnosis.result import Cause, Diagnosis, Gain, ParameterValue, Verdict
+from adhesion_can.diagnosis.result import Cause, Diagnosis, Gain, NoiseResult, Verdict
 from adhesion_can.diagnosis.sentences import (
     cause_sentence,
     channel_sentence,
@@ -49,9 +52,7 @@ from adhesion_can.diagnosis.shape_result import (
     find_conditions,
 )
 from adhesion_can.estimation.extended.model import ExtendedModel
-from adhesion_can.physics.effects import Effect
 from adhesion_can.physics.effects.empirical import Empirical
-from adhesion_can.physics.parameter import Parameter
 
 
 def build_empty_diagnosis(drives: Sequence[DriveData], untested: Sequence[Untested]) -> Diagnosis:
@@ -142,6 +143,16 @@ def build_diagnosis(
         samples={drive.name: len(drive) for drive in drives},
         lost=_count_lost_rows(drives),
         families=build_family_results(found, surface),
+        closest=build_closest(confirmed, data),
+        environments=build_environments(found, confirmed, causes),
+        noise=_build_noise(found),
+    )
+
+
+def _build_noise(found: Findings) -> NoiseResult:
+    noise, rmse = found.noise, found.selection.best.rmse
+    return NoiseResult(
+        noise.floor, noise.sensors, noise.ratio, noise.is_exceeded, noise.is_below(rmse)
     )
 
 
@@ -198,8 +209,9 @@ def _fit_extension(found: Findings, confirmed: ConfirmedFindings) -> _Extension:
 def _choose_verdict(found: Findings, confirmed: ConfirmedFindings) -> Verdict:
     if confirmed.named or confirmed.shape is not None:
         return Verdict.NAMED
-    faulty = found.oscillates or bool(found.saturated)
-    return Verdict.UNEXPLAINED if confirmed.channel is not None or faulty else Verdict.NOTHING
+    if found.oscillates or found.saturated or confirmed.channel is not None or confirmed.closest:
+        return Verdict.UNEXPLAINED
+    return Verdict.UNEXPLAINED if found.noise.is_exceeded else Verdict.NOTHING
 
 
 def _build_profile(found: Findings, confirmed: ConfirmedFindings, model: Model) -> Profile | None:
@@ -254,21 +266,13 @@ def _sort_by_gain(found: Findings, named: Sequence[Candidate]) -> list[Candidate
 def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> Cause:
     """A named effect with the parameters of the final fit."""
     effect = candidate.effect
-    place = final.model.candidates.index(candidate)
-    first = final.model.first_parameter(place)
-    std = iter(np.sqrt(final.covariance.diagonal())[first : first + candidate.size])
-    numbers = iter(final.model.values[place])
     has_load = any(drive.has_load for drive in found.prepared.regression.data.drives)
-    values = tuple(
-        _parameter_value(p, next(numbers), float(next(std)), has_load=has_load)
-        if p.free
-        else ParameterValue(p.name, candidate.known_value(p), None, p.unit, p.meaning)
-        for p in effect.parameters
-    )
+    place = final.model.candidates.index(candidate)
+    values = parameter_values(final, place, has_load=has_load)
     return Cause(
         effect.id,
         effect.form,
-        _title(effect, values[0]),
+        effect_title(effect, values[0]),
         effect.literature,
         values,
         found.p_value(candidate),
@@ -279,29 +283,11 @@ def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> C
 
 def _find_rivals(found: Findings, candidate: Candidate, size: float) -> tuple[str, ...]:
     """Ids of the effects that the data cannot distinguish from a named one."""
-    rivals = set(found.selection.rivals(candidate))
+    rivals = set(found.selection.rivals(candidate)) | set(find_equivalent_effects(found, candidate))
     if is_at_one_speed(found.prepared.regression.data.drives):
         known = found.selection.best.ids
         rivals |= find_rivals_at_one_speed(candidate, size, found.prepared.candidates) - known
     return tuple(sorted(rivals))
-
-
-def _parameter_value(
-    parameter: Parameter, value: float, std: float, *, has_load: bool
-) -> ParameterValue:
-    """An estimate, which at the end of its range has no standard deviation."""
-    at_bound = parameter.is_at_bound(value)
-    known = None if at_bound else std
-    unit, meaning = parameter.unit, parameter.meaning
-    if unit == "N" and not has_load:
-        # Adhesion times a load of 1 is the force of a table without loads.
-        unit, meaning = "1", f"{meaning}, as a share of the load"
-    return ParameterValue(parameter.name, value, known, unit, meaning, at_bound=at_bound)
-
-
-def _title(effect: Effect, size: ParameterValue) -> str:
-    """What happens, by the sign of the effect's size."""
-    return (size.value < 0.0 and effect.observability.below) or effect.title
 
 
 def _build_evidence(found: Findings) -> list[Evidence]:

@@ -49,6 +49,11 @@ from adhesion_can.diagnosis.inference.signal_faults import (
     find_saturated_sensors,
 )
 from adhesion_can.diagnosis.inference.split_hold_out import choose_held_out_drives, split_hold_out
+from adhesion_can.diagnosis.refutation.refute import (
+    drop_refuted,
+    refute_shape,
+    with_implausible_effects,
+)
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.find_surface_changes import (
     build_regression_data,
@@ -153,7 +158,7 @@ def diagnose(
         used,
         found,
         confirmed,
-        [*untested, *found.implausible, *find_untestable(used)],
+        [*untested, *find_untestable(used)],
         other_drives=any(held_out),
     )
     show("done", 1.0)
@@ -190,22 +195,28 @@ class _Analysis:
         """
         found = self.run(change_times)
         self.show("curve families", 0.75)
-        found = replace(found, families=score_families(found))
-        return found, self._run_with_shape(found)
+        return self._run_with_shape(replace(found, families=score_families(found)))
 
-    def _run_with_shape(self, found: Findings) -> Findings | None:
-        """Findings with a curve of another family; None where Burckhardt's is as good."""
+    def _run_with_shape(self, found: Findings) -> tuple[Findings, Findings | None]:
+        """Findings with a curve of another family; None where Burckhardt's is as good.
+
+        The findings with Burckhardt's curve come first, with the shapes that were refuted.
+        """
         if found.selection.plain.rmse < NOISELESS:
-            return None
+            return found, None
         for curves, most in choose_families(found, found.families):
             shaped = self.run(found.change_times, curves, most).without_doubtful_effects
             shape = judge_shape(found, shaped)
             if shape is None:
                 continue
             shaped = replace(shaped, families=found.families, shape=shape)
-            if shaped.explains:
-                return shaped
-        return None
+            if not shaped.explains:
+                continue
+            refuted = refute_shape(shaped)
+            if refuted is None:
+                return found, shaped
+            found = replace(found, refuted=(*found.refuted, refuted))
+        return found, None
 
     def run(
         self,
@@ -254,4 +265,4 @@ class _Analysis:
             alpha=alpha,
         )
         found = with_formula(found.without_noise_averages).without_bent_channel
-        return found.without_sizeless_effects
+        return with_implausible_effects(drop_refuted(found.without_sizeless_effects))

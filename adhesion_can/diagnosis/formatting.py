@@ -47,10 +47,15 @@ def sizes(values: Iterable[ParameterValue]) -> str:
 def value_text(value: ParameterValue) -> str:
     """A parameter's value with its unit, and its standard deviation where it is estimated."""
     if value.at_bound:
-        return f"{value.value:.4g} {unit_text(value.unit)}".strip() + " (at its bound)"
+        return value_and_unit(value.value, value.unit) + " (at its bound)"
     if value.std is None:
-        return f"{value.value:.4g} {unit_text(value.unit)}".strip()
+        return value_and_unit(value.value, value.unit)
     return measured(value.value, value.std, value.unit)
+
+
+def value_and_unit(value: float, unit: str) -> str:
+    """A value without a standard deviation, four digits."""
+    return f"{value:.4g} {unit_text(unit)}".strip()
 
 
 def measured(value: float, std: float | None, unit: str) -> str:

@@ -1,6 +1,6 @@
 """Result of a diagnosis as plain values, from which reports and JSON are made."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from html import escape
@@ -70,6 +70,15 @@ class ParameterValue:
     at_bound: bool = False
 
 
+def _parameters_to_dict(parameters: Iterable[ParameterValue]) -> dict[str, Any]:
+    """Parameters by name, as fields of `diagnosis.json`."""
+    return {
+        v.name: {"value": v.value, "std": v.std, "unit": v.unit}
+        | ({"at_bound": True} if v.at_bound else {})
+        for v in parameters
+    }
+
+
 @dataclass(frozen=True, slots=True)
 class Cause:
     """A named effect.
@@ -103,15 +112,114 @@ class Cause:
             "effect": self.effect,
             "form": self.form,
             "title": self.title,
-            "parameters": {
-                v.name: {"value": v.value, "std": v.std, "unit": v.unit}
-                | ({"at_bound": True} if v.at_bound else {})
-                for v in self.parameters
-            },
+            "parameters": _parameters_to_dict(self.parameters),
             "p_value": self.p_value,
             "rivals": list(self.rivals),
             **of_formula,
         }
+
+
+@dataclass(frozen=True, slots=True)
+class ClosestExplanation:
+    """An effect that helps and was refuted as a cause.
+
+    Attributes:
+        effect: Effect id.
+        form: Form of the mechanism, or the family of a curve; '' where there is only one form.
+        title: Description of the mechanism, a clause.
+        parameters: Parameters with their estimates.
+        gain_percent: Gain over the model without it on held-out data, %.
+        refuted_by: Reason why it is no cause, one clause.
+
+    """
+
+    effect: str
+    form: str
+    title: str
+    parameters: tuple[ParameterValue, ...]
+    gain_percent: float
+    refuted_by: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Fields of `diagnosis.json`."""
+        return {
+            "effect": self.effect,
+            "form": self.form,
+            "title": self.title,
+            "parameters": _parameters_to_dict(self.parameters),
+            "gain": self.gain_percent,
+            "refuted_by": self.refuted_by,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class SizeLevel:
+    """Size of an effect in one environment.
+
+    Attributes:
+        level: Description of the environment, such as 'axle 1'.
+        value: Estimate in the effect's unit.
+        std: Standard deviation of the estimate in the effect's unit.
+
+    """
+
+    level: str
+    value: float
+    std: float
+
+
+@dataclass(frozen=True, slots=True)
+class EnvironmentSizes:
+    """Sizes of an effect in the environments of one partition of the rows.
+
+    Attributes:
+        effect: Effect id.
+        partition: Quantity by which the rows are divided.
+        unit: Unit of the sizes.
+        size: Size with one value everywhere, in `unit`.
+        levels: Size in each environment that tells something about it.
+        p_value: P-value of the differences, all partitions counted.
+        spread: Standard deviation between environments, relative to the size.
+        refutes: Whether the sizes differ for certain and by much.
+
+    """
+
+    effect: str
+    partition: str
+    unit: str
+    size: float
+    levels: tuple[SizeLevel, ...]
+    p_value: float
+    spread: float
+    refutes: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """Fields of `diagnosis.json`."""
+        return asdict(self) | {"levels": [asdict(level) for level in self.levels]}
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseResult:
+    """Noise floor beside the noise that the sensors explain, adhesion.
+
+    Attributes:
+        floor: RMSE of the adhesion that no model goes below.
+        sensors: RMS of the adhesion's noise by the sensors; None where the readings do not tell it.
+        ratio: `floor` over `sensors`; None where that is not known.
+        exceeds: Whether the floor is above what the sensors explain for certain.
+        leaves_more: Whether the error that the selected model leaves is above it for certain.
+
+    """
+
+    floor: float
+    sensors: float | None
+    ratio: float | None
+    exceeds: bool
+    leaves_more: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """Fields of `diagnosis.json`."""
+        return {"floor": self.floor, "sensors": self.sensors, "ratio": self.ratio}
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,6 +394,10 @@ class Diagnosis:
         prediction: Measured against predicted adhesion of sample tables; None of recordings.
         effect_grams: Gram matrices of the effects for a diagnosis of many drives; None where they
             were not asked for, or the data allow no verdict at all.
+        closest: Effects that help and were refuted as causes, the largest gain first.
+        environments: Sizes of the named effects by environment, of each effect the partition with
+            the largest spread first; those of the refuted ones where they refute.
+        noise: Noise floor beside the sensors' noise; None where the data allow no verdict at all.
 
     """
 
@@ -309,6 +421,9 @@ class Diagnosis:
     families: tuple[FamilyResult, ...] = ()
     prediction: PredictionPlot | None = None
     effect_grams: EffectGrams | None = None
+    closest: tuple[ClosestExplanation, ...] = ()
+    environments: tuple[EnvironmentSizes, ...] = ()
+    noise: NoiseResult | None = None
 
     @property
     def longest_segment(self) -> SegmentResult | None:
@@ -323,7 +438,8 @@ class Diagnosis:
             return False
         if self.verdict is not Verdict.NOTHING:
             return True
-        return not (gain.leaves_much or any(one.is_sure for one in self.evidence))
+        leaves_more = self.noise is not None and self.noise.leaves_more
+        return not (gain.leaves_much or leaves_more or any(one.is_sure for one in self.evidence))
 
     @property
     def held_out_files(self) -> set[str]:
@@ -345,6 +461,9 @@ class Diagnosis:
             "gain": None if self.gain is None else self.gain.to_dict(),
             "evidence": [asdict(e) | {"most_alike": list(e.most_alike)} for e in self.evidence],
             "needed": self.needed,
+            "closest": [one.to_dict() for one in self.closest],
+            "environments": [one.to_dict() for one in self.environments],
+            "noise": None if self.noise is None else self.noise.to_dict(),
             "untested": [untested._asdict() for untested in self.untested],
             "channels": [asdict(channel) for channel in self.channels],
             "surfaces": [

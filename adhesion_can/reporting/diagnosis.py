@@ -8,6 +8,7 @@ from adhesion_can.diagnosis.formatting import (
     LEAST_P,
     effect_name,
     fixed,
+    measured,
     p_equation,
     p_text,
     rival_title,
@@ -16,7 +17,15 @@ from adhesion_can.diagnosis.formatting import (
     unit_text,
     value_text,
 )
-from adhesion_can.diagnosis.result import Cause, Diagnosis, FamilyResult, Gain, Verdict
+from adhesion_can.diagnosis.result import (
+    Cause,
+    ClosestExplanation,
+    Diagnosis,
+    EnvironmentSizes,
+    FamilyResult,
+    Gain,
+    Verdict,
+)
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.formula import FORMULA
 from adhesion_can.reporting.text import FittingTable, table
@@ -30,6 +39,7 @@ SHOWN = 5
 
 EVIDENCE_COLUMNS = ("effect", "statistic", "p", "absorbed", "most alike", "cosine", "gain")
 FAMILY_COLUMNS = ("family", "parameters", "held-out score", "RMSE", "μ_max", "λ_m", "base curve")
+ENVIRONMENT_COLUMNS = ("effect", "environment", "size", "spread", "p")
 CHANNEL_COLUMNS = ("channel", "unit", "p", "gain")
 
 
@@ -41,18 +51,66 @@ def verdict_sentences(found: Diagnosis) -> list[str]:
     sentences = list(_verdict(found))
     if found.gain is not None:
         sentences.append(gain_sentence(found.gain, found))
-    return sentences + list(_what_is_left(found))
+    return [*sentences, *_noise_sentence(found), *_what_is_left(found)]
+
+
+def closest_sentences(found: Diagnosis) -> list[str]:
+    """What helps and is no cause, a sentence each with its size and the reason."""
+    return [
+        f"{one.title} ({_name_with_sizes(one)}) takes {one.gain_percent:.1f} % off the error on "
+        f"held-out data, and is not the cause: {one.refuted_by}."
+        for one in found.closest
+    ]
+
+
+def _name_with_sizes(closest: ClosestExplanation) -> str:
+    name = effect_name(closest.effect, "" if closest.effect == FORMULA else closest.form)
+    return f"{name}: {sizes(closest.parameters)}" if closest.parameters else name
+
+
+def _noise_sentence(found: Diagnosis) -> Iterator[str]:
+    """How far what is left is above the sensors' noise; none where it is not."""
+    noise = found.noise
+    if noise is not None and noise.exceeds and noise.ratio is not None:
+        yield (
+            f"The sensors' noise explains {short(noise.sensors or 0.0)} of what is left, and "
+            f"{short(noise.floor)} remains with every known effect and channel: "
+            f"{short(noise.ratio)} times as much. Something acts that has no name here."
+        )
+
+
+def environment_rows(environments: Sequence[EnvironmentSizes]) -> list[tuple[str, ...]]:
+    """Cells of a table with `ENVIRONMENT_COLUMNS`, one row an environment."""
+    return [
+        (
+            one.effect,
+            level.level,
+            measured(level.value, level.std, one.unit),
+            fixed(100 * one.spread, 0, " %"),
+            p_text(one.p_value),
+        )
+        for one in environments
+        for level in one.levels
+    ]
+
+
+def widest_environments(found: Diagnosis) -> list[EnvironmentSizes]:
+    """The partition with the largest spread of each effect; of refuted effects as of named ones."""
+    widest: dict[str, EnvironmentSizes] = {}
+    for one in found.environments:
+        widest.setdefault(one.effect, one)
+    return list(widest.values())
 
 
 def _what_is_left(found: Diagnosis) -> Iterator[str]:
-    """The channel that goes with most of what the named effects leave; none where it is noise."""
+    """The channel on which what the named effects leave depends most; none where it is noise."""
     if found.verdict is Verdict.UNEXPLAINED:
         return  # it says so itself
     left = [channel for channel in found.channels if channel.is_sure]
     if left:
         most = max(left, key=lambda channel: channel.gain_percent)
         yield (
-            f"What is left goes with {channel_label(most.channel)}: a spline in it would take "
+            f"What is left depends on {channel_label(most.channel)}: a spline in it would take "
             f"{most.gain_percent:.1f} % off the error ({p_equation(most.p_value)})."
         )
 
@@ -107,7 +165,9 @@ def _unexplained(found: Diagnosis) -> str:
         f"Unexplained: what is left depends on {channel_label(found.channel)}, and no known effect "
         "says why."
     )
-    text += "".join(f" {one.what} does not: {one.why}." for one in found.untested if one.rejected)
+    text += "".join(
+        f" {one.what} is no cause: {one.why}." for one in found.untested if one.rejected
+    )
     # A wave's channel has its length behind the name.
     own = [c.p_value for c in found.channels if c.channel.partition(",")[0] == found.channel]
     return f"{text} {p_value_sentence(min(own))}" if own else text
@@ -120,15 +180,24 @@ def _nothing(found: Diagnosis) -> str:
             "Nothing found: what the plain curve leaves is noise, as far as these data show. An "
             "effect may still be there and be too small, or not excited."
         )
-    elif not gain.leaves_much:
-        text = "Cannot tell: an effect shows in the data that decided, and is not certain."
     else:
-        text = (
-            f"Cannot tell: the plain curve leaves {short(gain.rmse_before)}, where noise alone "
-            f"would leave about {short(gain.noise_floor)}, and no effect and no channel explains "
-            "that for certain."
-        )
+        text = "Cannot tell: an effect shows in the data that decided, and is not certain."
+        noise = _noise_below(found, gain)
+        if noise is not None:
+            text = (
+                f"Cannot tell: the plain curve leaves {short(gain.rmse_before)}, where noise alone "
+                f"would leave about {short(noise)}, and no effect and no channel explains that for "
+                "certain."
+            )
     return f"{text} {_strongest(found)}".strip()
+
+
+def _noise_below(found: Diagnosis, gain: Gain) -> float | None:
+    """Noise that is clearly below what the plain curve leaves, adhesion; None where none is."""
+    if gain.leaves_much:
+        return gain.noise_floor
+    noise = found.noise
+    return noise.sensors if noise is not None and noise.leaves_more else None
 
 
 def _strongest(found: Diagnosis) -> str:
@@ -279,6 +348,14 @@ def terminal(found: Diagnosis) -> Iterator[str | FittingTable]:
     if found.wrong:
         yield "What the simulation gets wrong:"
         yield from (f"- {sentence}" for sentence in found.wrong)
+    if found.closest:
+        yield "Closest explanations, none of them the cause:"
+        yield from (f"- {sentence}" for sentence in closest_sentences(found))
+    widest = widest_environments(found)
+    if widest:
+        rows = environment_rows(widest)
+        title_ = "Sizes by environment: the partition in which they differ most"
+        yield table(title_, ENVIRONMENT_COLUMNS, rows)
     if found.families:
         yield table("Curve families, each alone", FAMILY_COLUMNS, family_rows(found.families))
     if found.needed:

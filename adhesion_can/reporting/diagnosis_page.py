@@ -12,14 +12,18 @@ from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.parameter import Parameter
 from adhesion_can.reporting.diagnosis import (
     CHANNEL_COLUMNS,
+    ENVIRONMENT_COLUMNS,
     EVIDENCE_COLUMNS,
     FAMILY_COLUMNS,
     cause_rows,
     channel_rows,
+    closest_sentences,
+    environment_rows,
     evidence_rows,
     family_rows,
     has_extension,
     verdict_sentences,
+    widest_environments,
 )
 from adhesion_can.reporting.diagnosis_figures import (
     curve_figure,
@@ -29,6 +33,7 @@ from adhesion_can.reporting.diagnosis_figures import (
     profile_figure,
     simulation_figure,
 )
+from adhesion_can.reporting.environment_figure import environment_figure
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
 from adhesion_can.result_text import plus_minus
 
@@ -50,6 +55,8 @@ def page(
     """
     sections = {
         "What the simulation gets wrong": _wrong(found),
+        "Closest explanations that are no cause": _closest(found),
+        "One size everywhere?": _environments(found),
         "Gain": _gain(found),
         "Measured against simulated": _simulation_plots(found),
         "What is left": _profile(found),
@@ -99,6 +106,29 @@ def _wrong(found: Diagnosis) -> Parts:
         about = [f"{c.effect}: {c.title}. Literature: {c.literature}." for c in found.causes]
         parts.append(Items(about))
     return parts
+
+
+def _closest(found: Diagnosis) -> Parts:
+    if not found.closest:
+        return [Text("No explanation that helps was refuted.")]
+    return [Items(closest_sentences(found))]
+
+
+def _environments(found: Diagnosis) -> Parts:
+    if not found.environments:
+        return [Text("No effect was named or refuted whose size could be split.")]
+    parts: Parts = [
+        Text(
+            "The size of each effect is estimated anew in parts of the data. A cause has one size: "
+            "sizes that differ, for certain and by more than 30 %, refute it."
+        )
+    ]
+    for effect in dict.fromkeys(one.effect for one in found.environments):
+        environments = [one for one in found.environments if one.effect == effect]
+        parts.append(environment_figure(environments))
+    widest = environment_rows(widest_environments(found))
+    caption = "The partition in which the sizes of each effect differ most, ± standard deviation."
+    return [*parts, Table(caption, ENVIRONMENT_COLUMNS, widest)]
 
 
 def _gain(found: Diagnosis) -> Parts:

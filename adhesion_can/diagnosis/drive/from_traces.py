@@ -24,6 +24,7 @@ from adhesion_can.physics.channels import CHANNEL_BY_NAME, COVARIATES, FEW_VALUE
 from adhesion_can.physics.kinematics import slip_ratio
 from adhesion_can.physics.readings import Direction, Role
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.sampling.noise import estimate_signal, pool
 from adhesion_can.sampling.traces import Trace
 
 LEAST_LOAD_SHARE = 0.1
@@ -124,7 +125,7 @@ def _smooth_speed(traces: Traces, axles: _AxleSignals, origin: int) -> SmoothedS
     if trace is None:
         return None
     predicted = predict_speed_from_efforts(trace, origin, list(axles.efforts.values()))
-    return smooth_signal(trace, origin, SPEED_WINDOWS_S, predicted)
+    return smooth_signal(trace, origin, SPEED_WINDOWS_S, predicted, has_memory=True)
 
 
 def _collect_signals(
@@ -138,7 +139,10 @@ def _collect_signals(
             loads[axle] = _available_readings(load, origin)
     fast = {axle: high_pass(traces[Role.WHEEL_SPEED, axle], origin) for axle in axles.wheels}
     direction = _direction_changes(traces.get((Role.DIRECTION, 0)), origin)
-    return SmoothedSignals(axles.wheels, speed, loads, axles.efforts, vehicle, fast, direction)
+    noise = pool([estimate_signal(traces[Role.TRACTIVE_EFFORT, axle]) for axle in axles.wheels])
+    return SmoothedSignals(
+        axles.wheels, speed, loads, axles.efforts, vehicle, fast, direction, noise
+    )
 
 
 def _available_readings(trace: Trace, origin: int) -> tuple[Array, Array]:

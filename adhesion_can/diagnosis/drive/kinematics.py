@@ -12,6 +12,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.shift_rows import shift_rows
 from adhesion_can.diagnosis.drive.smoothing import SmoothedSignal
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.sampling.noise import NoiseEstimate
 
 RowSelection = NDArray[np.bool_] | slice
 CACHED_DELAYS = 6
@@ -79,6 +80,7 @@ class SmoothedSignals:
             rad/s, for each gap-free run.
         direction_changes: Stamps, s, and directions of travel from then on, 1 forward and −1 in
             reverse; None: forward throughout.
+        effort_noise: Noise of the effort readings, N, of all axles together.
 
     """
 
@@ -89,6 +91,7 @@ class SmoothedSignals:
     vehicle: Locomotive
     high_pass: Mapping[int, list[tuple[Array, Array]]] = field(default_factory=dict)
     direction_changes: tuple[Array, Array] | None = None
+    effort_noise: NoiseEstimate = field(default_factory=NoiseEstimate)
 
     @property
     def radius(self) -> Array:
@@ -138,11 +141,24 @@ class SignalKinematics:
         return SpeedError(self._signals.speed.std, self._signals.speed.window_s)
 
     @property
+    def effort_noise(self) -> NoiseEstimate:
+        """Noise of the effort readings, N, of all axles together."""
+        return self._signals.effort_noise
+
+    @property
     def cycle_s(self) -> float:
         """Longest time between two readings of a signal, s, median of each signal."""
         s = self._signals
         stamps = [s.speed.t_s, *(one.t_s for one in (*s.wheels.values(), *s.effort.values()))]
         return max((float(np.median(np.diff(t))) for t in stamps if len(t) > 1), default=0.0)
+
+    @property
+    def total_effort(self) -> Array:
+        """Smoothed effort of all axles together at the rows, N; shape (n,)."""
+        total = np.zeros(len(self._t_s))
+        for effort in self._signals.effort.values():
+            total += np.interp(self._t_s, effort.t_s, effort.value)
+        return total
 
     def select_rows(self, kept: RowSelection) -> "SignalKinematics":
         """Kinematics at some of the rows."""

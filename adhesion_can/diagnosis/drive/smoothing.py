@@ -1,7 +1,7 @@
 """Smoothing of signals: local parabolas (Savitzky and Golay, Anal. Chem. 36 (1964)).
 
-The width of the window is chosen by leave-one-out cross-validation: the one is taken that predicts
-each reading best from its neighbours.
+The width of the window is chosen by the prediction error: by leave-one-out cross-validation where
+the noise is white, by Mallows' criterion where it may have a memory.
 """
 
 from collections.abc import Sequence
@@ -12,6 +12,7 @@ import scipy
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.drive.noise_memory import LastingNoise, fit_lasting_noise
 from adhesion_can.sampling.traces import Trace
 
 SPEED_WINDOWS_S = (0.3, 0.6, 1.0, 1.5, 2.2, 3.0)
@@ -27,6 +28,11 @@ GAP_CYCLES = 3.0
 LAG_STEPS_S, LAG_REACH = (0.1, 0.02, 0.005), 10
 """Steps of the search for the lag of the vehicle speed behind the efforts, coarse to fine, s, and
 steps to either side."""
+SAME_NOISE = 4.0
+"""Ratio of the lasting noise's variance by a window and by one of half its width, up to which both
+count as the same."""
+LEAST_DURATION, LONGEST_ERROR_S = 0.2, 3.0
+"""Least time for which a smoothed value errs, relative to white noise, and the longest one, s."""
 LEAST_READINGS = 8
 """A signal with fewer readings is not used."""
 LEAST_POINTS = 5
@@ -73,7 +79,12 @@ class _LaggedImpulse(NamedTuple):
 
 
 def smooth_signal(
-    trace: Trace, origin_us: int, windows_s: Sequence[float], known: Array | None = None
+    trace: Trace,
+    origin_us: int,
+    windows_s: Sequence[float],
+    known: Array | None = None,
+    *,
+    has_memory: bool = False,
 ) -> SmoothedSignal | None:
     """Smooth a trace, gap-free run by run; None where it has too few readings.
 
@@ -83,6 +94,7 @@ def smooth_signal(
         windows_s: Widths to choose from, s; a window has at least five readings.
         known: Part of the signal that needs no smoothing, at the readings that are available, in
             the signal's unit; shape (n,).
+        has_memory: Whether the signal's noise may last from reading to reading.
 
     """
     good = np.isfinite(trace.value)
@@ -92,7 +104,8 @@ def smooth_signal(
     if len(t) < LEAST_READINGS:
         return None
     cycle = float(np.median(np.diff(t)))
-    best = _best_smoothing(raw, _split_at_gaps(t, cycle), cycle, windows_s)
+    runs = _split_at_gaps(t, cycle)
+    best = _best_smoothing(raw, runs, cycle, windows_s, has_memory=has_memory)
     if best is None:
         return None
     available = np.isfinite(best.rate)
@@ -105,29 +118,100 @@ def smooth_signal(
 
 
 def _best_smoothing(
-    raw: Array, runs: Sequence[NDArray[np.int64]], cycle: float, windows_s: Sequence[float]
+    raw: Array,
+    runs: Sequence[NDArray[np.int64]],
+    cycle: float,
+    windows_s: Sequence[float],
+    *,
+    has_memory: bool,
 ) -> _Smoothing | None:
-    """Smoothing with the least cross-validated error; None where every run is too short."""
+    """Smoothing with the least prediction error; None where every run is too short."""
     longest = max(len(run) for run in runs)
     counts = sorted({max(round(window / cycle / 2) * 2 + 1, LEAST_POINTS) for window in windows_s})
-    best: _Smoothing | None = None
-    for points in counts:
-        if points > longest:
-            continue
-        value, rate = np.full(len(raw), np.nan), np.full(len(raw), np.nan)
-        for run in runs:
-            if len(run) >= points:
-                value[run] = scipy.signal.savgol_filter(raw[run], points, 2)
-                rate[run] = scipy.signal.savgol_filter(raw[run], points, 2, deriv=1, delta=cycle)
-        # Leverage: the weight of a reading in its own smoothed value. A residual over 1 − leverage
-        # is the leave-one-out prediction error (PRESS; Allen, Technometrics 16, 1974).
-        leverage = float(scipy.signal.savgol_coeffs(points, 2)[points // 2])
-        error = float(np.nanmean((raw - value) ** 2))
-        unseen = error / (1.0 - leverage) ** 2
-        if best is None or unseen < best.unseen_square:
-            std = float(np.sqrt(error * leverage / (1.0 - leverage)))
-            best = _Smoothing(unseen, value, rate, std, points * cycle)
-    return best
+    fits = [_smooth(raw, runs, points, cycle) for points in counts if points <= longest]
+    if not fits:
+        return None
+    if not has_memory:
+        return min((_score_by_leverage(raw, fit, cycle) for fit in fits), key=_unseen_square)
+    noise = _estimate_noise(raw, runs, fits, cycle)
+    return min((_score_by_noise(raw, fit, cycle, noise) for fit in fits), key=_unseen_square)
+
+
+class _Fit(NamedTuple):
+    """Local parabolas of one width: values and rates, NaN in short runs; filter weights."""
+
+    value: Array
+    rate: Array
+    weights: Array
+
+
+def _smooth(raw: Array, runs: Sequence[NDArray[np.int64]], points: int, cycle: float) -> _Fit:
+    """Fit local parabolas of so many points to every run that is long enough."""
+    value, rate = np.full(len(raw), np.nan), np.full(len(raw), np.nan)
+    for run in runs:
+        if len(run) >= points:
+            value[run] = scipy.signal.savgol_filter(raw[run], points, 2)
+            rate[run] = scipy.signal.savgol_filter(raw[run], points, 2, deriv=1, delta=cycle)
+    return _Fit(value, rate, scipy.signal.savgol_coeffs(points, 2))
+
+
+def _estimate_noise(
+    raw: Array, runs: Sequence[NDArray[np.int64]], fits: Sequence[_Fit], cycle: float
+) -> LastingNoise:
+    """Noise by the widest window that leaves no motion.
+
+    Noise is the same whatever window shows it. Motion that a window does not follow grows with its
+    width and looks like noise that lasts: such a window says nothing of the noise.
+    """
+    found = [fit_lasting_noise(raw - fit.value, runs, fit.weights, cycle) for fit in fits]
+    for wide, half in zip(reversed(found[2:]), reversed(found[:-2]), strict=True):
+        if wide.lasting <= SAME_NOISE * half.lasting:
+            return wide
+    return found[min(1, len(found) - 1)]
+
+
+def _unseen_square(smoothing: _Smoothing) -> float:
+    return smoothing.unseen_square
+
+
+def _score_by_leverage(raw: Array, fit: _Fit, cycle: float) -> _Smoothing:
+    """Smoothing of white noise, with its leave-one-out prediction error.
+
+    Leverage is the weight of a reading in its own smoothed value. A residual over 1 − leverage is
+    the leave-one-out prediction error (PRESS; Allen, Technometrics 16, 1974).
+    """
+    leverage = float(fit.weights[len(fit.weights) // 2])
+    error = float(np.nanmean((raw - fit.value) ** 2))
+    std = float(np.sqrt(error * leverage / (1.0 - leverage)))
+    unseen = error / (1.0 - leverage) ** 2
+    return _Smoothing(unseen, fit.value, fit.rate, std, len(fit.weights) * cycle)
+
+
+def _score_by_noise(raw: Array, fit: _Fit, cycle: float, noise: LastingNoise) -> _Smoothing:
+    """Smoothing of noise with a memory, with Mallows' criterion.
+
+    Leaving a reading out says little where its neighbours have the same error. The criterion takes
+    the noise's autocovariance instead (Opsomer, Wang and Yang, Statistical Science 16 (2001)).
+    """
+    points = len(fit.weights)
+    away_s = cycle * np.arange(-(points // 2), points // 2 + 1, dtype=np.float64)
+    error = float(np.nanmean((raw - fit.value) ** 2))
+    variance = float(noise.autocovariance(np.zeros(1))[0])
+    unseen = error - variance + 2.0 * float(fit.weights.dot(noise.autocovariance(away_s)))
+    both = scipy.signal.fftconvolve(fit.weights, fit.weights[::-1])
+    lag_s = cycle * np.arange(1 - points, points, dtype=np.float64)
+    std = float(np.sqrt(max(float(both @ noise.autocovariance(lag_s)), 0.0)))
+    # A smoothed value errs for longer than the window where the noise itself lasts.
+    wide_s = cycle * np.arange(-4 * points, 4 * points + 1, dtype=np.float64)
+    lasting = scipy.signal.fftconvolve(noise.autocovariance(wide_s), both)
+    duration = _correlation_time(lasting) / _correlation_time(both)
+    window_s = min(points * cycle * max(duration, LEAST_DURATION), LONGEST_ERROR_S)
+    return _Smoothing(unseen, fit.value, fit.rate, std, window_s)
+
+
+def _correlation_time(autocovariance: Array) -> float:
+    """Sum of the positive part of an autocorrelation, steps."""
+    return float(np.sum(np.maximum(autocovariance / autocovariance.max(), 0.0)))
 
 
 def high_pass(trace: Trace, origin_us: int) -> list[tuple[Array, Array]]:

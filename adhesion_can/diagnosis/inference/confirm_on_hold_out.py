@@ -1,9 +1,11 @@
 """Step 7, confirm on hold-out: only what predicts the held-out data better becomes a finding.
 
-Held-out data select nothing. But a finding whose gain on them may be none is dropped.
+Held-out data select nothing. But a finding whose gain on them may be none is dropped. A cause that
+was refuted and gains on them all the same says that something is there that has no cause.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,8 +14,10 @@ from adhesion_can.diagnosis.inference.curve_shape import ShapeFinding
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.hold_out_gain import compute_hold_out_gain
+from adhesion_can.diagnosis.refutation.refuted_cause import RefutedCause
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model
+from adhesion_can.diagnosis.regression.whitened_regression import fit_model
 from adhesion_can.diagnosis.result import Gain
 from adhesion_can.diagnosis.sentences import name_with_wave
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
@@ -21,6 +25,20 @@ from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 CLEAR_GAIN = 5.0
 """Gain of another shape, %, that counts although its interval holds 0: some parts of a drive show
 nothing of a shape, which widens the interval."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClosestCause:
+    """A refuted cause that predicts the held-out data better than the model without it.
+
+    Attributes:
+        refuted: Cause with its model and the reason.
+        gain: Gain on the held-out data.
+
+    """
+
+    refuted: RefutedCause
+    gain: Gain
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +51,7 @@ class ConfirmedFindings:
         gain: Gain of the effects or the channel on the held-out data.
         rejected: Findings that do not hold on the held-out data, with the reason.
         shape: Base curve of another family; None: it is Burckhardt's.
+        closest: Causes that gain and were refuted.
 
     """
 
@@ -41,6 +60,7 @@ class ConfirmedFindings:
     gain: Gain
     rejected: tuple[Untested, ...]
     shape: ShapeFinding | None = None
+    closest: tuple[ClosestCause, ...] = ()
 
 
 def confirm_on_hold_out(found: Findings, *, other_drives: bool) -> ConfirmedFindings:
@@ -51,6 +71,44 @@ def confirm_on_hold_out(found: Findings, *, other_drives: bool) -> ConfirmedFind
         other_drives: Whether whole recordings were held out.
 
     """
+    closest = tuple(_find_closest(found, other_drives=other_drives))
+    gaining = [one.refuted for one in closest]
+    others = (
+        Untested(one.effect, one.reason, rejected=True)
+        for one in found.refuted
+        if one not in gaining
+    )
+    confirmed = _confirm(found, other_drives=other_drives)
+    if any(one.gain.percent > confirmed.gain.percent for one in closest):
+        # What a refuted effect explains better is no matter of the channel.
+        confirmed = _without_channel(found, confirmed, other_drives=other_drives)
+    return replace(confirmed, closest=closest, rejected=(*confirmed.rejected, *others))
+
+
+def _without_channel(
+    found: Findings, confirmed: ConfirmedFindings, *, other_drives: bool
+) -> ConfirmedFindings:
+    """The findings without an unexplained channel."""
+    if confirmed.channel is None:
+        return confirmed
+    plain = found.baseline.fitted.model
+    gain = _compute_gain(found, plain, plain, None, other_drives=other_drives)
+    return replace(confirmed, channel=None, gain=gain)
+
+
+def _find_closest(found: Findings, *, other_drives: bool) -> Iterator[ClosestCause]:
+    """Refuted causes that gain on the held-out data."""
+    regression = found.prepared.regression
+    for refuted in found.refuted:
+        # Their models were fitted to all rows; on those that decide they are fitted anew.
+        models = (refuted.without, refuted.fitted.model)
+        without, model = (fit_model(regression, one).model for one in models)
+        gain = _compute_gain(found, without, model, None, other_drives=other_drives)
+        if is_significant(gain):
+            yield ClosestCause(refuted, gain)
+
+
+def _confirm(found: Findings, *, other_drives: bool) -> ConfirmedFindings:
     plain, best = found.baseline.fitted.model, found.selection.best.fitted.model
     rejected: list[Untested] = []
     if found.shape is not None and found.named:

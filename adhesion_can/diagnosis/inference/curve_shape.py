@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.model_comparison import (
     LEAST_GAIN,
@@ -228,7 +227,8 @@ def _shows_in_adhesion(
     if not rows.any():
         return False
     before, after = (
-        float(np.sqrt(np.mean(_residual(regression, one)[rows] ** 2))) for one in (small, large)
+        float(np.sqrt(np.mean(regression.residual(one.fitted.model)[rows] ** 2)))
+        for one in (small, large)
     )
     return after < (1.0 - LEAST_GAIN) * before
 
@@ -243,11 +243,6 @@ def _is_of_no_contact(regression: WhitenedRegression, scored: ScoredModel) -> bo
     slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
     aligned = np.sign(evaluation.slip) * (evaluation.predicted + evaluation.residual)
     return share_opposite(aligned[regression.used & (slope < 0.0)]) > 0.0
-
-
-def _residual(regression: WhitenedRegression, scored: ScoredModel) -> Array:
-    model = scored.fitted.model
-    return evaluate_model(regression.data, model.curves, model.active_effects).residual
 
 
 def _leaves_slip(found: "Findings", shaped: "Findings") -> bool:

@@ -18,7 +18,6 @@ from adhesion_can.diagnosis.regression.model import (
     Evaluation,
     Model,
     compute_curve_jacobian,
-    evaluate_model,
 )
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, WhitenedRegression
 
@@ -127,7 +126,7 @@ def fit_residual_channels(
         return []
     test = detect_groups(regression, fitted, bases, rng).test
     model, used = fitted.model, regression.used
-    residual = evaluate_model(regression.data, model.curves, model.active_effects).residual
+    residual = regression.residual(model)
     before = float(np.sqrt(np.mean(residual[used] ** 2)))
     white = regression.whiten(np.column_stack([jacobian, *bases, residual]))
     total = regression.compute_grams(white).total
@@ -194,7 +193,7 @@ def _block_amplitudes(
     regression: WhitenedRegression, model: Model, evaluation: Evaluation, lengths: Array
 ) -> NDArray[np.complex128]:
     """Complex amplitude of each wavelength, m, in each block; shape (blocks, wavelengths)."""
-    residual = evaluate_model(regression.data, model.curves, model.active_effects).residual
+    residual = regression.residual(model)
     position = regression.data.column("position")
     weight = regression.scale**2 * evaluation.predicted
     used = np.flatnonzero(regression.used)

@@ -1,13 +1,11 @@
 """Findings of steps 2 to 6, and what follows from them: named effects or an unexplained channel."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
 
-from adhesion_can.diagnosis.evidence import Untested
-from adhesion_can.diagnosis.formatting import unit_text
 from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.delay_search import with_delay_for_lag, with_longer_delay
 from adhesion_can.diagnosis.inference.detect_effects import Detection
@@ -23,7 +21,10 @@ from adhesion_can.diagnosis.inference.noise_averaging import (
     without_short_delay,
 )
 from adhesion_can.diagnosis.inference.select_effects import ModelSelection
+from adhesion_can.diagnosis.inference.sensor_noise import NoiseComparison, compare_with_sensors
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
+from adhesion_can.diagnosis.refutation.invariance import SizesByEnvironment
+from adhesion_can.diagnosis.refutation.refuted_cause import RefutedCause
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import build_channels
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
@@ -75,6 +76,9 @@ class Findings:
         alpha: Significance level of effects; a channel counts at half of it.
         families: Fits of all curve families, Burckhardt's first; () where they were not compared.
         shape: Base curve of another family; None: it is Burckhardt's.
+        refuted: Causes that helped and were refuted, the first one removed first.
+        sizes_by_environment: Sizes of each effect of the selected model in the environments of
+            every partition, the partition with the largest spread first.
 
     """
 
@@ -89,6 +93,10 @@ class Findings:
     alpha: float
     families: tuple[ScoredFamily, ...] = ()
     shape: ShapeFinding | None = None
+    refuted: tuple[RefutedCause, ...] = ()
+    sizes_by_environment: Mapping[Candidate, tuple[SizesByEnvironment, ...]] = field(
+        default_factory=dict
+    )
 
     @property
     def baseline(self) -> ScoredModel:
@@ -162,33 +170,20 @@ class Findings:
         )
         if size > INTERVAL:
             return self
-        rest = tuple(c for place, c in enumerate(best.candidates) if place != least)
-        smaller = remove_effect(best.fitted.model, least)[0]
+        return self.without_effect(least).without_sizeless_effects
+
+    def without_effect(self, place: int) -> "Findings":
+        """The findings without one effect of the selected model, the others fitted again."""
+        best, regression = self.selection.best, self.prepared.regression
+        rest = (*best.candidates[:place], *best.candidates[place + 1 :])
+        smaller = remove_effect(best.fitted.model, place)[0]
         without = score_model(regression, fit_model(regression, smaller))
         # The fit of the search may be better, or at a minimum that the model has left since.
         known = self.fitted_with(rest)
         if known is not None:
             without = min(known, without, key=lambda one: one.fitted.cross_validated_square)
         selection = replace(self.selection, best=without, indistinguishable=())
-        return replace(self, selection=selection).without_sizeless_effects
-
-    @property
-    def implausible(self) -> list[Untested]:
-        """Effects that fit better than any that is named, of a size that no vehicle has."""
-        found = []
-        for one in self.selection.implausible:
-            (candidate,), (value,) = one.candidates, one.free_sizes
-            size, (low, high) = candidate.free_parameters[0], candidate.plausible
-            below = value < low
-            fitted, limit = (
-                f"{x:.3g} {unit_text(size.unit)}".strip() for x in (value, low if below else high)
-            )
-            why = (
-                f"its {size.name} would be about {fitted}, and no such vehicle has "
-                f"{'less' if below else 'more'} than {limit}"
-            )
-            found.append(Untested(candidate.effect.id, why, rejected=True))
-        return found
+        return replace(self, selection=selection)
 
     @property
     def without_noise_averages(self) -> "Findings":
@@ -253,6 +248,12 @@ class Findings:
             if possible and one.p_value <= self.alpha / 2 and one.gain >= SECOND_LEAST_GAIN:
                 return one
         return None
+
+    @cached_property
+    def noise(self) -> NoiseComparison:
+        """The noise floor beside the noise of the sensors."""
+        model = self.selection.best.fitted.model
+        return compare_with_sensors(self.prepared.regression, model, self.noise_floor)
 
     @cached_property
     def noise_floor(self) -> float:

@@ -12,7 +12,6 @@ import scipy
 
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
-from adhesion_can.diagnosis.regression.model import evaluate_model
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, WhitenedRegression
 from adhesion_can.physics.effects.channel_factor import STEP
 
@@ -97,8 +96,7 @@ def score_model(
     regression: WhitenedRegression, fitted: FittedModel, sign_flip_p_value: float = 1.0
 ) -> ScoredModel:
     """A fitted model with its RMSE."""
-    model = fitted.model
-    residual = evaluate_model(regression.data, model.curves, model.active_effects).residual
+    residual = regression.residual(fitted.model)
     rmse = float(np.sqrt(np.mean(residual[regression.used] ** 2)))
     return ScoredModel(fitted, rmse, sign_flip_p_value)
 

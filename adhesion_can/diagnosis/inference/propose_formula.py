@@ -36,6 +36,7 @@ from adhesion_can.physics.effects.formula import CONTACT_CHANNELS, FORMULA, Form
 
 FORMULA_CHANNELS = tuple(CONTACT_CHANNELS[name] for name in ("speed", "load"))
 """Channels of every contact that a formula may depend on. The slip is the curve's own."""
+LOAD = CONTACT_CHANNELS["load"]
 MOST_FITS = 2
 """Formulas of one form that are fitted in full, from different places."""
 MOST_LEFT = 0.1
@@ -47,10 +48,13 @@ def with_formula(found: Findings) -> Findings:
 
     A formula takes the place of a factor that is linear in a user's channel, where that is not the
     form of the dependence; else it is added to what was selected. Beside a formula of the user's
-    none is proposed: a model has one.
+    none is proposed: a model has one. Nor is one put in the place of an effect that explains the
+    data by a size that no vehicle has.
     """
     best = found.selection.best
     if any(candidate.effect.id == FORMULA for candidate in best.candidates):
+        return found
+    if found.selection.implausible and not best.candidates:
         return found
     of_channels = [c for c in best.candidates if c.effect.id.startswith(PREFIX)]
     # The one with the largest part left to a spline first: another may have stood for its bend.
@@ -82,13 +86,19 @@ def _left_over(found: Findings) -> ResidualChannel | None:
         for one in found.channels_of_best
         if one.p_value <= found.alpha / 2
         and one.gain >= SECOND_LEAST_GAIN
-        and _is_possible(one.channel)
+        and _is_possible(one.channel, found)
     )
     return next(possible, None)
 
 
-def _is_possible(channel: Channel) -> bool:
-    """Whether a formula may depend on a channel: a quantity that an estimator online knows."""
+def _is_possible(channel: Channel, found: Findings) -> bool:
+    """Whether a formula may depend on a channel: a quantity that an estimator online knows.
+
+    A load that was computed from efforts and geometry is no measurement.
+    """
+    drives = found.prepared.regression.data.drives
+    if channel.name == LOAD and not all(drive.has_load for drive in drives):
+        return False
     if channel.kind is not ChannelKind.FACTOR or channel.period or channel.levels is not None:
         return False
     known = CHANNEL_BY_NAME.get(channel.name)
@@ -104,7 +114,7 @@ def _possible_channels(found: Findings) -> dict[str, FormulaChannel]:
     return {
         one.name: FormulaChannel(model_channel(one.name), one.unit, one.values)
         for one in channels
-        if _is_possible(one)
+        if _is_possible(one, found)
     }
 
 

@@ -127,13 +127,16 @@ class WhitenedRegression:
         effects = model.active_effects
         return evaluate_model(self.data, model.curves, effects, self.slip_correction)
 
+    def residual(self, model: Model) -> Array:
+        """Observed less predicted adhesion at the measured slips, shape (n,)."""
+        return evaluate_model(self.data, model.curves, model.active_effects).residual
+
     def build_columns(self, model: Model) -> Array:
         """Whitened Jacobian of a model's prediction, and its residual last; shape (n, p + 1).
 
         The Jacobian is taken at the estimated true slip, the residual at the measured one. So the
         error of the slip is not in both, and does not flatten the curve.
         """
-        effects = model.active_effects
         corrected = self.evaluate_corrected(model)
         parts = [compute_curve_jacobian(self.data, model.curves, corrected)]
         parts += [
@@ -142,8 +145,7 @@ class WhitenedRegression:
             )
             for place in range(len(model.candidates))
         ]
-        residual = evaluate_model(self.data, model.curves, effects).residual
-        return self.whiten(np.column_stack([*parts, residual]))
+        return self.whiten(np.column_stack([*parts, self.residual(model)]))
 
     def compute_signature(
         self,

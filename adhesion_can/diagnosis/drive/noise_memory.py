@@ -1,0 +1,97 @@
+"""Noise of a signal with a white part and one that lasts, from what smoothing leaves of it.
+
+Smoothing takes a part of the noise with the motion. What it leaves has the autocovariance of the
+noise behind the filter 1 − S, which is known; the variances of a white part and of an
+autoregressive one of first order are fitted to it by non-negative least squares (Lawson and Hanson,
+Solving Least Squares Problems, 1974) for each of a few memories.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from adhesion_can.arrays import Array
+
+MEMORIES_S = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.75, 1.0, 1.4)
+"""Memories of the lasting part that are compared, s. A longer one cannot be told from the motion
+behind the widest smoothing window, 3 s."""
+CLEARLY_BETTER = 0.97
+"""Residual norm of a longer memory over that of a shorter one, from which it is preferred."""
+
+
+@dataclass(frozen=True, slots=True)
+class LastingNoise:
+    """Noise with a white part and an autoregressive one of first order.
+
+    Attributes:
+        white: Variance of the white part, the signal's unit squared.
+        lasting: Variance of the autoregressive part, the signal's unit squared.
+        memory_s: Time constant of the autoregressive part, s; 0 where there is none.
+
+    """
+
+    white: float
+    lasting: float = 0.0
+    memory_s: float = 0.0
+
+    def autocovariance(self, lag_s: Array) -> Array:
+        """Autocovariance at given lags, s, in the signal's unit squared; shape as `lag_s`."""
+        away = np.abs(lag_s)
+        found = np.where(away == 0.0, self.white, 0.0)
+        if self.memory_s:
+            found = found + self.lasting * np.exp(-away / self.memory_s)
+        return np.asarray(found)
+
+
+def fit_lasting_noise(
+    residual: Array, runs: Sequence[NDArray[np.int64]], weights: Array, cycle_s: float
+) -> LastingNoise:
+    """Noise of a signal, from what a smoothing filter leaves of its readings.
+
+    Args:
+        residual: Readings less their smoothed values, NaN where there is none; shape (n,).
+        runs: Indices of readings that follow each other without a gap.
+        weights: Weights of the filter, symmetric, of odd length; shape (points,).
+        cycle_s: Time between two readings, s.
+
+    """
+    points = len(weights)
+    lags = np.arange(2 * points)
+    observed = _autocovariance(residual, runs, points, len(lags))
+    rest = -weights
+    rest[points // 2] += 1.0
+    kernel = scipy.signal.fftconvolve(rest, rest[::-1])
+    reach = len(lags) + points
+    away_s = cycle_s * np.arange(-reach, reach + 1, dtype=np.float64)
+
+    def behind_filter(noise: LastingNoise) -> Array:
+        passed = scipy.signal.fftconvolve(noise.autocovariance(away_s), kernel, mode="same")
+        return np.asarray(passed[reach + lags])
+
+    white = behind_filter(LastingNoise(1.0))
+    (size,), miss = scipy.optimize.nnls(white[:, None], observed)
+    best, least = LastingNoise(float(size)), float(miss)
+    for memory_s in MEMORIES_S:
+        lasting = behind_filter(LastingNoise(0.0, 1.0, memory_s))
+        sizes, miss = scipy.optimize.nnls(np.column_stack([white, lasting]), observed)
+        if miss < CLEARLY_BETTER * least and sizes[1] > 0.0:
+            best, least = LastingNoise(float(sizes[0]), float(sizes[1]), memory_s), float(miss)
+    return best
+
+
+def _autocovariance(
+    residual: Array, runs: Sequence[NDArray[np.int64]], points: int, lags: int
+) -> Array:
+    """Autocovariance of the residual within runs at lags 0, 1, .. readings; shape (lags,)."""
+    total, count = np.zeros(lags), 0
+    for run in runs:
+        if len(run) < points:
+            continue
+        part = np.nan_to_num(residual[run])
+        spectrum = np.fft.rfft(part, len(part) + lags)
+        total += np.fft.irfft(np.abs(spectrum) ** 2, len(part) + lags)[:lags]
+        count += len(part)
+    return total / max(count, 1)

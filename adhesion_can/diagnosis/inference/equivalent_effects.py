@@ -1,0 +1,67 @@
+"""Effects that the data cannot tell from a named one: the same signature, and the same gain.
+
+A paired test over blocks may prefer one of two explanations that differ by a hundredth of what
+either of them explains. Errors of the curve's form are larger than that, so such a preference names
+nothing: the two are one cause with the other as its rival.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, score_model
+from adhesion_can.diagnosis.inference.select_effects import propose_effects
+from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.model import remove_effect
+from adhesion_can.diagnosis.regression.whitened_regression import fit_model
+
+LEAST_COSINE = 0.95
+"""Cosine of two signatures, curves projected out, from which they count as the same."""
+EQUAL_GAIN = 0.98
+"""Share of what the named effect explains, from which a gain counts as the same."""
+
+
+def find_equivalent_effects(found: Findings, candidate: Candidate) -> tuple[str, ...]:
+    """Ids of the effects with the signature and the gain of a named one, in alphabetical order.
+
+    Args:
+        found: Findings of steps 2 to 6.
+        candidate: Effect of the selected model.
+
+    """
+    alike = list(_find_alike(found, candidate))
+    if not alike:
+        return ()
+    regression, best = found.prepared.regression, found.selection.best
+    place = best.candidates.index(candidate)
+    smaller = fit_model(regression, remove_effect(best.fitted.model, place)[0])
+    square = smaller.cross_validated_square
+    explained = square - best.fitted.cross_validated_square
+    fits = (
+        score_model(regression, fit_model(regression, proposal.model))
+        for proposal in propose_effects(regression, smaller.model, alike)
+    )
+    return tuple(sorted({_id_of_last(one) for one in fits if _is_equal(one, square, explained)}))
+
+
+def _find_alike(found: Findings, candidate: Candidate) -> Iterator[Candidate]:
+    """Candidates with the signature of another one."""
+    candidates = found.prepared.candidates
+    if candidate not in candidates:
+        return
+    known = found.selection.best.ids
+    cosines = np.abs(found.detection.cosines[candidates.index(candidate)])
+    for other, cosine in zip(candidates, cosines.tolist(), strict=True):
+        if cosine > LEAST_COSINE and other.effect.id not in known:
+            yield other
+
+
+def _id_of_last(scored: ScoredModel) -> str:
+    return scored.candidates[-1].effect.id
+
+
+def _is_equal(scored: ScoredModel, square: float, explained: float) -> bool:
+    """Whether a plausible model explains as much as the named effect does."""
+    gain = square - scored.fitted.cross_validated_square
+    return scored.is_plausible and gain >= EQUAL_GAIN * explained

@@ -1,0 +1,228 @@
+"""Invariance: whether a cause has the same size in every environment.
+
+A mechanism has one size wherever it acts. What only imitates it, in the mix of conditions of one
+drive, has another size at another speed, load or creep (Peters, Bühlmann and Meinshausen, Journal
+of the Royal Statistical Society B 78 (2016); Pfister, Bühlmann and Peters, JASA 114 (2019)). The
+columns of the cause's parameters are split by environment, the curves and the other causes stay
+common, and one Gauss-Newton step gives the size in each environment. Cochran's Q tests whether the
+sizes differ, and the variance between them by DerSimonian and Laird (Controlled Clinical Trials 7
+(1986)) says by how much. Both must be clear: with enough data every small error of form makes sizes
+differ for certain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.refutation.environments import Partition
+from adhesion_can.diagnosis.regression.gram_matrices import (
+    BlockGramMatrices,
+    solve_normal_equations,
+)
+from adhesion_can.diagnosis.regression.model import (
+    Model,
+    compute_effect_jacobian,
+    remove_effect,
+)
+from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression
+
+LEVEL = 0.01
+"""Significance level at which sizes differ, all partitions counted (Bonferroni)."""
+MOST_SPREAD = 0.3
+"""Largest standard deviation of the sizes of environments, relative to the size. A size that rests
+on a noisy derivative, as an inertia does, varies by 0.25 where the cause is true."""
+LEAST_INFORMATION = 0.03
+"""Share of the information on the size, below which an environment says nothing about it."""
+
+
+@dataclass(frozen=True, eq=False)
+class SizesByEnvironment:
+    """Size of a cause in the environments of one partition.
+
+    Attributes:
+        partition: Name of the partition.
+        labels: Description of each environment that tells something about the size.
+        sizes: Size in each of them, in the unit of the first parameter; shape (k,).
+        stds: Standard deviations of the sizes; shape (k,).
+        p_value: P-value of the differences, all partitions counted.
+        spread: Standard deviation between environments, relative to the size: of several
+            parameters the largest.
+
+    """
+
+    partition: str
+    labels: tuple[str, ...]
+    sizes: Array
+    stds: Array
+    p_value: float
+    spread: float
+
+    @property
+    def refutes(self) -> bool:
+        """Whether the sizes differ, for certain and by much."""
+        return self.p_value < LEVEL and self.spread > MOST_SPREAD
+
+
+def compute_sizes(
+    regression: WhitenedRegression, model: Model, place: int, partitions: Sequence[Partition]
+) -> list[SizesByEnvironment]:
+    """Size of one effect of a model in every environment of every partition.
+
+    Args:
+        regression: Rows with weights, filter and blocks.
+        model: Fitted model.
+        place: Place of the effect among the model's.
+        partitions: Partitions of the rows.
+
+    Returns:
+        Sizes of the partitions that have at least two environments with information on the size.
+
+    """
+    columns = regression.build_columns(model)
+    own = range(
+        model.first_parameter(place), model.first_parameter(place) + model.candidates[place].size
+    )
+    common = np.delete(columns, list(own), axis=1)
+    jacobian = compute_effect_jacobian(
+        regression.data,
+        *remove_effect(model, place),
+        regression.slip_correction,
+        regression.evaluate_corrected(model),
+    )
+    values = np.array(model.values[place])
+    split = (_split(regression, common, jacobian, partition) for partition in partitions)
+    found = [one for part in split if (one := part.sizes(values, len(partitions))) is not None]
+    return sorted(found, key=lambda one: -one.spread)
+
+
+@dataclass(frozen=True, eq=False)
+class _SplitEffect:
+    """Gram matrices with the columns of an effect split by environment.
+
+    Attributes:
+        partition: Partition by which they are split.
+        grams: Gram matrices: common columns, m columns for each environment, residual.
+        common: Number of common columns.
+        parameters: Number m of the effect's parameters.
+
+    """
+
+    partition: Partition
+    grams: BlockGramMatrices
+    common: int
+    parameters: int
+
+    def sizes(self, values: Array, tests: int) -> SizesByEnvironment | None:
+        """Sizes by environment; None where fewer than two have information on the size.
+
+        Args:
+            values: Values of the effect's parameters with one size everywhere, shape (m,).
+            tests: Number of partitions.
+
+        """
+        p, m = self.common, self.parameters
+        split = range(p, self.grams.matrices.shape[1] - 1)
+        projected = self.grams.project_out(range(p), split)
+        total = self.grams.total
+        information = projected.T @ total @ projected
+        of_size = np.maximum(information.diagonal()[::m], 0.0)
+        informed = of_size > LEAST_INFORMATION * of_size.sum()
+        if np.count_nonzero(informed) < 2:
+            return None
+        change = solve_normal_equations(total[:-1, :-1], total[:-1, -1])[p:]
+        covariance = self._covariance(projected, information)
+        kept = np.repeat(informed, m)
+        estimates = (np.tile(values, len(informed)) + change)[kept].reshape(-1, m)
+        covariance = covariance[np.ix_(kept, kept)]
+        p_value = _cochran(estimates, covariance, len(self.grams.rows))
+        variances = covariance.diagonal().reshape(-1, m)
+        spreads = [
+            _spread(estimates[:, j], variances[:, j], float(values[j]))
+            for j in range(m)
+            if values[j]
+        ]
+        return SizesByEnvironment(
+            self.partition.name,
+            tuple(
+                label for label, good in zip(self.partition.labels, informed, strict=True) if good
+            ),
+            estimates[:, 0],
+            np.sqrt(variances[:, 0]),
+            min(1.0, tests * p_value),
+            max(spreads, default=0.0),
+        )
+
+    def _covariance(self, projected: Array, information: Array) -> Array:
+        """Covariance of the split parameters with the blocks as clusters, never below the plain."""
+        p = self.common
+        size = self.grams.matrices.shape[1]
+        rest = self.grams.project_out(range(size - 1), [size - 1])[:, 0]
+        scores = np.einsum("bij,j->bi", self.grams.matrices, rest) @ projected
+        blocks = len(scores)
+        inverse = np.linalg.pinv(information, hermitian=True)
+        robust = inverse @ (scores.T @ scores) @ inverse * (blocks / max(blocks - 1, 1))
+        square = float(rest @ self.grams.total @ rest)
+        freedom = max(float(self.grams.rows.sum()) - p - projected.shape[1], 1.0)
+        plain = inverse * (square / freedom)
+        ratio = robust.diagonal() / np.maximum(plain.diagonal(), 1e-300)
+        scale = np.sqrt(np.maximum(ratio, 1.0))
+        return np.asarray(plain * np.outer(scale, scale))
+
+
+def _split(
+    regression: WhitenedRegression, common: Array, jacobian: Array, partition: Partition
+) -> _SplitEffect:
+    """Columns of an effect split by environment, before they are whitened.
+
+    A filter works across the border of two environments, so masks come first.
+
+    Args:
+        regression: Rows with weights, filter and blocks.
+        common: Whitened columns of curves and other effects, the residual last.
+        jacobian: Columns of the effect, adhesion; shape (n, m).
+        partition: Partition of the rows.
+
+    """
+    members = [partition.number == k for k in range(len(partition.labels))]
+    split = np.column_stack([jacobian * rows[:, None] for rows in members])
+    columns = [common[:, :-1], regression.whiten(split), common[:, -1]]
+    grams = regression.compute_grams(np.column_stack(columns))
+    return _SplitEffect(partition, grams, common.shape[1] - 1, jacobian.shape[1])
+
+
+def _cochran(estimates: Array, covariance: Array, blocks: int) -> float:
+    """P-value of Cochran's Q for correlated estimates, by the F distribution.
+
+    Args:
+        estimates: Parameters by environment, shape (k, m).
+        covariance: Their covariance, shape (k m, k m).
+        blocks: Number of blocks from which the covariance comes.
+
+    """
+    k, m = estimates.shape
+    weight = np.linalg.pinv(covariance, hermitian=True)
+    design = np.tile(np.eye(m), (k, 1))
+    flat = estimates.ravel()
+    mean = np.linalg.lstsq(design.T @ weight @ design, design.T @ weight @ flat, rcond=None)[0]
+    rest = flat - design @ mean
+    freedom = (k - 1) * m
+    statistic = float(rest @ weight @ rest) / freedom
+    return float(scipy.stats.f.sf(statistic, freedom, max(blocks - freedom - 1, 1)))
+
+
+def _spread(sizes: Array, variances: Array, size: float) -> float:
+    """Standard deviation between environments by DerSimonian and Laird, relative to the size."""
+    weight = 1.0 / np.maximum(variances, 1e-300)
+    mean = float(weight @ sizes / weight.sum())
+    q = float(weight @ (sizes - mean) ** 2)
+    denominator = float(weight.sum() - (weight**2).sum() / weight.sum())
+    between = max((q - (len(sizes) - 1)) / max(denominator, 1e-300), 0.0)
+    return float(np.sqrt(between)) / abs(size)
+
+
+def find_refuting(sizes: Sequence[SizesByEnvironment]) -> SizesByEnvironment | None:
+    """The partition whose sizes refute a cause by the largest spread; None where none does."""
+    return next((one for one in sizes if one.refutes), None)

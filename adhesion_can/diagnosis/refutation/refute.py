@@ -1,0 +1,193 @@
+"""Refutation of the causes of a selected model, the worst one first.
+
+A cause is refuted where it leaves too much in blocks of time (`block_variance`), where its size is
+not one size (`invariance`), or where a parameter is at the end of its range. The worst cause is
+removed, the others are fitted again, and so on: that keeps a true cause beside an unknown one.
+"""
+
+from collections.abc import Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from math import inf
+
+from adhesion_can.diagnosis.formatting import measured, short, unit_text, value_and_unit
+from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel
+from adhesion_can.diagnosis.refutation.block_variance import MOST_LEFT, compute_variance_left
+from adhesion_can.diagnosis.refutation.environments import Partition, build_partitions
+from adhesion_can.diagnosis.refutation.invariance import (
+    SizesByEnvironment,
+    compute_sizes,
+    find_refuting,
+)
+from adhesion_can.diagnosis.refutation.refuted_cause import RefutedCause
+from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.model import Model, remove_effect
+from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
+
+AT_BOUND = 1.0
+"""Badness of a cause with a parameter at the end of its range."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """What speaks against one cause of a model.
+
+    Attributes:
+        place: Place of the effect among the model's.
+        badness: How bad the worst of the reasons is; 0 where there is none.
+        reason: That reason, a clause; '' where there is none.
+        without: Model without the cause, fitted to the same rows.
+        sizes: Size of the cause by environment, the largest spread first.
+
+    """
+
+    place: int
+    badness: float
+    reason: str
+    without: Model
+    sizes: tuple[SizesByEnvironment, ...]
+
+
+def drop_refuted(found: Findings) -> Findings:
+    """The findings without the causes that are refuted, which are kept with their reasons."""
+    if not found.selection.best.candidates:
+        return found
+    regression = found.prepared.regression.last_fit
+    fitted = fit_model(regression, found.selection.best.fitted.model)
+    model = fitted.model
+    partitions = build_partitions(regression.data, regression.evaluate_corrected(model).slip)
+    trials = [_try(regression, model, place, partitions) for place in range(len(model.candidates))]
+    worst = max(trials, key=lambda trial: trial.badness)
+    if not worst.badness:
+        sizes = {model.candidates[trial.place]: trial.sizes for trial in trials}
+        return replace(found, sizes_by_environment=sizes)
+    candidate = model.candidates[worst.place]
+    refuted = RefutedCause(
+        candidate.effect.id,
+        candidate.effect.form,
+        worst.place,
+        fitted,
+        worst.without,
+        worst.reason,
+        worst.sizes,
+    )
+    smaller = replace(found.without_effect(worst.place), refuted=(*found.refuted, refuted))
+    return drop_refuted(smaller)
+
+
+def refute_shape(shaped: Findings) -> RefutedCause | None:
+    """The shape of the curve as a refuted cause; None where it is not refuted.
+
+    It is measured against Burckhardt's curve with the same effects.
+
+    Args:
+        shaped: Findings with the curve of another family.
+
+    """
+    if shaped.shape is None:
+        return None
+    regression = shaped.prepared.regression.last_fit
+    fitted = fit_model(regression, shaped.selection.best.fitted.model)
+    without = fit_model(regression, shaped.shape.same.fitted.model).model
+    left = compute_variance_left(regression, fitted.model, without)
+    if not left.refutes:
+        return None
+    family = shaped.shape.family.name
+    return RefutedCause(CURVE_SHAPE, family, None, fitted, without, _describe_left(left.share))
+
+
+def with_implausible_effects(found: Findings) -> Findings:
+    """The findings with the effects that would explain the data by a size that no vehicle has.
+
+    Nothing else is put silently in their place: they are refuted causes with that reason.
+    """
+    regression = found.prepared.regression.last_fit
+    plain = fit_model(regression, found.selection.plain.fitted.model).model
+    refuted = [
+        RefutedCause(
+            one.candidates[0].effect.id,
+            one.candidates[0].effect.form,
+            0,
+            fit_model(regression, without_bounds(one.fitted.model)),
+            plain,
+            _describe_implausible(one),
+        )
+        for one in found.selection.implausible
+        if one.candidates[0] not in found.selection.best.candidates
+    ]
+    return replace(found, refuted=(*found.refuted, *refuted))
+
+
+def without_bounds(model: Model) -> Model:
+    """A model with one effect whose size may be anything."""
+    (candidate,) = model.candidates
+    size, *others = candidate.effect.parameters
+    free = replace(size, lower=-inf, upper=inf)
+    effect = copy(candidate.effect)
+    # Effects are frozen values, and those of a distribution may be of any class.
+    object.__setattr__(effect, "parameters", (free, *others))
+    return replace(model, candidates=(replace(candidate, effect=effect),))
+
+
+def _describe_implausible(scored: ScoredModel) -> str:
+    (candidate,), (value,) = scored.candidates, scored.free_sizes
+    size, (low, high) = candidate.free_parameters[0], candidate.plausible
+    is_below = value < low
+    fitted, limit = (
+        f"{short(x)} {unit_text(size.unit)}".strip() for x in (value, low if is_below else high)
+    )
+    more = "less" if is_below else "more"
+    return f"its {size.name} would be about {fitted}, and no such vehicle has {more} than {limit}"
+
+
+def _try(
+    regression: WhitenedRegression, model: Model, place: int, partitions: Sequence[Partition]
+) -> _Trial:
+    """Everything that may refute one cause of a fitted model."""
+    without = fit_model(regression, remove_effect(model, place)[0]).model
+    sizes = tuple(compute_sizes(regression, model, place, partitions))
+    reasons = dict(_find_reasons(regression, model, place, without, sizes))
+    badness = max(reasons, default=0.0)
+    return _Trial(place, badness, reasons.get(badness, ""), without, sizes)
+
+
+def _find_reasons(
+    regression: WhitenedRegression,
+    model: Model,
+    place: int,
+    without: Model,
+    sizes: Sequence[SizesByEnvironment],
+) -> Iterator[tuple[float, str]]:
+    """Reasons against a cause, with their badness."""
+    left = compute_variance_left(regression, model, without)
+    if left.refutes:
+        yield left.share, _describe_left(left.share)
+    refuting = find_refuting(sizes)
+    if refuting is not None:
+        yield refuting.spread, _describe_sizes(model.candidates[place], refuting)
+    pairs = zip(model.candidates[place].free_parameters, model.values[place], strict=True)
+    for parameter, value in pairs:
+        if parameter.is_at_bound(value):
+            end = value_and_unit(value, parameter.unit)
+            yield AT_BOUND, f"its {parameter.name} is at the end of its range, {end}"
+
+
+def _describe_left(share: float) -> str:
+    return (
+        f"with it {100 * share:.0f} % of what the rows of a block have in common without it is "
+        f"left, and a true cause leaves at most {100 * MOST_LEFT:.0f} %"
+    )
+
+
+def _describe_sizes(candidate: Candidate, sizes: SizesByEnvironment) -> str:
+    """Largest and smallest size, each with its environment."""
+    parameter = candidate.free_parameters[0]
+    low, high = int(sizes.sizes.argmin()), int(sizes.sizes.argmax())
+    texts = [
+        f"{measured(float(sizes.sizes[k]), float(sizes.stds[k]), parameter.unit)} "
+        f"({sizes.labels[k]})"
+        for k in (low, high)
+    ]
+    return f"its {parameter.name} is not one size: {texts[0]}, {texts[1]}"

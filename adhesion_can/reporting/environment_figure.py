@@ -1,0 +1,78 @@
+"""Figure of an effect's size by environment: one size, or not, at a glance."""
+
+from collections.abc import Sequence
+
+from adhesion_can.diagnosis.formatting import measured, unit_text
+from adhesion_can.diagnosis.result import EnvironmentSizes
+from adhesion_can.reporting.charts import BLUE, DARK, ORANGE, Trace
+from adhesion_can.reporting.page import Figure
+
+INTERVAL = 1.96
+"""Half the width of a 95 % interval, in standard deviations."""
+ROW_HEIGHT, MARGINS_HEIGHT = 19, 110
+"""Height of an environment and of the margins, px."""
+MOST_PARTITIONS = 8
+"""Largest number of partitions that are drawn, those with the largest spread."""
+
+
+def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
+    """Size of one effect in every environment, with 95 % intervals (a forest plot).
+
+    Args:
+        environments: Sizes of one effect, at least one partition, the largest spread first.
+
+    """
+    drawn = environments[:MOST_PARTITIONS]
+    effect, unit, size = drawn[0].effect, drawn[0].unit, drawn[0].size
+    data = [
+        _points([one for one in drawn if one.refutes is refutes], refutes=refutes)
+        for refutes in (False, True)
+        if any(one.refutes is refutes for one in drawn)
+    ]
+    names = [level.level for one in drawn for level in one.levels]
+    layout = {
+        "xaxis": {"title": {"text": f"size of {effect}, {unit_text(unit) or 'no unit'}"}},
+        "yaxis": {
+            "type": "category",
+            "autorange": "reversed",
+            "categoryorder": "array",
+            "categoryarray": names,
+            "automargin": True,
+        },
+        "shapes": [
+            {
+                "type": "line",
+                "x0": size,
+                "x1": size,
+                "y0": 0,
+                "y1": 1,
+                "yref": "paper",
+                "line": {"color": DARK, "width": 1.2, "dash": "dot"},
+            }
+        ],
+        "showlegend": len(data) > 1,
+    }
+    caption = (
+        f"Size of {effect} in parts of the data, with 95 % intervals; the dotted line is its size "
+        f"in all of them, {measured(size, None, unit)}. A cause has one size everywhere."
+    )
+    return Figure(caption, data, layout, MARGINS_HEIGHT + ROW_HEIGHT * len(names))
+
+
+def _points(environments: Sequence[EnvironmentSizes], *, refutes: bool) -> Trace:
+    """Points with whiskers of some partitions, in one colour."""
+    levels = [level for one in environments for level in one.levels]
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": "sizes that differ" if refutes else "sizes that agree",
+        "x": [level.value for level in levels],
+        "y": [level.level for level in levels],
+        "error_x": {
+            "type": "data",
+            "array": [INTERVAL * level.std for level in levels],
+            "thickness": 1.2,
+            "width": 3,
+        },
+        "marker": {"color": ORANGE if refutes else BLUE, "size": 6},
+    }
