@@ -60,26 +60,27 @@ def build_environments(
     for place, candidate in enumerate(model.candidates):
         if candidate.effect.id in named:
             sizes = found.sizes_by_environment.get(candidate, ())
-            out += _describe_sizes(candidate, model.values[place][0], sizes)
+            out += _describe_sizes(candidate, model.values[place], sizes)
     for closest in confirmed.closest:
         refuted = closest.refuted
         if refuted.place is not None:
             candidate = refuted.fitted.model.candidates[refuted.place]
-            size = refuted.fitted.model.values[refuted.place][0]
-            out += _describe_sizes(candidate, size, (one for one in refuted.sizes if one.refutes))
+            values = refuted.fitted.model.values[refuted.place]
+            out += _describe_sizes(candidate, values, (one for one in refuted.sizes if one.refutes))
     return tuple(out)
 
 
 def _describe_sizes(
-    candidate: Candidate, size: float, sizes: Iterable[SizesByEnvironment]
+    candidate: Candidate, values: Sequence[float], sizes: Iterable[SizesByEnvironment]
 ) -> Iterator[EnvironmentSizes]:
     for one in sizes:
         levels = zip(one.labels, one.sizes.tolist(), one.stds.tolist(), strict=True)
         yield EnvironmentSizes(
             candidate.effect.id,
+            candidate.free_parameters[one.parameter].name,
             one.partition,
-            candidate.free_parameters[0].unit,
-            size,
+            candidate.free_parameters[one.parameter].unit,
+            values[one.parameter],
             tuple(SizeLevel(label, value, std) for label, value, std in levels),
             one.p_value,
             one.spread,

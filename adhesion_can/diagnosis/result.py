@@ -174,17 +174,19 @@ class EnvironmentSizes:
 
     Attributes:
         effect: Effect id.
+        parameter: Name of the effect's parameter that varies most.
         partition: Quantity by which the rows are divided.
-        unit: Unit of the sizes.
-        size: Size with one value everywhere, in `unit`.
-        levels: Size in each environment that tells something about it.
+        unit: Unit of the values.
+        size: Value that holds for all rows, in `unit`.
+        levels: Value in each environment that tells something about it.
         p_value: P-value of the differences, all partitions counted.
-        spread: Standard deviation between environments, relative to the size.
+        spread: Standard deviation between environments, relative to the value for all rows.
         refutes: Whether the sizes differ for certain and by much.
 
     """
 
     effect: str
+    parameter: str
     partition: str
     unit: str
     size: float

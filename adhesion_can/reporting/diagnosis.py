@@ -39,7 +39,7 @@ SHOWN = 5
 
 EVIDENCE_COLUMNS = ("effect", "statistic", "p", "absorbed", "most alike", "cosine", "gain")
 FAMILY_COLUMNS = ("family", "parameters", "held-out score", "RMSE", "μ_max", "λ_m", "base curve")
-ENVIRONMENT_COLUMNS = ("effect", "environment", "size", "spread", "p")
+ENVIRONMENT_COLUMNS = ("size", "environment", "value", "spread", "p")
 CHANNEL_COLUMNS = ("channel", "unit", "p", "gain")
 
 
@@ -83,7 +83,7 @@ def environment_rows(environments: Sequence[EnvironmentSizes]) -> list[tuple[str
     """Cells of a table with `ENVIRONMENT_COLUMNS`, one row an environment."""
     return [
         (
-            one.effect,
+            f"{one.effect}: {one.parameter}",
             level.level,
             measured(level.value, level.std, one.unit),
             fixed(100 * one.spread, 0, " %"),

@@ -22,8 +22,10 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
         environments: Sizes of one effect, at least one partition, the largest spread first.
 
     """
-    drawn = environments[:MOST_PARTITIONS]
-    effect, unit, size = drawn[0].effect, drawn[0].unit, drawn[0].size
+    drawn = list(environments[:MOST_PARTITIONS])
+    # Of several parameters the figure shows the one that varies most.
+    effect, parameter, unit = drawn[0].effect, drawn[0].parameter, drawn[0].unit
+    drawn, size = [one for one in drawn if one.parameter == parameter], drawn[0].size
     data = [
         _points([one for one in drawn if one.refutes is refutes], refutes=refutes)
         for refutes in (False, True)
@@ -31,7 +33,7 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
     ]
     names = [level.level for one in drawn for level in one.levels]
     layout = {
-        "xaxis": {"title": {"text": f"size of {effect}, {unit_text(unit) or 'no unit'}"}},
+        "xaxis": {"title": {"text": f"{parameter} of {effect}, {unit_text(unit) or 'no unit'}"}},
         "yaxis": {
             "type": "category",
             "autorange": "reversed",
@@ -53,8 +55,8 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
         "showlegend": len(data) > 1,
     }
     caption = (
-        f"Size of {effect} in parts of the data, with 95 % intervals; the dotted line is its size "
-        f"in all of them, {measured(size, None, unit)}. A cause has one size everywhere."
+        f"{parameter} of {effect} in parts of the data, with 95 % intervals; the dotted line is "
+        f"its value in all of them, {measured(size, None, unit)}. A cause has one size everywhere."
     )
     return Figure(caption, data, layout, MARGINS_HEIGHT + ROW_HEIGHT * len(names))
 

@@ -2,7 +2,9 @@
 
 What no effect and no channel explains is not noise for that reason. The readings themselves say how
 much noise the sensors have, from differences that the motion does not reach, and the curve says how
-much of it reaches the adhesion. A floor that is far above it hides a mechanism.
+much of it reaches the adhesion. Of a sample table, whose columns hold noise and motion together,
+the residual takes the place of the readings: what changes in it as smoothly as motion does is no
+noise. A floor that is far above the sensors' noise hides a mechanism.
 """
 
 from dataclasses import dataclass
@@ -70,63 +72,62 @@ def compare_with_sensors(
     data = regression.data
     evaluation = regression.evaluate_corrected(model)
     slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
-    sensitivity = np.asarray(np.abs(slope * evaluation.factor))
+    columns = np.stack([np.abs(slope * evaluation.factor), regression.residual(model)])
     ends = np.cumsum([len(drive) for drive in data.drives])[:-1]
     variances, errors = [], []
-    for drive, steepness in zip(data.drives, np.split(sensitivity, ends), strict=True):
-        found = _variance_of_drive(drive, steepness)
-        if found is None:
+    for drive, (steepness, residual) in zip(
+        data.drives, np.split(columns, ends, axis=1), strict=True
+    ):
+        noise = _estimate_residual(drive, residual) if drive.table else _effort_noise(drive)
+        if drive.independent or not _is_bounded(noise, is_residual=drive.table):
             return NoiseComparison(floor, None)
-        variance, error = found
-        variances.append(variance)
-        errors.append(error)
+        variances.append(_variance_of_rows(drive, noise, steepness))
+        errors.append(noise.std_error / noise.std if noise.std else 0.0)
     rows = regression.used
     square = float(np.mean(np.concatenate(variances)[rows])) if rows.any() else 0.0
     return NoiseComparison(floor, float(np.sqrt(square)), max(errors, default=0.0))
 
 
-def _variance_of_drive(drive: DriveData, steepness: Array) -> tuple[Array, float] | None:
-    """Variance of each row's adhesion by the sensors, and the relative error of its root.
+def _variance_of_rows(drive: DriveData, noise: NoiseEstimate, steepness: Array) -> Array:
+    """Variance of each row's adhesion by the sensors, shape (n,).
 
-    None where the readings do not tell the noise, or show errors that last for longer than seen.
+    Args:
+        drive: Rows of a recording or table.
+        noise: Noise of the effort, N, or of a table's residual.
+        steepness: Slope dμ/dλ of the curve in each row, shape (n,).
+
     """
-    if drive.independent:
-        return None
+    variance = (noise.std or 0.0) ** 2
+    if drive.table:
+        return np.full(len(drive), variance)
     observed = drive.observe()
-    if isinstance(drive.kinematics, SignalKinematics):
-        effort = drive.kinematics.effort_noise
-        if not _is_bounded(effort):
-            return None
-        speed = drive.speed_error.std * (1.0 + observed.slip) / observed.speed
-        by_slip = steepness**2 * (drive.wheel_slip_std**2 + speed**2)
-        return (effort.std or 0.0) ** 2 / observed.load**2 + by_slip, _relative_error(effort)
-    adhesion, slip = (
-        _estimate_column(drive, column) for column in (observed.adhesion, observed.slip)
-    )
-    if not _is_bounded(adhesion):
-        return None
-    # The adhesion of a table may have its noise from the slip as well, or from the force alone.
-    slip_std = slip.std if _is_bounded(slip) and slip.std is not None else 0.0
-    variance = (adhesion.std or 0.0) ** 2 + (steepness * slip_std) ** 2
-    return variance, _relative_error(adhesion)
+    by_speed = drive.speed_error.std * (1.0 + observed.slip) / observed.speed
+    by_slip = steepness**2 * (drive.wheel_slip_std**2 + by_speed**2)
+    return np.asarray(variance / observed.load**2 + by_slip)
 
 
-def _is_bounded(noise: NoiseEstimate) -> bool:
-    """Whether a noise estimate holds all of the noise: errors were seen to end."""
-    if noise.std is None or noise.lasts_s is None:
-        return False
-    return noise.lasts_s == 0.0 or noise.lasts_s < noise.seen_s
+def _effort_noise(drive: DriveData) -> NoiseEstimate:
+    kinematics = drive.kinematics
+    return kinematics.effort_noise if isinstance(kinematics, SignalKinematics) else NoiseEstimate()
 
 
-def _relative_error(noise: NoiseEstimate) -> float:
-    return noise.std_error / noise.std if noise.std else 0.0
-
-
-def _estimate_column(drive: DriveData, column: Array) -> NoiseEstimate:
-    """Noise of a column of a sample table, of all axles together."""
+def _estimate_residual(drive: DriveData, residual: Array) -> NoiseEstimate:
+    """Noise of the residual of a sample table, of all axles together."""
     parts = []
     for axle in np.unique(drive.axle):
         rows = drive.axle == axle
         stamps = np.rint(1e6 * drive.t_s[rows]).astype(np.int64)
-        parts.append(estimate_signal(Trace(stamps, column[rows])))
+        parts.append(estimate_signal(Trace(stamps, residual[rows])))
     return pool(parts)
+
+
+def _is_bounded(noise: NoiseEstimate, *, is_residual: bool) -> bool:
+    """Whether a noise estimate holds all of the noise: its errors were seen to end.
+
+    In a residual nothing moves but mechanisms, so that motion hides no noise in it.
+    """
+    if noise.std is None:
+        return False
+    if noise.lasts_s is None:
+        return is_residual
+    return noise.lasts_s == 0.0 or noise.lasts_s < noise.seen_s

@@ -44,16 +44,17 @@ class SizesByEnvironment:
 
     Attributes:
         partition: Name of the partition.
+        parameter: Place of the parameter that varies most among the effect's free ones.
         labels: Description of each environment that tells something about the size.
-        sizes: Size in each of them, in the unit of the first parameter; shape (k,).
-        stds: Standard deviations of the sizes; shape (k,).
-        p_value: P-value of the differences, all partitions counted.
-        spread: Standard deviation between environments, relative to the size: of several
-            parameters the largest.
+        sizes: Value of that parameter in each of them, in its unit; shape (k,).
+        stds: Standard deviations of the values; shape (k,).
+        p_value: P-value of the differences, all partitions and parameters counted.
+        spread: Standard deviation between environments, relative to the value in all of them.
 
     """
 
     partition: str
+    parameter: int
     labels: tuple[str, ...]
     sizes: Array
     stds: Array
@@ -139,20 +140,17 @@ class _SplitEffect:
         covariance = covariance[np.ix_(kept, kept)]
         p_value = _cochran(estimates, covariance, len(self.grams.rows))
         variances = covariance.diagonal().reshape(-1, m)
-        spreads = [
-            _spread(estimates[:, j], variances[:, j], float(values[j]))
-            for j in range(m)
-            if values[j]
-        ]
+        spreads = [_spread(estimates[:, j], variances[:, j], float(values[j])) for j in range(m)]
+        varying = int(np.argmax(spreads))
+        labels = zip(self.partition.labels, informed, strict=True)
         return SizesByEnvironment(
             self.partition.name,
-            tuple(
-                label for label, good in zip(self.partition.labels, informed, strict=True) if good
-            ),
-            estimates[:, 0],
-            np.sqrt(variances[:, 0]),
+            varying,
+            tuple(label for label, is_informed in labels if is_informed),
+            estimates[:, varying],
+            np.sqrt(variances[:, varying]),
             min(1.0, tests * p_value),
-            max(spreads, default=0.0),
+            spreads[varying],
         )
 
     def _covariance(self, projected: Array, information: Array) -> Array:
@@ -220,7 +218,7 @@ def _spread(sizes: Array, variances: Array, size: float) -> float:
     q = float(weight @ (sizes - mean) ** 2)
     denominator = float(weight.sum() - (weight**2).sum() / weight.sum())
     between = max((q - (len(sizes) - 1)) / max(denominator, 1e-300), 0.0)
-    return float(np.sqrt(between)) / abs(size)
+    return float(np.sqrt(between)) / abs(size) if size else 0.0
 
 
 def find_refuting(sizes: Sequence[SizesByEnvironment]) -> SizesByEnvironment | None:

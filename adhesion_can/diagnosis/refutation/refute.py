@@ -182,12 +182,12 @@ def _describe_left(share: float) -> str:
 
 
 def _describe_sizes(candidate: Candidate, sizes: SizesByEnvironment) -> str:
-    """Largest and smallest size, each with its environment."""
-    parameter = candidate.free_parameters[0]
+    """Largest and smallest value of a parameter, each with its environment."""
+    parameter = candidate.free_parameters[sizes.parameter]
     low, high = int(sizes.sizes.argmin()), int(sizes.sizes.argmax())
     texts = [
         f"{measured(float(sizes.sizes[k]), float(sizes.stds[k]), parameter.unit)} "
         f"({sizes.labels[k]})"
         for k in (low, high)
     ]
-    return f"its {parameter.name} is not one size: {texts[0]}, {texts[1]}"
+    return f"its {parameter.name} is not the same everywhere: {texts[0]}, {texts[1]}"
