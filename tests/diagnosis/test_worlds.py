@@ -18,7 +18,7 @@ from tests.worlds.fitting import fit
 from tests.worlds.hidden import Hidden, State, contact
 from tests.worlds.plant import draw_noise, drive, view
 from tests.worlds.rail import curve, draw_curve, peak
-from tests.worlds.world import _World
+from tests.worlds.world import World
 
 ROOT = Path(__file__).resolve().parents[2]
 LINE = re.compile(r"\((\d+)\.(\d{6})\) can0 ([0-9A-F]{3})#([0-9A-F]{16})")
@@ -26,7 +26,7 @@ LINE = re.compile(r"\((\d+)\.(\d{6})\) can0 ([0-9A-F]{3})#([0-9A-F]{16})")
 
 @pytest.fixture(scope="module")
 def world():
-    return _World("null:0", 3, 0, 60.0)
+    return World("null:0", 3, 0, 60.0)
 
 
 def test_worlds_share_no_code_with_the_product():
@@ -116,7 +116,7 @@ def test_kinds_are_all_singles_all_pairs_nulls_and_the_rest(tmp_path):
 
 def test_drives_have_every_phase_and_keep_their_speed():
     for seed in range(4):
-        profile = _World("null:0", seed, 0, 240.0).profile
+        profile = World("null:0", seed, 0, 240.0).profile
         mean = profile.slip.mean(axis=1)
         assert np.mean(mean > 0.005) > 0.15
         assert np.mean(mean < -0.005) > 0.15

@@ -92,6 +92,11 @@ class Draft:
         return Hidden(self.effect, self.form, {self.name: float(size), **self.others})
 
 
+def is_outside(kind: str) -> bool:
+    """Whether `tests.worlds.outside` makes worlds of a kind."""
+    return kind.startswith(("outside:", "mech:", "beside:", "null:memory-"))
+
+
 def contact_of(kind: str) -> str | None:
     """Name of the contact law of a kind; None: Burckhardt's curve."""
     head, _, rest = kind.partition(":")

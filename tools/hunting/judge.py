@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from contact import PeakErrors, blames_instrument, contact_outcome, peak_errors
+from outside import FUNCTIONS, OUTSIDE_GROUPS, outside_outcome
 from plan import find_group
 
 Record = dict[str, Any]
 CONTACT_GROUPS = ("contact", "contact+", "points")
-FUNCTIONS = {"exp", "log", "sqrt", "tanh", "abs", "min", "max", "lag"}
-"""Words of a formula that are neither a channel nor a constant."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,8 @@ class JudgedRecord:
         group: Group of the kind.
         outcome: 'named' (by its own name), 'rival' (declared indistinguishable), 'wrong', 'both',
             'one', 'unexplained' (with the right channel where there is one), 'wrong channel',
-            'nothing', 'failed'; for contacts see `contact.contact_outcome`.
+            'nothing', 'failed'; for contacts see `contact.contact_outcome`,
+            for worlds by others `outside.outside_outcome`.
         answer: What was named, or the channel, for the confusion table.
         inside: Whether each parameter that can be compared lies in its interval.
         covered: Whether the gain's interval holds the true gain; None: not known.
@@ -95,6 +95,8 @@ def _is_factor_of(channel: str, cause: Record) -> bool:
 def _outcome(record: Record, diagnosis: Record) -> tuple[str, tuple[str, ...]]:
     if find_group(record["kind"]) in CONTACT_GROUPS:
         return contact_outcome(record, diagnosis)
+    if find_group(record["kind"]) in OUTSIDE_GROUPS:
+        return outside_outcome(record, diagnosis)
     causes = diagnosis["causes"]
     names = tuple(cause["effect"] for cause in causes)
     true = [e["effect"] for e in record["truth"]["effects"]]

@@ -44,7 +44,7 @@ def work(task: Task, diagnosis_options: DiagnosisOptions) -> dict[str, Any]:
     with TemporaryDirectory(prefix="hunt-") as folder:
         name = f"{task.kind}-{task.seed}".replace(":", "_").replace("+", "-")
         where = Path(folder) if diagnosis_options.keep is None else diagnosis_options.keep
-        is_table = task.kind == "out:table" or task.kind.startswith("points:")
+        is_table = task.kind == "out:table" or task.kind.startswith(("points:", "car:"))
         path = where / (name + (".csv" if is_table else ".log"))
         record: dict[str, Any] = {
             "kind": task.kind,
@@ -52,7 +52,7 @@ def work(task: Task, diagnosis_options: DiagnosisOptions) -> dict[str, Any]:
             "holdout": diagnosis_options.holdout,
         }
         try:
-            fresh = diagnosis_options.holdout and not task.kind.startswith("points:")
+            fresh = diagnosis_options.holdout and not task.kind.startswith(("points:", "car:"))
             truth = make_world(task.kind, task.seed, path, fresh=fresh)
         except RuntimeError as error:
             return record | {"status": NO_WORLD, "error": str(error), "seconds": 0, "rss_mb": None}
@@ -150,6 +150,8 @@ def shorten_diagnosis(diagnosis: dict[str, Any]) -> dict[str, Any]:
             for key in ("percent", "interval", "rmse_before", "rmse_after", "spans")
         },
         "extended": extended and {name: extended[name] for name in CURVE},
+        # Keys that a diagnosis may have.
+        **{key: diagnosis[key] for key in ("conclusive", "closest", "noise") if key in diagnosis},
     }
 
 
@@ -162,7 +164,7 @@ def compare_with_truth(truth: Truth, diagnosis: dict[str, Any]) -> dict[str, Any
         }
     spans = diagnosis["gain"]["spans"]
     # Independent points have no times.
-    if not spans or truth.kind.startswith("points:"):
+    if not spans or truth.kind.startswith(("points:", "car:")):
         return {"true_gain": None, "floor": None}
     held = [(float(begin), float(end)) for begin, end in spans]
     return {"true_gain": truth.true_gain_percent(held), "floor": truth.floor_on(held)}
