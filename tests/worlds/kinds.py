@@ -94,7 +94,7 @@ class Draft:
 
 def is_outside(kind: str) -> bool:
     """Whether `tests.worlds.outside` makes worlds of a kind."""
-    return kind.startswith(("outside:", "mech:", "beside:", "null:memory-"))
+    return kind.startswith(("outside:", "mech:", "beside:", "null:memory-", "car:"))
 
 
 def contact_of(kind: str) -> str | None:

@@ -15,6 +15,7 @@ class Scene:
         profile: Speed, creep, loads and surroundings.
         vehicle: Static loads, order and places of the axles.
         curves: c1, c2, c3 of the rail, (n, 3).
+        omega: Angular speed of the wheels, rad/s, (n, 6).
         adhesion: signed, (n, 6).
         effort: Effort of the motors at the wheel rim, N, (n, 6).
 
@@ -23,6 +24,7 @@ class Scene:
     profile: DriveProfile
     vehicle: Vehicle
     curves: Floats
+    omega: Floats
     adhesion: Floats
     effort: Floats
 

@@ -100,7 +100,8 @@ def drive(
     own = link.inertia * np.gradient(omega, STEP_S, axis=0) / link.radius
     change = UNCHANGED
     if mechanism is not None:
-        change = mechanism(Scene(profile, vehicle, curves, adhesion, adhesion * profile.load + own))
+        whole = adhesion * profile.load + own
+        change = mechanism(Scene(profile, vehicle, curves, omega, adhesion, whole))
         if change.slip is not None:
             entered = replace(state, slip=change.slip)
             adhesion = contact(entered, effects, curves).adhesion(curves)

@@ -52,7 +52,7 @@ def same_as(record: Record) -> frozenset[str]:
     if group == "car":
         return frozenset(SAME_IN_CAR)
     names = (e["effect"].removeprefix("outside:") for e in record["truth"]["effects"])
-    return frozenset().union(*(MECHANISMS[name].same for name in names if name in MECHANISMS))
+    return frozenset().union(*(MECHANISMS[name].acceptable for name in names if name in MECHANISMS))
 
 
 def formula_channels(cause: Record) -> set[str]:
@@ -88,10 +88,8 @@ def _ids(cause: Record) -> set[str]:
 
 def _is_same(cause: Record, same: frozenset[str]) -> bool:
     if cause["effect"] == "formula":
-        channels = formula_channels(cause)
-        return len(channels) == 1 and bool(
-            {f"{head}:{name}" for name in channels for head in ("formula", "channel")} & same
-        )
+        channels = {f"channel:{name}" for name in formula_channels(cause)}
+        return bool(channels) and channels <= same
     return bool(_ids(cause) & same)
 
 
@@ -120,7 +118,7 @@ def _family(hidden: Record, diagnosis: Record) -> str:
 def _beside(hidden: Sequence[Record], diagnosis: Record) -> str:
     causes = diagnosis["causes"]
     effect = hidden[0]["effect"]
-    same = frozenset(MECHANISMS[hidden[1]["effect"].removeprefix("outside:")].same)
+    same = MECHANISMS[hidden[1]["effect"].removeprefix("outside:")].acceptable
     others = [cause for cause in causes if effect not in _ids(cause)]
     has_false = not all(_is_same(cause, same) for cause in others)
     if len(others) < len(causes):

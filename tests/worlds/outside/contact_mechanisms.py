@@ -14,6 +14,10 @@ LENGTH = 0.012
 """Length of that contact, m."""
 EFFUSIVITY = 13.4e3
 """Thermal effusivity of steel, sqrt(k ρ c), J/(m² K s^½)."""
+SHAPE = {
+    "curve_shape": "at a speed that hardly changes, a factor in the creep speed is another curve",
+    "channel:creep_speed": "a factor in the creep speed",
+}
 
 
 def creep_speed(scene: Scene) -> Floats:
@@ -24,9 +28,11 @@ def creep_speed(scene: Scene) -> Floats:
 @mechanism(
     sizes=(0.15, 0.35, 0.7),
     unit="share of the friction lost at 300 K",
+    channel="slip",
     same={
         "falling_friction": "the fall of friction with the creep speed is this heat",
         "contact_heating": "friction that falls with the heat of the contact, without its memory",
+        **SHAPE,
     },
 )
 def flash_temperature(scene: Scene, size: float, _rng: np.random.Generator) -> Change:
@@ -71,7 +77,8 @@ def water_film(scene: Scene, size: float, _rng: np.random.Generator) -> Change:
 @mechanism(
     sizes=(0.02, 0.04, 0.08),
     unit="b of the law, in adhesion a factor e",
-    same={"falling_friction": "its steady state is friction that falls with the creep speed"},
+    channel="slip",
+    same={"falling_friction": "its steady state falls with the creep speed", **SHAPE},
 )
 def rate_and_state(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     """Friction that remembers over how long a slip its asperities are renewed.
@@ -97,20 +104,23 @@ def rate_and_state(scene: Scene, size: float, rng: np.random.Generator) -> Chang
 @mechanism(
     sizes=(0.001, 0.002, 0.004),
     unit="clearance of the slip",
-    same={},
+    channel="slip_rate",
 )
 def slip_hysteresis(scene: Scene, size: float, _rng: np.random.Generator) -> Change:
     """Rising slip and falling slip go through different branches, at any pace.
 
     Law: the contact follows the slip through a clearance (play operator): λ_c stays s/2 behind the
-    slip whichever way it moves, however slowly; no lag in time or distance.
+    slip whichever way it moves, however slowly; no lag in time or distance. Below a slip of 0.01
+    the loop closes as tanh(|λ| / 0.01): a wheel that rolls freely has no force.
 
     Literature: Six, Meierhofer, Müller and Dietmaier, Physical processes in wheel-rail contact and
     its implications on vehicle-track interaction, Vehicle System Dynamics, 2015, for the loops of
     measured creep curves; Brokate and Sprekels, Hysteresis and Phase Transitions, 1996, for the
     operator. Sizes: loops 0.001 to 0.004 wide in slip.
     """
-    return Change(slip=play(scene.profile.slip, size))
+    slip = scene.profile.slip
+    behind = play(slip, size) - slip
+    return Change(slip=slip + behind * np.tanh(np.abs(slip) / 0.01))
 
 
 @mechanism(
@@ -126,7 +136,8 @@ def heat_of_axle_ahead(scene: Scene, size: float, rng: np.random.Generator) -> C
 
     Literature: Voltr and Lata, Transient wheel-rail adhesion characteristics under the cleaning
     effect of sliding, Vehicle System Dynamics, 2015; Tanvir, Temperature rise due to slip between
-    wheel and rail, Wear, 1980. Sizes: 3 to 12 % at 100 kW, of which an axle in these drives makes half to all.
+    wheel and rail, Wear, 1980. Sizes: 3 to 12 % at 100 kW, of which an
+    axle in these drives makes half to all.
     """
     profile = scene.profile
     memory = rng.uniform(1.5, 4.0)
@@ -144,9 +155,10 @@ def heat_of_axle_ahead(scene: Scene, size: float, rng: np.random.Generator) -> C
 @mechanism(
     sizes=(0.2, 0.4, 0.6),
     unit="share of the friction lost in the minimum",
+    channel="slip",
     same={
         "falling_friction": "the falling branch of the law is friction that falls with creep speed",
-        "curve_shape": "with the speed nearly constant this is another form of the curve",
+        **SHAPE,
     },
 )
 def stribeck_minimum(scene: Scene, size: float, rng: np.random.Generator) -> Change:
@@ -169,7 +181,6 @@ def stribeck_minimum(scene: Scene, size: float, rng: np.random.Generator) -> Cha
     same={
         "humidity": "the moisture of the air makes the film",
         "rail_temperature": "a colder rail is wetter at the same air",
-        "channel:humidity": "the moisture of the air makes the film",
         "channel:rail_temperature": "a colder rail is wetter at the same air",
     },
 )
@@ -195,7 +206,6 @@ def dew(scene: Scene, size: float, _rng: np.random.Generator) -> Change:
     sizes=(0.08, 0.16, 0.32),
     unit="largest share of the friction lost",
     channel="time",
-    same={"channel:time": "a factor in time", "formula:time": "a factor in time"},
 )
 def shower(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     """A short shower: a little water with oxides is slippery, more washes them off.

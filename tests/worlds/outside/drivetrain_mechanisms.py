@@ -9,11 +9,7 @@ from tests.worlds.outside.signals import low_pass
 
 RATED = 100e3
 """Rated effort of an axle, N."""
-IN_EFFORT = {
-    "effort_gain": "the gain of the effort is wrong",
-    "channel:tractive_effort": "a factor in the effort",
-    "formula:tractive_effort": "a factor in the effort",
-}
+IN_EFFORT = {"effort_gain": "the gain of the effort is wrong"}
 
 
 def largest(scene: Scene) -> float:
@@ -43,8 +39,6 @@ def motor_saturation(scene: Scene, size: float, _rng: np.random.Generator) -> Ch
         "effort_gain": "the gain of the effort is wrong",
         "speed_dependence": "no measurement here parts a factor of the effort from one of the "
         "adhesion when both follow the speed",
-        "channel:speed": "a factor in the speed",
-        "formula:speed": "a factor in the speed",
     },
 )  # fmt: skip
 def field_weakening(scene: Scene, size: float, rng: np.random.Generator) -> Change:
@@ -84,6 +78,7 @@ def gearbox_churning(scene: Scene, size: float, rng: np.random.Generator) -> Cha
 @mechanism(
     sizes=(0.03, 0.06, 0.12), unit="share of the power lost at the rated effort",
     same={
+        **IN_EFFORT,
         "traction_braking_asymmetry": "losses that traction and braking see with opposite signs",
     },
 )  # fmt: skip
@@ -108,8 +103,8 @@ def torque_ripple(scene: Scene, size: float, rng: np.random.Generator) -> Change
     or 3 pole pairs.
 
     Literature: Jahns and Soong, Pulsating torque minimization techniques for permanent magnet AC
-    motor drives: a review, IEEE Transactions on Industrial Electronics, 1996. Sizes: 4 to 16 %, six-step
-    operation at the upper end.
+    motor drives: a review, IEEE Transactions on Industrial Electronics, 1996. Sizes: 4 to 16 %,
+    six-step operation at the upper end.
     """
     turn = (1 + scene.profile.slip) * scene.profile.v[:, None] / RADIUS
     angle = np.cumsum(turn, axis=0) * STEP_S
@@ -119,13 +114,13 @@ def torque_ripple(scene: Scene, size: float, rng: np.random.Generator) -> Change
 
 @mechanism(
     sizes=(0.05, 0.1, 0.2), unit="copper loss over power at 5 m/s and the largest effort",
-    channel="tractive_effort", same={"effort_gain": "the gain of the effort is wrong"},
+    channel="tractive_effort", same=IN_EFFORT,
 )  # fmt: skip
 def dc_link_torque(scene: Scene, size: float, _rng: np.random.Generator) -> Change:
     """Effort computed from the power of the DC link, which also heats the copper.
 
-    Law: shown F' = (F v + R F²) / v = F (1 + s (F / F_max) · (5 m/s) / v): too much in traction, too
-    little in braking, most at low speed.
+    Law: shown F' = (F v + R F²) / v = F (1 + s (F / F_max) · (5 m/s) / v): too much in traction,
+    too little in braking, most at low speed.
 
     Literature: Leonhard, Control of Electrical Drives, 2001; Boldea and Nasar, The Induction
     Machine Handbook, 2001. Sizes: 5 to 20 % of the power at 5 m/s.

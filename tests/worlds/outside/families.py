@@ -15,7 +15,6 @@ from tests.worlds.mechanism import Change, Law, Scene
 from tests.worlds.outside.contact_mechanisms import creep_speed
 from tests.worlds.outside.signals import low_pass
 from tests.worlds.outside.track_mechanisms import wheel_angle
-from tests.worlds.rail import Floats
 
 
 @dataclass(frozen=True)
@@ -102,8 +101,8 @@ def load_transfer(rng: np.random.Generator) -> Drawn:
 def effort_gain(rng: np.random.Generator) -> Drawn:
     """The effort's gain is wrong: of one axle, in time, or with the heat of the motors.
 
-    Law: 'axle': F' = (1 + g) F on one axle; 'time': F' = (1 + g t / 100 s) F; 'heat': F' = (1 + g H)
-    F, dH/dt = ((F / 100 kN)² − H) / T for each axle. 'gain' is g, 'time' T in s.
+    Law: 'axle': F' = (1 + g) F on one axle; 'time': F' = (1 + g t / 100 s) F; 'heat':
+    F' = (1 + g H) F, dH/dt = ((F / 100 kN)² − H) / T for each axle. 'gain' is g, 'time' T in s.
 
     Literature: Krishnan and Bharadwaj, A review of parameter sensitivity and adaptation in indirect
     vector controlled induction motor drive systems, IEEE Transactions on Power Electronics, 1991:
@@ -246,7 +245,6 @@ def wheel_once_per_turn(rng: np.random.Generator) -> Drawn:
     def law(scene: Scene) -> Change:
         factor = np.ones_like(scene.adhesion)
         factor[:, axle - 1] += amplitude * np.cos(wheel_angle(scene)[:, axle - 1] + phase)
-        true: Floats = (1 + scene.profile.slip) * scene.profile.v[:, None] / 0.625
-        return Change(wheel_speed=true * factor)
+        return Change(wheel_speed=scene.omega * factor)
 
     return Drawn("", {"amplitude": amplitude, "axle": axle}, law)

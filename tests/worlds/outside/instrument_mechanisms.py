@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tests.worlds.drive_profile import RADIUS, STEP_S
+from tests.worlds.drive_profile import STEP_S
 from tests.worlds.mechanism import Change, Scene
 from tests.worlds.outside.registry import mechanism
 from tests.worlds.outside.signals import leaky_sum, low_pass, oscillator, stretches
@@ -30,7 +30,7 @@ def radar_on_track_beds(scene: Scene, size: float, rng: np.random.Generator) -> 
 
 @mechanism(sizes=(0.1, 0.2, 0.4), unit="s of the filter", same=SPEED_ERROR)
 def tracking_filter(scene: Scene, size: float, _rng: np.random.Generator) -> Change:
-    """A satellite receiver follows the speed by an α-β filter: right on ramps, wrong where they end.
+    """A receiver follows the speed by an α-β filter: right on ramps, wrong where they end.
 
     Law: v̂ and its slope â predicted each 10 ms, corrected by α and β = α²/(2 − α) of what was
     measured, α = 1 − e^(−10 ms/T): after each change of the acceleration v̂ overshoots.
@@ -84,8 +84,7 @@ def pulse_timing(scene: Scene, size: float, _rng: np.random.Generator) -> Change
     wide-range speed regulator for motor drives, IEEE Transactions on Industrial Electronics, 1982.
     Sizes: 40, 16 and 8 pulses a turn.
     """
-    profile, pulses = scene.profile, round(size)
-    omega = (1 + profile.slip) * profile.v[:, None] / RADIUS
+    profile, pulses, omega = scene.profile, round(size), scene.omega
     shown = np.empty_like(omega)
     for axle in range(omega.shape[1]):
         angle = np.cumsum(omega[:, axle]) * STEP_S * pulses / (2 * np.pi) + 0.13 * axle

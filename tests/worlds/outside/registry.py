@@ -26,7 +26,8 @@ class Mechanism:
         law: what it changes in a drive at a size; its docstring has formula and source.
         sizes: Small, medium and large.
         unit: of the size.
-        channel: Channel that the residual depends on; None: none of the bus.
+        channel: Channel that the residual depends on; None: none of the bus. A factor in it, or a
+            formula in it, is no false name.
         same: Effects of the library that are physically the same, each with the reason. To name
             one of them is no false name.
 
@@ -38,6 +39,12 @@ class Mechanism:
     unit: str
     channel: str | None = None
     same: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def acceptable(self) -> frozenset[str]:
+        """Effects and channels (`channel:NAME`) that are no false name."""
+        own = {f"channel:{self.channel}"} if self.channel else set()
+        return frozenset({*self.same, *own})
 
     @property
     def source(self) -> str:

@@ -8,11 +8,6 @@ from tests.worlds.outside.registry import mechanism
 from tests.worlds.outside.signals import oscillator, rough_place, stretches
 from tests.worlds.rail import Floats
 
-PLACE = {
-    "channel:position": "a factor in the place",
-    "formula:position": "a factor in the place",
-}
-
 
 def places(scene: Scene) -> Floats:
     """Place on the track of each axle, m, (n, 6)."""
@@ -23,7 +18,6 @@ def places(scene: Scene) -> Floats:
     sizes=(0.1, 0.2, 0.4),
     unit="share of the friction lost on leaves",
     channel="position",
-    same=PLACE,
 )
 def leaf_patches(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     """Patches of crushed leaves, some tens of metres long.
@@ -43,7 +37,6 @@ def leaf_patches(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     sizes=(0.12, 0.25, 0.5),
     unit="first dip of the load",
     channel="position",
-    same=PLACE,
 )
 def rail_joints(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     """A dipped joint every 25 m unloads the wheel, which then rings out.
@@ -62,7 +55,6 @@ def rail_joints(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     sizes=(0.08, 0.16, 0.3),
     unit="share of the adhesion lost at 15 m/s",
     channel="position",
-    same=PLACE,
 )
 def corrugation(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     """On corrugated stretches the load swings far above what a bus samples: adhesion is lost.
@@ -83,7 +75,6 @@ def corrugation(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     sizes=(0.05, 0.1, 0.2),
     unit="standard deviation of the load's change",
     channel="position",
-    same=PLACE,
 )
 def bounce(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     """The vehicle bounces on the track's irregularities; loads of 5 Hz are filtered and late.
@@ -105,7 +96,7 @@ def bounce(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     sizes=(0.1, 0.2, 0.4),
     unit="share of the friction lost at the lubricator",
     channel="curvature",
-    same=PLACE | {"channel:curvature": "the film lies in curves"},
+    same={"channel:position": "the film lies in places"},
 )
 def flange_lubricator(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     """Grease of a wayside lubricator before sharp curves gets on the head of the rail.
@@ -133,7 +124,6 @@ def flange_lubricator(scene: Scene, size: float, rng: np.random.Generator) -> Ch
 @mechanism(
     sizes=(0.1, 0.2, 0.4),
     unit="swing of the load at 15 m/s",
-    same={},
 )
 def polygonal_wheel(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     """A wheelset out of round with three to five corners on two axles.
@@ -157,7 +147,6 @@ def polygonal_wheel(scene: Scene, size: float, rng: np.random.Generator) -> Chan
 @mechanism(
     sizes=(0.3, 0.6, 1.0),
     unit="share of the load gone above the flat",
-    same={},
 )
 def wheel_flat(scene: Scene, size: float, rng: np.random.Generator) -> Change:
     """A flat of some centimetres on one axle: unloading, then an impact, once a turn.

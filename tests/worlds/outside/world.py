@@ -20,6 +20,7 @@ from tests.worlds.drive_profile import (
 )
 from tests.worlds.hidden import Hidden
 from tests.worlds.mechanism import Change, Law, Scene
+from tests.worlds.outside.car import CARS, make_car
 from tests.worlds.outside.families import FAMILIES
 from tests.worlds.outside.kinds import MEMORIES, OUTSIDE_KINDS
 from tests.worlds.outside.registry import LABELS, MECHANISMS
@@ -41,7 +42,7 @@ def make_outside(
     """Write a drive; arguments as of `make_world`.
 
     Args:
-        kind: one of `OUTSIDE_KINDS`.
+        kind: one of `OUTSIDE_KINDS` or `CARS`.
         seed: draws all there is.
         path: of the log.
         duration_s: Duration of the drive, s.
@@ -49,6 +50,8 @@ def make_outside(
         label: 'small', 'medium' or 'large'; None: drawn.
 
     """
+    if kind in CARS:
+        return make_car(kind, seed, Path(path), duration_s=duration_s)
     if kind not in OUTSIDE_KINDS:
         raise ValueError(
             f"no kind {kind!r}: outside:NAME, mech:EFFECT, beside:EFFECT+NAME, null:.."
