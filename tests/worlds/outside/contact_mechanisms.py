@@ -102,7 +102,7 @@ def rate_and_state(scene: Scene, size: float, rng: np.random.Generator) -> Chang
 
 
 @mechanism(
-    sizes=(0.001, 0.002, 0.004),
+    sizes=(0.002, 0.004, 0.008),
     unit="clearance of the slip",
     channel="slip_rate",
 )
@@ -116,7 +116,7 @@ def slip_hysteresis(scene: Scene, size: float, _rng: np.random.Generator) -> Cha
     Literature: Six, Meierhofer, Müller and Dietmaier, Physical processes in wheel-rail contact and
     its implications on vehicle-track interaction, Vehicle System Dynamics, 2015, for the loops of
     measured creep curves; Brokate and Sprekels, Hysteresis and Phase Transitions, 1996, for the
-    operator. Sizes: loops 0.001 to 0.004 wide in slip.
+    operator. Sizes: loops 0.002 to 0.008 wide in slip.
     """
     slip = scene.profile.slip
     behind = play(slip, size) - slip
@@ -175,7 +175,7 @@ def stribeck_minimum(scene: Scene, size: float, rng: np.random.Generator) -> Cha
 
 
 @mechanism(
-    sizes=(0.2, 0.4, 0.6),
+    sizes=(0.1, 0.2, 0.4),
     unit="share of the friction lost in full dew",
     channel="humidity",
     same={
@@ -188,17 +188,18 @@ def dew(scene: Scene, size: float, _rng: np.random.Generator) -> Change:
     """A rail below the dew point of the air is wet, one well above it is not.
 
     Law: dew point T_d = b γ / (a − γ) with γ = ln(RH) + a T / (b + T), a = 17.62, b = 243.1 degC
-    (Magnus); factor = 1 − s / (1 + e^((T_rail − T_d − 4 K) / 2 K)), moisture following in 10 s.
+    (Magnus); factor = 1 − s / (1 + e^((T_rail − T_d − T_0) / 2 K)), moisture following in 10 s. T_0 is
+    the drive's median, else most drives would be all wet or all dry.
 
     Literature: White and others, Effect of the presence of moisture at the wheel-rail interface
     during dew and damp conditions, Proceedings IMechE Part F, 2018; WMO, Guide to Meteorological
-    Instruments, for Magnus' constants. Sizes: a film costs 20 to 60 %.
+    Instruments, for Magnus' constants. Sizes: a film costs 10 to 40 %.
     """
     profile, (a, b) = scene.profile, (17.62, 243.1)
     air = profile.ambient_temperature
     gamma = np.log(profile.humidity / 100) + a * air / (b + air)
     excess = profile.rail_temperature - b * gamma / (a - gamma)
-    wet = low_pass(1 / (1 + np.exp((excess - 4) / 2)), 10.0)
+    wet = low_pass(1 / (1 + np.exp((excess - np.median(excess)) / 2)), 10.0)
     return Change(factor=1 - size * wet[:, None])
 
 
