@@ -48,9 +48,8 @@ def outside_outcome(record: Record, diagnosis: Record) -> Answer:
 
 def same_as(record: Record) -> frozenset[str]:
     """What it is no false name to call what is hidden in a world."""
-    group = find_group(record["kind"])
-    if group == "car":
-        return frozenset(SAME_IN_CAR)
+    if record["kind"] in SAME_IN_CAR:
+        return frozenset(SAME_IN_CAR[record["kind"]])
     names = (e["effect"].removeprefix("outside:") for e in record["truth"]["effects"])
     return frozenset().union(*(MECHANISMS[name].acceptable for name in names if name in MECHANISMS))
 

@@ -23,11 +23,17 @@ from tests.worlds.truth import Surface, Truth
 CARS = ("car:scales", "car:loads")
 """Loads as on the scales, or as they are."""
 SAME_IN_CAR = {
-    "curve_shape": "Pacejka's curve is not Burckhardt's",
-    "load_transfer": "pitch and roll move the loads, and the scales do not show it",
-    "curve_creep": "lateral slip takes part of the adhesion in bends",
+    "car:scales": {
+        "curve_shape": "Pacejka's curve is not Burckhardt's",
+        "load_transfer": "pitch and roll move the loads, and the scales do not show it",
+        "curve_creep": "lateral slip takes part of the adhesion in bends",
+    },
+    "car:loads": {
+        "curve_shape": "Pacejka's curve is not Burckhardt's",
+        "curve_creep": "lateral slip takes part of the adhesion in bends",
+    },
 }
-"""What is no false name in a car; on true loads the second is one."""
+"""What is no false name in a car, with the reason."""
 STEP_S, ROW_S = 0.002, 0.02
 ADHESION_STD, SPEED_STD, WHEEL_STD = 0.005, 0.01, 0.01
 LONGEST_S = 120.0
@@ -91,7 +97,7 @@ def make_car(kind: str, seed: int, path: Path, *, duration_s: float = LONGEST_S)
     bends = bool(rng.random() < 0.5)
     rows = np.array(list(_drive(rng, min(duration_s, LONGEST_S), bends=bends)))
     t, v, slip, force, load = rows[:, 0], rows[:, 1], rows[:, 2:6], rows[:, 6:10], rows[:, 10:14]
-    static = np.broadcast_to(_static_loads(load_simulator().parameters), load.shape)
+    static = np.broadcast_to(static_loads(load_simulator().parameters), load.shape)
     shown = static if kind == "car:scales" else load
     adhesion = force / shown + ADHESION_STD * rng.standard_normal(force.shape)
     speed = v + SPEED_STD * rng.standard_normal(len(v))
@@ -125,7 +131,7 @@ class _NoJudge:
         raise NotImplementedError
 
 
-def _static_loads(p: Any) -> Floats:
+def static_loads(p: Any) -> Floats:
     """On the scales: front left and right, rear left and right, N."""
     front = 9.81 * (p.m_s * p.b / (p.a + p.b) + p.m_uf) / 2
     rear = 9.81 * (p.m_s * p.a / (p.a + p.b) + p.m_ur) / 2

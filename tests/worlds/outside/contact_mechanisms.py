@@ -188,8 +188,8 @@ def dew(scene: Scene, size: float, _rng: np.random.Generator) -> Change:
     """A rail below the dew point of the air is wet, one well above it is not.
 
     Law: dew point T_d = b γ / (a − γ) with γ = ln(RH) + a T / (b + T), a = 17.62, b = 243.1 degC
-    (Magnus); factor = 1 − s / (1 + e^((T_rail − T_d − T_0) / 2 K)), moisture following in 10 s. T_0 is
-    the drive's median, else most drives would be all wet or all dry.
+    (Magnus); factor = 1 − s / (1 + e^((T_rail − T_d − T_0) / 2 K)), moisture following in 10 s.
+    T_0 is the drive's median, else most drives would be all wet or all dry.
 
     Literature: White and others, Effect of the presence of moisture at the wheel-rail interface
     during dew and damp conditions, Proceedings IMechE Part F, 2018; WMO, Guide to Meteorological

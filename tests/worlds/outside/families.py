@@ -80,9 +80,9 @@ def load_transfer(rng: np.random.Generator) -> Drawn:
     Law: balance of moments of a rigid vehicle: ΔN_i = −h F x_i / Σ x², F the whole effort, x_i the
     place of the axle before the centre in the direction of travel. 'height' is h in m.
 
-    Literature: Kalker and Piotrowski have it as any text does; Spiryagin and others, Design and
-    Simulation of Rail Vehicles, 2014. Sizes: h of 1 to 4 m: couplers 1 m high, bogies that pitch
-    besides.
+    Literature: Garg and Dukkipati, Dynamics of Railway Vehicle Systems, 1984; Spiryagin and others,
+    Design and Simulation of Rail Vehicles, 2014. Sizes: h of 1 to 4 m: couplers 1 m
+    high, bogies that pitch besides.
     """
     height = log_uniform(rng, 1.0, 4.0)
 
@@ -196,9 +196,8 @@ def curving_resistance(rng: np.random.Generator) -> Drawn:
     Law (Röckl): w = 0.65 m / (R − 55 m) for R of 300 m and more, F' = F + s w N along the travel.
     'scale' is s: 1 for Röckl's stock with two axles in a rigid frame.
 
-    Literature: Röckl's formula in Wende, Fahrdynamik des Schienenverkehrs, 2003; Schmidt, Wirt-
-    schaftliche Betrachtung der Bogenwiderstände, as railway texts cite it. Sizes: 1.5 to 5 for
-    locomotives with stiff bogies of three axles on dry rail.
+    Literature: Röckl's formula in Wende, Fahrdynamik des Schienenverkehrs, 2003. Sizes: 1.5 to 5
+    for locomotives with stiff bogies of three axles on dry rail.
     """
     scale = log_uniform(rng, 1.5, 5.0)
 
@@ -218,7 +217,7 @@ def brake_blending(rng: np.random.Generator) -> Drawn:
     in m/s.
 
     Literature: Wende, Fahrdynamik des Schienenverkehrs, 2003, for the fading of the electric
-    brake; UIC 540 for the blending. Sizes: 20 to 90 % of the force from v2 of 9 to 15 m/s on.
+    brake and its blending. Sizes: 20 to 90 % of the force from v2 of 9 to 15 m/s on.
     """
     share, speed = rng.uniform(0.2, 0.9), rng.uniform(9.0, 15.0)
 
