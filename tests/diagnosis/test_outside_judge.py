@@ -153,3 +153,21 @@ def test_false_names_stand_beside_their_targets(hunting):
     assert found["multi-body car: never called noise"].verdict == "FAILED"
     assert "humidity 1" in tables.confusion(rows)
     assert "families" not in " ".join(found)
+
+
+def test_forms_of_drives_are_judged_as_their_kind_and_stand_in_their_own_rows(hunting):
+    judge = hunting.judge.judge_record
+    humid = {"effects": [{"effect": "humidity", "form": "", "parameters": {}}], "channel": None}
+    for form in hunting.plan.FORMS:
+        row = judge(record(f"{form}:humidity", [cause("humidity")]) | {"truth": humid})
+        assert (row.group, row.outcome) == (form, "named")
+        kinds = [task.kind for task in hunting.plan.build_tasks(7, 1, [form])]
+        assert len(kinds) == 6
+        assert all(kind.startswith(f"{form}:") for kind in kinds)
+    column = [cause("channel:humidity")]
+    assert judge(record("table:humidity", column) | {"truth": humid}).outcome == "named"
+    assert judge(record("short:humidity", column) | {"truth": humid}).outcome == "wrong"
+    rows = [judge(record("short:outside:dew", [cause("sanding")]))]
+    found = {t.what: t for t in hunting.tables.targets(rows)}
+    assert found["drives of 30 s: false names"].verdict == "FAILED"
+    assert found["drives of 30 s: single effects named, or with their rivals"].verdict == "no data"

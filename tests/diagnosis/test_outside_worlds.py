@@ -131,6 +131,21 @@ def test_a_log_carries_what_the_instruments_read(tmp_path):
     assert np.allclose([m["AxleLoad_Ax3"] for m in sent["131"]], readings.load[:, 2])
 
 
+def test_a_drive_as_a_table_has_the_samples_of_its_log(tmp_path):
+    world = OutsideWorld("outside:air_spring_friction", 4, 0, 40.0)
+    world.written((), tmp_path / "a.csv", (0.1, 0.4), False)
+    readings, _ = readings_with_and_without(world)
+    table = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
+    third = table[table["axle"] == 3]
+    rows = np.rint(third["time_s"] / STEP_S).astype(int)
+    assert np.allclose(third["normal_load_N"], readings.load[rows // 20, 2], rtol=1e-6)
+    even = rows % 2 == 0
+    v = readings.speed[rows[even] // 2]
+    assert np.allclose(third["slip"][even], 0.625 * readings.wheel_speed[rows[even], 2] / v - 1,
+                       atol=1e-6)  # fmt: skip
+    assert np.allclose(third["sanding"], readings.sanding[rows // 100])
+
+
 def test_a_seed_gives_the_same_bytes_and_another_one_another_world(tmp_path):
     files = []
     for number, seed in enumerate((5, 5, 6)):

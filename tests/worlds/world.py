@@ -24,6 +24,7 @@ from tests.worlds.mechanism import Law
 from tests.worlds.plant import Noise, draw_noise, drive, view
 from tests.worlds.points import make_points
 from tests.worlds.rail import Rail, curve, one_surface, peak, several_surfaces
+from tests.worlds.samples import write_samples
 from tests.worlds.table import make_table
 from tests.worlds.true_contact import TrueContact
 from tests.worlds.truth import DriveJudge, Peak, Surface, Truth
@@ -54,7 +55,8 @@ def make_world(
     Args:
         kind: one of `kinds.KINDS`.
         seed: the same kind, seed and options give the same bytes.
-        path: Path of the file; a fresh drive lies beside it, `_fresh` added to its name.
+        path: Path of the file; a fresh drive lies beside it, `_fresh` added to its name. A drive in
+            a .csv is a table of samples.
         duration_s: Duration of the drive, s.
         excess: lowest and highest share by which each effect shall raise the RMSE of the plain
             fit above the noise floor.
@@ -173,8 +175,11 @@ class World:
     ) -> Truth:
         known = (profile, self.vehicle, self.rail, effects)
         readings = drive(*known, noise, self.mechanism)
-        write_log(readings, path)
         plain = view(readings, (), self.rail, self.vehicle)
+        if path.suffix == ".csv":
+            write_samples(readings, plain, path)
+        else:
+            write_log(readings, path)
         # The true model knows a mechanism beside the effects by what the drive is without it.
         bare = readings if self.mechanism is None else drive(*known, noise)
         true = view(bare, effects, self.rail, self.vehicle, profile)

@@ -2,12 +2,12 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from contact import PeakErrors, blames_instrument, contact_outcome, peak_errors
 from outside import FUNCTIONS, OUTSIDE_GROUPS, outside_outcome
-from plan import find_group
+from plan import find_group, split_form
 
 Record = dict[str, Any]
 CONTACT_GROUPS = ("contact", "contact+", "points")
@@ -57,7 +57,10 @@ class JudgedRecord:
 
 def judge_record(record: Record) -> JudgedRecord:
     """Judge one record."""
-    kind = record["kind"]
+    form, kind = split_form(record["kind"])
+    if form:
+        inner = judge_record(record | {"kind": kind, "diagnosis": _of_form(form, record)})
+        return replace(inner, kind=record["kind"], group=form)
     diagnosis = record.get("diagnosis")
     if diagnosis is None or record["status"] != 0:
         outcome, answer, inside = "failed", (str(record["status"]),), ()
@@ -82,6 +85,16 @@ def judge_record(record: Record) -> JudgedRecord:
         blames_instrument=of_contact and blames_instrument(record, diagnosis),
         peak=peak_errors(record["truth"], diagnosis) if of_contact else None,
     )
+
+
+def _of_form(form: str, record: Record) -> Record | None:
+    """The diagnosis; of a table a factor in the column of an effect is this effect."""
+    diagnosis: Record | None = record.get("diagnosis")
+    if form != "table" or diagnosis is None:
+        return diagnosis
+    names = {f"channel:{name}": name for name in ("humidity", "rail_temperature", "sanding")}
+    causes = [c | {"effect": names.get(c["effect"], c["effect"])} for c in diagnosis["causes"]]
+    return diagnosis | {"causes": causes}
 
 
 def _is_factor_of(channel: str, cause: Record) -> bool:

@@ -7,6 +7,9 @@ from judge import JudgedRecord
 from shares import Target, markdown_table, share
 from work import NO_WORLD
 
+from tests.worlds import SINGLES
+
+TITLES = {"short": "drives of 30 s", "table": "tables of samples", "drives": "two drives"}
 FALSE = ("wrong", "kept with a false one")
 
 
@@ -41,6 +44,14 @@ def outside_targets(rows: Sequence[JudgedRecord]) -> list[Target]:
             share("a true cause beside an unlisted mechanism: kept", kept, 0.70),
             _false("a true cause beside an unlisted mechanism", own, 0.03),
         ]
+    for form, title in TITLES.items():
+        if own := [r for r in rows if r.group == form and r.answer != (NO_WORLD,)]:
+            single = [r for r in own if r.kind.partition(":")[2] in SINGLES]
+            result += [
+                _false(title, own, 0.03),
+                share(f"{title}: single effects named, or with their rivals",
+                      (r.found for r in single), 0.0),
+            ]  # fmt: skip
     return result
 
 
@@ -56,6 +67,10 @@ def outside_outcomes(rows: Sequence[JudgedRecord]) -> list[str]:
         outcome_table(rows, "beside", beside),
         outcome_table(rows, "memory", ("nothing", "unexplained", "wrong", "failed")),
         outcome_table(rows, "car", ("same", "wrong", *silent)),
+        *(
+            outcome_table(rows, form, ("named", "rival", "same", "wrong", *silent))
+            for form in TITLES
+        ),
     ]
 
 

@@ -26,6 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAIRS_A_ROUND = 10
 CONTACT_EFFECTS_A_ROUND = 6
 BESIDE_A_ROUND = 8
+FORMS_A_ROUND = 6
 GROUPS = {
     "single": SINGLES,
     "pair": PAIRS,
@@ -42,7 +43,11 @@ GROUPS = {
     "memory": MEMORY,
     "car": CARS,
 }
-BY_OTHERS = ("outside", "outside:open", "outside:aside", "mech", "beside", "memory", "car")
+FORM_KINDS = (*SINGLES, *OPEN, *MEMORY)
+FORMS = ("short", "table", "drives")
+"""Drives of 30 s, tables of samples, two drives of one world: `short:KIND` and so on."""
+GROUPS |= {form: tuple(f"{form}:{kind}" for kind in FORM_KINDS) for form in FORMS}
+BY_OTHERS = ("outside", "outside:open", "outside:aside", "mech", "beside", "memory", "car", *FORMS)
 """Groups that a hunt draws only where it is asked for them: half of the first is set aside."""
 
 
@@ -66,6 +71,12 @@ def find_group(kind: str) -> str:
     return head if head in GROUPS else "single"
 
 
+def split_form(kind: str) -> tuple[str, str]:
+    """Form ('' for a whole drive's log) and the kind of world that is given in it."""
+    form, _, rest = kind.partition(":")
+    return (form, rest) if form in FORMS else ("", kind)
+
+
 def check_kinds(chosen: Sequence[str]) -> None:
     """Each one a kind or a group.
 
@@ -74,7 +85,8 @@ def check_kinds(chosen: Sequence[str]) -> None:
 
     """
     for name in chosen:
-        if name not in (*KINDS, *OUTSIDE_KINDS, *CARS) and name not in GROUPS:
+        known = (*KINDS, *OUTSIDE_KINDS, *CARS, *(k for form in FORMS for k in GROUPS[form]))
+        if name not in known and name not in GROUPS:
             raise ValueError(f"no kind {name!r}: one of {', '.join(GROUPS)}, {', '.join(SINGLES)}")
 
 
@@ -85,7 +97,7 @@ def build_tasks(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
         seed: of the whole hunt; the first rounds are the same however many there are.
         rounds: each one has every single effect, null, outsider and contact once, ten pairs and
             six contacts with an effect besides; of the worlds by others, where `only` names them,
-            every kind once, but eight effects beside a mechanism.
+            every kind once, but eight effects beside a mechanism and six kinds in each form.
         only: kinds and groups; none: all but the worlds by others.
 
     """
@@ -99,6 +111,9 @@ def build_tasks(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
         everything += [*(CONTACT_EFFECTS[k] for k in contacts), *POINTS]
         beside = rng.choice(len(BESIDE), BESIDE_A_ROUND, replace=False)
         everything += [*OPEN, *ASIDE, *MECH, *(BESIDE[k] for k in beside), *MEMORY, *CARS]
+        for form in FORMS:
+            drawn = rng.choice(len(FORM_KINDS), FORMS_A_ROUND, replace=False)
+            everything += [GROUPS[form][k] for k in drawn]
         groups = [GROUPS[name] for name in chosen if name in GROUPS]
         kinds = [k for k in everything if k in chosen or any(k in group for group in groups)]
         kinds += [k for k in chosen if k not in GROUPS and k not in kinds]

@@ -41,6 +41,8 @@ def share(what: str, hits: Iterable[bool], least: float, most: float = 1.0) -> T
     if not of:
         return Target(what, "-", wanted, "no data")
     low, high = bounds(n, of)
+    if least == 0 and most == 1:
+        return Target(what, f"{n / of:.1%} ({n} of {of}; {low:.0%}..{high:.0%})", "-", "-")
     figure = f"{n / of:.1%} ({n} of {of}; {low:.0%}..{high:.0%})"
     if high < least or low > most:
         return Target(what, figure, wanted, "FAILED")

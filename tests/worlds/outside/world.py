@@ -30,7 +30,7 @@ from tests.worlds.rail import Rail, draw_curve, peak
 from tests.worlds.truth import Truth
 from tests.worlds.world import PAIR_EXCESS, TooWeakError, World
 
-LEAST_FAMILY_EXCESS, MOST_FAMILY_EXCESS = 0.03, 1.0
+LEAST_FAMILY_EXCESS, MOST_FAMILY_EXCESS = 0.02, 1.0
 SPEED_STDS = (SPEED_STD, 4 * SPEED_STD)
 """Root mean square of the speed's error in nulls, m/s; with something hidden it is the first."""
 
@@ -124,7 +124,7 @@ class OutsideWorld(World):
     ) -> Truth:
         """As of the parent; a family that can hardly be felt is drawn again."""
         truth = super().written(names, path, excess, fresh)
-        share = truth.rmse_before / truth.noise_floor - 1
+        share = truth.excess[-1] if truth.excess else 0.0
         if self.kind.startswith("mech:") and not (
             LEAST_FAMILY_EXCESS <= share <= MOST_FAMILY_EXCESS
         ):
