@@ -110,7 +110,7 @@ def test_the_truth_states_what_is_hidden(kind, tmp_path):
     else:
         assert [name.removeprefix("outside:") for name in truth.names] == names
         assert all(np.isfinite(list(truth.effects[0].parameters.values())))
-        assert truth.rmse_before > truth.noise_floor
+        assert truth.excess[-1] > 0
     assert truth.conditions["rail"] in ("dry", "wet")
     assert truth.conditions["style"] in STYLES
 

@@ -146,7 +146,9 @@ class World:
         largest *= float(self.vehicle.static_load.mean())
         effects, shares = [], []
         for name in names:
-            drawn = draft(self.rng, name, self.rail.curves[0], largest)
+            by_other_law = self.kind.startswith("law:")
+            curve_of_rail = self.rail.curves[0]
+            drawn = draft(self.rng, name, curve_of_rail, largest, by_other_law=by_other_law)
             wanted = self.rng.uniform(excess[0] + 0.01, excess[1])
             hidden, share = size_for(drawn, wanted, self._excess)
             effects.append(hidden)

@@ -13,6 +13,7 @@ from tests.worlds import (
     CONTACT_EFFECTS,
     CONTACTS,
     KINDS,
+    LAWS,
     NULLS,
     OUTSIDE,
     PAIRS,
@@ -29,6 +30,7 @@ BESIDE_A_ROUND = 8
 FORMS_A_ROUND = 6
 GROUPS = {
     "single": SINGLES,
+    "law": LAWS,
     "pair": PAIRS,
     "null": NULLS,
     "out": OUTSIDE,
@@ -95,9 +97,10 @@ def build_tasks(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
 
     Args:
         seed: of the whole hunt; the first rounds are the same however many there are.
-        rounds: each one has every single effect, null, outsider and contact once, ten pairs and
-            six contacts with an effect besides; of the worlds by others, where `only` names them,
-            every kind once, but eight effects beside a mechanism and six kinds in each form.
+        rounds: each one has every single effect by both laws, null, outsider and contact once,
+            ten pairs and six contacts with an effect besides; of the worlds by others, where `only`
+            names them, every kind once, but eight effects beside a mechanism and six kinds in each
+            form.
         only: kinds and groups; none: all but the worlds by others.
 
     """
@@ -107,7 +110,7 @@ def build_tasks(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
         rng = np.random.default_rng([seed, number])
         sampled = [PAIRS[k] for k in rng.choice(len(PAIRS), PAIRS_A_ROUND, replace=False)]
         contacts = rng.choice(len(CONTACT_EFFECTS), CONTACT_EFFECTS_A_ROUND, replace=False)
-        everything = [*SINGLES, *sampled, *NULLS, *OUTSIDE, *CONTACTS]
+        everything = [*SINGLES, *LAWS, *sampled, *NULLS, *OUTSIDE, *CONTACTS]
         everything += [*(CONTACT_EFFECTS[k] for k in contacts), *POINTS]
         beside = rng.choice(len(BESIDE), BESIDE_A_ROUND, replace=False)
         everything += [*OPEN, *ASIDE, *MECH, *(BESIDE[k] for k in beside), *MEMORY, *CARS]

@@ -11,7 +11,7 @@ from work import NO_WORLD
 
 __all__ = ["bounds", "confusion", "share", "target_table", "targets"]
 
-from tests.worlds import CONTACTS, NULLS, OUTSIDE, POINTS, SINGLES
+from tests.worlds import CONTACTS, LAWS, NULLS, OUTSIDE, POINTS, SINGLES
 
 
 def targets(rows: Sequence[JudgedRecord]) -> list[Target]:
@@ -28,6 +28,8 @@ def targets(rows: Sequence[JudgedRecord]) -> list[Target]:
         own = [r.found for r in singles if r.kind == effect]
         if own:
             result.append(share(f"- {effect}", own, 0.85))
+    if laws := [r.found for r in rows if r.group == "law"]:
+        result.append(share("single effects by another law named, or with rivals", laws, 0.92))
     result += [
         share("pairs: both named", (r.outcome == "both" for r in pairs), 0.75),
         share("pairs: at least one named", (r.outcome in ("both", "one") for r in pairs), 0.95),
@@ -109,6 +111,12 @@ def confusion(rows: Sequence[JudgedRecord]) -> str:
             rows,
             "single effect",
             SINGLES,
+            ("named", "rival", "wrong", "unexplained", "nothing", "failed"),
+        ),
+        _outcomes(
+            rows,
+            "single effect by another law",
+            LAWS,
             ("named", "rival", "wrong", "unexplained", "nothing", "failed"),
         ),
         _pairs(rows),
