@@ -6,7 +6,7 @@ import numpy as np
 
 from tests.worlds.encoding import _text, database, messages, packed
 from tests.worlds.plant import drive
-from tests.worlds.world import _World
+from tests.worlds.world import World
 
 MISSING = {
     "wheel_speed": 65535 * 0.002,
@@ -26,7 +26,7 @@ CYCLE_S = {"wheel_speed": 0.01, "effort": 0.01, "speed": 0.02, "load": 0.2, "hum
 @cache
 def world(duration_s=52.0, seed=3):
     """A drive in which nothing is hidden."""
-    return _World("null:0", seed, 0, duration_s)
+    return World("null:0", seed, 0, duration_s)
 
 
 def readings(duration_s=52.0, seed=3):

@@ -19,7 +19,7 @@ from tests.worlds.contact_laws import (
 from tests.worlds.hidden import Hidden
 from tests.worlds.rail import curve, peak
 from tests.worlds.true_contact import GRID, find_peaks
-from tests.worlds.world import _World
+from tests.worlds.world import World
 
 AS_FILED = {"level": 1.0, "stiffness": 1.0}
 
@@ -104,7 +104,7 @@ def test_a_contact_hides_its_shape_and_an_effect_besides(kind, tmp_path):
 @pytest.mark.parametrize("name", NAMES)
 def test_the_train_moves_by_the_force_of_its_law(name):
     """Newton: force over mass less gradient and resistance, with loads that change by a few %."""
-    world = _World(f"contact:{name}", 3, 0, 60.0)
+    world = World(f"contact:{name}", 3, 0, 60.0)
     law = make_law(name, world.shape[0].parameters)
     p, vehicle = world.profile, world.vehicle
     mu = np.sign(p.slip) * law.adhesion(np.abs(p.slip), p.v[:, None], vehicle.static_load)
@@ -130,7 +130,7 @@ def test_points_are_those_of_the_law(tmp_path):
 
 
 def _true_contact(kind, *effects):
-    world = _World(kind, 3, 0, 60.0)
+    world = World(kind, 3, 0, 60.0)
     from tests.worlds.true_contact import TrueContact
 
     hidden = (*world.shape, *effects)

@@ -25,14 +25,14 @@ from adhesion_can.recordings.recording import Recording
 from tests.diagnosis.bad_logs import write
 from tests.diagnosis.diagnosis_helpers import SLIP_MAX, V_MIN, SyntheticDrive
 from tests.worlds.plant import drive as run_drive
-from tests.worlds.world import _World
+from tests.worlds.world import World
 
 IDS = list(dict.fromkeys(effect.id for effect in EFFECTS))
 
 
 def build_drive_of_world(kind, seed, folder, duration_s, names=()):
     """Drive data of a world, and the times at which its surface changes."""
-    world = _World(kind, seed, 0, duration_s)
+    world = World(kind, seed, 0, duration_s)
     hidden = (*world.shape, *world._sized(names, (0.1, 0.6))[0])
     readings = run_drive(world.profile, world.vehicle, world.rail, hidden, world.noise)
     path = write(folder / "a.log", readings)

@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,14 +12,15 @@ import e2e
 import numpy as np
 import pytest
 
-from tests.worlds import KINDS, NULLS, OUTSIDE, PAIRS, SINGLES, make_world
+from tests.worlds import KINDS, LAWS, NULLS, OUTSIDE, PAIRS, SINGLES, make_world
 from tests.worlds.drive_profile import LEAD, STEP_S
 from tests.worlds.encoding import database, messages
 from tests.worlds.fitting import fit
 from tests.worlds.hidden import Hidden, State, contact
+from tests.worlds.other_laws import OTHER_LAWS
 from tests.worlds.plant import draw_noise, drive, view
 from tests.worlds.rail import curve, draw_curve, peak
-from tests.worlds.world import _World
+from tests.worlds.world import World
 
 ROOT = Path(__file__).resolve().parents[2]
 LINE = re.compile(r"\((\d+)\.(\d{6})\) can0 ([0-9A-F]{3})#([0-9A-F]{16})")
@@ -26,7 +28,7 @@ LINE = re.compile(r"\((\d+)\.(\d{6})\) can0 ([0-9A-F]{3})#([0-9A-F]{16})")
 
 @pytest.fixture(scope="module")
 def world():
-    return _World("null:0", 3, 0, 60.0)
+    return World("null:0", 3, 0, 60.0)
 
 
 def test_worlds_share_no_code_with_the_product():
@@ -59,7 +61,7 @@ def test_every_frame_is_what_cantools_and_e2e_make_of_the_readings(world, tmp_pa
     assert not by_id
 
 
-@pytest.mark.parametrize("kind", [*SINGLES, *OUTSIDE, PAIRS[7]])
+@pytest.mark.parametrize("kind", [*SINGLES, *LAWS, *OUTSIDE, PAIRS[7]])
 def test_each_effect_is_as_large_as_is_stated(kind, tmp_path):
     path = tmp_path / ("a.csv" if kind == "out:table" else "a.log")
     truth = make_world(kind, 5, path, duration_s=120.0)
@@ -109,14 +111,14 @@ def test_the_same_seed_gives_the_same_bytes_and_a_fresh_drive_the_same_world(tmp
 def test_kinds_are_all_singles_all_pairs_nulls_and_the_rest(tmp_path):
     assert len(SINGLES) == 18
     assert len(PAIRS) == 153
-    assert len(KINDS) == 18 + 153 + len(NULLS) + len(OUTSIDE) + 6 + 6 * 17 + 6
+    assert len(KINDS) == 18 + 11 + 153 + len(NULLS) + len(OUTSIDE) + 6 + 6 * 17 + 6
     with pytest.raises(ValueError, match="no kind 'rain'"):
         make_world("rain", 1, tmp_path / "a.log")
 
 
 def test_drives_have_every_phase_and_keep_their_speed():
     for seed in range(4):
-        profile = _World("null:0", seed, 0, 240.0).profile
+        profile = World("null:0", seed, 0, 240.0).profile
         mean = profile.slip.mean(axis=1)
         assert np.mean(mean > 0.005) > 0.15
         assert np.mean(mean < -0.005) > 0.15
@@ -175,6 +177,48 @@ def test_relaxation_follows_a_step_over_its_length_and_cleaning_work_settles():
     # W = P·time and P = factor·bare, so factor = 1 / (1 − gain·time·bare).
     bare = curve(c, np.array(0.05)) * 2e5 * 0.5
     assert factor == pytest.approx(1 / (1 - 2e-6 * bare), rel=1e-3)
+
+
+@pytest.mark.parametrize("effect", OTHER_LAWS)
+def test_another_law_is_the_same_mechanism(effect):
+    """It moves the adhesion the way that its library law does, and by no factor of that."""
+    law = OTHER_LAWS[effect]
+    kinds = {"speed_dependence": "share", "load_dependence": "c5", "falling_friction": "c4",
+             "curve_creep": "lever", "humidity": "slope", "rail_temperature": "slope",
+             "slow_drift": "rate"}  # fmt: skip
+    size, other = {
+        "speed_dependence": (1.0, 0.8), "load_dependence": (2e-12, 1e-6),
+        "falling_friction": (0.2, 0.2), "curve_creep": (10.0, 13.0), "slow_drift": (2e-3, 2e-3),
+        "adhesion_recovery": (2e-7, 2e-7),
+    }.get(effect, (0.004, 0.004))  # fmt: skip
+    more = {"time": 3.0} if effect == "adhesion_recovery" else {}
+    rng = np.random.default_rng(3)
+    n = 6000
+    state = replace(
+        _state(0.06 * np.sin((np.arange(n) + 0.5) / 300)),
+        v=np.linspace(6, 20, n),
+        load=2e5 * (1 + 0.1 * rng.standard_normal((n, 6))),
+        humidity=np.linspace(45, 85, n),
+        rail_temperature=np.linspace(0, 25, n),
+        curvature=np.linspace(0, 0.003, n),
+        sanding=(np.arange(n) // 1500 % 2).astype(float),
+    )
+    c = np.array([0.3, 50.0, 0.1])
+
+    def adhesion(form, parameters):
+        hidden = [Hidden(effect, form, parameters | more)] if form is not None else []
+        return contact(state, hidden, np.tile(c, (n, 1))).adhesion(c)
+
+    form = "burckhardt" if effect in ("load_dependence", "falling_friction") else ""
+    bare = adhesion(None, {})
+    moves = [
+        adhesion(form, {kinds.get(effect, "gain"): size}) / bare,
+        adhesion(law.form, {law.name: other}) / bare,
+    ]
+    felt = np.abs(state.slip) > 0.01
+    one, two = (move[felt] - move[felt].mean() for move in moves)
+    assert np.corrcoef(one, two)[0, 1] > 0.9
+    assert 0.5 < np.std(two) / np.std(one) < 2
 
 
 def test_lateral_creep_takes_its_part():
@@ -315,7 +359,7 @@ def test_a_target_fails_when_its_bound_excludes_it(hunting):
 
 def test_a_hunt_plans_its_drives_and_goes_on_where_it_was_killed(hunting, tmp_path):
     tasks = hunting.plan.build_tasks(7, 2, [])
-    a_round = 18 + 10 + 4 + 5 + 6 + 6 + 6
+    a_round = 18 + 11 + 10 + 4 + 5 + 6 + 6 + 6
     assert len(tasks) == 2 * a_round
     assert tasks[:a_round] == hunting.plan.build_tasks(7, 1, [])
     assert {t.kind for t in hunting.plan.build_tasks(7, 1, ["null", PAIRS[3]])} == {

@@ -6,7 +6,7 @@ not jump, so the contact is that of the drive: its law where it has one, else Bu
 All that the hidden effects feed on varies in every drive, each thing on its own.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,6 +85,39 @@ class DriveProfile:
     gradient: Floats
 
 
+@dataclass(frozen=True)
+class Style:
+    """How a driver and a line share a drive between traction and braking.
+
+    Attributes:
+        preferred: 1 mostly traction (a heavy train uphill), -1 mostly braking (downhill), 0 both.
+        heavier: Factor of the train's mass.
+        limits: Speed below which traction follows, and above which braking follows, m/s.
+        fewest: Phases of at least 4 s that each direction has, where that is not for the duration
+            to say.
+
+    """
+
+    preferred: int = 0
+    heavier: float = 1.0
+    limits: tuple[float, float] = (9.0, 16.0)
+    fewest: int | None = None
+
+    def slope(self, vehicle: Vehicle, rail: Rail) -> float:
+        """Mean gradient that takes most of what the preferred direction does to the speed."""
+        grip = float(np.mean([peak(c)[0] for c in rail.curves]))
+        mean = 0.55 * grip * float(vehicle.static_load.sum()) / (self.heavier * vehicle.mass)
+        return self.preferred * 0.45 * mean / 9.81
+
+
+MIXED = Style()
+STYLES = {
+    "mostly traction": Style(1, 3.0, (9.0, 20.0), 1),
+    "mixed": MIXED,
+    "mostly braking": Style(-1, 3.0, (6.5, 16.0), 1),
+}
+
+
 def draw_vehicle(rng: np.random.Generator, rail: Rail) -> Vehicle:
     """A locomotive with a light train, heavier where the rail lets it pull much."""
     grip = max(peak(c)[0] for c in rail.curves)
@@ -111,14 +144,16 @@ def draw_profile(
     vehicle: Vehicle,
     rail: Rail,
     law: ContactLaw | None = None,
+    style: Style = MIXED,
 ) -> DriveProfile:
     """Draw a drive with every kind of phase in it, on a law's contact or the rail's curves."""
     n = LEAD + round(duration_s / STEP_S)
     t = (np.arange(n) - LEAD) * STEP_S
-    gradient = 0.006 * wander(rng, t, 40, 160)
+    gradient = style.slope(vehicle, rail) + 0.006 * wander(rng, t, 40, 160)
+    vehicle = replace(vehicle, mass=style.heavier * vehicle.mass)
     curves = rail.curves[rail.surface_at(t)]
     while True:
-        driven = _phases(rng, t, gradient, vehicle, curves, rail.tops, law)
+        driven = _phases(rng, t, gradient, vehicle, curves, rail.tops, law, style)
         if driven is not None:
             v, slip = driven
             break
@@ -149,6 +184,7 @@ def _phases(
     curves: Floats,
     tops: tuple[float, float] | None,
     law: ContactLaw | None,
+    style: Style,
 ) -> tuple[Floats, Floats] | None:
     """Speed (n,) and creep (n, 6) of traction, coasting and braking in turn; None: too few."""
     n = len(t)
@@ -178,10 +214,10 @@ def _phases(
         if mode:
             counts[mode] += length >= 400
             last = mode
-        mode = _next_mode(rng, mode, last, speed)
+        mode = _next_mode(rng, mode, last, speed, style)
         span = (4.0, 8.0) if mode == 0 else (9.0, 22.0)
         length = round(rng.uniform(*span) / STEP_S)
-    enough = max(2, min(3, round(t[-1] / 60)))
+    enough = style.fewest or max(2, min(3, round(t[-1] / 60)))
     return (v, slip) if min(counts.values()) >= enough else None
 
 
@@ -197,13 +233,15 @@ def _signed(law: ContactLaw, slip: Floats, speed: Floats, vehicle: Vehicle) -> F
     return np.asarray(np.sign(slip) * law.adhesion(np.abs(slip), v, vehicle.static_load))
 
 
-def _next_mode(rng: np.random.Generator, mode: int, last: int, speed: float) -> int:
+def _next_mode(rng: np.random.Generator, mode: int, last: int, speed: float, style: Style) -> int:
     if mode and rng.random() < 0.75:
         return 0
-    if speed < 9:
+    if speed < style.limits[0]:
         return 1
-    if speed > 16:
+    if speed > style.limits[1]:
         return -1
+    if style.preferred and rng.random() < 0.9:
+        return style.preferred
     return -last if last and rng.random() < 0.75 else int(rng.choice((-1, 1)))
 
 

@@ -13,6 +13,7 @@ from scipy.linalg import solve_banded
 
 from tests.worlds.contact_laws import ContactLaw, make_law
 from tests.worlds.drive_profile import AXLES, INERTIA, RADIUS, STEP_S
+from tests.worlds.other_laws import lateral_creep, other_factor, recovered_factor
 from tests.worlds.rail import Floats, Ints
 
 Parameters = Mapping[str, float]
@@ -109,7 +110,7 @@ def contact(state: State, effects: Sequence[Hidden], c: Floats) -> Contact:
     if e := find(effects, "creep_relaxation"):
         slip = _lagged(slip, state.v, e.parameters["length"])
     if e := find(effects, "curve_creep"):
-        lateral = lateral + e.parameters["lever"] * np.abs(state.curvature)[:, None]
+        lateral = lateral + lateral_creep(e.form, e.parameters, state.curvature)[:, None]
     factor = np.ones_like(slip)
     for e in effects:
         factor = factor * _factor(state, e)
@@ -124,12 +125,15 @@ def contact(state: State, effects: Sequence[Hidden], c: Floats) -> Contact:
         make_law(shape.form, shape.parameters) if shape else None,
     )
     if e := find(effects, "adhesion_recovery"):
-        now = _recovered(state, e.parameters, now, c)
+        now = _recovered(state, e, now, c)
     return now
 
 
 def _factor(state: State, hidden: Hidden) -> Floats | float:
     p, rows = hidden.parameters, (slice(None), None)
+    other = other_factor(state, hidden.effect, hidden.form, p)
+    if other is not None:
+        return other
     creep_speed = np.abs(state.slip) * state.v[rows]
     match hidden.effect:
         case "speed_dependence":
@@ -173,8 +177,9 @@ def _lagged(slip: Floats, v: Floats, length: float) -> Floats:
     return np.asarray(solve_banded((1, 0), band, drive))
 
 
-def _recovered(state: State, p: Parameters, now: Contact, c: Floats) -> Contact:
+def _recovered(state: State, hidden: Hidden, now: Contact, c: Floats) -> Contact:
     """1 + gain · W with dW/dt = P − W/time; P contains the factor, so a few rounds."""
+    p = hidden.parameters
     creep_speed = np.abs(state.slip) * state.v[:, None]
     bare = np.abs(now.adhesion(c)) * state.load * creep_speed
     bare[state.t < 0] = 0.0
@@ -186,7 +191,7 @@ def _recovered(state: State, p: Parameters, now: Contact, c: Floats) -> Contact:
         power = bare * factor
         drive = np.zeros_like(power)
         drive[1:] = 0.5 * (power[1:] + power[:-1]) * p["time"] * (1 - keep)
-        new = 1 + p["gain"] * solve_banded((1, 0), band, drive)
+        new = recovered_factor(hidden.form, p, solve_banded((1, 0), band, drive))
         done = np.max(np.abs(new - factor)) < 1e-5
         factor = new
         if done:

@@ -1,8 +1,8 @@
 """What a world can hide: kinds by name, drawn forms and the range of their sizes.
 
-An effect by its id; `pair:a+b` two of them; `null:..` nothing; `out:..` what no library has;
-`contact:NAME` a contact that is not Burckhardt's, `contact:NAME+a` an effect besides;
-`points:NAME` a table of independent points of such a contact.
+An effect by its id; `law:EFFECT` by another law; `pair:a+b` two of them; `null:..` nothing;
+`out:..` what no library has; `contact:NAME` a contact that is not Burckhardt's,
+`contact:NAME+a` an effect besides; `points:NAME` a table of independent points of such a contact.
 """
 
 from collections.abc import Mapping
@@ -13,6 +13,7 @@ import numpy as np
 
 from tests.worlds.contact_laws import NAMES
 from tests.worlds.hidden import Hidden
+from tests.worlds.other_laws import OTHER_LAWS
 from tests.worlds.rail import Floats, peak
 
 RANGES: Mapping[str, tuple[float, float]] = {
@@ -53,7 +54,9 @@ CONTACT_EFFECTS = tuple(
 )
 """Not falling friction: these contacts have it in themselves."""
 POINTS = tuple(f"points:{name}" for name in NAMES)
-KINDS = (*SINGLES, *PAIRS, *NULLS, *OUTSIDE, *CONTACTS, *CONTACT_EFFECTS, *POINTS)
+LAWS = tuple(f"law:{effect}" for effect in OTHER_LAWS)
+"""Library effects by laws that are not the library's."""
+KINDS = (*SINGLES, *LAWS, *PAIRS, *NULLS, *OUTSIDE, *CONTACTS, *CONTACT_EFFECTS, *POINTS)
 CHANNELS = {
     "out:periodic": "position",
     "out:hump": "slip",
@@ -92,6 +95,11 @@ class Draft:
         return Hidden(self.effect, self.form, {self.name: float(size), **self.others})
 
 
+def is_outside(kind: str) -> bool:
+    """Whether `tests.worlds.outside` makes worlds of a kind."""
+    return kind.startswith(("outside:", "mech:", "beside:", "null:memory-", "car:"))
+
+
 def contact_of(kind: str) -> str | None:
     """Name of the contact law of a kind; None: Burckhardt's curve."""
     head, _, rest = kind.partition(":")
@@ -109,7 +117,7 @@ def effects_of(kind: str) -> tuple[str, ...]:
     if kind.startswith("pair:"):
         first, second = kind.removeprefix("pair:").split("+")
         return first, second
-    return () if kind.startswith("null:") else (kind,)
+    return () if kind.startswith("null:") else (kind.removeprefix("law:"),)
 
 
 _NAMES = {
@@ -128,7 +136,14 @@ _NAMES = {
 }
 
 
-def draft(rng: np.random.Generator, effect: str, c: Floats, largest_effort: float) -> Draft:
+def draft(
+    rng: np.random.Generator,
+    effect: str,
+    c: Floats,
+    largest_effort: float,
+    *,
+    by_other_law: bool = False,
+) -> Draft:
     """Draw the direction, the form and the other parameters of an effect.
 
     Args:
@@ -136,10 +151,13 @@ def draft(rng: np.random.Generator, effect: str, c: Floats, largest_effort: floa
         effect: its id.
         c: the rail's curve, for what is shaped after it.
         largest_effort: Largest effort of the drive, N.
+        by_other_law: Whether the law is one of `OTHER_LAWS`.
 
     """
     if effect.startswith("out:"):
         return _outside(rng, effect, c, largest_effort)
+    if by_other_law:
+        return _by_other_law(rng, effect)
     form = str(rng.choice(FORMS[effect])) if effect in FORMS else ""
     name, others = _NAMES.get(effect, "gain"), {}
     low, high = RANGES[effect]
@@ -161,6 +179,15 @@ def draft(rng: np.random.Generator, effect: str, c: Floats, largest_effort: floa
     # Cleaning feeds itself: from a large start the search would not come back.
     start = 0.03 if effect == "adhesion_recovery" else 0.2
     return Draft(effect, form, name, limit, start * limit, others)
+
+
+def _by_other_law(rng: np.random.Generator, effect: str) -> Draft:
+    law = OTHER_LAWS[effect]
+    low, high = law.limits
+    limit = low if low < 0 and rng.random() < 0.5 else high
+    recovers = effect == "adhesion_recovery"
+    others = {"time": float(np.exp(rng.uniform(np.log(0.7), np.log(15.0))))} if recovers else {}
+    return Draft(effect, law.form, law.name, limit, (0.03 if recovers else 0.2) * limit, others)
 
 
 def _outside(rng: np.random.Generator, effect: str, c: Floats, largest_effort: float) -> Draft:

@@ -21,6 +21,7 @@ from tests.worlds.drive_profile import (
     Vehicle,
 )
 from tests.worlds.hidden import Contact, Hidden, State, between, contact, find
+from tests.worlds.mechanism import UNCHANGED, Law, Scene
 from tests.worlds.rail import Floats, Rail
 
 EFFORT_STD, SPEED_STD, WHEEL_STD, LOAD_STD = 0.01 * STATIC_LOAD, 0.01, 0.003, 500.0
@@ -83,29 +84,46 @@ def draw_noise(rng: np.random.Generator, rows: int, correlation_s: float) -> Noi
 
 
 def drive(
-    profile: DriveProfile, vehicle: Vehicle, rail: Rail, effects: Sequence[Hidden], noise: Noise
+    profile: DriveProfile,
+    vehicle: Vehicle,
+    rail: Rail,
+    effects: Sequence[Hidden],
+    noise: Noise,
+    mechanism: Law | None = None,
 ) -> Readings:
-    """Run the profile with the effects hidden in it."""
+    """Run the profile with the effects, and perhaps a mechanism of no library, hidden in it."""
     state = true_state(profile, vehicle)
     curves = rail.curves[rail.surface_at(profile.t)]
     link = between(effects)
     omega = (1 + profile.slip) * profile.v[:, None] / link.radius
-    force = contact(state, effects, curves).adhesion(curves) * profile.load
-    effort = force + link.inertia * np.gradient(omega, STEP_S, axis=0) / link.radius
+    adhesion = contact(state, effects, curves).adhesion(curves)
+    own = link.inertia * np.gradient(omega, STEP_S, axis=0) / link.radius
+    change = UNCHANGED
+    if mechanism is not None:
+        whole = adhesion * profile.load + own
+        change = mechanism(Scene(profile, vehicle, curves, omega, adhesion, whole))
+        if change.slip is not None:
+            entered = replace(state, slip=change.slip)
+            adhesion = contact(entered, effects, curves).adhesion(curves)
+    force = adhesion * change.factor * profile.load * change.load_factor
+    omega = omega * change.rotation if change.wheel_speed is None else change.wheel_speed
+    effort = (force + own) * change.gain + change.offset
     # The drive's torsion swings the wheel; the motor, whose torque the effort is, hardly feels it.
     omega = omega + torsion(profile, effects, rail)
     seen = profile.t[LEAD:]
-    late_v = np.interp(seen[::2] - link.speed_delay, profile.t, profile.v)
+    v = profile.v if change.speed is None else change.speed
+    late_v = np.interp(seen[::2] - link.speed_delay, profile.t, v)
     late_f = np.stack(
         [np.interp(seen - link.effort_delay, profile.t, effort[:, i]) for i in range(AXLES)], axis=1
     )
     measured = late_f + link.bias + noise.effort
     measured = np.clip(measured, -link.saturation, link.saturation)
+    load = profile.load if change.shown_load is None else change.shown_load
     return Readings(
         wheel_speed=_steps(omega[LEAD:] + noise.wheel, 0.002, 0, 65534),
         speed=_steps(link.scale * late_v + noise.speed, 0.002, 0, 65534),
         effort=_steps(measured, 10.0, -32768, 32766),
-        load=_steps(profile.load[LEAD::20] + noise.load, 10.0, 0, 65534),
+        load=_steps(load[LEAD::20] + noise.load, 10.0, 0, 65534),
         curvature=_steps(profile.curvature[LEAD::20], 1e-6, -32768, 32766),
         gradient=_steps(profile.gradient[LEAD::20], 1e-5, -32768, 32766),
         humidity=_steps(profile.humidity[LEAD::100], 0.5, 0, 200),

@@ -1,7 +1,7 @@
 """What a world knows of itself."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Protocol
 
@@ -137,6 +137,7 @@ class Truth:
         fresh: truth of a second drive in the same world.
         judge: Computes the true gain and noise floor; not part of the JSON.
         peak: Peak of the last surface; None: no contact of wheels.
+        conditions: How a world was drawn: rail, share of braking, memory of the speed's error.
         true_contact: Curve that is there at each moment; None: no drive; not part of the JSON.
 
     """
@@ -153,6 +154,7 @@ class Truth:
     fresh: "Truth | None"
     judge: Judge = field(repr=False, compare=False)
     peak: Peak | None = None
+    conditions: Mapping[str, object] = field(default_factory=dict)
     true_contact: TrueContact | None = field(default=None, repr=False, compare=False)
 
     @property

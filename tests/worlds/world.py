@@ -6,9 +6,10 @@ Beside a contact that is not Burckhardt's an effect has the size that it would n
 curve of Burckhardt's; this curve also says how far the creep goes.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from zlib import crc32
 
 import numpy as np
@@ -18,10 +19,12 @@ from tests.worlds.drive_profile import LEAD, STATIC_LOAD, DriveProfile, draw_pro
 from tests.worlds.encoding import write_log
 from tests.worlds.fitting import THIN, fitted_residual, rmse
 from tests.worlds.hidden import Hidden
-from tests.worlds.kinds import CHANNELS, Draft, contact_of, draft, effects_of
+from tests.worlds.kinds import CHANNELS, Draft, contact_of, draft, effects_of, is_outside
+from tests.worlds.mechanism import Law
 from tests.worlds.plant import Noise, draw_noise, drive, view
 from tests.worlds.points import make_points
 from tests.worlds.rail import Rail, curve, one_surface, peak, several_surfaces
+from tests.worlds.samples import write_samples
 from tests.worlds.table import make_table
 from tests.worlds.true_contact import TrueContact
 from tests.worlds.truth import DriveJudge, Peak, Surface, Truth
@@ -52,7 +55,8 @@ def make_world(
     Args:
         kind: one of `kinds.KINDS`.
         seed: the same kind, seed and options give the same bytes.
-        path: Path of the file; a fresh drive lies beside it, `_fresh` added to its name.
+        path: Path of the file; a fresh drive lies beside it, `_fresh` added to its name. A drive in
+            a .csv is a table of samples.
         duration_s: Duration of the drive, s.
         excess: lowest and highest share by which each effect shall raise the RMSE of the plain
             fit above the noise floor.
@@ -66,19 +70,37 @@ def make_world(
         return make_points(kind, seed, path)
     if kind == "out:table":
         return make_table(seed, path, duration_s=duration_s, excess=excess, fresh=fresh)
+    if is_outside(kind):
+        from tests.worlds.outside.world import make_outside
+
+        return make_outside(kind, seed, path, duration_s=duration_s, fresh=fresh)
     names = effects_of(kind)
     for attempt in range(60):
         try:
-            return _World(kind, seed, attempt, duration_s).written(names, path, excess, fresh)
+            return World(kind, seed, attempt, duration_s).written(names, path, excess, fresh)
         except TooWeakError:
             continue
     raise RuntimeError(f"{kind}, seed {seed}: no drive of sixty lets the effect be felt")
 
 
-class _World:
-    """Rail, vehicle and first drive of one attempt."""
+class World:
+    """Rail, vehicle and first drive of one attempt.
+
+    Attributes:
+        mechanism: what no library has and acts besides; None: nothing.
+        beside: How the truth states it.
+        channel: Channel that its residual depends on.
+        conditions: How the world was drawn.
+
+    """
+
+    mechanism: Law | None = None
+    beside: tuple[Hidden, ...] = ()
+    channel: str | None = None
+    conditions: Mapping[str, object] = MappingProxyType({})
 
     def __init__(self, kind: str, seed: int, attempt: int, duration_s: float) -> None:
+        self.channel = CHANNELS.get(kind)
         self.kind, self.seed, self.duration_s = kind, seed, duration_s
         self.rng = np.random.default_rng([seed, crc32(kind.encode()), attempt])
         self.shape: tuple[Hidden, ...] = ()
@@ -124,7 +146,9 @@ class _World:
         largest *= float(self.vehicle.static_load.mean())
         effects, shares = [], []
         for name in names:
-            drawn = draft(self.rng, name, self.rail.curves[0], largest)
+            by_other_law = self.kind.startswith("law:")
+            curve_of_rail = self.rail.curves[0]
+            drawn = draft(self.rng, name, curve_of_rail, largest, by_other_law=by_other_law)
             wanted = self.rng.uniform(excess[0] + 0.01, excess[1])
             hidden, share = size_for(drawn, wanted, self._excess)
             effects.append(hidden)
@@ -151,21 +175,28 @@ class _World:
         shares: tuple[float, ...],
         path: Path,
     ) -> Truth:
-        readings = drive(profile, self.vehicle, self.rail, effects, noise)
-        write_log(readings, path)
+        known = (profile, self.vehicle, self.rail, effects)
+        readings = drive(*known, noise, self.mechanism)
         plain = view(readings, (), self.rail, self.vehicle)
-        true = view(readings, effects, self.rail, self.vehicle, profile)
+        if path.suffix == ".csv":
+            write_samples(readings, plain, path)
+        else:
+            write_log(readings, path)
+        # The true model knows a mechanism beside the effects by what the drive is without it.
+        bare = readings if self.mechanism is None else drive(*known, noise)
+        true = view(bare, effects, self.rail, self.vehicle, profile)
         surface = self.rail.surface_at(plain.t)
         before = rmse(fitted_residual(plain, surface)[plain.use])
         floor = rmse(true.residual(self.rail.curves[surface])[true.use])
         still = replace(noise, speed=0 * noise.speed, wheel=0 * noise.wheel, load=0 * noise.load)
-        quiet = drive(profile, self.vehicle, self.rail, effects, still)
+        if self.mechanism is not None:
+            shares = (*shares, self._excess_by_mechanism(profile, effects, still, floor))
         return Truth(
             kind=self.kind,
             seed=self.seed,
             path=str(path),
-            effects=effects,
-            channel=CHANNELS.get(self.kind),
+            effects=(*effects, *self.beside),
+            channel=self.channel,
             surfaces=tuple(
                 Surface(begin, *(float(x) for x in c))
                 for begin, c in zip(self.rail.begins_s, self.rail.curves, strict=True)
@@ -175,15 +206,33 @@ class _World:
             excess=shares,
             fresh=None,
             judge=DriveJudge(
-                view(quiet, (), self.rail, self.vehicle),
-                view(quiet, effects, self.rail, self.vehicle, profile),
+                view(drive(*known, still, self.mechanism), (), self.rail, self.vehicle),
+                view(drive(*known, still), effects, self.rail, self.vehicle, profile),
                 true,
                 surface,
                 self.rail.curves[surface],
             ),
             peak=self._peak(profile),
-            true_contact=TrueContact(profile, self.vehicle, self.rail, effects),
+            true_contact=None if self.mechanism else TrueContact(*known),
+            conditions=dict(self.conditions),
         )
+
+    def _excess_by_mechanism(
+        self, profile: DriveProfile, effects: tuple[Hidden, ...], still: Noise, floor: float
+    ) -> float:
+        """Share by which what a mechanism leaves of a fit without noise raises the noise floor.
+
+        Rows with noise are no measure: a mechanism that lowers the adhesion lowers what the noise
+        of the slip makes of it.
+        """
+        silent = replace(still, effort=0 * still.effort)
+        known = (profile, self.vehicle, self.rail, effects)
+        # The effects beside it are taken out as the truth knows them.
+        seen = view(
+            drive(*known, silent, self.mechanism), effects, self.rail, self.vehicle, profile
+        )
+        left = fitted_residual(seen, self.rail.surface_at(seen.t))[seen.use]
+        return float(np.hypot(1.0, rmse(left) / floor) - 1.0)
 
     def _peak(self, profile: DriveProfile) -> Peak:
         """Peak of the contact alone, in the mean conditions of the drive."""

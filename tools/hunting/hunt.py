@@ -27,7 +27,9 @@ def parse_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     add("--rounds", type=int, default=20, metavar="N", help="rounds of drives (default 20)")
     add("--only", nargs="+", default=[], metavar="KIND",
         help="effects, pair:A+B, null:.., out:.., contact:NAME, contact:NAME+A, points:NAME, or "
-        "single, pair, null, out, contact, contact+, points")  # fmt: skip
+        "single, law, pair, null, out, contact, contact+, points; worlds by others: outside, "
+        "outside:open, outside:aside, mech, beside, memory, car; forms of drives: short, table, "
+        "drives")  # fmt: skip
     add("--jobs", type=int, default=2, metavar="N", help="drives at a time (default 2)")
     add("--seed", type=int, metavar="N",
         help="of the first round (default: fresh, or that of the hunt to go on with)")  # fmt: skip

@@ -2,16 +2,15 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from contact import PeakErrors, blames_instrument, contact_outcome, peak_errors
-from plan import find_group
+from outside import FUNCTIONS, OUTSIDE_GROUPS, outside_outcome
+from plan import find_group, split_form
 
 Record = dict[str, Any]
 CONTACT_GROUPS = ("contact", "contact+", "points")
-FUNCTIONS = {"exp", "log", "sqrt", "tanh", "abs", "min", "max", "lag"}
-"""Words of a formula that are neither a channel nor a constant."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,8 @@ class JudgedRecord:
         group: Group of the kind.
         outcome: 'named' (by its own name), 'rival' (declared indistinguishable), 'wrong', 'both',
             'one', 'unexplained' (with the right channel where there is one), 'wrong channel',
-            'nothing', 'failed'; for contacts see `contact.contact_outcome`.
+            'nothing', 'failed'; for contacts see `contact.contact_outcome`,
+            for worlds by others `outside.outside_outcome`.
         answer: What was named, or the channel, for the confusion table.
         inside: Whether each parameter that can be compared lies in its interval.
         covered: Whether the gain's interval holds the true gain; None: not known.
@@ -57,7 +57,10 @@ class JudgedRecord:
 
 def judge_record(record: Record) -> JudgedRecord:
     """Judge one record."""
-    kind = record["kind"]
+    form, kind = split_form(record["kind"])
+    if form:
+        inner = judge_record(record | {"kind": kind, "diagnosis": _of_form(form, record)})
+        return replace(inner, kind=record["kind"], group=form)
     diagnosis = record.get("diagnosis")
     if diagnosis is None or record["status"] != 0:
         outcome, answer, inside = "failed", (str(record["status"]),), ()
@@ -84,6 +87,16 @@ def judge_record(record: Record) -> JudgedRecord:
     )
 
 
+def _of_form(form: str, record: Record) -> Record | None:
+    """The diagnosis; of a table a factor in the column of an effect is this effect."""
+    diagnosis: Record | None = record.get("diagnosis")
+    if form != "table" or diagnosis is None:
+        return diagnosis
+    names = {f"channel:{name}": name for name in ("humidity", "rail_temperature", "sanding")}
+    causes = [c | {"effect": names.get(c["effect"], c["effect"])} for c in diagnosis["causes"]]
+    return diagnosis | {"causes": causes}
+
+
 def _is_factor_of(channel: str, cause: Record) -> bool:
     """Whether a cause is a factor in one channel, or a formula that depends on it alone."""
     if cause["effect"] != "formula":
@@ -95,6 +108,8 @@ def _is_factor_of(channel: str, cause: Record) -> bool:
 def _outcome(record: Record, diagnosis: Record) -> tuple[str, tuple[str, ...]]:
     if find_group(record["kind"]) in CONTACT_GROUPS:
         return contact_outcome(record, diagnosis)
+    if find_group(record["kind"]) in OUTSIDE_GROUPS:
+        return outside_outcome(record, diagnosis)
     causes = diagnosis["causes"]
     names = tuple(cause["effect"] for cause in causes)
     true = [e["effect"] for e in record["truth"]["effects"]]

@@ -13,25 +13,44 @@ from tests.worlds import (
     CONTACT_EFFECTS,
     CONTACTS,
     KINDS,
+    LAWS,
     NULLS,
     OUTSIDE,
     PAIRS,
     POINTS,
     SINGLES,
 )
+from tests.worlds.outside.car import CARS
+from tests.worlds.outside.kinds import ASIDE, BESIDE, MECH, MEMORY, OPEN, OUTSIDE_KINDS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAIRS_A_ROUND = 10
 CONTACT_EFFECTS_A_ROUND = 6
+BESIDE_A_ROUND = 8
+FORMS_A_ROUND = 6
 GROUPS = {
     "single": SINGLES,
+    "law": LAWS,
     "pair": PAIRS,
     "null": NULLS,
     "out": OUTSIDE,
     "contact": CONTACTS,
     "contact+": CONTACT_EFFECTS,
     "points": POINTS,
+    "outside": (*OPEN, *ASIDE),
+    "outside:open": OPEN,
+    "outside:aside": ASIDE,
+    "mech": MECH,
+    "beside": BESIDE,
+    "memory": MEMORY,
+    "car": CARS,
 }
+FORM_KINDS = (*SINGLES, *OPEN, *MEMORY)
+FORMS = ("short", "table", "drives")
+"""Drives of 30 s, tables of samples, two drives of one world: `short:KIND` and so on."""
+GROUPS |= {form: tuple(f"{form}:{kind}" for kind in FORM_KINDS) for form in FORMS}
+BY_OTHERS = ("outside", "outside:open", "outside:aside", "mech", "beside", "memory", "car", *FORMS)
+"""Groups that a hunt draws only where it is asked for them: half of the first is set aside."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +66,17 @@ def find_group(kind: str) -> str:
     head = kind.partition(":")[0]
     if head == "contact" and "+" in kind:
         return "contact+"
+    if head == "outside":
+        return "outside:aside" if kind in ASIDE else "outside:open"
+    if kind in MEMORY:
+        return "memory"
     return head if head in GROUPS else "single"
+
+
+def split_form(kind: str) -> tuple[str, str]:
+    """Form ('' for a whole drive's log) and the kind of world that is given in it."""
+    form, _, rest = kind.partition(":")
+    return (form, rest) if form in FORMS else ("", kind)
 
 
 def check_kinds(chosen: Sequence[str]) -> None:
@@ -58,7 +87,8 @@ def check_kinds(chosen: Sequence[str]) -> None:
 
     """
     for name in chosen:
-        if name not in KINDS and name not in GROUPS:
+        known = (*KINDS, *OUTSIDE_KINDS, *CARS, *(k for form in FORMS for k in GROUPS[form]))
+        if name not in known and name not in GROUPS:
             raise ValueError(f"no kind {name!r}: one of {', '.join(GROUPS)}, {', '.join(SINGLES)}")
 
 
@@ -67,20 +97,29 @@ def build_tasks(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
 
     Args:
         seed: of the whole hunt; the first rounds are the same however many there are.
-        rounds: each one has every single effect, null, outsider and contact once, ten pairs and
-            six contacts with an effect besides.
-        only: kinds and groups; none: all.
+        rounds: each one has every single effect by both laws, null, outsider and contact once,
+            ten pairs and six contacts with an effect besides; of the worlds by others, where `only`
+            names them, every kind once, but eight effects beside a mechanism and six kinds in each
+            form.
+        only: kinds and groups; none: all but the worlds by others.
 
     """
+    chosen = only or [name for name in GROUPS if name not in BY_OTHERS]
     tasks = []
     for number in range(rounds):
         rng = np.random.default_rng([seed, number])
         sampled = [PAIRS[k] for k in rng.choice(len(PAIRS), PAIRS_A_ROUND, replace=False)]
-        beside = rng.choice(len(CONTACT_EFFECTS), CONTACT_EFFECTS_A_ROUND, replace=False)
-        everything = [*SINGLES, *sampled, *NULLS, *OUTSIDE, *CONTACTS]
-        everything += [*(CONTACT_EFFECTS[k] for k in beside), *POINTS]
-        kinds = [k for k in everything if not only or k in only or find_group(k) in only]
-        kinds += [k for k in only if k in KINDS and k not in kinds]
+        contacts = rng.choice(len(CONTACT_EFFECTS), CONTACT_EFFECTS_A_ROUND, replace=False)
+        everything = [*SINGLES, *LAWS, *sampled, *NULLS, *OUTSIDE, *CONTACTS]
+        everything += [*(CONTACT_EFFECTS[k] for k in contacts), *POINTS]
+        beside = rng.choice(len(BESIDE), BESIDE_A_ROUND, replace=False)
+        everything += [*OPEN, *ASIDE, *MECH, *(BESIDE[k] for k in beside), *MEMORY, *CARS]
+        for form in FORMS:
+            drawn = rng.choice(len(FORM_KINDS), FORMS_A_ROUND, replace=False)
+            everything += [GROUPS[form][k] for k in drawn]
+        groups = [GROUPS[name] for name in chosen if name in GROUPS]
+        kinds = [k for k in everything if k in chosen or any(k in group for group in groups)]
+        kinds += [k for k in chosen if k not in GROUPS and k not in kinds]
         tasks += [Task(kind, seed + number) for kind in kinds]
     return tasks
 
@@ -88,7 +127,7 @@ def build_tasks(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
 def code_version() -> str:
     """Hash of all that a result depends on: the product, the worlds, the database."""
     digest = hashlib.sha256()
-    files = [*ROOT.glob("adhesion_can/**/*.py"), *ROOT.glob("tests/worlds/*.py")]
+    files = [*ROOT.glob("adhesion_can/**/*.py"), *ROOT.glob("tests/worlds/**/*.py")]
     for path in sorted([*files, ROOT / "dbc" / "adhesion.dbc"]):
         digest.update(str(path.relative_to(ROOT)).encode() + path.read_bytes())
     return digest.hexdigest()[:12]

@@ -1,62 +1,17 @@
 """The confusion and the targets as Markdown, which reads well enough on a terminal too."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from judge import JudgedRecord
-from scipy.stats import beta
+from outside_tables import outside_outcomes, outside_targets
+from shares import Target, at_most, bounds, markdown_table, share
 from work import NO_WORLD
 
-from tests.worlds import CONTACTS, NULLS, OUTSIDE, POINTS, SINGLES
+__all__ = ["bounds", "confusion", "share", "target_table", "targets"]
 
-
-@dataclass(frozen=True)
-class Target:
-    """A target beside its figure.
-
-    Attributes:
-        what: it is about.
-        figure: as text.
-        wanted: as text.
-        verdict: 'met', 'not met' (missed, but the bound does not exclude it), 'FAILED', 'no data'.
-
-    """
-
-    what: str
-    figure: str
-    wanted: str
-    verdict: str
-
-
-def bounds(hits: int, of: int) -> tuple[float, float]:
-    """One-sided 95 % bounds of a share, the lower one and the upper one (Clopper and Pearson)."""
-    low = float(beta.ppf(0.05, hits, of - hits + 1)) if hits else 0.0
-    high = float(beta.ppf(0.95, hits + 1, of - hits)) if hits < of else 1.0
-    return low, high
-
-
-def share(what: str, hits: Iterable[bool], least: float, most: float = 1.0) -> Target:
-    """A share of rounds beside the least, and the most, that it may be."""
-    all_hits = list(hits)
-    of, n = len(all_hits), sum(all_hits)
-    wanted = f"at least {least:.0%}" if most == 1 else f"{least:.0%} to {most:.0%}"
-    if not of:
-        return Target(what, "-", wanted, "no data")
-    low, high = bounds(n, of)
-    figure = f"{n / of:.1%} ({n} of {of}; {low:.0%}..{high:.0%})"
-    if high < least or low > most:
-        return Target(what, figure, wanted, "FAILED")
-    return Target(what, figure, wanted, "met" if least <= n / of <= most else "not met")
-
-
-def at_most(what: str, value: float | None, most: float, unit: str, also: str = "") -> Target:
-    """A figure that may be so large."""
-    wanted = f"at most {most:g} {unit}"
-    if value is None:
-        return Target(what, "-", wanted, "no data")
-    return Target(what, f"{value:.3g} {unit}{also}", wanted, "met" if value <= most else "FAILED")
+from tests.worlds import CONTACTS, LAWS, NULLS, OUTSIDE, POINTS, SINGLES
 
 
 def targets(rows: Sequence[JudgedRecord]) -> list[Target]:
@@ -73,6 +28,8 @@ def targets(rows: Sequence[JudgedRecord]) -> list[Target]:
         own = [r.found for r in singles if r.kind == effect]
         if own:
             result.append(share(f"- {effect}", own, 0.85))
+    if laws := [r.found for r in rows if r.group == "law"]:
+        result.append(share("single effects by another law named, or with rivals", laws, 0.92))
     result += [
         share("pairs: both named", (r.outcome == "both" for r in pairs), 0.75),
         share("pairs: at least one named", (r.outcome in ("both", "one") for r in pairs), 0.95),
@@ -90,6 +47,7 @@ def targets(rows: Sequence[JudgedRecord]) -> list[Target]:
         if own:
             result.append(share(f"- {kind}", own, 0.85))
     result += contact_targets(rows)
+    result += outside_targets(rows)
     covered = [r.covered for r in named if r.covered is not None]
     median = float(np.median(seconds)) if seconds else None
     longest = f", longest {max(seconds):.1f} s" if seconds else ""
@@ -155,6 +113,12 @@ def confusion(rows: Sequence[JudgedRecord]) -> str:
             SINGLES,
             ("named", "rival", "wrong", "unexplained", "nothing", "failed"),
         ),
+        _outcomes(
+            rows,
+            "single effect by another law",
+            LAWS,
+            ("named", "rival", "wrong", "unexplained", "nothing", "failed"),
+        ),
         _pairs(rows),
         _outcomes(rows, "no effect", NULLS, ("nothing", "wrong", "unexplained", "failed")),
         _outcomes(
@@ -170,6 +134,7 @@ def confusion(rows: Sequence[JudgedRecord]) -> str:
     columns = ("both", "one", "shape", "wrong", "unexplained", "nothing", "failed")
     parts.append(_outcomes(rows, "contact and effect", besides, columns))
     parts.append(_outcomes(rows, "points of a contact", POINTS, shapes))
+    parts += outside_outcomes(rows)
     return "\n\n".join(part for part in parts if part)
 
 
@@ -219,15 +184,3 @@ def _members(kind: str) -> list[str]:
 
 def _count(n: int) -> str:
     return str(n) if n else "."
-
-
-def markdown_table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    """A table as Markdown, its columns aligned."""
-    widths = [max(len(row[k]) for row in (head, *lines)) for k in range(len(head))]
-
-    def text(row: Sequence[str]) -> str:
-        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        return f"| {' | '.join(cells)} |"
-
-    rule = f"|{'|'.join('-' * (width + 2) for width in widths)}|"
-    return "\n".join([text(head), rule, *(text(line) for line in lines)])

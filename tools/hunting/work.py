@@ -12,11 +12,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from plan import Task
+from plan import Task, split_form
 
 from tests.worlds import Truth, make_world
 
 CURVE = ("c1", "c2", "c3", "mu_max", "lambda_m")
+DURATIONS_S = {"": 240.0, "short": 30.0, "table": 240.0, "drives": 120.0}
+"""Duration of each drive by its form, s."""
 NO_WORLD = "no world"
 """Status of a drive that could not be made: no fault of the diagnosis."""
 
@@ -44,7 +46,8 @@ def work(task: Task, diagnosis_options: DiagnosisOptions) -> dict[str, Any]:
     with TemporaryDirectory(prefix="hunt-") as folder:
         name = f"{task.kind}-{task.seed}".replace(":", "_").replace("+", "-")
         where = Path(folder) if diagnosis_options.keep is None else diagnosis_options.keep
-        is_table = task.kind == "out:table" or task.kind.startswith("points:")
+        form, kind = split_form(task.kind)
+        is_table = form == "table" or kind == "out:table" or kind.startswith(("points:", "car:"))
         path = where / (name + (".csv" if is_table else ".log"))
         record: dict[str, Any] = {
             "kind": task.kind,
@@ -52,21 +55,30 @@ def work(task: Task, diagnosis_options: DiagnosisOptions) -> dict[str, Any]:
             "holdout": diagnosis_options.holdout,
         }
         try:
-            fresh = diagnosis_options.holdout and not task.kind.startswith("points:")
-            truth = make_world(task.kind, task.seed, path, fresh=fresh)
+            fresh = diagnosis_options.holdout and not kind.startswith(("points:", "car:"))
+            truth = make_world(
+                kind,
+                task.seed,
+                path,
+                duration_s=DURATIONS_S[form],
+                fresh=fresh or form == "drives",
+            )
         except RuntimeError as error:
             return record | {"status": NO_WORLD, "error": str(error), "seconds": 0, "rss_mb": None}
         answer = path.with_name(f"{name}.json")
         answer.unlink(missing_ok=True)
         arguments = ["diagnose", str(path), "--json", str(answer)]
         if truth.fresh:
-            arguments += ["--holdout", truth.fresh.path]
+            arguments[2:2] = [truth.fresh.path] if form == "drives" else []
+            arguments += [] if form == "drives" else ["--holdout", truth.fresh.path]
         record["truth"] = truth.to_dict()
         record |= run_diagnosis(arguments, diagnosis_options, path.with_name(f"{name}.txt"))
         if record["status"] == 0:
             try:
                 record["diagnosis"] = shorten_diagnosis(json.loads(answer.read_text()))
-                record |= compare_with_truth(truth, record["diagnosis"])
+                # The spans held out of two drives are not those of one.
+                if form != "drives":
+                    record |= compare_with_truth(truth, record["diagnosis"])
             except (OSError, ValueError, KeyError, TypeError) as error:
                 record |= {"status": "unreadable", "error": repr(error)}
     return record
@@ -150,6 +162,8 @@ def shorten_diagnosis(diagnosis: dict[str, Any]) -> dict[str, Any]:
             for key in ("percent", "interval", "rmse_before", "rmse_after", "spans")
         },
         "extended": extended and {name: extended[name] for name in CURVE},
+        # Keys that a diagnosis may have.
+        **{key: diagnosis[key] for key in ("conclusive", "closest", "noise") if key in diagnosis},
     }
 
 
@@ -162,7 +176,7 @@ def compare_with_truth(truth: Truth, diagnosis: dict[str, Any]) -> dict[str, Any
         }
     spans = diagnosis["gain"]["spans"]
     # Independent points have no times.
-    if not spans or truth.kind.startswith("points:"):
+    if not spans or truth.kind.startswith(("points:", "car:")):
         return {"true_gain": None, "floor": None}
     held = [(float(begin), float(end)) for begin, end in spans]
     return {"true_gain": truth.true_gain_percent(held), "floor": truth.floor_on(held)}
