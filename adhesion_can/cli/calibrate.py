@@ -207,8 +207,10 @@ def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[st
         (
             f"with an adhesion below {settings.adhesion_max:g}",
             times.idle,
-            "record a drive in which an axle coasts, or raise --adhesion-max; of the simulated "
-            "scenarios 'sweep' coasts, from 90 s on",
+            (
+                "record a drive in which an axle coasts, or raise --adhesion-max; of the simulated "
+                "scenarios 'sweep' coasts, from 90 s on"
+            ),
         ),
         (
             f"after {settings.settle_s:g} s of that",
