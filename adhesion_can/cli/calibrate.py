@@ -220,9 +220,10 @@ def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[st
     )
     least = settings.coasting_min_s
     left = f"of {times.recorded:.1f} s"
-    for text, seconds, mend in conditions:
+    for text, seconds, own_mend in conditions:
         left += f" {seconds[longest]:.1f} s {text},"
         if seconds[longest] < least:
+            mend = own_mend
             break
     else:
         mend = f"record a longer drive: they are in fewer than {settings.blocks_min} blocks"
