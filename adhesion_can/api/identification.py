@@ -53,6 +53,10 @@ def identify(
 ) -> BatchResult:
     """Maximum-likelihood fit of one curve, and of one for each segment of constant surface.
 
+    c1, c2 and c3 are Burckhardt's. Where the data contradict his form, the peak is that of the
+    curve families that hold (`BatchResult.rails`), with the spread between them in its standard
+    deviations.
+
     Args:
         slip: Slip ratios λ, shape (n,); or samples, or recordings, or paths of
             recordings or of tables.
@@ -94,7 +98,9 @@ def identify(
             recordings = as_recordings(slip)  # type: ignore[arg-type]  # `_paths` has checked it
             samples = load_recording_samples(recordings, config).samples
     settings, noise = config.estimators.identifiability, config.estimators.noise
-    result = _identify(samples, settings, labels=labels, families=families, noise=noise)
+    result = _identify(
+        samples, settings, labels=labels, families=families, noise=noise, judge_family=True
+    )
     if result is None:
         raise InputError(
             where,

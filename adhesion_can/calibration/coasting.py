@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,10 @@ SOFTEST_CONTACT = min(s.c1 * s.c2 - s.c3 for s in RAIL)
 An adhesion μ that counts as coasting leaves a slip ratio of at most μ/slope.
 """
 
+GAP_CYCLES, WINDOW_CYCLES = 3.0, 2.0
+"""Least gap and least window in cycles of the slowest signal: two lost readings are bridged, and a
+window holds a reading on either side."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationSettings:
@@ -31,9 +36,10 @@ class CalibrationSettings:
         acceleration_max: Largest acceleration of the vehicle, m/s². Smaller: brakes without a
             signal are left out more surely, with less data.
         speed_min: Least vehicle speed that is used, m/s.
-        window_s: Window of the averages of effort and acceleration, s. Larger: less noise in them,
-            slower detection of coasting.
-        gap_s: Largest distance of two readings between which values are interpolated, s.
+        window_s: Window of the averages of effort and acceleration, s; at least `WINDOW_CYCLES`
+            cycles of the slowest signal. Larger: less noise in them, slower detection of coasting.
+        gap_s: Largest distance of two readings between which values are interpolated, s; at least
+            `GAP_CYCLES` cycles of the slowest signal.
         block_s: Length of the jackknife's blocks, s. It must exceed about five times the
             correlation time of the speed's errors; longer blocks are fewer.
         blocks_min: Least number of blocks with coasting for a radius.
@@ -79,6 +85,35 @@ class CoastingDrive:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CoastingTimes:
+    """Time that is left of a recording by each condition of coasting, and by those before it.
+
+    Attributes:
+        recorded: Duration without gaps of the vehicle speed, s.
+        read: Time with a reading of the wheel speed beside it, s, shape (m,).
+        fast: Time above the least vehicle speed, s, shape (m,).
+        steady: Time within the largest acceleration, s, shape (m,).
+        idle: Time within the largest adhesion, s, shape (m,).
+        settled: Time after settling, s, shape (m,).
+
+    """
+
+    recorded: float
+    read: Array
+    fast: Array
+    steady: Array
+    idle: Array
+    settled: Array
+
+    @classmethod
+    def total(cls, parts: "Sequence[CoastingTimes]") -> "CoastingTimes":
+        """Times of all drives together."""
+        names = ("read", "fast", "steady", "idle", "settled")
+        sums = {name: np.sum([getattr(p, name) for p in parts], axis=0) for name in names}
+        return cls(recorded=sum(p.recorded for p in parts), **sums)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CoastingRows:
     """Signals of n stamps of the vehicle speed and m axles, with the coasting among them.
 
@@ -89,6 +124,7 @@ class CoastingRows:
         used: Whether the axle coasts and its value is used, shape (n, m).
         span: Time to the next row, s, 0 over a gap, shape (n,).
         block: Number of the row's block, ascending, shape (n,).
+        times: Time that each condition leaves.
 
     """
 
@@ -98,6 +134,15 @@ class CoastingRows:
     used: NDArray[np.bool_]
     span: Array
     block: NDArray[np.int64]
+    times: CoastingTimes
+
+
+def slowest_cycle_s(drive: CoastingDrive) -> float:
+    """Median distance of the readings of the slowest signal, s; 0 without two readings of any."""
+    traces = (drive.speed, *drive.wheel_speed.values(), *drive.effort.values())
+    return max(
+        (float(np.median(np.diff(t.t_us))) / 1e6 for t in traces if len(t.t_us) > 1), default=0.0
+    )
 
 
 def find_coasting(
@@ -105,13 +150,15 @@ def find_coasting(
 ) -> CoastingRows:
     """Signals of one drive at the stamps of its vehicle speed, with the coasting of each axle."""
     t, v = drive.speed.t_us, drive.speed.value
-    gap_us, window_us = settings.gap_s * 1e6, settings.window_s * 1e6
+    cycle_s = slowest_cycle_s(drive)
+    gap_us = max(settings.gap_s, GAP_CYCLES * cycle_s) * 1e6
+    window_us = max(settings.window_s, WINDOW_CYCLES * cycle_s) * 1e6
     wheels = [drive.wheel_speed[axle] for axle in axles]
     rolling = np.column_stack([wheel.at(t, gap_us) for wheel in wheels])
     spin = np.column_stack([wheel.slope(t, window_us, gap_us) for wheel in wheels])
     radius = np.array([vehicle.wheel_radius[axle - 1] for axle in axles])
     acceleration = _row_median(spin * radius)
-    moving = (v >= settings.speed_min) & (np.abs(acceleration) <= settings.acceleration_max)
+    fast, steady = v >= settings.speed_min, np.abs(acceleration) <= settings.acceleration_max
     idle: dict[int, NDArray[np.bool_]] = {}
     for i, axle in enumerate(axles):
         if axle in drive.effort:
@@ -123,15 +170,27 @@ def find_coasting(
     for coasting in idle.values():
         others = others & coasting
     coasts = np.column_stack([idle.get(axle, others) for axle in axles])
-    good = np.isfinite(rolling) & (coasts & moving[:, None])
+    conditions = [np.isfinite(rolling), fast[:, None], steady[:, None], coasts]
+    left = list(accumulate(conditions, np.logical_and))
+    used = np.column_stack([_settled(column, t, gap_us, settings) for column in left[-1].T])
     steps = np.diff(t, append=t[-1:]) / 1e6
+    span = np.where(steps * 1e6 > gap_us, 0.0, steps)
+    read_s, fast_s, steady_s, idle_s, settled_s = (span @ rows for rows in (*left, used))
     return CoastingRows(
         speed=v,
         rolling=rolling,
         acceleration=acceleration,
-        used=np.column_stack([_settled(column, t, settings) for column in good.T]),
-        span=np.where(steps > settings.gap_s, 0.0, steps),
+        used=used,
+        span=span,
         block=t // round(settings.block_s * 1e6),
+        times=CoastingTimes(
+            recorded=float(span.sum()),
+            read=read_s,
+            fast=fast_s,
+            steady=steady_s,
+            idle=idle_s,
+            settled=settled_s,
+        ),
     )
 
 
@@ -144,12 +203,15 @@ def _row_median(values: Array) -> Array:
 
 
 def _settled(
-    good: NDArray[np.bool_], t_us: NDArray[np.int64], settings: CalibrationSettings
+    good: NDArray[np.bool_],
+    t_us: NDArray[np.int64],
+    gap_us: float,
+    settings: CalibrationSettings,
 ) -> NDArray[np.bool_]:
     """Whether a stamp and all before it within the settling time are good, shape (n,)."""
     if not len(t_us):
         return good
-    breaks = ~good | (np.diff(t_us, prepend=t_us[0]) > settings.gap_s * 1e6)
+    breaks = ~good | (np.diff(t_us, prepend=t_us[0]) > gap_us)
     breaks[0] = True
     last_break = t_us[np.maximum.accumulate(np.where(breaks, np.arange(len(t_us)), 0))]
     return np.asarray(good & (t_us - last_break >= settings.settle_s * 1e6))
@@ -175,4 +237,5 @@ def join_coasting(parts: Sequence[CoastingRows]) -> CoastingRows:
         used=column("used"),
         span=column("span"),
         block=np.concatenate(blocks),
+        times=CoastingTimes.total([part.times for part in parts]),
     )

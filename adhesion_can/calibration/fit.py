@@ -31,6 +31,7 @@ from adhesion_can.calibration.coasting import (
     CalibrationSettings,
     CoastingDrive,
     CoastingRows,
+    CoastingTimes,
     find_coasting,
     join_coasting,
 )
@@ -107,6 +108,7 @@ class Calibration:
         mean_acceleration: Mean acceleration of the vehicle, m/s².
         systematic_percent: Bound of the radii's systematic error by the creep left while coasting,
             %; None where coasting was not detected from effort.
+        times: Time that each condition of coasting leaves.
 
     """
 
@@ -123,6 +125,7 @@ class Calibration:
     mean_speed: float
     mean_acceleration: float
     systematic_percent: float | None
+    times: CoastingTimes
 
     def to_dict(self, rim_speed_axles: Collection[int] = ()) -> dict[str, Any]:
         """Radii and errors of the vehicle speed, as JSON has them.
@@ -233,6 +236,7 @@ def calibrate(
         mean_speed=float(v.mean()) if len(v) else 0.0,
         mean_acceleration=float(a.mean()) if len(a) else 0.0,
         systematic_percent=100 * settings.adhesion_max / SOFTEST_CONTACT if effort_known else None,
+        times=rows.times,
     )
 
 

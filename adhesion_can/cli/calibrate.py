@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 
+import numpy as np
+
 from adhesion_can.api.calibration import (
     build_coasting_drive,
     require_calibration_roles,
@@ -187,16 +189,49 @@ def _settings(options: argparse.Namespace) -> CalibrationSettings:
 
 
 def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[str, str]:
-    """What is wrong and the mend, where no axle has enough coasting."""
-    longest = max(axle.coasting_s for axle in result.axles)
+    """What is wrong and the mend, where no axle has enough coasting.
+
+    The mend is that of the first condition that leaves too little time.
+    """
     kind = "coasts" if result.effort_known else "runs at a steady speed"
-    option = "--adhesion-max" if result.effort_known else "--acceleration-max"
-    what = (
-        f"no axle {kind} for {settings.coasting_min_s:g} s in {settings.blocks_min} blocks of "
-        f"{settings.block_s:g} s (longest {longest:.1f} s above {settings.speed_min:g} m/s)"
+    times = result.times
+    longest = int(np.argmax(times.settled if times.settled.any() else times.idle))
+    conditions = (
+        ("with a wheel speed beside the vehicle speed", times.read, "check the roles' signals"),
+        (f"above {settings.speed_min:g} m/s", times.fast, "record a faster drive"),
+        (
+            f"with an acceleration below {settings.acceleration_max:g} m/s²",
+            times.steady,
+            "record a steadier drive, or raise --acceleration-max",
+        ),
+        (
+            f"with an adhesion below {settings.adhesion_max:g}",
+            times.idle,
+            (
+                "record a drive in which an axle coasts, or raise --adhesion-max; of the simulated "
+                "scenarios 'sweep' coasts, from 90 s on"
+            ),
+        ),
+        (
+            f"after {settings.settle_s:g} s of that",
+            times.settled,
+            "record longer coasting, or lower --settle",
+        ),
     )
-    mend = f"record a drive in which one does, or raise {option}; of the simulated scenarios "
-    return what, f"{mend}'sweep' coasts, from 90 s on"
+    least = settings.coasting_min_s
+    left = f"of {times.recorded:.1f} s"
+    for text, seconds, own_mend in conditions:
+        left += f" {seconds[longest]:.1f} s {text},"
+        if seconds[longest] < least:
+            mend = own_mend
+            break
+    else:
+        mend = f"record a longer drive: they are in fewer than {settings.blocks_min} blocks"
+    what = (
+        f"no axle {kind} for {least:g} s in {settings.blocks_min} blocks of "
+        f"{settings.block_s:g} s ({left.rstrip(',').replace(',', ', of these')})"
+    )
+    return what, mend
 
 
 def _notes_on_source(

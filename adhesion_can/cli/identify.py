@@ -31,7 +31,7 @@ from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.recordings.sequence import open_recordings
-from adhesion_can.reporting.curves import render_curves
+from adhesion_can.reporting.curves import family_lines, render_curves
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 from adhesion_can.result_text import plus_minus
@@ -44,7 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
         "Fits the adhesion curve to recordings or tables of samples, a curve for each "
-        "segment of constant surface, and reports what is identifiable."
+        "segment of constant surface, and reports what is identifiable. The peak is that of the "
+        "curve families that hold; c1, c2 and c3 are Burckhardt's."
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
     add_model(parser, "its effects are removed, and its base curve is fitted")
@@ -67,7 +68,12 @@ def run(options: argparse.Namespace) -> int:
     settings, noise = config.estimators.identifiability, config.estimators.noise
     families = families_by_option(options.curve)
     result = identify(
-        loaded.samples, settings, labels=loaded.labels, families=families, noise=noise
+        loaded.samples,
+        settings,
+        labels=loaded.labels,
+        families=families,
+        noise=noise,
+        judge_family=True,
     )
     if result is None:
         raise InputError(
@@ -116,6 +122,8 @@ def _print(
     result: BatchResult, problems: list[str], model: ExtendedModel | None, factor: float
 ) -> None:
     out = console()
+    for line in family_lines(result):
+        out.print(line, markup=False)
     rows = [(result.times.span(s.from_us, s.to_us), *_cells(s.estimate)) for s in result.segments]
     if len(result.segments) > 1:
         rows.append(("all together", *_cells(result.whole)))

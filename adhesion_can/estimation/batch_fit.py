@@ -38,12 +38,15 @@ from adhesion_can.result_text import TimeScale, html_table, plus_minus
 
 if TYPE_CHECKING:
     from adhesion_can.estimation.curve_result import CurveComparison
+    from adhesion_can.estimation.rail_peak import RailPeak
     from adhesion_can.physics.curves import CurveFamily
 
 BINS = 96
 """Number of bins of slip for the score of a change."""
 AT_BOUND = 1.0 - 1e-4
 """Share of the largest value of a parameter from which it is at its bound."""
+NORMAL_95 = 1.959964
+"""Standard deviations on either side of a 95 % interval."""
 SHORT = 10
 """Duration of a segment, in margins beside a change, up to which all of it is used."""
 
@@ -100,6 +103,9 @@ class BatchResult:
         curves: Comparison of curve families in each segment, None for one with too few samples;
             () where none was asked for.
         whole_curves: Comparison of curve families on all samples together; None without `curves`.
+        rails: Peak of the rail in each segment by the curve families that hold, which its estimate
+            states where Burckhardt's does not; None for a segment in which none are compared, ()
+            where that was not asked for.
 
     """
 
@@ -108,6 +114,7 @@ class BatchResult:
     left_out: int
     curves: "tuple[CurveComparison | None, ...]" = ()
     whole_curves: "CurveComparison | None" = None
+    rails: "tuple[RailPeak | None, ...]" = ()
 
     @property
     def times(self) -> TimeScale:
@@ -120,12 +127,19 @@ class BatchResult:
             {
                 "from_s": s.from_us / 1e6,
                 "to_s": s.to_us / 1e6,
-                **s.estimate.to_dict(),
+                **_with_intervals(s.estimate),
                 "directions": s.directions._asdict(),
             }
             for s in self.segments
         ]
-        document = {**self.whole.to_dict(), "segments": segments, "left_out": self.left_out}
+        whole = _with_intervals(self.whole)
+        if self.rails:
+            judged = [rail and rail.to_dict() for rail in self.rails]
+            for segment, family in zip(segments, judged, strict=True):
+                segment["family"] = family
+            # The surface changed: no family holds for all of it.
+            whole["family"] = judged[0] if len(judged) == 1 else None
+        document = {**whole, "segments": segments, "left_out": self.left_out}
         if self.curves:
             found = [None if c is None else c.to_dict() for c in self.curves]
             for segment, curves in zip(segments, found, strict=True):
@@ -147,6 +161,16 @@ class BatchResult:
         columns = ("time s", "samples", "mu_max", "lambda_m", "identifiable")
         title = f"Batch fit by segment, ± standard deviation{self.times.note}"
         return html_table(title, columns, rows)
+
+
+def _with_intervals(estimate: Estimate) -> dict[str, Any]:
+    """Estimate as JSON has it, with the 95 % intervals of the peak; None where unknown."""
+    document = estimate.to_dict()
+    for name in ("mu_max", "lambda_m"):
+        value, std = document[name]["value"], document[name]["std"]
+        ends = None if std is None else [value - NORMAL_95 * std, value + NORMAL_95 * std]
+        document[name] = {**document[name], "interval": ends}
+    return document
 
 
 def fit(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Estimate:
@@ -199,6 +223,8 @@ def identify(
     labels: NDArray[np.int64] | None = None,
     families: "Sequence[CurveFamily]" = (),
     noise: NoiseSettings | None = None,
+    *,
+    judge_family: bool = False,
 ) -> BatchResult | None:
     """Batch fit of a recording: one curve for all of it, and one for each segment.
 
@@ -210,6 +236,8 @@ def identify(
             detected from the samples.
         families: Curve families to compare in each segment.
         noise: Settings of the noise of the samples; None: the defaults.
+        judge_family: Whether each segment's peak is that of the curve families that hold, where
+            Burckhardt's does not.
 
     Returns:
         Result of the fit; None where no sample is usable.
@@ -233,17 +261,21 @@ def identify(
     else:
         edges = [int(i) for i in np.flatnonzero(np.diff(labels[usable])) + 1]
     bounds = [0, *edges, len(kept)]
+    inner = [kept.select(_inner(kept.t_us, a, b, margin_us)) for a, b in pairwise(bounds)]
     segments = tuple(
-        _fit_segment(kept, a, b, kept.select(_inner(kept.t_us, a, b, margin_us)), settings)
-        for a, b in pairwise(bounds)
+        _fit_segment(kept, a, b, rows, settings)
+        for (a, b), rows in zip(pairwise(bounds), inner, strict=True)
     )
+    rails: tuple[RailPeak | None, ...] = ()
+    if judge_family:
+        segments, rails = _judge_families(segments, inner, settings)
     whole = segments[0].estimate
     if len(segments) > 1:
         whole = replace(
             fit_surface(kept, settings), identifiable=Identifiable(mu_max=False, lambda_m=False)
         )
     if not families:
-        return BatchResult(whole, segments, len(samples) - len(kept))
+        return BatchResult(whole, segments, len(samples) - len(kept), rails=rails)
     # Imported here: most fits compare nothing, and a short check would wait for it.
     from adhesion_can.estimation.curve_comparison import compare_families  # noqa: PLC0415
 
@@ -253,7 +285,28 @@ def identify(
     )
     alone = len(segments) == 1
     together = curves[0] if alone else compare_families(kept, families, slip_max=settings.slip_max)
-    return BatchResult(whole, segments, len(samples) - len(kept), curves, together)
+    return BatchResult(whole, segments, len(samples) - len(kept), curves, together, rails)
+
+
+def _judge_families(
+    segments: tuple[Segment, ...], inner: Sequence[Samples], settings: IdentifiabilitySettings
+) -> "tuple[tuple[Segment, ...], tuple[RailPeak | None, ...]]":
+    """Segments with the peak of the rail, and the families that it comes from.
+
+    Where traction and braking have curves of their own no one curve is compared.
+    """
+    # Imported here: a short check compares nothing, and would wait for it.
+    from adhesion_can.estimation.find_rail_peak import find_rail_peak  # noqa: PLC0415
+
+    rails = tuple(
+        find_rail_peak(rows, segment.estimate, settings) if segment.directions.agree else None
+        for segment, rows in zip(segments, inner, strict=True)
+    )
+    judged = tuple(
+        segment if rail is None else segment._replace(estimate=rail.estimate)
+        for segment, rail in zip(segments, rails, strict=True)
+    )
+    return judged, rails
 
 
 def _fit_segment(

@@ -133,12 +133,12 @@ def fit_values(
     weights = points.count
     tried = [_minimise(points, family, weights, np.clip(s, lower, upper)) for s in starts]
     values, _ = min(tried, key=lambda found: found[1])
-    noise_var = _noise_variance(points, family, values)
+    noise_var = noise_variance(points, family, values)
     if points.slip_var.any():
         for _ in range(REWEIGHTINGS):
             weights = points.count / _variance(points, family, values, noise_var)
             values, _ = _minimise(points, family, weights, values)
-            noise_var = _noise_variance(points, family, values)
+            noise_var = noise_variance(points, family, values)
     near = AT_BOUND * (upper - lower)
     values = np.where(values < lower + near, lower, np.where(values > upper - near, upper, values))
     return values, noise_var
@@ -184,8 +184,15 @@ def _variance(points: CurvePoints, family: CurveFamily, values: Array, noise_var
     return np.asarray(noise_var + slope**2 * points.slip_var)
 
 
-def _noise_variance(points: CurvePoints, family: CurveFamily, values: Array) -> float:
-    """Variance of the adhesion: what the errors of the slip leave of the residuals'."""
+def noise_variance(points: CurvePoints, family: CurveFamily, values: Array) -> float:
+    """Variance of the adhesion about a curve: what errors of the slip leave of the residuals'.
+
+    Args:
+        points: Points, at least one.
+        family: Family of the curve.
+        values: Values of its parameters, shape (k,).
+
+    """
     squares = mean_square_residual(points, family, values)
     by_slip = _variance(points, family, values, 0.0)
     samples = float(points.count.sum())

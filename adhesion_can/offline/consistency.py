@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.offline.finding import Finding
 from adhesion_can.physics.vehicle import GRAVITY
+from adhesion_can.sampling.derived_force import find_derived_force
 
 LEAST_ROWS = 60
 """Rows, or pairs of them, without which a correlation says nothing."""
@@ -105,6 +106,28 @@ def inspect_acceleration(
         "if the column is in km/h, say --column speed_mps=speed_mps,unit=km/h",
         fatal=False,
     )
+
+
+def inspect_derived_force(
+    t_us: NDArray[np.int64], speed: Array, adhesion: Array
+) -> Iterator[Finding]:
+    """An adhesion that was computed from the rate of change of the speed.
+
+    Args:
+        t_us: Stamps of one axle's rows, ascending, µs, shape (n,).
+        speed: Vehicle speed, m/s, shape (n,).
+        adhesion: Adhesion coefficients, shape (n,).
+
+    """
+    found = find_derived_force(t_us, speed, adhesion)
+    if found is not None:
+        yield Finding(
+            "the force is computed from the speed: its rate of change explains "
+            f"{100 * found.explained:.0f} % of the force, and their noise has a correlation of "
+            f"{found.shared:.2f}",
+            "no delay between force and speed can be told from such data; give a measured force",
+            fatal=False,
+        )
 
 
 def acceleration_ratio(t_us: NDArray[np.int64], speed: Array, adhesion: Array) -> float | None:

@@ -7,7 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.offline.consistency import inspect_acceleration, inspect_delay
+from adhesion_can.offline.consistency import (
+    inspect_acceleration,
+    inspect_delay,
+    inspect_derived_force,
+)
 from adhesion_can.offline.finding import Finding
 from adhesion_can.offline.rim_speed import inspect_rim_speeds, known_ratio, slips_of_samples
 from adhesion_can.physics.samples import Samples
@@ -229,7 +233,13 @@ def _speed(points: Points) -> Iterator[Finding]:
 def _motion(points: Points) -> Iterator[Finding]:
     if points.t_us is None or not points.table or np.any(np.diff(points.t_us) < 0):
         return
-    yield from inspect_delay(points.t_us, points.slip, points.adhesion)
+    derived: list[Finding] = []
+    if points.speed is not None:
+        derived = list(inspect_derived_force(points.t_us, points.speed, points.adhesion))
+    # A force that comes from the speed shows no delay that could be put right.
+    delays = inspect_delay(points.t_us, points.slip, points.adhesion)
+    yield from (one for one in delays if one.fatal or not derived)
+    yield from derived
     if points.speed is not None and float(np.median(points.speed)) <= FAST:
         yield from inspect_acceleration(points.t_us, points.speed, points.adhesion)
 

@@ -14,6 +14,27 @@ CREEP_SPEED = 1.0
 """Creep speed for which the fall of the friction is stated, m/s."""
 
 
+def family_lines(result: BatchResult) -> list[str]:
+    """Which curve families hold: one line, or one for each segment that differs from the others."""
+    said: dict[str, list[Segment]] = {}
+    for segment, rail in zip(result.segments, result.rails, strict=False):
+        if rail is not None:
+            text = rail.sentence
+        elif segment.directions.sentence:
+            continue
+        else:
+            text = f"Curve families are not compared: fewer than {LEAST_SAMPLES} samples."
+        said.setdefault(text, []).append(segment)
+    if len(result.segments) == 1:
+        return list(said)
+    if [len(segments) for segments in said.values()] == [len(result.segments)]:
+        return [f"In all segments: {text}" for text in said]
+    return [
+        f"{', '.join(result.times.span(s.from_us, s.to_us) for s in segments)} s: {text}"
+        for text, segments in said.items()
+    ]
+
+
 def render_curves(result: BatchResult) -> list[FittingTable | str]:
     """Table and sentences for each segment whose families were compared."""
     alone = len(result.segments) == 1

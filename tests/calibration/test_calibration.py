@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.calibration.coasting import CalibrationSettings, CoastingDrive
+from adhesion_can.calibration.coasting import CalibrationSettings, CoastingDrive, find_coasting
 from adhesion_can.calibration.fit import calibrate
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.sampling.traces import Trace
@@ -120,6 +120,34 @@ def test_95_percent_intervals_hold_under_correlated_errors(rounds, offset, delay
     # blocks are few: bounds of five standard errors.
     assert share >= 0.82
     assert 0.7 < spread < 1.6
+
+
+@pytest.mark.parametrize("step", [0.5, 1.0, 2.0])
+def test_readings_as_slow_as_every_two_seconds_calibrate(step):
+    """Gaps and windows follow the signals' own cycle."""
+    errors = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        one = drive(rng, duration=1800.0, step=step, start=rng.uniform(0, 6))
+        result = run(one, **FIXED)
+        for axle, true in zip(result.axles, TRUE_RADII, strict=True):
+            assert axle.coasting_s > 300
+            assert axle.estimate.std < 1e-3 * true
+            errors.append((axle.estimate.value - true) / axle.estimate.std)
+    # The radii of one drive share its speed: some 12 to 24 independent ones.
+    assert np.mean(np.abs(errors) < 2.2) >= 0.8
+
+
+def test_a_gap_beyond_three_cycles_is_bridged_by_nothing():
+    one = drive(np.random.default_rng(7), duration=600.0, step=1.0)
+    kept = np.ones(600, dtype=bool)
+    kept[100:103] = False  # four seconds between two readings
+    wheels = {i: Trace(w.t_us[kept], w.value[kept]) for i, w in one.wheel_speed.items()}
+    whole, holed = (find_coasting(CoastingDrive(one.speed, w, one.effort), [1, 2, 3, 4], VEHICLE,
+                                  CalibrationSettings(acceleration_max=1.0))
+                    for w in (one.wheel_speed, wheels))  # fmt: skip
+    assert np.isfinite(whole.rolling).all()
+    assert np.flatnonzero(~np.isfinite(holed.rolling).all(axis=1)).tolist() == [100, 101, 102]
 
 
 def test_per_sample_errors_would_be_several_times_too_small():

@@ -391,6 +391,80 @@ def test_no_coasting_is_one_line_with_the_mend(tmp_path, capsys):
     assert "--adhesion-max" in message
 
 
+SLOW_DBC = """VERSION ""
+BU_: BUS
+BO_ 256 Wheels: 8 BUS
+ SG_ Left : 0|16@1- (0.001,0) [-5|30] "m/s" BUS
+ SG_ Right : 16|16@1- (0.001,0) [-5|30] "m/s" BUS
+BO_ 257 Ground: 2 BUS
+ SG_ Speed : 0|16@1- (0.001,0) [-5|30] "m/s" BUS
+BO_ 258 Drive: 2 BUS
+ SG_ F : 0|16@1- (1,0) [-20000|20000] "N" BUS
+"""
+SLOW_TOML = """[vehicle]
+axles = 2
+wheel_radius_m = 0.48
+axle_load_N = 47500.0
+[bus]
+database = "slow.dbc"
+[roles]
+vehicle_speed = { signal = "Ground.Speed", cycle_ms = 1000 }
+"wheel_speed.1" = { signal = "Wheels.Left", cycle_ms = 1000 }
+"wheel_speed.2" = { signal = "Wheels.Right", cycle_ms = 1000 }
+"tractive_effort.1" = { signal = "Drive.F", cycle_ms = 1000 }
+"tractive_effort.2" = { signal = "Drive.F", cycle_ms = 1000 }
+"""
+
+
+def every_second(folder, seconds, force, scale=1.0):
+    """A bus on which every signal comes once a second; the right wheel reads 0.5 % too fast."""
+    (folder / "slow.dbc").write_text(SLOW_DBC)
+    (folder / "slow.toml").write_text(SLOW_TOML)
+    rng, lines = np.random.default_rng(11), []
+    for k in range(seconds):
+        v = scale * (9.0 + 3.0 * np.sin(k / 40.0))
+        pulls = k % 60 < 20
+        values = {
+            256: np.array([v, 1.005 * v]) * (1.02 if pulls else 1.0) + 0.003 * rng.normal(size=2),
+            257: np.array([v + 0.01 * rng.normal()]),
+        }
+        for number, speeds in values.items():
+            data = np.round(speeds * 1000).astype("<i2").tobytes()
+            data += bytes((8 if number == 256 else 2) - len(data))
+            lines.append(f"({k + number / 1e6:.6f}) can0 {number:X}#{data.hex().upper()}")
+        effort = np.array([force if pulls else 0.0]).astype("<i2").tobytes()
+        lines.append(f"({k + 0.000300:.6f}) can0 102#{effort.hex().upper()}")
+    (folder / "slow.log").write_text("\n".join(lines) + "\n")
+    return folder / "slow.log", "--config", folder / "slow.toml"
+
+
+def test_signals_once_a_second_are_calibrated(tmp_path):
+    result = calibrated(tmp_path, *every_second(tmp_path, 900, 8000))
+    left, right = result["axles"]
+    assert min(left["coasting_s"], right["coasting_s"]) > 300
+    for axle, percent in ((left, 0.0), (right, -0.5)):
+        std = 100 * axle["radius_m"]["std"] / axle["configured_m"]
+        assert std < 0.1
+        assert abs(axle["change_percent"] - percent) < 4 * std + 0.01
+
+
+@pytest.mark.parametrize(
+    ("seconds", "how", "options", "reason"),
+    [
+        (300, {}, ("--settle", "60"), "0.0 s after 60 s of that); record longer coasting"),
+        (300, {"scale": 0.2}, (), "0.0 s above 3 m/s); record a faster drive"),
+        (300, {}, ("--adhesion-max", "1e-9", "--acceleration-max", "1e-4"), "--acceleration-max"),
+        (20, {}, (), "with an adhesion below 0.005); record a drive in which an axle coasts"),
+        (35, {}, (), "they are in fewer than 4 blocks"),
+    ],
+)
+def test_the_condition_that_leaves_no_coasting_is_named(
+    tmp_path, capsys, seconds, how, options, reason
+):
+    message = fails(capsys, *every_second(tmp_path, seconds, 8000, **how), *options)
+    assert reason in message
+
+
 def test_bad_inputs_are_one_line_each(car, tmp_path, capsys):
     toml, log, reference = car
     empty = tmp_path / "empty.log"

@@ -6,6 +6,7 @@ from math import inf
 import numpy as np
 import pytest
 
+from adhesion_can.calibration.coasting import CoastingTimes
 from adhesion_can.calibration.fit import AxleRadius, Calibration, Quantity
 from adhesion_can.config import load_configuration
 from adhesion_can.config.calibrated_radii import rim_axles, with_radii
@@ -25,6 +26,7 @@ LARGE = (
     Hidden("sanding", "", {"gain": 0.25}),
 )
 """Effects of a size that 19 in 20 drives of 100 s tell, with worn wheels or without."""
+CONDITIONS = ("read", "fast", "steady", "idle", "settled")
 EFFECTS = {one.effect: one for one in HIDDEN}
 
 
@@ -37,6 +39,7 @@ def calibration(*deviations, std=1e-4, coasting_s=20.0, blocks=6, effort=True):
         axles=axles, offset=None, delay=None, delay_used_s=0.0, offset_std=inf, delay_std=inf,
         noise_std=0.01, outliers=0.0, effort_known=effort, speed_range=(5.0, 20.0),
         mean_speed=10.0, mean_acceleration=0.0, systematic_percent=0.1,
+        times=CoastingTimes(recorded=60.0, **dict.fromkeys(CONDITIONS, np.full(len(axles), 20.0))),
     )  # fmt: skip
 
 

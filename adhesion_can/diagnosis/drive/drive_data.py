@@ -78,6 +78,7 @@ class DriveData:
         independent: Whether the rows are independent points of a sample table, in an arbitrary
             order, and no time series.
         user_channels: Covariates that the user brought: any of them may be a cause.
+        derived_force: Whether the force was computed from the rate of change of the vehicle speed.
 
     """
 
@@ -99,6 +100,7 @@ class DriveData:
     has_load: bool = True
     independent: bool = False
     user_channels: tuple[UserChannel, ...] = ()
+    derived_force: bool = False
     _observed: "deque[tuple[Instruments, ContactObservation]]" = field(
         default_factory=lambda: deque(maxlen=KEPT), init=False, repr=False
     )

@@ -11,6 +11,7 @@ from adhesion_can.diagnosis.drive.kinematics import TableKinematics
 from adhesion_can.physics.channels import UserChannel
 from adhesion_can.physics.effects.lag_states import PAUSE_S
 from adhesion_can.physics.samples import Samples
+from adhesion_can.sampling.derived_force import find_derived_force
 
 PAUSE_CYCLES = 8.0
 """Number of cycles of a sample table after which its rows do not follow each other, as after
@@ -78,7 +79,18 @@ def build_drive_data_from_table(
         has_load=bool(np.any(rows.load != 1.0)),
         independent=independent,
         user_channels=tuple(UserChannel(n, (units or {}).get(n, "")) for n in covariates),
+        derived_force=not independent and _is_force_derived(samples),
     )
+
+
+def _is_force_derived(samples: Samples) -> bool:
+    """Whether the force of any axle was computed from the rate of change of the speed."""
+    force = samples.adhesion * samples.load
+    found = (
+        find_derived_force(samples.t_us[own], samples.speed[own], force[own])
+        for own in (samples.axle == axle for axle in np.unique(samples.axle))
+    )
+    return any(one is not None for one in found)
 
 
 def _number_axles(axle: NDArray[np.int64]) -> NDArray[np.int64]:

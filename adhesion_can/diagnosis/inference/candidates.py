@@ -98,7 +98,28 @@ def _missing(effect: Effect, drives: Sequence[DriveData]) -> str:
         return why
     if effect.observability.drift and (why := _few_series(drives)):
         return why
-    return _missing_sequence(effect, drives) or _missing_rows(effect, drives)
+    return (
+        _missing_sequence(effect, drives)
+        or _derived_force(effect, drives)
+        or _missing_rows(effect, drives)
+    )
+
+
+def _derived_force(effect: Effect, drives: Sequence[DriveData]) -> str:
+    """Why a delay between the signals cannot be tested; '' where it can.
+
+    Where the force is dv/dt, a shift of v by τ changes the slip by τ dv/dt/v, the adhesion itself:
+    it bends the curve, and fits whatever the signals' delays are.
+    """
+    if acts_in_contact(effect) or effect.parameters[0].unit != "s":
+        return ""
+    for drive in drives:
+        if drive.derived_force:
+            return (
+                f"the force of {drive.name} is computed from the rate of change of the vehicle "
+                "speed, and shows no delay against it"
+            )
+    return ""
 
 
 def _few_series(drives: Sequence[DriveData]) -> str:

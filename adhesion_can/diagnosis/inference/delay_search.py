@@ -59,7 +59,7 @@ def with_delay_for_lag(
             if delay not in model.candidates
             for about_s in (-values[0] / speed, values[0] / speed)
             for fitted in (
-                fit_model(regression, smoothed.with_effect(delay, (about_s,))),
+                fit_model(regression, smoothed.with_effect(delay, (_in_range(delay, about_s),))),
                 _fit_delay(regression, smaller, delay, about_s),
             )
         ]
@@ -101,8 +101,7 @@ def _fit_delay(
     With the curves of another delay the search may stop where it begins; so the curves are fitted
     at a few given delays first, none of them beyond what a delay may be.
     """
-    (size,) = delay.free_parameters
-    given = {float(np.clip(scale * about_s, size.lower, size.upper)) for scale in scales}
+    given = {_in_range(delay, scale * about_s) for scale in scales}
     profile = {
         by_s: fit_model(regression, replace(model, fixed=(*model.fixed, delay.active((by_s,)))))
         for by_s in sorted(given)
@@ -110,3 +109,12 @@ def _fit_delay(
     best = min(profile, key=lambda by_s: profile[by_s].cross_validated_square)
     at_best = replace(profile[best].model, fixed=model.fixed)
     return fit_model(regression, at_best.with_effect(delay, (best,)))
+
+
+def _in_range(delay: Candidate, about_s: float) -> float:
+    """The delay nearest to a given one, s, that is within its range.
+
+    A lag of a length takes seconds where the vehicle creeps, and no signal is as late.
+    """
+    (size,) = delay.free_parameters
+    return float(np.clip(about_s, size.lower, size.upper))

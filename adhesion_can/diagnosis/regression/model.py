@@ -352,7 +352,12 @@ def _difference_quotient(
     slip_correction: Array | None,
     known: Evaluation | None,
 ) -> Array:
-    """Change of −e per unit of one parameter, from a step to either side of it, shape (n,)."""
+    """Change of −e per unit of one parameter, from a step to either side of it, shape (n,).
+
+    Raises:
+        ValueError: The value lies a step or more beyond its range, where both ends are one.
+
+    """
     parameter = candidate.free_parameters[place]
     lower = candidate.lower_bound(parameter)
     ends = []
@@ -363,4 +368,6 @@ def _difference_quotient(
         known = evaluate_model(data, model.curves, effects, slip_correction, known)
         ends.append((value, known.residual))
     (high, above), (low, below) = ends
+    if high == low:
+        raise ValueError(f"{candidate.name}: {parameter.name} {values[place]:g} is out of range")
     return np.asarray((below - above) / (high - low))

@@ -4,7 +4,8 @@ Columns: `time_s`, `slip`, and `adhesion` or both `longitudinal_force_N` and `no
 optional `speed_mps`, `axle`, `segment`, `slip_std`, `adhesion_std`, and the position by
 `latitude_deg` and `longitude_deg`, which is no covariate. Every other numeric column is one
 by its name, and each text of a column of few texts is one as `COLUMN=TEXT`, 1 in its rows
-and 0 in the others. Without `time_s` the rows are independent points and all have the stamp 0.
+and 0 in the others. Rows stand in the order of their times, whatever order the file has. Without
+`time_s` they are independent points and all have the stamp 0.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -24,6 +25,7 @@ from adhesion_can.recordings.tables.csv_file import read_csv, read_heading
 from adhesion_can.recordings.tables.mat_file import read_mat
 from adhesion_can.recordings.tables.mf4_table import holds_channel, read_mf4
 from adhesion_can.recordings.tables.parquet_file import read_parquet
+from adhesion_can.recordings.tables.row_order import sort_rows
 from adhesion_can.recordings.tables.shift import shift_columns
 
 FORCE, LOAD = "longitudinal_force_N", "normal_load_N"
@@ -132,7 +134,7 @@ def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
         ".mf4": partial(read_mf4, name=_slip_column(choices)),
     }
     reader = readers.get(_suffix(path), read_csv)
-    columns = apply_choices(reader(path), choices, str(path))
+    columns = sort_rows(apply_choices(reader(path), choices, str(path)))
     columns = shift_columns(columns, choices, str(path))
     _require_columns(columns.values, str(path))
     numbers = {name: c for name, c in columns.values.items() if not isinstance(c, tuple)}

@@ -1,0 +1,260 @@
+"""Peak of the rail by the curve families that hold, beside a fit of Burckhardt's curve.
+
+Burckhardt's curve has one bend, and where a rail bends otherwise its peak is wrong by far more than
+its standard deviation says. So the families are compared on the same samples: where the samples
+state errors of their slips, by binned samples with those errors removed (`families.comparison`),
+else by held-out score (`curve_comparison`). Burckhardt's answer stands as it is where the data do
+not contradict it. Else the peak is the pooled one of the families that the data cannot separate,
+with what the best of them leaves of the samples, and with the errors common to all samples.
+"""
+
+from dataclasses import replace
+from math import hypot
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from adhesion_can.arrays import Array
+from adhesion_can.estimation.curve_comparison import (
+    LEAST_SAMPLES,
+    are_independent,
+    compare_families,
+)
+from adhesion_can.estimation.curve_data import CurvePoints, correlation_factor
+from adhesion_can.estimation.curve_fit import (
+    mean_conditions,
+    noise_variance,
+    standardised_residual,
+)
+from adhesion_can.estimation.curve_result import CommonErrors
+from adhesion_can.estimation.families.binned_samples import BinnedSamples, join_binned
+from adhesion_can.estimation.families.comparison import MISFIT_WIDTH, FamilyTracker, find_top
+from adhesion_can.estimation.families.curve_points import build_points
+from adhesion_can.estimation.families.family_fit import predict
+from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess_peak
+from adhesion_can.estimation.rail_peak import BURCKHARDT, RailPeak
+from adhesion_can.physics.curves import Conditions, CurveFamily
+from adhesion_can.physics.estimate import Estimate, Identifiable, PeakEstimate
+from adhesion_can.physics.samples import Samples
+
+MOST_SCORED = 20_000
+"""Number of samples from which the held-out score takes every second one, every third, .."""
+BLOCKS, SHORTEST_BLOCK_S = 40, 1.0
+"""Number of blocks in time, and their shortest duration, s."""
+LEAST_PROBABILITY = 0.02
+"""Probability of a family below which the data contradict it."""
+BEST_AGREES, AGREES = 3.0, 2.0
+"""Standard deviations of the pooled peak within which Burckhardt's is the same: where it is the
+best family, and where another one is better."""
+LEAST_FALL = 0.02
+"""Fall of the curve beyond its peak, as a share of it, below which the peak has no place."""
+MOST_CELLS, CELL_SAMPLES = 16, 8
+"""Largest number of cells of slip over which a misfit is looked for, and least samples of one."""
+MISFIT_LEVEL, LEAST_MISFIT = 1e-3, 0.01
+"""Significance level of a misfit, and its root mean square as a share of μ_max, from which a
+family does not hold."""
+GRID = 160
+"""Number of slips at which a curve's peak is looked at."""
+
+
+class _Misfit(NamedTuple):
+    """What a curve leaves of the means of samples.
+
+    Attributes:
+        square: Sum of squares by the inverse variances of independent errors.
+        information: Sum of these inverse variances.
+        freedom: Degrees of freedom.
+        factor: Variance of a mean residual over that of independent errors.
+
+    """
+
+    square: float
+    information: float
+    freedom: int
+    factor: float
+
+    def size(self) -> float:
+        """Root mean square beyond the noise; 0 where it is within chance."""
+        if self.freedom < 1:
+            return 0.0
+        limit = self.factor * float(scipy.stats.chi2.isf(MISFIT_LEVEL, self.freedom))
+        if self.square <= limit:
+            return 0.0
+        return float(np.sqrt((self.square - self.factor * self.freedom) / self.information))
+
+
+class _Comparison(NamedTuple):
+    """Families compared on the samples of a surface.
+
+    Attributes:
+        plausible: Names of the families that the data cannot separate, the best first.
+        best: Family that describes the samples best.
+        values: Its values.
+        pooled: Peak pooled over the plausible families, without the common errors.
+        misfit: What the best family leaves.
+        conditions: Mean speed and load.
+
+    """
+
+    plausible: tuple[str, ...]
+    best: CurveFamily
+    values: Array
+    pooled: PeakEstimate
+    misfit: _Misfit
+    conditions: Conditions
+
+
+def find_rail_peak(
+    samples: Samples,
+    plain: Estimate,
+    settings: IdentifiabilitySettings,
+    common: CommonErrors | None = None,
+) -> RailPeak | None:
+    """Peak of the rail by the families that hold on the samples of one surface.
+
+    Args:
+        samples: Samples in the order of their stamps, finite.
+        plain: Estimate with Burckhardt's curve from these samples.
+        settings: Limits from which the peak counts as identifiable.
+        common: Errors common to all samples; None: those of a vehicle that is not calibrated.
+
+    Returns:
+        Peak; None for too few samples to compare families.
+
+    """
+    if len(samples) < LEAST_SAMPLES:
+        return None
+    common = common or CommonErrors()
+    compare = _compare_binned if samples.slip_total_var.any() else _compare_scores
+    found = compare(samples, plain, settings.slip_max)
+    if found is None or not found.pooled.mu_max > 0.0:
+        return None
+    mu_max, lambda_m, mu_std, lambda_std = found.pooled
+    misfit = found.misfit.size() / mu_max
+    misfit = misfit if misfit >= LEAST_MISFIT else 0.0
+    grid = np.geomspace(1e-3, settings.slip_max, GRID)
+    curve = found.best.adhesion(grid, found.values, found.conditions)
+    bend = float(find_top(grid, curve)[2])
+    peak = PeakEstimate(
+        mu_max,
+        lambda_m,
+        hypot(mu_std, mu_max * misfit, mu_max * common.adhesion),
+        hypot(lambda_std, lambda_m * misfit / MISFIT_WIDTH / bend, common.slip),
+    )
+    points = CurvePoints.from_samples(samples).compressed()
+    return RailPeak(
+        plausible=found.plausible,
+        burckhardt_holds=not misfit and _burckhardt_agrees(plain, found),
+        misfit=misfit,
+        peak=peak,
+        identifiable=_assess(samples, found, peak, settings),
+        noise_std=noise_variance(points, found.best, found.values) ** 0.5,
+        speed=float(found.conditions.speed),
+        plain=plain,
+        common=common,
+    )
+
+
+def _burckhardt_agrees(plain: Estimate, found: _Comparison) -> bool:
+    """Whether Burckhardt's family is plausible, and its peak that of all plausible ones."""
+    if BURCKHARDT not in found.plausible:
+        return False
+    limit = BEST_AGREES if found.plausible[0] == BURCKHARDT else AGREES
+    mu_max, lambda_m, mu_std, lambda_std = found.pooled
+    return (
+        abs(plain.mu_max - mu_max) <= limit * hypot(mu_std, plain.mu_max_std)
+        and abs(plain.lambda_m - lambda_m) <= limit * hypot(lambda_std, plain.lambda_m_std)
+    )  # fmt: skip
+
+
+def _assess(
+    samples: Samples, found: _Comparison, peak: PeakEstimate, settings: IdentifiabilitySettings
+) -> Identifiable:
+    """Whether the samples reach the peak, and whether the curve falls beyond it."""
+    reached = float(np.quantile(np.abs(samples.slip), 1.0 - settings.reach))
+    known = assess_peak(
+        (peak.mu_max, peak.mu_max_std), (peak.lambda_m, peak.lambda_m_std), reached, settings
+    )
+    end = float(found.best.adhesion(reached, found.values, found.conditions))
+    falls = end <= (1.0 - LEAST_FALL) * peak.mu_max
+    enough = len(samples) >= settings.samples
+    return Identifiable(mu_max=known.mu_max and enough, lambda_m=known.lambda_m and falls)
+
+
+def _compare_binned(samples: Samples, plain: Estimate, slip_max: float) -> _Comparison | None:
+    """Families on binned samples, the errors of the slips removed."""
+    loaded = replace(samples, load=np.where(samples.load > 1.0, samples.load, np.nan))
+    parts = [loaded.select(rows) for rows in _blocks(samples)]
+    tracker, points = FamilyTracker(), CurvePoints.from_samples(samples).compressed()
+    binned = [BinnedSamples.from_samples(part, plain.noise_std) for part in parts]
+    found = tracker.compare(binned, plain.theta)
+    if found is None:
+        return None
+    # Once more with the noise, and the errors that last, about the family that is best.
+    best = found.leader
+    noise_std = noise_variance(points, best.family, best.values) ** 0.5
+    binned = [BinnedSamples.from_samples(part, noise_std) for part in parts]
+    found = tracker.compare(binned, plain.theta) or found
+    best, means = found.leader, build_points(join_binned(binned), plain.theta)
+    residual = means.adhesion - predict(best.family, best.values, means)
+    conditions = mean_conditions(points)
+    names = sorted(found.probability, key=lambda name: -found.probability[name])
+    return _Comparison(
+        tuple(name for name in names if found.probability[name] >= LEAST_PROBABILITY),
+        best.family,
+        best.values,
+        found.peak(conditions, slip_max),
+        _Misfit(
+            float(means.weight @ residual**2),
+            float(means.weight.sum()),
+            len(residual) - len(best.values),
+            found.inflation,
+        ),
+        conditions,
+    )
+
+
+def _blocks(samples: Samples) -> list[NDArray[np.int64]]:
+    """Rows of each block of time."""
+    since = (samples.t_us - samples.t_us[0]) * 1e-6
+    length = max(float(since.max()) / BLOCKS, SHORTEST_BLOCK_S)
+    block = (since // length).astype(np.int64)
+    order = np.argsort(block, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(block[order])) + 1)
+
+
+def _compare_scores(samples: Samples, plain: Estimate, slip_max: float) -> _Comparison | None:
+    """Families by held-out score, the slips taken as exact."""
+    _ = plain
+    every = -(-len(samples) // MOST_SCORED)
+    thin = samples.select(slice(None, None, every))
+    found = compare_families(thin, slip_max=slip_max)
+    if found is None:
+        return None
+    fit = found.families[0].fit
+    values = np.array(fit.values)
+    return _Comparison(
+        found.plausible,
+        fit.family,
+        values,
+        PeakEstimate(found.mu_max, found.lambda_m, found.mu_max_std, found.lambda_m_std),
+        _misfit_by_slip(thin, fit.family, values, fit.noise_std),
+        fit.conditions,
+    )
+
+
+def _misfit_by_slip(
+    samples: Samples, family: CurveFamily, values: Array, noise_std: float
+) -> _Misfit:
+    """What a curve leaves of the samples' means over cells of slip."""
+    points = CurvePoints.from_samples(samples)
+    residual = standardised_residual(points, family, values, noise_std**2)
+    factor = 1.0 if are_independent(samples) else correlation_factor(residual, samples)
+    cells = min(MOST_CELLS, len(samples) // CELL_SAMPLES)
+    rank = np.argsort(np.argsort(points.slip, kind="stable"), kind="stable")
+    cell = rank * cells // len(samples)
+    sums, count = np.bincount(cell, residual, cells), np.bincount(cell, minlength=cells)
+    square = float(np.sum(sums**2 / count))
+    return _Misfit(square, len(samples) / noise_std**2, cells - len(values), factor)

@@ -1,0 +1,110 @@
+"""Peak of the rail, and the curve families that it comes from: a result."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from adhesion_can.estimation.curve_result import CommonErrors
+from adhesion_can.physics.estimate import Estimate, Identifiable, PeakEstimate
+from adhesion_can.result_text import plus_minus
+
+BURCKHARDT = "burckhardt"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RailPeak:
+    """Peak of the rail, and the curve families that it comes from.
+
+    Attributes:
+        plausible: Names of the families that the data cannot separate, the best first.
+        burckhardt_holds: Whether the data do not contradict Burckhardt's curve and its peak.
+        misfit: Root mean square of what the best family leaves of the samples beyond their noise,
+            as a share of μ_max; 0 where it is within chance or small.
+        peak: Peak pooled over the plausible families; its standard deviations contain the spread
+            between them, the misfit and the common errors.
+        identifiable: Whether the samples suffice to identify that peak.
+        noise_std: Standard deviation of the measured adhesion about the best family's curve.
+        speed: Vehicle speed at which the peak is given, m/s.
+        plain: Estimate with Burckhardt's curve.
+        common: Errors common to all samples.
+
+    """
+
+    plausible: tuple[str, ...]
+    burckhardt_holds: bool
+    misfit: float
+    peak: PeakEstimate
+    identifiable: Identifiable
+    noise_std: float
+    speed: float
+    plain: Estimate
+    common: CommonErrors
+
+    @property
+    def name(self) -> str | None:
+        """Name of the family that holds, the best of several; None where none does."""
+        if self.burckhardt_holds:
+            return BURCKHARDT
+        return None if self.misfit else self.plausible[0]
+
+    @property
+    def estimate(self) -> Estimate:
+        """Burckhardt's estimate where it holds, else with peak and noise of the best families."""
+        if self.burckhardt_holds:
+            return self.plain
+        mu_max, lambda_m, mu_max_std, lambda_m_std = self.peak
+        return replace(
+            self.plain,
+            mu_max=mu_max,
+            lambda_m=lambda_m,
+            mu_max_std=mu_max_std,
+            lambda_m_std=lambda_m_std,
+            noise_std=self.noise_std,
+            identifiable=self.identifiable,
+            family=self.plausible[0],
+        )
+
+    @property
+    def sentence(self) -> str:
+        """What holds, in one line."""
+        if self.burckhardt_holds:
+            return "Burckhardt's form holds: no other curve family contradicts its peak."
+        mu_max, lambda_m, mu_max_std, lambda_m_std = self.peak
+        known, common = self.identifiable, self.common
+        several = ", which the data cannot separate" if len(self.plausible) > 1 else ""
+        peak = (
+            f"the peak is {plus_minus(mu_max, mu_max_std if known.mu_max else None)} at a slip of "
+            f"{plus_minus(lambda_m, lambda_m_std if known.lambda_m else None)} by "
+            f"{_enumerate(self.plausible)}{several}, at {self.speed:.1f} m/s, with errors common "
+            f"to all samples of {common.slip:g} in slip and {100 * common.adhesion:g} % in adhesion"
+        )
+        if self.misfit:
+            return (
+                f"No curve family holds: {self.plausible[0]}, the best, leaves "
+                f"{100 * self.misfit:.1f} % of mu_max beyond the noise; {peak}, and with that."
+            )
+        plain = self.plain
+        return (
+            f"Burckhardt's form does not hold (its peak would be {plain.mu_max:.4f} at "
+            f"{plain.lambda_m:.4f}): {peak}."
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Families, and the peak of Burckhardt's own curve, as JSON has them."""
+        plain = self.plain.to_dict()
+        return {
+            "name": self.name,
+            "plausible": list(self.plausible),
+            "burckhardt_holds": self.burckhardt_holds,
+            "misfit": self.misfit,
+            "speed_mps": self.speed,
+            "burckhardt": {
+                name: plain[name] for name in ("mu_max", "lambda_m", "noise_std", "identifiable")
+            },
+            "sentence": self.sentence,
+        }
+
+
+def _enumerate(names: Sequence[str]) -> str:
+    """Names as in a sentence."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

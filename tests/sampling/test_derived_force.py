@@ -1,0 +1,82 @@
+"""A force that was computed from the speed has the speed's noise; one that was measured has not."""
+
+import numpy as np
+import pytest
+
+from adhesion_can.sampling.derived_force import find_derived_force
+from tests.diagnosis.diagnosis_helpers import burckhardt, diagnosed, write_table
+
+STEP_S = 0.05
+
+
+def vehicle(seed, rows=1500):
+    """Stamps, true speed and true rate of change of a vehicle that speeds up and brakes."""
+    rng, t = np.random.default_rng(seed), np.arange(rows) * STEP_S
+    periods = rng.uniform(1.5, 9.0, 3)
+    rate = sum(np.sin(2 * np.pi * t / p + rng.uniform(0, 6)) for p in periods) * 0.6
+    return rng, t, 12.0 + np.cumsum(rate) * STEP_S, rate
+
+
+def stamps(t):
+    return np.round(t * 1e6).astype(np.int64)
+
+
+@pytest.mark.parametrize("span", [1, 2, 3])
+def test_a_force_from_the_speed_is_found(span):
+    found = 0
+    for seed in range(20):
+        rng, t, v, _ = vehicle(seed)
+        read = v + 0.006 * rng.standard_normal(len(t))
+        force = np.zeros(len(t))
+        force[span:-span] = (read[2 * span :] - read[: -2 * span]) / (2 * span * STEP_S)
+        # In any unit, and rounded as such tables are.
+        written = np.round(0.1 * force[span:-span] + 0.002 * rng.standard_normal(), 5)
+        inner = slice(span, -span)
+        one = find_derived_force(stamps(t)[inner], np.round(read[inner], 5), written)
+        found += one is not None and one.explained > 0.9
+    assert found >= 19
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.002, 0.02])
+@pytest.mark.parametrize("force_noise", [0.0, 0.02, 0.1])
+def test_a_measured_force_that_drives_the_vehicle_is_not(noise, force_noise):
+    """Mass times the rate of change, as mechanics has it, and noise of its own: 0 of 20 seeds."""
+    for seed in range(20):
+        rng, t, v, rate = vehicle(seed)
+        read = v + noise * rng.standard_normal(len(t))
+        force = rate + force_noise * rng.standard_normal(len(t))
+        assert find_derived_force(stamps(t), read, force) is None
+
+
+def test_few_rows_gaps_and_one_stamp_say_nothing():
+    rng, t, v, _ = vehicle(1)
+    read = v + 0.006 * rng.standard_normal(len(t))
+    force = np.gradient(read, STEP_S)
+    assert find_derived_force(stamps(t), read, force) is not None
+    assert find_derived_force(stamps(t)[:90], read[:90], force[:90]) is None
+    assert find_derived_force(0 * stamps(t), read, force) is None
+    holes = stamps(t) + np.arange(len(t)) // 3 * 1_000_000
+    assert find_derived_force(holes, read, force) is None
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_no_delay_is_named_where_the_force_is_the_speeds_derivative(tmp_path, seed):
+    """A car in free braking, filmed: slip from the wheel, force and speed from one camera."""
+    rng, t, v, rate = vehicle(seed, 2000)
+    read = v + 0.01 * rng.standard_normal(len(t))
+    slip = np.interp(
+        rate / 2.0, burckhardt(np.linspace(-0.06, 0.06, 400)), np.linspace(-0.06, 0.06, 400)
+    )
+    wheel = np.interp(t - 0.1, t, (1.0 + slip) * v) + 0.01 * rng.standard_normal(len(t))
+    columns = {
+        "time_s": t,
+        "slip": wheel / read - 1.0,
+        "adhesion": np.gradient(read, STEP_S) / 2.0,
+        "speed_mps": read,
+    }
+    answer = diagnosed(tmp_path, write_table(tmp_path / "t.csv", columns))
+    assert answer.status == 0, answer.err
+    assert not answer.named & {"speed_delay", "effort_delay", "wheel_speed_delay"}
+    for effect in ("speed_delay", "effort_delay", "wheel_speed_delay"):
+        assert "computed from the rate of change" in answer.untested[effect]
+    assert "the force is computed from the speed" in answer.out
