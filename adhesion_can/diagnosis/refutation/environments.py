@@ -81,13 +81,15 @@ def _quantities(drive: DriveData, slip: Array) -> Mapping[str, Array]:
 
 
 def _memories(drive: DriveData, observed: ContactObservation) -> Mapping[str, Array]:
-    """Slip work and squared force of the last seconds."""
+    """Mean slip power of the last seconds, and rms force of the last minute, which heats motors."""
     lags, axle = LagStates(), drive.axle.astype(np.float64)
     force = observed.adhesion * observed.load
     power = np.abs(force * observed.creep_speed)
     return {
         "slip_work": lags.follow("work", axle, drive.t_s, power, 1.0 / WORK_TIME_S, 0.0),
-        "motor_heat": lags.follow("heat", axle, drive.t_s, force**2, 1.0 / HEAT_TIME_S, 0.0),
+        "motor_heat": np.sqrt(
+            np.maximum(lags.follow("heat", axle, drive.t_s, force**2, 1.0 / HEAT_TIME_S, 0.0), 0.0)
+        ),
     }
 
 
@@ -113,13 +115,13 @@ def _divide(name: str, values: Array) -> Partition | None:
 
 
 _UNITS: Mapping[str, str] = {
-    "total_effort": "N", "slip_work": "W", "motor_heat": "N^2", "creep": "1",
+    "total_effort": "N", "slip_work": "W", "motor_heat": "N", "creep": "1",
 }  # fmt: skip
 _LABELS: Mapping[str, str] = {
     "creep": "slip ratio",
     "total_effort": "total effort",
     "slip_work": f"mean slip power of {WORK_TIME_S:g} s",
-    "motor_heat": f"mean squared effort of {HEAT_TIME_S:g} s",
+    "motor_heat": f"rms effort of {HEAT_TIME_S:g} s",
 }
 
 
