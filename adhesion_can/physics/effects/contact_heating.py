@@ -40,7 +40,7 @@ class ContactHeating:
     requires: Requirements = Requirements(speed=True)
     observability: Observability = Observability(
         channel="creep_speed",
-        excitation="how long a creep is held",
+        excitation="how long slip work heats the contact",
         separations=(
             Separation(
                 "falling_friction",

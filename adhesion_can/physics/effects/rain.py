@@ -40,7 +40,7 @@ class RainByLevel:
     form: str = "level"
     title: str = _TITLE
     parameters: tuple[Parameter, ...] = (
-        Parameter("gain", "1", -0.1, -0.45, 0.5, "share of adhesion gained per level of rain"),
+        Parameter("gain", "1", -0.2, -0.45, 0.5, "share of adhesion gained per level of rain"),
     )
     literature: str = _LITERATURE
     requires: Requirements = _REQUIRES
@@ -60,9 +60,9 @@ class RainBySteps:
     form: str = "steps"
     title: str = _TITLE
     parameters: tuple[Parameter, ...] = (
-        Parameter("gain", "1", -0.15, -0.9, 1.0, "share of adhesion gained in light rain"),
+        Parameter("gain", "1", -0.25, -0.9, 1.0, "share of adhesion gained in light rain"),
         Parameter(
-            "ratio", "1", 1.5, -1.0, 5.0, "that of heavy rain, relative to light", starts=(1.0,)
+            "ratio", "1", 1.6, -1.0, 5.0, "that of heavy rain, relative to light", starts=(1.0,)
         ),
     )
     literature: str = _LITERATURE
