@@ -38,8 +38,12 @@ class GradientSettings:
         noise_std: Standard deviation of the adhesion noise at the start, 1; it is then estimated
             from the bounded innovations.
         batch: Largest number of samples of one step. Larger: less CPU, slower after a change.
-        memory: Length of the exponential window of information and noise, samples. Larger: less
+        memory: Largest length of the exponential window of the information, samples. Larger: less
             noise, slow changes are followed later.
+        growth: Growth of that window by each sample, samples, from the second `window` after a
+            change on: information from before the curve was found is forgotten. Larger: less noise,
+            and more of the error of the first steps.
+        noise_memory: Length of the exponential window of the noise estimate, samples.
         huber: Innovation beyond which the loss is linear, in standard deviations. Larger: closer to
             least squares, less robust.
         window: Length of the exponential average of the bounded squares, samples. Larger: fewer
@@ -55,6 +59,8 @@ class GradientSettings:
     noise_std: float = 0.05
     batch: int = 25
     memory: float = 20_000.0
+    growth: float = 20.0
+    noise_memory: float = 500.0
     huber: float = 1.345
     window: float = 100.0
     change: float = 1.5
@@ -63,8 +69,10 @@ class GradientSettings:
     def __post_init__(self) -> None:
         if not min(*self.start, *self.start_std, self.noise_std, self.huber, self.longest) > 0:
             raise ValueError("start, standard deviations, huber and longest must be positive")
-        if not (self.batch >= 1 and min(self.memory, self.window) > 1 and self.change > 1):
-            raise ValueError("batch must be at least 1; memory, window and change above 1")
+        if not (self.batch >= 1 and self.growth > 0):
+            raise ValueError("batch must be at least 1, growth must be positive")
+        if not min(self.memory, self.noise_memory, self.window, self.change) > 1:
+            raise ValueError("memory, noise_memory, window and change must be above 1")
 
 
 class GradientEstimator:
@@ -133,14 +141,18 @@ class GradientEstimator:
         scaled = innovation(theta, h, z) / std
         bounded = np.clip(scaled, -settings.huber, settings.huber)
         square = float(np.mean(bounded**2)) / self._bounded_noise
-        self._ratio += (1.0 - (1.0 - 1.0 / settings.window) ** n) * (square - self._ratio)
+        # Before that the steps are long anyway, and the noise is not known yet.
+        if self._since_change >= settings.window:
+            self._ratio += (1.0 - (1.0 - 1.0 / settings.window) ** n) * (square - self._ratio)
         changed = self._ratio > settings.change
         if changed:
             self._information, self._ratio, self._since_change = self._first, 1.0, 0
         gradient = sensitivity(theta, h) * theta / std[:, None]
         weight = bounded / np.where(scaled == 0.0, 1.0, scaled)
         weight[scaled == 0.0] = 1.0
-        forgetting = (1.0 - 1.0 / settings.memory) ** n
+        settled = max(self._since_change - 2.0 * settings.window, 0.0)
+        memory = min(settings.memory, settings.window + settings.growth * settled)
+        forgetting = (1.0 - 1.0 / memory) ** n
         # What is forgotten is never less than what was known at the start.
         self._information = (
             forgetting * self._information
@@ -153,8 +165,8 @@ class GradientEstimator:
             step *= settings.longest / longest
         self._x = np.clip(self._x + step, self._lower, self._upper)
         self._since_change += n
-        # Fast at first, then the mean over the memory; above 0, as nothing could raise 0.
-        share = n / min(self._since_change + 20.0 + n, settings.memory)
+        # Fast at first, then the mean over the window; above 0, as nothing could raise 0.
+        share = 2.0 * n / min(self._since_change + 20.0 + 2.0 * n, settings.noise_memory + 2.0 * n)
         self._noise_var = max(self._noise_var * (1.0 + share * (square - 1.0)), 1e-10)
         return changed
 
