@@ -193,7 +193,9 @@ def identify_sequence(h: Array, z: Array, settings: EvolutionSettings) -> Array:
     return path
 
 
-def _with_factor_of(h: float, z: float, theta: Array, settings: EvolutionSettings) -> EvolutionSettings:
+def _with_factor_of(
+    h: float, z: float, theta: Array, settings: EvolutionSettings
+) -> EvolutionSettings:
     """Settings with the variation factor, eq. 17, of one sample, where none is fixed."""
     if settings.factor is not None:
         return settings
@@ -225,8 +227,9 @@ def identify_all_data(h: Array, z: Array, settings: EvolutionSettings) -> Array:
     for k in range(len(path)):
         block = slice(k * settings.block, (k + 1) * settings.block)
         place = (h[block] / width).astype(np.int64)
-        for total, values in ((count, None), (sum_h, h[block]), (sum_z, z[block])):
-            total += np.bincount(place, values, minlength=BINS)
+        count += np.bincount(place, minlength=BINS)
+        sum_h += np.bincount(place, h[block], minlength=BINS)
+        sum_z += np.bincount(place, z[block], minlength=BINS)
         full = count > 0
         weight = count[full]
         last = block.stop - 1

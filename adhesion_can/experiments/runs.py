@@ -232,8 +232,8 @@ _BARE: Mapping[int, Mapping[str, Mapping[str, Any]]] = {
 }
 """Settings of the search for the paper's bare algorithm, without verdicts or change detection."""
 ONE_SAMPLE, ALL_DATA = "paper (sequence)", "paper (all data)"
-"""Sequence processing beside the blocks of experiments 2 and 3: a sample in place of each block, and
-all samples of the blocks so far in one sum."""
+"""Sequence processing beside the blocks of experiments 2 and 3: a sample in place of each block,
+and all samples of the blocks so far in one sum."""
 _SEQUENCE: Mapping[int, Mapping[str, Any]] = {2: _ORDINARY, 3: {}}
 """Settings of the search for sequence processing, by experiment."""
 

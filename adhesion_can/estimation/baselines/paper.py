@@ -7,8 +7,9 @@ agree.
 
 In the paper a block never spans a change of the surface. Here a change is detected from the
 innovations of the latest samples, and the block begins anew where it happened. From half of that
-block on the new surface is estimated where its peak is identifiable; until then the old values are
-still given, as not identifiable and with infinite standard deviations.
+block on the new surface is estimated where its height is identifiable, or where little of the block
+is missing; until then the old values are still given, as not identifiable and with infinite
+standard deviations.
 """
 
 from collections import deque
@@ -33,9 +34,10 @@ from adhesion_can.physics.samples import Samples
 
 MOST_SEARCHES = 6
 """Largest number of searches of one block."""
-FIRST_SHARE = 0.5
-"""Share of the first block on a new surface from which that surface may be estimated. A block that
-begins a few samples behind the change would else be full a whole block later."""
+FIRST_SHARE, WHOLE_SHARE = 0.5, 0.9
+"""Shares of the first block on a new surface from which that surface is estimated: where the part
+tells its height, and in any case. A block that begins a few samples behind the change would else be
+full a whole block later, while the old surface's values are given."""
 SETTLED = 1e-3
 """Relative decrease of J below which a repeated search counts as converged."""
 
@@ -83,7 +85,7 @@ class PaperEstimator:
         return self._current
 
     def _look_at_first_part(self) -> None:
-        """Estimate a new surface from a part of its first block, where that tells the peak."""
+        """Estimate a new surface from a part of its first block, where that tells its height."""
         count = sum(map(len, self._waiting))
         if not self._changing or count < self._next_look:
             return
@@ -93,7 +95,8 @@ class PaperEstimator:
         found = self._search_until_converged(found, h, z)
         fresh = assess(found.theta, found.cost, part, self._identifiability)
         self._next_look = count + FIRST_SHARE * (self._settings.block - count)
-        if fresh.identifiable.both and self._current is not None:
+        tells = fresh.identifiable.mu_max or count >= WHOLE_SHARE * self._settings.block
+        if tells and self._current is not None:
             self._theta, self._current_std = found.theta, fresh.mu_max_std
             since, self._changing = self._current.surface_since_us, False
             self._current = replace(fresh, surface_since_us=since, change_probability=0.0)

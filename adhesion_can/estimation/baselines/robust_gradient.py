@@ -1,9 +1,9 @@
 """Robust stochastic gradient with adaptive step: what the paper's outlook asks for.
 
-Each small batch of samples moves x = ln(c1, c2, c3) against the gradient of Huber's loss (Ann. Math.
-Statist. 35 (1964) 73-101), so that outliers pull no harder than k standard deviations. The gradient
-is scaled by an exponentially forgetting information matrix: the stochastic Newton method, or
-recursive prediction error method, of Ljung and Söderström, Theory and Practice of Recursive
+Each small batch of samples moves x = ln(c1, c2, c3) against the gradient of Huber's loss (Ann.
+Math. Statist. 35 (1964) 73-101), so that outliers pull no harder than k standard deviations. The
+gradient is scaled by an exponentially forgetting information matrix: the stochastic Newton method,
+or recursive prediction error method, of Ljung and Söderström, Theory and Practice of Recursive
 Identification, 1983. Where the bounded innovations stay large the rail has changed: the information
 is discounted, and the steps become long again.
 """
@@ -14,7 +14,6 @@ from math import sqrt
 import numpy as np
 import scipy
 
-from adhesion_can.arrays import Array
 from adhesion_can.estimation.baselines.forgetting import (
     ForgettingWindow,
     peak_errors,
@@ -50,6 +49,8 @@ class GradientSettings:
             false changes, later ones.
         change: Mean bounded square, over what noise explains, from which the rail has changed. An
             outlier counts as 2.5 at most.
+        change_noise: Factor of the noise's standard deviation at a change, from which it falls to
+            that of the data again. Larger: less error of the first steps, later at the curve.
         longest: Largest change of ln (c1, c2, c3) in one step, 1.
 
     """
@@ -59,9 +60,10 @@ class GradientSettings:
     noise_std: float = 0.05
     batch: int = 25
     memory: float = 20_000.0
-    growth: float = 20.0
+    growth: float = 10.0
     noise_memory: float = 500.0
     huber: float = 1.345
+    change_noise: float = 10.0
     window: float = 100.0
     change: float = 1.5
     longest: float = 0.5
@@ -69,8 +71,8 @@ class GradientSettings:
     def __post_init__(self) -> None:
         if not min(*self.start, *self.start_std, self.noise_std, self.huber, self.longest) > 0:
             raise ValueError("start, standard deviations, huber and longest must be positive")
-        if not (self.batch >= 1 and self.growth > 0):
-            raise ValueError("batch must be at least 1, growth must be positive")
+        if not (self.batch >= 1 and self.growth > 0 and self.change_noise >= 1):
+            raise ValueError("batch and change_noise must be at least 1, growth positive")
         if not min(self.memory, self.noise_memory, self.window, self.change) > 1:
             raise ValueError("memory, noise_memory, window and change must be above 1")
 
@@ -147,6 +149,11 @@ class GradientEstimator:
         changed = self._ratio > settings.change
         if changed:
             self._information, self._ratio, self._since_change = self._first, 1.0, 0
+            # The first steps are taken far from the curve: what they see counts for little later.
+            self._noise_var *= settings.change_noise**2
+            std = std * settings.change_noise
+            scaled = scaled / settings.change_noise
+            bounded = np.clip(scaled, -settings.huber, settings.huber)
         gradient = sensitivity(theta, h) * theta / std[:, None]
         weight = bounded / np.where(scaled == 0.0, 1.0, scaled)
         weight[scaled == 0.0] = 1.0
@@ -166,7 +173,7 @@ class GradientEstimator:
         self._x = np.clip(self._x + step, self._lower, self._upper)
         self._since_change += n
         # Fast at first, then the mean over the window; above 0, as nothing could raise 0.
-        share = 2.0 * n / min(self._since_change + 20.0 + 2.0 * n, settings.noise_memory + 2.0 * n)
+        share = 2.0 * n / (min(self._since_change + 20.0, settings.noise_memory) + 2.0 * n)
         self._noise_var = max(self._noise_var * (1.0 + share * (square - 1.0)), 1e-10)
         return changed
 
