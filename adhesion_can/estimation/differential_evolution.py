@@ -17,6 +17,9 @@ from adhesion_can.arrays import Array
 from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.likelihood import innovation
 
+BINS = 1000
+"""Bins of slip in which all data are summed. Over 0..0.2 the curve bends by 1e-6 within one."""
+
 
 def variation_factor(size: ArrayLike) -> Array:
     """Variation factor F(k) = 0.3 + 0.8/(1 + e^(−10 |z̃(k)| + 2)), eq. 17, from the innovation."""
@@ -47,21 +50,29 @@ class Objective:
 
     Expanded, J(θ) needs of the data only Σ1, Σz, Σz², Σh, Σh², Σhz, and of each c2 the sums of
     e, e², e·z, e·h with e = e^(−c2 h): four products instead of a residual matrix.
+
+    Args:
+        h: Slip ratios, shape (n,).
+        z: Adhesion coefficients, shape (n,).
+        weight: Weight of each point, shape (n,); None: 1.
+
     """
 
-    def __init__(self, h: Array, z: Array) -> None:
+    def __init__(self, h: Array, z: Array, weight: Array | None = None) -> None:
+        w = np.ones_like(h) if weight is None else weight
         self._minus_h = -h
-        self._basis = np.column_stack([np.ones_like(h), z, h])
-        self._n = len(h)
-        self._z, self._zz = z.sum(), z @ z
-        self._h, self._hh, self._hz = h.sum(), h @ h, h @ z
+        self._weight = weight
+        self._basis = np.column_stack([w, w * z, w * h])
+        self._n = w.sum()
+        self._z, self._zz = w @ z, (w * z) @ z
+        self._h, self._hh, self._hz = w @ h, (w * h) @ h, (w * h) @ z
 
     def __call__(self, individuals: Array) -> Array:
         """J of each row (c1, c2, c3) of `individuals`, shape (population,)."""
         c1, c2, c3 = individuals.T
         e = np.exp(np.multiply.outer(c2, self._minus_h))
         e1, ez, eh = (e @ self._basis).T
-        ee = np.einsum("ij,ij->i", e, e)
+        ee = np.einsum("ij,ij->i", e, e) if self._weight is None else (e * e) @ self._weight
         return np.asarray(
             self._zz
             + c1 * (c1 * (self._n - 2 * e1 + ee) + 2 * (ez - self._z) + 2 * c3 * (eh - self._h))
@@ -88,6 +99,7 @@ def search(
     theta: ArrayLike,
     settings: EvolutionSettings,
     rng: np.random.Generator,
+    weight: Array | None = None,
 ) -> Search:
     """One run of the modified differential evolution (DE/rand/1/bin) over one set of data.
 
@@ -97,9 +109,10 @@ def search(
         theta: Estimate θ̂(k−1) before these data, shape (3,).
         settings: Settings of the search.
         rng: Generator of the random numbers.
+        weight: Weight of each point, shape (n,); None: 1.
 
     """
-    objective = Objective(h, z)
+    objective = Objective(h, z, weight)
     lower, upper = np.array(settings.lower), np.array(settings.upper)
     individuals = first_population(theta, settings, rng)
     costs = objective(individuals)
@@ -174,11 +187,55 @@ def identify_sequence(h: Array, z: Array, settings: EvolutionSettings) -> Array:
     theta = first_theta(settings, rng)
     path = np.empty((len(h), 3))
     for k in range(len(h)):
-        step = settings
-        if settings.factor is None:
-            size = innovation(theta, h[k : k + 1], z[k : k + 1])[0]
-            step = replace(settings, factor=float(variation_factor(size)))
+        step = _with_factor_of(h[k], z[k], theta, settings)
         theta = search(h[: k + 1], z[: k + 1], theta, step, rng).theta
+        path[k] = theta
+    return path
+
+
+def _with_factor_of(
+    h: float, z: float, theta: Array, settings: EvolutionSettings
+) -> EvolutionSettings:
+    """Settings with the variation factor, eq. 17, of one sample, where none is fixed."""
+    if settings.factor is not None:
+        return settings
+    size = innovation(theta, np.array([h]), np.array([z]))[0]
+    return replace(settings, factor=float(variation_factor(size)))
+
+
+def identify_all_data(h: Array, z: Array, settings: EvolutionSettings) -> Array:
+    """Sequence processing of the samples of blocks: θ̂(k) from all data up to the end of block k.
+
+    The samples are summed in `BINS` bins of slip, each at the means of its slips and adhesions, so
+    that a search does not take longer as the data grow. The innovation is that of the block's last
+    sample.
+
+    Args:
+        h: Slip ratios, shape (n,); a last, incomplete block is left out.
+        z: Adhesion coefficients, shape (n,).
+        settings: Settings of the search.
+
+    Returns:
+        Estimates θ̂ after each block, shape (n // block, 3).
+
+    """
+    rng = np.random.default_rng(settings.seed)
+    theta = first_theta(settings, rng)
+    path = np.empty((len(h) // settings.block, 3))
+    width = max(float(h.max(initial=0.0)), 1e-12) / (BINS - 1)
+    count, sum_h, sum_z = np.zeros((3, BINS))
+    for k in range(len(path)):
+        block = slice(k * settings.block, (k + 1) * settings.block)
+        place = (h[block] / width).astype(np.int64)
+        count += np.bincount(place, minlength=BINS)
+        sum_h += np.bincount(place, h[block], minlength=BINS)
+        sum_z += np.bincount(place, z[block], minlength=BINS)
+        full = count > 0
+        weight = count[full]
+        last = block.stop - 1
+        step = _with_factor_of(h[last], z[last], theta, settings)
+        means = sum_h[full] / weight, sum_z[full] / weight
+        theta = search(*means, theta, step, rng, weight).theta
         path[k] = theta
     return path
 

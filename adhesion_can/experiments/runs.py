@@ -19,6 +19,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.differential_evolution import (
+    identify_all_data,
     identify_blocks,
     identify_sequence,
 )
@@ -212,6 +213,10 @@ def participants(
         found["oracle"] = Participant(partial(_run_streaming, oracle))
     for name, overrides in _BARE[experiment.number].items():
         found[name] = Participant(partial(_run_bare, overrides), streams=False)
+    if not experiment.ramp:
+        overrides = _SEQUENCE[experiment.number]
+        found[ONE_SAMPLE] = Participant(partial(_run_one_sample, overrides), streams=False)
+        found[ALL_DATA] = Participant(partial(_run_all_data, overrides), streams=False)
     return found
 
 
@@ -226,6 +231,11 @@ _BARE: Mapping[int, Mapping[str, Mapping[str, Any]]] = {
     },
 }
 """Settings of the search for the paper's bare algorithm, without verdicts or change detection."""
+ONE_SAMPLE, ALL_DATA = "paper (sequence)", "paper (all data)"
+"""Sequence processing beside the blocks of experiments 2 and 3: a sample in place of each block,
+and all samples of the blocks so far in one sum."""
+_SEQUENCE: Mapping[int, Mapping[str, Any]] = {2: _ORDINARY, 3: {}}
+"""Settings of the search for sequence processing, by experiment."""
 
 
 def streaming(factory: MakeEstimator) -> RunEstimator:
@@ -257,6 +267,29 @@ def _run_bare(
     identify = identify_sequence if size == 1 else identify_blocks
     began = clock()
     theta = identify(*data.samples.folded(), settings)
+    mean = (clock() - began) / len(theta)
+    return with_peak(theta), np.full(len(theta), mean)
+
+
+def _run_one_sample(
+    overrides: Mapping[str, Any], data: ExperimentData, size: int, clock: Clock
+) -> tuple[Array, Array]:
+    """Sequence processing with one sample, the first, of each block: θ̂(k) from k samples."""
+    settings = EvolutionSettings(theta0=data.theta0, seed=data.seed, **overrides)
+    h, z = data.samples.folded()
+    began = clock()
+    theta = identify_sequence(h[::size], z[::size], settings)
+    mean = (clock() - began) / len(theta)
+    return with_peak(theta), np.full(len(theta), mean)
+
+
+def _run_all_data(
+    overrides: Mapping[str, Any], data: ExperimentData, size: int, clock: Clock
+) -> tuple[Array, Array]:
+    """Sequence processing of all samples: θ̂(k) from those of k blocks."""
+    settings = EvolutionSettings(theta0=data.theta0, seed=data.seed, block=size, **overrides)
+    began = clock()
+    theta = identify_all_data(*data.samples.folded(), settings)
     mean = (clock() - began) / len(theta)
     return with_peak(theta), np.full(len(theta), mean)
 

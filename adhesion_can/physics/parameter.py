@@ -43,6 +43,8 @@ class Parameter:
         given: Whether `typical` is the value in a diagnosis, which does not estimate it.
         plausible: Range beyond which no vehicle has the value: a fit that ends there names no
             cause. None: from `lower` to `upper`.
+        starts: Values at which a diagnosis begins its search, relative to `typical`; of the size
+            it needs none.
 
     """
 
@@ -55,6 +57,7 @@ class Parameter:
     axle: bool = False
     given: bool = False
     plausible: PlausibleRange | None = None
+    starts: tuple[float, ...] = (0.3, 1.0, 3.0)
 
     @property
     def free(self) -> bool:

@@ -86,7 +86,7 @@ _SWEEP = Scenario(
     speed=13.5,
     pattern=Pattern.SWEEP,
     meaning="creep from 0 to beyond the peak in traction and braking, with coasting; "
-    "speed, curves, air and sand vary",
+    "speed, curves, air, rain and sand vary",
     speed_swing=0.6,
     load_transfer=True,
     surroundings=Surroundings(
@@ -94,6 +94,8 @@ _SWEEP = Scenario(
         rail_temperature=Wave(20.0, 9.0, 131.0),
         sanding_period_s=47.0,
         sanding_s=15.0,
+        rain_period_s=71.0,
+        shower_s=40.0,
         curves=(
             TrackCurve(260.0, 300.0, 220.0),
             TrackCurve(200.0, -600.0, 160.0),

@@ -136,6 +136,9 @@ class Surroundings:
         rail_temperature: Temperature of the rail, degC.
         sanding_period_s: Time from one sanding to the next, s.
         sanding_s: Duration of a sanding, at the end of each period, s.
+        rain_period_s: Time from one shower to the next, s.
+        shower_s: Duration of a shower, at the end of each period, s: its first half is light rain,
+            its second half heavy.
         curves: Curves one after another; after the last one the first comes again.
 
     """
@@ -146,6 +149,8 @@ class Surroundings:
     )
     sanding_period_s: float = 60.0
     sanding_s: float = 0.0
+    rain_period_s: float = 60.0
+    shower_s: float = 0.0
     curves: tuple[TrackCurve, ...] = ()
 
     def at(self, time_s: float, position: float) -> Conditions:
@@ -155,8 +160,16 @@ class Surroundings:
             rail_temperature=self.rail_temperature.at(time_s),
             humidity=self.humidity.at(time_s),
             sanding=float(remaining_s <= self.sanding_s),
+            rain=self._rain(time_s),
             curvature=self.curvature(position),
         )
+
+    def _rain(self, time_s: float) -> float:
+        """Level of the rain at a time, s."""
+        remaining_s = self.rain_period_s - time_s % self.rain_period_s
+        if remaining_s > self.shower_s:
+            return 0.0
+        return 1.0 if remaining_s > 0.5 * self.shower_s else 2.0
 
     def curvature(self, position: float) -> float:
         """Curvature of the track at a place, m: 1/m."""

@@ -26,8 +26,9 @@ SMALL = {
     )
     for number, e in EXPERIMENTS.items()
 }
-OWN = {1: {"paper (sequence)"}, 2: {"oracle", "paper (ordinary)"}}
-OWN[3] = {"oracle", "paper (ordinary)", "paper (mean)", "paper (sum)"}
+OWN = {1: {"paper (sequence)"}}
+OWN[2] = {"oracle", "paper (ordinary)", "paper (sequence)", "paper (all data)"}
+OWN[3] = OWN[2] | {"paper (mean)", "paper (sum)"}
 
 
 @pytest.fixture(autouse=True)

@@ -40,6 +40,7 @@ def covariates(t):
         name: (low + high) / 2 + (high - low) / 2 * np.sin(2 * np.pi * t / period)
         for name, (low, high, period) in COVARIATES.items()
     }
+    found["rain"] = np.floor(t / 1.7) % 3
     return {**found, "sanding_active": (np.sin(t) > 0.3).astype(float)}
 
 

@@ -168,7 +168,7 @@ def test_an_unmeasured_load_widens_the_heights_error(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["least-squares", "rls", "ekf", "window"])
+@pytest.mark.parametrize("name", ["least-squares", "rls", "ekf", "window", "gradient"])
 @pytest.mark.parametrize("theta", [DRY, WET, PAPER[2]], ids=str)
 def test_stated_errors_of_the_peak_cover_it(name, theta):
     # The filter linearises once, and far from its start: its λ_m is a little too sure of itself.
@@ -400,7 +400,7 @@ def test_ekf_is_not_moved_by_one_broken_sample():
     assert after.theta == a.update(NOTHING, 0).theta
 
 
-@pytest.mark.parametrize("name", ["ekf", "window"])
+@pytest.mark.parametrize("name", ["ekf", "window", "gradient"])
 @pytest.mark.parametrize(("size", "sd"), [(1, 0.01), (12, 0.01), (12, 0.05), (BLOCK, 0.05)])
 def test_a_change_is_reported_with_its_time(name, size, sd):
     estimator, switch = make(name), 3 * BLOCK
@@ -415,7 +415,7 @@ def test_a_change_is_reported_with_its_time(name, size, sd):
     assert estimator.update(NOTHING, 0).change_probability == 0.0
 
 
-@pytest.mark.parametrize("name", ["ekf", "window"])
+@pytest.mark.parametrize("name", ["ekf", "window", "gradient"])
 @pytest.mark.parametrize("sd", [0.001, 0.01, 0.1])
 def test_no_change_is_reported_on_a_constant_surface(name, sd):
     estimates = feed(make(name), stretch(WET, 5, n=15 * BLOCK, sd=sd))

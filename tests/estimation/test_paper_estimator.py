@@ -265,6 +265,20 @@ def test_a_change_is_declared_where_one_update_fills_the_block_of_the_new_surfac
     assert declarations(estimates).tolist() == [4]
 
 
+@pytest.mark.parametrize("late", [0, 1, 40, 200])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_first_block_that_is_not_full_gives_the_new_surface(late, seed):
+    """One block, of which all but the first samples is new, is no reason to hold the old values."""
+    estimator = PaperEstimator()
+    for k in range(3):
+        estimator.update(block(PAPER, k, t0=BLOCK * k), 0)
+    whole = [block(PAPER, 8, n=late), block(WET, seed, n=BLOCK - late, t0=late)]
+    e = estimator.update(Samples.concatenate(whole[late == 0 :]), 0)
+    assert e.change_probability == 1.0
+    assert e.mu_max == pytest.approx(float(peak(*WET).mu_max), rel=0.05)
+    assert np.isfinite(e.mu_max_std)
+
+
 def test_while_a_change_goes_on_no_mixture_is_called_known():
     # Between the two surfaces' curves there is no third one.
     heights = [float(peak(*theta).mu_max) for theta in (DRY, GREASY)]

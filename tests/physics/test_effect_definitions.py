@@ -32,12 +32,14 @@ CONTRACT_IDS = {
     *("wheel_radius", "speed_scale", "speed_delay", "effort_delay", "effort_bias"),
     "wheel_speed_delay",
     *("creep_relaxation", "curve_creep", "rail_cleaning", "adhesion_recovery", "humidity"),
+    *("contact_heating", "rain"),
     *("rail_temperature", "sanding", "slow_drift", "traction_braking_asymmetry"),
 }
 IN_CONTACT = [effect for effect in EFFECTS if isinstance(effect, ContactEffect)]
 IN_INSTRUMENTS = [effect for effect in EFFECTS if isinstance(effect, InstrumentEffect)]
-RH, RAIL_T, SAND, CURVE = (
+RH, RAIL_T, SAND, CURVE, RAIN = (
     *("relative_humidity_percent", "rail_temperature_degC", "sanding_active", "curvature_per_m"),
+    "rain",
 )
 
 
@@ -69,6 +71,7 @@ def contact(seed=3, n=180, dt=0.01, axles=6, **changes):
             RAIL_T: rng.uniform(-10.0, 40.0, n),
             SAND: rng.integers(0, 2, n).astype(float),
             CURVE: rng.uniform(-1 / 300, 1 / 300, n),
+            RAIN: rng.integers(0, 3, n).astype(float),
         },
     )
     return replace(state, **changes)
@@ -182,8 +185,8 @@ def test_what_is_particular_to_an_effect_stands_in_its_definition_alone():
     assert found == []
 
 
-def test_only_the_wheel_radius_is_of_one_axle():
-    assert {e.id for e in EFFECTS for p in e.parameters if p.axle} == {"wheel_radius"}
+def test_only_wheel_radius_and_sanding_name_an_axle():
+    assert {e.id for e in EFFECTS for p in e.parameters if p.axle} == {"wheel_radius", "sanding"}
 
 
 # ------------------------------------------------------------------- nothing, something, bounds
@@ -304,7 +307,7 @@ def test_rail_cleaning_counts_from_the_leading_axle():
 @pytest.mark.parametrize(
     ("name", "size", "channel", "reference"),
     [("humidity", -0.004, RH, 60.0), ("rail_temperature", 0.007, RAIL_T, 20.0),
-     ("sanding", 0.25, SAND, 0.0)],
+     ("sanding", 0.25, SAND, 0.0), ("rain", -0.15, RAIN, 0.0)],
 )  # fmt: skip
 def test_a_channel_changes_adhesion_in_a_straight_line(name, size, channel, reference):
     at = contact()
@@ -341,6 +344,48 @@ def test_recovery_counts_slip_work_with_a_fading_memory():
                 p = power[before] + (power[now] - power[before]) * (part + 0.5) / 100
                 work += 0.02 / 100 * (p - work / time)
             assert factor[now] == pytest.approx(1 + gain * work, rel=2e-4)
+
+
+def test_heating_takes_adhesion_by_the_slip_work_of_the_last_seconds():
+    # Explicit Euler in steps a hundred times as fine, for each axle by itself.
+    at = contact(n=600, dt=0.02)
+    loss, time = 5e-6, 1.3
+    factor = factor_of("contact_heating", at, loss, time)
+    power = np.abs(at.adhesion * at.load * at.creep_speed)
+    for axle in range(1, 7):
+        rows = np.flatnonzero(at.axle == axle)
+        heat = 0.0
+        for before, now in zip(rows, rows[1:], strict=False):
+            for part in range(100):
+                p = power[before] + (power[now] - power[before]) * (part + 0.5) / 100
+                heat += 0.02 / 100 * (p - heat / time)
+            assert factor[now] == pytest.approx(1 / (1 + loss * heat), rel=2e-4)
+
+
+def test_sand_at_two_axles_lasts_beyond_the_sanding():
+    at = contact(n=1200, dt=0.01)
+    seconds = at.time_s - at.time_s[0]
+    strewn = ((seconds >= 0.5) & (seconds < 1.0)).astype(float)
+    at = replace(at, covariates={SAND: strewn}, place=at.axle)
+    factor = factor_of("sanding", at, 0.3, 0.4, 4.0, form="axles")
+    sanded = np.isin(at.axle, (1.0, 4.0))
+    assert (factor[~sanded] == 1.0).all()
+    assert (factor[seconds < 0.5] == 1.0).all()
+    under = sanded & (seconds > 0.8) & (seconds < 1.0)
+    assert factor[under] == pytest.approx(np.full(under.sum(), 1.3), rel=2e-3)
+    after = sanded & (seconds >= 1.02)
+    wanted = 1 + 0.3 * np.exp(-(seconds[after] - 1.0) / 0.4)
+    # Between the last reading and the next one sand fades along a straight line.
+    assert factor[after] == pytest.approx(wanted, abs=0.005)
+    # In reverse the last axle leads; 1 means the leading axle alone.
+    back = factor_of("sanding", replace(at, place=7.0 - at.axle), 0.3, 0.4, 1.0, form="axles")
+    assert set(at.axle[back > 1.1].tolist()) == {6.0}
+
+
+def test_rain_by_steps_has_a_size_of_its_own_for_each_level():
+    at = contact()
+    wanted = [{0.0: 1.0, 1.0: 0.8, 2.0: 1 - 0.2 * 1.7}[x] for x in at.covariates[RAIN].tolist()]
+    assert factor_of("rain", at, -0.2, 1.7, form="steps") == pytest.approx(wanted, rel=1e-12)
 
 
 def test_creep_relaxation_follows_the_slip_over_a_length():

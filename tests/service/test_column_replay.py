@@ -22,6 +22,7 @@ from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import replay, replay_blocks
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS
+from adhesion_can.simulation.surroundings import Surroundings
 from tests.wire import Bench
 
 CONFIG = load_configuration()
@@ -121,6 +122,22 @@ def test_an_extended_model_gives_the_same_bytes():
     effects = tuple(map(active, ("humidity", "effort_delay", "speed_delay", "effort_bias")))
     model = ExtendedModel((0.36, 24.0, 0.5), effects=effects)
     items = simulated(SCENARIOS[-1], 5.0, effects=effects)
+    assert_same(items, config=replace(CONFIG, model=model), make=None)
+
+
+def test_effects_with_memory_and_steps_give_the_same_bytes():
+    """Slip work and sand are remembered across the cuts of the blocks; rain comes and goes."""
+    surroundings = Surroundings(
+        sanding_period_s=2.0, sanding_s=0.8, rain_period_s=3.0, shower_s=2.0
+    )
+    scenario = replace(SCENARIOS[-1], surroundings=surroundings)
+    chosen = (
+        effect_by_id("contact_heating"), effect_by_id("rain", "steps"),
+        effect_by_id("sanding", "axles"),
+    )  # fmt: skip
+    effects = tuple(ActiveEffect(e, tuple(p.typical for p in e.parameters)) for e in chosen)
+    model = ExtendedModel((0.36, 24.0, 0.5), effects=effects)
+    items = simulated(scenario, 5.0, effects=effects)
     assert_same(items, config=replace(CONFIG, model=model), make=None)
 
 

@@ -36,6 +36,8 @@ QUICK = Surroundings(
     rail_temperature=Wave(20.0, 15.0, 1.3),
     sanding_period_s=0.7,
     sanding_s=0.3,
+    rain_period_s=0.9,
+    shower_s=0.6,
     curves=(TrackCurve(90.0, 300.0, 5.0),),
 )
 SWEEP = replace(scenario_by_name("sweep"), surroundings=QUICK)
@@ -108,6 +110,11 @@ FACTORS = [
         lambda r: 1 + 0.006 * (r.channel("rail_temperature") - 20),
     ),
     (active("sanding", 0.15), lambda r: 1 + 0.15 * r.channel("sanding")),
+    (active("rain", -0.1), lambda r: 1 - 0.1 * r.channel("rain")),
+    (
+        active("rain", -0.1, 1.5, form="steps"),
+        lambda r: np.choose(r.channel("rain").astype(int), (1.0, 0.9, 0.85)),
+    ),
     (active("slow_drift", -0.05), lambda r: 1 - 0.05 * r.time[:, None]),
 ]
 
@@ -190,6 +197,30 @@ def test_slip_work_is_in_the_force():
         work = work + DT * (np.abs(force * slip * v) - work / time)
     agrees(record, np.array(wanted))
     assert gain * work.max() > 0.05
+
+
+def test_heat_of_slip_work_is_in_the_force():
+    loss, time = 1e-6, 1.5
+    record = Record(simulation_of(active("contact_heating", loss, time)))
+    heat, wanted = np.zeros(6), []
+    for slip, v, force in zip(record.slip, record.speed, record.force, strict=True):
+        wanted.append(mu0(slip) / (1 + loss * heat))
+        heat = heat + DT * (np.abs(force * slip * v) - heat / time)
+    agrees(record, np.array(wanted))
+    assert loss * heat.max() > 0.05
+
+
+def test_sand_at_axles_1_and_4_is_in_the_force_and_fades():
+    gain, time = 0.3, 0.5
+    record = Record(simulation_of(active("sanding", gain, time, 4.0, form="axles")))
+    sand, wanted = 0.0, []
+    for strewn in record.channel("sanding")[:, 0]:
+        rate = 20.0 if strewn else 1.0 / time
+        sand += (strewn - sand) * (1.0 - math.exp(-rate * DT))
+        wanted.append(sand)
+    wanted = np.array(wanted)[:, None] * np.array([1, 0, 0, 1, 0, 0])
+    agrees(record, (1 + gain * wanted) * mu0(record.slip), tolerance=0.006)
+    assert wanted[:, 0][record.channel("sanding")[:, 0] == 0].max() > 0.3
 
 
 def test_effects_together_multiply_in_the_force():

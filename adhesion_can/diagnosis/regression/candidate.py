@@ -12,8 +12,6 @@ from adhesion_can.physics.effects import ActiveEffect, Effect, Parameter, acts_i
 CHORD_STEP, FAR_STEP = 0.3, 3.0
 """Sizes, relative to the typical one, at which the signature of an absent effect is computed: many
 effects are not linear in their size."""
-START_SCALES = (0.3, 1.0, 3.0)
-"""Further parameters at the start of a search, relative to their typical size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +85,18 @@ class Candidate:
 
     @property
     def start_values(self) -> tuple[tuple[float, ...], ...]:
-        """Start values of a search: size 0, the other parameters at a few sizes."""
+        """Start values of a search: size 0, the other parameters at their `starts`.
+
+        They step through them together; one with fewer of them stays at its last.
+        """
         rest = self.free_parameters[1:]
-        if not rest:
-            return (self.null_values,)
         return tuple(
-            (0.0, *(float(np.clip(scale * p.typical, p.lower, p.upper)) for p in rest))
-            for scale in START_SCALES
+            (0.0, *(_start(p, number) for p in rest))
+            for number in range(max((len(p.starts) for p in rest), default=1))
         )
+
+
+def _start(parameter: Parameter, number: int) -> float:
+    """Value of a further parameter at one of the starts of a search."""
+    scale = parameter.starts[min(number, len(parameter.starts) - 1)]
+    return float(np.clip(scale * parameter.typical, parameter.lower, parameter.upper))

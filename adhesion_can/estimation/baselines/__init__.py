@@ -33,4 +33,5 @@ BASELINES: Mapping[str, MakeBaseline] = {
     "ekf": _imported_when_called("extended_kalman", "ekf_estimator"),
     "bank": _imported_when_called("model_bank", "bank_estimator"),
     "window": _imported_when_called("growing_window", "window_estimator"),
+    "gradient": _imported_when_called("robust_gradient", "gradient_estimator"),
 }

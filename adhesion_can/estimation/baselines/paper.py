@@ -6,8 +6,10 @@ it is not. A block without identifiable peak does not replace an estimate with o
 agree.
 
 In the paper a block never spans a change of the surface. Here a change is detected from the
-innovations of the latest samples, and the block begins anew where it happened. Until that block is
-full the old values are still given, as not identifiable and with infinite standard deviations.
+innovations of the latest samples, and the block begins anew where it happened. From half of that
+block on the new surface is estimated where its height is identifiable, or where little of the block
+is missing; until then the old values are still given, as not identifiable and with infinite
+standard deviations.
 """
 
 from collections import deque
@@ -32,6 +34,10 @@ from adhesion_can.physics.samples import Samples
 
 MOST_SEARCHES = 6
 """Largest number of searches of one block."""
+FIRST_SHARE, WHOLE_SHARE = 0.5, 0.9
+"""Shares of the first block on a new surface from which that surface is estimated: where the part
+tells its height, and in any case. A block that begins a few samples behind the change would else be
+full a whole block later, while the old surface's values are given."""
 SETTLED = 1e-3
 """Relative decrease of J below which a repeated search counts as converged."""
 
@@ -61,6 +67,7 @@ class PaperEstimator:
         self._current: Estimate | None = None
         self._current_std = inf
         self._changing = False
+        self._next_look = inf  # samples that wait
 
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
         """Process samples, as `Estimator.update` defines it; a new estimate once per block."""
@@ -71,10 +78,28 @@ class PaperEstimator:
             declared = self._look_for_change()
             while (block := self._next_block()) is not None:
                 self._current = self._identify(block)
+            self._look_at_first_part()
             if declared and not self._changing and self._current is not None:
                 # The block of the new surface was full at once: the change is still to be reported.
                 self._current = replace(self._current, change_probability=1.0)
         return self._current
+
+    def _look_at_first_part(self) -> None:
+        """Estimate a new surface from a part of its first block, where that tells its height."""
+        count = sum(map(len, self._waiting))
+        if not self._changing or count < self._next_look:
+            return
+        part = Samples.concatenate(list(self._waiting))
+        h, z = part.folded()
+        found = search(h, z, self._theta, self._settings, self._rng)
+        found = self._search_until_converged(found, h, z)
+        fresh = assess(found.theta, found.cost, part, self._identifiability)
+        self._next_look = count + FIRST_SHARE * (self._settings.block - count)
+        tells = fresh.identifiable.mu_max or count >= WHOLE_SHARE * self._settings.block
+        if tells and self._current is not None:
+            self._theta, self._current_std = found.theta, fresh.mu_max_std
+            since, self._changing = self._current.surface_since_us, False
+            self._current = replace(fresh, surface_since_us=since, change_probability=0.0)
 
     def _next_block(self) -> Samples | None:
         size = self._settings.block
@@ -112,6 +137,7 @@ class PaperEstimator:
         cut = min(int(np.argmin(excess)), len(waiting) - 1)
         self._wait_with(waiting.select(slice(cut, None)))
         self._changing = True
+        self._next_look = FIRST_SHARE * self._settings.block
         self._current = replace(
             current,
             covariance=UNKNOWN,

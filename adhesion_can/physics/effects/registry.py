@@ -11,6 +11,7 @@ from functools import cache
 from adhesion_can.physics.effects.adhesion_recovery import AdhesionRecovery
 from adhesion_can.physics.effects.base import Effect, Observability, Requirements
 from adhesion_can.physics.effects.channel_factor import LINEAR, PREFIX, STEP, ChannelFactor
+from adhesion_can.physics.effects.contact_heating import ContactHeating
 from adhesion_can.physics.effects.creep_relaxation import CreepRelaxation
 from adhesion_can.physics.effects.curve_creep import CurveCreep
 from adhesion_can.physics.effects.effort_bias import EffortBias
@@ -20,7 +21,8 @@ from adhesion_can.physics.effects.humidity import Humidity
 from adhesion_can.physics.effects.load_dependence import LoadDependence, LoadPower
 from adhesion_can.physics.effects.rail_cleaning import RailCleaning
 from adhesion_can.physics.effects.rail_temperature import RailTemperature
-from adhesion_can.physics.effects.sanding import Sanding
+from adhesion_can.physics.effects.rain import RainByLevel, RainBySteps
+from adhesion_can.physics.effects.sanding import Sanding, SandingAtAxles
 from adhesion_can.physics.effects.slow_drift import SlowDrift
 from adhesion_can.physics.effects.speed_delay import SpeedDelay
 from adhesion_can.physics.effects.speed_dependence import SpeedDependence
@@ -52,9 +54,13 @@ EFFECTS: tuple[Effect, ...] = (
     PolachFriction(),
     RailCleaning(),
     AdhesionRecovery(),
+    ContactHeating(),
     Humidity(),
     RailTemperature(),
+    RainByLevel(),
+    RainBySteps(),
     Sanding(),
+    SandingAtAxles(),
     SlowDrift(),
     TractionBrakingAsymmetry(),
 )
