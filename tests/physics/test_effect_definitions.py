@@ -33,7 +33,10 @@ CONTRACT_IDS = {
     "wheel_speed_delay",
     *("creep_relaxation", "curve_creep", "rail_cleaning", "adhesion_recovery", "humidity"),
     *("rail_temperature", "sanding", "slow_drift", "traction_braking_asymmetry"),
+    *("load_transfer", "effort_gain", "speed_error", "curving_resistance", "brake_blending"),
+    "wheel_once_per_turn",
 }
+OTHER_RIVALS = {"contact_heating"}
 IN_CONTACT = [effect for effect in EFFECTS if isinstance(effect, ContactEffect)]
 IN_INSTRUMENTS = [effect for effect in EFFECTS if isinstance(effect, InstrumentEffect)]
 RH, RAIL_T, SAND, CURVE = (
@@ -141,7 +144,7 @@ def test_definition_states_what_it_requires_and_how_it_shows(effect):
     assert observability.channel in CHANNEL_BY_NAME
     assert observability.excitation.strip()
     for separation in observability.separations:
-        assert separation.rival in CONTRACT_IDS - {effect.id}
+        assert separation.rival in (CONTRACT_IDS | OTHER_RIVALS) - {effect.id}
         assert separation.manoeuvre.strip()
     if set(effect.requires.covariates) & set(CHANNEL_BY_NAME):
         assert observability.channel in effect.requires.covariates
@@ -182,8 +185,9 @@ def test_what_is_particular_to_an_effect_stands_in_its_definition_alone():
     assert found == []
 
 
-def test_only_the_wheel_radius_is_of_one_axle():
-    assert {e.id for e in EFFECTS for p in e.parameters if p.axle} == {"wheel_radius"}
+def test_errors_of_single_axles():
+    single = {"wheel_radius", "effort_gain", "wheel_once_per_turn"}
+    assert {e.id for e in EFFECTS for p in e.parameters if p.axle} == single
 
 
 # ------------------------------------------------------------------- nothing, something, bounds
@@ -204,7 +208,9 @@ def test_size_zero_changes_nothing_in_the_instruments(effect):
     assert amended.vehicle(Locomotive()) == Locomotive()
     assert amended.radius_factor(6).tolist() == [1.0] * 6
     for field in fields(Instruments):
-        if field.name != "radius_error":
+        if field.name == "laws":
+            assert amended.laws == ()
+        elif field.name != "radius_error":
             assert getattr(amended, field.name) == 0.0
 
 

@@ -25,6 +25,8 @@ class Candidate:
         axle: Axle number of an effect at one axle; 0 for the others.
         is_lag: Whether the size is a time or a length by which something lags.
         plausible: Smallest and largest size that the vehicle may have.
+        starts: Values of the further parameters at which a search begins, where the data give
+            them; () for multiples of the typical ones.
 
     """
 
@@ -32,6 +34,7 @@ class Candidate:
     axle: int = 0
     is_lag: bool = False
     plausible: tuple[float, float] = (-inf, inf)
+    starts: tuple[tuple[float, ...], ...] = ()
 
     @property
     def size(self) -> int:
@@ -68,6 +71,8 @@ class Candidate:
     @property
     def null_values(self) -> tuple[float, ...]:
         """Values of the free parameters at which the effect changes nothing."""
+        if self.starts:
+            return (0.0, *self.starts[len(self.starts) // 2])
         return (0.0, *(p.typical for p in self.free_parameters[1:]))
 
     @property
@@ -89,6 +94,8 @@ class Candidate:
     def start_values(self) -> tuple[tuple[float, ...], ...]:
         """Start values of a search: size 0, the other parameters at a few sizes."""
         rest = self.free_parameters[1:]
+        if self.starts:
+            return tuple((0.0, *start) for start in self.starts)
         if not rest:
             return (self.null_values,)
         return tuple(
