@@ -151,7 +151,7 @@ def test_definition_states_what_it_requires_and_how_it_shows(effect):
 
 
 def test_forms_of_a_mechanism_agree_on_what_they_require_and_how_they_show():
-    for effect in EFFECTS:
+    for effect in IN_CONTACT:
         first = effect_by_id(effect.id)
         assert (effect.title, effect.requires, effect.observability) == (
             *(first.title, first.requires, first.observability),

@@ -152,9 +152,6 @@ class PitchSpeedError:
             Separation(
                 "speed_scale", "traction and braking: a pitch changes its sign with the effort"
             ),
-            Separation(
-                "curve_shape", "one axle that pulls by itself, and all of them together"
-            ),
         ),
     )
 
@@ -168,7 +165,6 @@ _IN_CURVES = Observability(
     excitation="coasting in curves to either side and on straight track",
     separations=(
         Separation("curve_creep", "coasting in curves, and creep beyond the peak in curves"),
-        Separation("curving_resistance", "curves at several speeds, and creep beyond the peak"),
     ),
 )
 
