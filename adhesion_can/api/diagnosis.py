@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from adhesion_can.arrays import Array
 from adhesion_can.api.configuration import ConfigurationLike, as_configuration
 from adhesion_can.api.inputs import RecordingLike, as_paths, describe_table, require_plausible
+from adhesion_can.arrays import Array
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.diagnosis.diagnose import DiagnosisSettings, ShowProgress
 from adhesion_can.diagnosis.diagnose import diagnose as _diagnose

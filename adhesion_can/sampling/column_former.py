@@ -98,10 +98,7 @@ class ColumnFormer:
     def add(self, readings: Readings) -> None:
         """Add the readings of the next block; stamps of a signal do not run backwards."""
         if self._correction is not None:
-            wheels = (t for (role, _), (t, _) in readings.items() if role is Role.WHEEL_SPEED)
-            begins = [int(t[0]) for t in wheels if len(t)]
-            if begins:
-                self._correction.begin(min(begins))
+            _begin(self._correction, readings)
         instrument_errors = self._equations.instruments
         for (role, axle), (stamps, values) in readings.items():
             if role is Role.WHEEL_SPEED and axle in self._wheel:
@@ -377,3 +374,11 @@ class ColumnFormer:
             return np.ones(len(collection))
         place = self._direction.before(due.t_us[np.minimum(collection, len(due.t_us) - 1)])
         return np.where(place >= 0, self._direction.value[place], 1.0)
+
+
+def _begin(correction: RowCorrection, readings: Readings) -> None:
+    """Let the recording begin with the first wheel speed."""
+    wheels = (stamps for (role, _), (stamps, _) in readings.items() if role is Role.WHEEL_SPEED)
+    begins = [int(stamps[0]) for stamps in wheels if len(stamps)]
+    if begins:
+        correction.begin(min(begins))

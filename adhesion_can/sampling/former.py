@@ -323,7 +323,7 @@ class SampleFormer(Stateful):
             if not whole.all():
                 self.dropped[NOT_CORRECTED] += int((~whole).sum())
                 rows = [row for row, good in zip(rows, whole, strict=True) if good]
-                measured = Measured(*(column[whole] for column in measured))
+                measured = measured.select(whole)
                 t_us, load_std, share = t_us[whole], load_std[whole], share[whole]
         if not rows:
             return NO_SAMPLES

@@ -110,7 +110,7 @@ class RowCorrection(Stateful):
         """
         origin_us = int(t_us[0]) if self.origin_us is None else self.origin_us
         read = Situation(
-            time_s=(t_us - origin_us) * 1e-6,
+            time_s=np.asarray((t_us - origin_us) * 1e-6, dtype=np.float64),
             axle=rows.axle.astype(np.float64),
             wheel_speed=rows.wheel_speed,
             wheel_accel=rows.wheel_accel,

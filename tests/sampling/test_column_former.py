@@ -46,7 +46,9 @@ EARLY = Instruments(speed_delay=-0.03, effort_delay=-0.011)
 
 def lawful(*effects, given=PERFECT):
     """Instruments with laws of effects: id, form and values each."""
-    actives = [ActiveEffect(effect_by_id(name, form), tuple(values)) for name, form, *values in effects]
+    actives = [
+        ActiveEffect(effect_by_id(name, form), tuple(values)) for name, form, *values in effects
+    ]
     return build_instruments(actives, given)
 
 

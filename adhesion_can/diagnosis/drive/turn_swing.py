@@ -14,6 +14,8 @@ from adhesion_can.arrays import Array
 
 WINDOW_S = 0.8
 """Width of the parabolas that are taken off, s: a wheel that turns slower shows no turn."""
+LEAST_POINTS = 5
+"""Least number of readings in a window."""
 BLOCKS = 20
 """Blocks of time whose amplitudes give the standard deviation."""
 
@@ -47,14 +49,12 @@ def find_turn_swing(t_s: Array, wheel_speed: Array, angle: Array) -> TurnSwing:
     """
     cycle = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
     points = round(WINDOW_S / cycle / 2) * 2 + 1 if cycle > 0.0 else 0
-    if points < 5 or len(t_s) < BLOCKS * points:  # noqa: PLR2004  a parabola and a rest
+    if points < LEAST_POINTS or len(t_s) < BLOCKS * points:
         return NO_SWING
     sine, cosine = wheel_speed * np.sin(angle), wheel_speed * np.cos(angle)
     columns = np.stack([sine, cosine, wheel_speed])
     columns -= scipy.signal.savgol_filter(columns, points, 2, axis=1)
-    grams = np.stack(
-        [part @ part.T for part in np.array_split(columns, BLOCKS, axis=1)]
-    )
+    grams = np.stack([part @ part.T for part in np.array_split(columns, BLOCKS, axis=1)])
     total = grams.sum(axis=0)
     try:
         inverse = np.linalg.inv(total[:2, :2])

@@ -24,6 +24,7 @@ from adhesion_can.physics.effects import (
     build_instruments,
     known_effects,
 )
+from adhesion_can.physics.effects.base import Requirements
 from adhesion_can.physics.effects.lag_states import PAUSE_S
 from adhesion_can.physics.instrument_laws import Need
 from adhesion_can.physics.parameter import Wheelset
@@ -61,7 +62,7 @@ def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...]
     axles = sorted(set.union(*(set(np.unique(c.axle).tolist()) for c in drives)))
     for effect in known_effects():
         why = _missing(effect, drives)
-        candidates = []
+        candidates: list[Candidate] = []
         if not why:
             own = axles if any(p.axle for p in effect.parameters) else [0]
             plausible = (-inf, inf) if own != [0] else _plausible(effect, wheelset)
@@ -205,6 +206,11 @@ def _missing_rows(effect: Effect, drives: Sequence[DriveData]) -> str:
         return f"the table has no column {CHANNEL_BY_NAME['speed'].column}"
     if requires.load and not all(drive.has_load for drive in drives):
         return "the loads are not measured"
+    return _missing_drives(requires, drives)
+
+
+def _missing_drives(requires: Requirements, drives: Sequence[DriveData]) -> str:
+    """Why drives of this kind cannot show an effect; '' where they can."""
     if requires.all_efforts and any(drive.kinematics.efforts is None for drive in drives):
         return "the efforts of all axles are not known"
     if requires.braking and _braking_share(drives) < LEAST_BRAKING:

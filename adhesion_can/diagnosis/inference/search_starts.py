@@ -1,4 +1,4 @@
-"""Where the search for an effect begins: values that the data give, or multiples of typical ones."""
+"""Where the search for an effect begins: multiples of typical values, or what the data give."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -86,4 +86,4 @@ class FadingBrakeBlending:
 
     def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
         """Instruments with this error in addition."""
-        return instruments.with_law(BlendingLaw(*values), values[0])
+        return instruments.with_law(BlendingLaw(values[0], values[1]), values[0])

@@ -99,9 +99,7 @@ class AxleEffortGain:
                 "coasting, where a gain has nothing to act on, and creep beyond the peak, where an "
                 "error of the radius does nothing",
             ),
-            Separation(
-                "rail_cleaning", "travel in the other direction: another axle leads then"
-            ),
+            Separation("rail_cleaning", "travel in the other direction: another axle leads then"),
         ),
     )
 
@@ -141,7 +139,7 @@ class HeatEffortGain:
 
     def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
         """Instruments with this error in addition."""
-        return instruments.with_law(HeatGainLaw(*values), values[0])
+        return instruments.with_law(HeatGainLaw(values[0], values[1]), values[0])
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Adhesion, or a reading, changes by a factor that a formula gives.
 
-It is written by hand, or proposed by a diagnosis for the adhesion. A formula is no member of `EFFECTS`: there is one for every expression, in a model file under the key
-`expression`.
+It is written by hand, or proposed by a diagnosis for the adhesion. A formula is no member of
+`EFFECTS`: there is one for every expression, in a model file under the key `expression`.
 """
 
 import re

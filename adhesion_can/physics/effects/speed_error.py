@@ -34,7 +34,7 @@ class SpeedStep:
 
     def error(self, situation: Situation, _lags: LagStates) -> ReadingError:
         """Error of the readings."""
-        return ReadingError(self.share * (situation.time_s >= self.time))
+        return ReadingError(np.where(situation.time_s >= self.time, self.share, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,7 @@ class SteppedSpeedError:
 
     def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
         """Instruments with this error in addition."""
-        return instruments.with_law(SpeedStep(*values), values[0])
+        return instruments.with_law(SpeedStep(values[0], values[1]), values[0])
 
 
 @dataclass(frozen=True, slots=True)
