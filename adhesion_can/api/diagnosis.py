@@ -8,6 +8,7 @@ import numpy as np
 
 from adhesion_can.api.configuration import ConfigurationLike, as_configuration
 from adhesion_can.api.inputs import RecordingLike, as_paths, describe_table, require_plausible
+from adhesion_can.arrays import Array
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.diagnosis.diagnose import DiagnosisSettings, ShowProgress
 from adhesion_can.diagnosis.diagnose import diagnose as _diagnose
@@ -21,9 +22,9 @@ from adhesion_can.files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.offline.plausibility import Points, inspect_points, inspect_samples
 from adhesion_can.offline.rim_speed import inspect_rim_speeds, slips_of_traces
-from adhesion_can.physics.effects import ActiveEffect
+from adhesion_can.physics.effects import ActiveEffect, build_instruments
 from adhesion_can.physics.effects.expression import ExpressionError
-from adhesion_can.physics.effects.formula import Formula, parse_formula
+from adhesion_can.physics.effects.formula import AnyFormula, Formula, parse_formula
 from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.recordings.tables.choice import ColumnChoice
@@ -61,7 +62,8 @@ def diagnose(
         holdout: Data for the gain alone; without any, blocks of the inputs are held out.
         configuration: Vehicle, database, roles and settings.
         formulas: Formulas that are tested as effects are, such as
-            '1 + a * max(wind - b, 0) where a=0.1, b=5'.
+            '1 + a * max(wind - b, 0) where a=0.1, b=5': the factor of the adhesion, or
+            of a reading over its true value, with 'speed:' or 'effort:' in front.
         show: Callback with the work in progress and the share that is done.
 
     Returns:
@@ -245,7 +247,7 @@ def _load_table(input_file: InputFile, config: Configuration) -> LoadedInput:
     )
 
 
-def read_formulas(texts: Iterable[str]) -> tuple[Formula, ...]:
+def read_formulas(texts: Iterable[str]) -> tuple[AnyFormula, ...]:
     """Formulas as a user writes them.
 
     Raises:
@@ -262,12 +264,14 @@ def read_formulas(texts: Iterable[str]) -> tuple[Formula, ...]:
     return tuple(found)
 
 
-def _require_formula_applies(formula: Formula, drive: DriveData) -> None:
+def _require_formula_applies(formula: AnyFormula, drive: DriveData) -> None:
     """InputError where a formula lacks a channel, or nothing switches it off."""
     where = f"formula {formula.expression!r}"
     lacking = formula.requires.lacks(drive.covariates)
     lacking = lacking or ("speed" if formula.requires.speed and not drive.has_speed else "")
     lacking = lacking or ("load" if formula.requires.load and not drive.has_load else "")
+    all_efforts = formula.requires.all_efforts and drive.kinematics.efforts is None
+    lacking = lacking or ("total_effort" if all_efforts else "")
     if lacking:
         there = ", ".join(("slip", *drive.covariates))
         what = f"{drive.name} has no {lacking}"
@@ -275,7 +279,7 @@ def _require_formula_applies(formula: Formula, drive: DriveData) -> None:
             where, what, f"known there: {there}; speed and load where they are measured"
         )
     values = (0.0, *(p.typical for p in formula.parameters[1:]))
-    factor = compute_factor(drive, ActiveEffect(formula, values))
+    factor = _compute_formula(drive, formula, values)
     if not np.isfinite(factor).all():
         what = f"it is no number in {int((~np.isfinite(factor)).sum())} rows of {drive.name}"
         raise InputError(where, what, "mend the expression, or begin at other constants")
@@ -285,10 +289,20 @@ def _require_formula_applies(formula: Formula, drive: DriveData) -> None:
         raise InputError(where, what, "name first the constant that switches it off")
 
 
+def _compute_formula(drive: DriveData, formula: AnyFormula, values: tuple[float, ...]) -> Array:
+    """Factor by a formula in the rows of a drive, shape (n,)."""
+    active = ActiveEffect(formula, values)
+    if isinstance(formula, Formula):
+        return compute_factor(drive, active)
+    true = drive.observe(build_instruments([active]))
+    factor = drive.observe().speed / true.speed * true.force_gain
+    return np.asarray(factor)
+
+
 def diagnose_inputs(
     loaded: Sequence[LoadedInput],
     show: ShowProgress,
-    formulas: tuple[Formula, ...] = (),
+    formulas: tuple[AnyFormula, ...] = (),
     *,
     effect_grams: bool = False,
 ) -> Diagnosis:

@@ -76,7 +76,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="TEXT",
         help="test a formula of your own as effects are tested: the factor of the adhesion, and "
-        "where its constants begin, the size first: '1 + a * max(wind - b, 0) where a=0.1, b=5'",
+        "where its constants begin, the size first: '1 + a * max(wind - b, 0) where a=0.1, b=5'; "
+        "with 'speed:' or 'effort:' in front the factor of that reading over its true value",
     )
     add_columns(parser)
     add_json(parser)

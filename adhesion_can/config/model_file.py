@@ -3,7 +3,8 @@
 [base]                      # c1, c2, c3; covariance
 [curve]                     # family, covariance, peak_std, where the base curve is not Burckhardt's
 [curve.parameters]          # its numbers by name
-[[effect]]                  # id, form or expression, covariance; its numbers by name below
+[[effect]]                  # id, form or expression, covariance; its numbers by name below; for an
+                            # expression also acts_on: "adhesion", "speed" or "effort"
 [effect.parameters]
 [[spline]]                  # channel, kind, knots, coefficients
 [provenance]                # texts
@@ -36,11 +37,18 @@ from adhesion_can.physics.effects import (
 )
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.effects.expression import ExpressionError
-from adhesion_can.physics.effects.formula import FORMULA, Formula, formula_of
+from adhesion_can.physics.effects.formula import (
+    ADHESION,
+    FORMULA,
+    READINGS,
+    AnyFormula,
+    ReadingFormula,
+    formula_of,
+)
 
 _KEYS = ("base", "curve", "effect", "spline", "provenance")
 _CURVE_KEYS = ("family", "parameters", "covariance", "peak_std")
-_EFFECT_KEYS = ("id", "form", "expression", "parameters", "covariance")
+_EFFECT_KEYS = ("id", "form", "expression", "acts_on", "parameters", "covariance")
 _MATRIX = tuple[tuple[float, ...], ...]
 
 
@@ -192,10 +200,11 @@ def _definition(table: dict[str, Any], where: str) -> Effect:
     form = typed(table.get("form", ""), str, f"{where}.form")
     if name == FORMULA:
         return _formula(table, where)
-    if "expression" in table:
-        raise ConfigError(
-            f"{where}.expression", f"{name} has none", f"write id = {_text(FORMULA)}, or leave it"
-        )
+    for key in ("expression", "acts_on"):
+        if key in table:
+            raise ConfigError(
+                f"{where}.{key}", f"{name} has none", f"write id = {_text(FORMULA)}, or leave it"
+            )
     forms = forms_of_effect(name)
     if not forms:
         known = ", ".join((*dict.fromkeys(effect.id for effect in known_effects()), FORMULA))
@@ -207,19 +216,23 @@ def _definition(table: dict[str, Any], where: str) -> Effect:
     raise ConfigError(f"{where}.form", f"{name} has no form {form!r}", f"known: {known}")
 
 
-def _formula(table: dict[str, Any], where: str) -> Formula:
+def _formula(table: dict[str, Any], where: str) -> AnyFormula:
     """Formula with the names of the constants under `parameters`."""
     key = f"{where}.expression"
     mend = "write the factor of the adhesion, as '1 + a * max(wind - b, 0)'"
     if "expression" not in table:
         raise ConfigError(key, "missing", mend)
     expression = typed(table["expression"], str, key)
+    acts_on = typed(table.get("acts_on", ADHESION), str, f"{where}.acts_on")
+    if acts_on not in (ADHESION, *READINGS):
+        known = ", ".join((ADHESION, *READINGS))
+        raise ConfigError(f"{where}.acts_on", f"not known: {acts_on!r}", f"known: {known}")
     given = table_of(table.get("parameters", {}), f"{where}.parameters")
     constants = {
         name: typed(value, float, f"{where}.parameters.{name}") for name, value in given.items()
     }
     try:
-        return formula_of(expression, constants)
+        return formula_of(expression, constants, acts_on)
     except ExpressionError as error:
         raise ConfigError(key, str(error), mend) from error
 
@@ -262,6 +275,8 @@ def model_text(model: ExtendedModel) -> str:
         if effect.form:
             key = "expression" if effect.id == FORMULA else "form"
             lines.append(f"{key} = {_text(effect.form)}")
+        if isinstance(effect, ReadingFormula):
+            lines.append(f"acts_on = {_text(effect.acts_on)}")
         lines += [*_matrix(covariance), "[effect.parameters]"]
         lines += [
             f"{_key(p.name)} = {_number(value)}  # {p.unit and p.unit + '; '}{p.meaning}"

@@ -16,6 +16,7 @@ from adhesion_can.diagnosis.extended_model import (
     estimate_segments,
     refit_with_spline,
 )
+from adhesion_can.diagnosis.formatting import effect_name
 from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import ConfirmedFindings
 from adhesion_can.diagnosis.inference.equivalent_effects import find_equivalent_effects
@@ -321,9 +322,12 @@ def _list_imitated_effects(found: Findings) -> list[Untested]:
     """Effects that the curve imitates so well that the data do not identify them."""
     out = {}
     absorbed_shares = found.detection.absorbed
-    for candidate, absorbed in zip(found.prepared.candidates, absorbed_shares, strict=True):
+    pairs = list(zip(found.prepared.candidates, absorbed_shares, strict=True))
+    shown = {candidate.effect.id for candidate, absorbed in pairs if absorbed < IMITATED}
+    for candidate, absorbed in pairs:
+        effect = candidate.effect
         if absorbed >= IMITATED and candidate not in found.selection.best.candidates:
-            out[candidate.effect.id] = (
+            out[effect_name(effect.id, effect.form if effect.id in shown else "")] = (
                 f"the curve's own parameters imitate {100 * absorbed:.1f} % of it in these data"
             )
     return [Untested(what, why) for what, why in out.items()]

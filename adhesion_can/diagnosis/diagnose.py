@@ -67,7 +67,7 @@ from adhesion_can.diagnosis.regression.prepare_regression import (
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.diagnosis.result import Diagnosis
-from adhesion_can.physics.effects.formula import Formula
+from adhesion_can.physics.effects.formula import AnyFormula
 
 ShowProgress = Callable[[str, float], None]
 """Callback with the name of the work in progress and the share that is done."""
@@ -91,7 +91,7 @@ class DiagnosisSettings:
     alpha: float = 0.05
     rate_hz: float = RATE_HZ
     seed: int = 1
-    formulas: tuple[Formula, ...] = ()
+    formulas: tuple[AnyFormula, ...] = ()
     effect_grams: bool = False
 
 

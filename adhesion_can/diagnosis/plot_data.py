@@ -209,9 +209,10 @@ def simulate_wheel_speed(
     radii = drive.radius * instruments.radius_factor(len(drive.radius))
     radius = float(radii[drive.axle[rows[0]] - 1])
     inertia = max(drive.inertia + instruments.inertia_error, 1.0)
-    effort = drive.effort[rows] - instruments.effort_bias
+    effort = drive.correct_effort(instruments)[rows]
     speed, load = observed.speed[rows], observed.load[rows]
-    slip_change, factor = (evaluation.slip - observed.slip)[rows], evaluation.factor[rows]
+    slip_change = (evaluation.slip - observed.slip)[rows]
+    factor = (evaluation.factor / observed.force_gain)[rows]
     measured_slip = observed.slip[rows]
     t_s = drive.t_s[rows]
     slip = np.empty(len(rows))

@@ -1,6 +1,7 @@
 """What was found, in plain sentences with sizes and units."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from adhesion_can.diagnosis.regression.channel_splines import Channel
 from adhesion_can.diagnosis.result import Cause, Gain
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.curves import FAMILIES
-from adhesion_can.physics.effects import Observability, effect_by_id
+from adhesion_can.physics.effects import Observability, forms_of_effect
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 from adhesion_can.physics.effects.curve_shape import OBSERVABILITY as SHAPE_OBSERVABILITY
 from adhesion_can.physics.effects.formula import FORMULA
@@ -35,8 +36,11 @@ class _Shown(NamedTuple):
 def _observability(effect: str) -> _Shown:
     if effect == FORMULA:
         return _Shown(effect, Observability(excitation="the channels of the formula"))
-    known = SHAPE_OBSERVABILITY if effect == CURVE_SHAPE else effect_by_id(effect).observability
-    return _Shown(effect, known)
+    if effect == CURVE_SHAPE:
+        return _Shown(effect, SHAPE_OBSERVABILITY)
+    forms = [form.observability for form in forms_of_effect(effect)]
+    separations = tuple(dict.fromkeys(one for form in forms for one in form.separations))
+    return _Shown(effect, replace(forms[0], separations=separations))
 
 
 def _separation(effect: _Shown, rival: _Shown) -> str:

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from adhesion_can.physics.instrument_laws import InstrumentLaw, LoadShift, Need
 from adhesion_can.physics.vehicle import Locomotive
 
 _NONE: Mapping[int, float] = MappingProxyType({})
@@ -27,6 +28,7 @@ class Instruments:
         effort_bias: Measured less true effort of every axle, N.
         effort_delay: Age of a measured effort at its stamp, s.
         wheel_speed_delay: Age of the measured wheel speeds at their stamps, s.
+        laws: Errors that depend on the situation, beside the constant ones above.
 
     A delay below 0 is that of a signal that comes early, as the others come late.
 
@@ -39,6 +41,25 @@ class Instruments:
     effort_bias: float = 0.0
     effort_delay: float = 0.0
     wheel_speed_delay: float = 0.0
+    laws: tuple[InstrumentLaw, ...] = ()
+
+    def with_law(self, law: InstrumentLaw, size: float) -> "Instruments":
+        """These instruments with a law in addition; unchanged where its size is 0."""
+        return replace(self, laws=(*self.laws, law)) if size else self
+
+    def needs(self, need: Need) -> bool:
+        """Whether a law needs something of the situation."""
+        return any(need in law.needs for law in self.laws)
+
+    @property
+    def load_shifts(self) -> tuple[LoadShift, ...]:
+        """Laws by which loads move under effort."""
+        return tuple(law for law in self.laws if isinstance(law, LoadShift))
+
+    @property
+    def law_covariates(self) -> tuple[str, ...]:
+        """Names of the covariates on which laws depend, each once."""
+        return tuple(dict.fromkeys(name for law in self.laws for name in law.covariates))
 
     @property
     def speed_lag(self) -> float:

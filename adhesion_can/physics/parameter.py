@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum, auto
 from math import isfinite
 from typing import NamedTuple
 
@@ -28,6 +29,17 @@ PlausibleRange = Callable[[Wheelset], tuple[float, float]]
 """Smallest and largest value that a vehicle with such a wheelset may have."""
 
 
+class SearchStart(Enum):
+    """Values of a further parameter at which a search begins."""
+
+    SCALES = auto()
+    """Multiples of the typical value."""
+    STEP_TIME = auto()
+    """Time at which the slips of all axles step."""
+    WHEEL_PHASE = auto()
+    """Phase of what the axle's wheel speed shows once a turn."""
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """One number of an effect or of a curve family.
@@ -45,6 +57,8 @@ class Parameter:
             cause. None: from `lower` to `upper`.
         starts: Values at which a diagnosis begins its search, relative to `typical`; of the size
             it needs none.
+        search: Values at which a search begins, where the parameter is not the size.
+        step: Step of a numerical derivative, in `unit`; 0: a share of `typical`.
 
     """
 
@@ -58,6 +72,8 @@ class Parameter:
     given: bool = False
     plausible: PlausibleRange | None = None
     starts: tuple[float, ...] = (0.3, 1.0, 3.0)
+    search: SearchStart = SearchStart.SCALES
+    step: float = 0.0
 
     @property
     def free(self) -> bool:

@@ -1,6 +1,7 @@
 """The locomotive's data: axles, wheels, loads and the transfer of load under effort."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import pairwise
 from math import isfinite
 
@@ -135,9 +136,35 @@ class Locomotive:
         """Number of axles."""
         return len(self.wheel_radius)
 
+    def transfer_shares(self, traction: float = 1.0) -> Array:
+        """Load that each axle gains for each axle's effort, 1, shape (axles, axles).
+
+        By the configured geometry; without one by that of a usual vehicle with as many axles.
+
+        Args:
+            traction: Height of the link that pulls the body, relative to that of the geometry.
+
+        """
+        return _transfer_shares(self.geometry or usual_geometry(self.axles), traction)
+
     def loads(self, effort: ArrayLike) -> Array:
         """Axle loads under effort (N, shape (..., axles)): static load and its transfer, N."""
         static = np.asarray(self.axle_load)
         if self.geometry is None:
             return np.broadcast_to(static, np.broadcast(static, effort).shape).copy()
         return np.asarray(static + self.geometry.load_transfer(effort))
+
+
+_BOGIES: dict[int, tuple[int, ...]] = {4: (2, 2), 6: (3, 3), 8: (2, 2, 2, 2), 12: (3, 3, 3, 3)}
+"""Axles of each bogie of a usual vehicle by its number of axles; of others in one frame."""
+
+
+def usual_geometry(axles: int) -> Geometry:
+    """Geometry of a usual vehicle with two axles or more, in the proportions of the default."""
+    return Geometry(_BOGIES.get(axles, (axles,)))
+
+
+@lru_cache(maxsize=32)
+def _transfer_shares(geometry: Geometry, traction: float) -> Array:
+    own = replace(geometry, traction_height=traction * geometry.traction_height)
+    return np.ascontiguousarray(own.load_transfer(np.eye(sum(own.axles_per_bogie))).T)

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
-from math import hypot
+from math import hypot, inf
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,12 @@ from adhesion_can.sampling.equations import (
     TRAVEL_DIRECTION,
     Measured,
     SampleEquations,
+)
+from adhesion_can.sampling.instrument_errors import (
+    NOT_CORRECTED,
+    RowCorrection,
+    WheelAngles,
+    is_whole,
 )
 from adhesion_can.sampling.load_transfer import NO_READING, LoadTransfer
 
@@ -76,6 +82,12 @@ class ColumnFormer:
         self._speed = ColumnHistory(equations.gap_us(Role.VEHICLE_SPEED), equations.speed_lag_us)
         self._direction = ColumnHistory(0.0)
         self._transfer = LoadTransfer(equations, self._effort, self._load, self._direction)
+        instruments = equations.instruments
+        self._correction = (
+            RowCorrection(instruments, equations.configured) if instruments.laws else None
+        )
+        self._angles = WheelAngles()
+        self._angle = {i: ColumnHistory(inf) for i in axles}
         self._covariates = {
             name: ColumnHistory(0.0)
             for name in (TRAVEL_DIRECTION, *COVARIATES.values(), *equations.channels)
@@ -85,10 +97,14 @@ class ColumnFormer:
 
     def add(self, readings: Readings) -> None:
         """Add the readings of the next block; stamps of a signal do not run backwards."""
+        if self._correction is not None:
+            _begin(self._correction, readings)
         instrument_errors = self._equations.instruments
         for (role, axle), (stamps, values) in readings.items():
             if role is Role.WHEEL_SPEED and axle in self._wheel:
                 self._wheel[axle].extend(stamps, values)
+                if self._correction is not None:
+                    self._turn(self._correction, axle, stamps, values)
             elif role is Role.TRACTIVE_EFFORT and axle in self._effort:
                 self._effort[axle].extend(stamps, values - instrument_errors.effort_bias)
             elif role is Role.VEHICLE_SPEED:
@@ -99,6 +115,13 @@ class ColumnFormer:
                 self._add_direction(stamps, values)
             elif name := self._equations.covariate(role, axle):
                 self._covariates[name].extend(stamps, values)
+
+    def _turn(self, correction: RowCorrection, axle: int, stamps: Stamps, values: Array) -> None:
+        """Turn a wheel on to its readings, where errors depend on its angle."""
+        good = np.isfinite(values)
+        if correction.needs_angle and good.any():
+            angles = self._angles.turn(axle, stamps[good], values[good])
+            self._angle[axle].extend(stamps[good], angles)
 
     def _add_direction(self, stamps: Stamps, values: Array) -> None:
         available = np.isfinite(values)
@@ -160,6 +183,11 @@ class ColumnFormer:
         load_us = np.concatenate([part.load_us for part in parts])[order]
         load, transfer_std = self._transfer.follow(measured.axle, t_us, measured.load, load_us)
         measured = measured._replace(load=load, transfer_std=transfer_std)
+        covariates = self._covariates_of(t_us, due_us[collection])
+        whole = np.ones(len(t_us), dtype=np.bool_)
+        if self._correction is not None and len(t_us):
+            measured = self._correct(self._correction, t_us, measured, covariates)
+            whole = is_whole(measured, self._equations.settings.v_min)
         samples = Samples(
             t_us=t_us,
             axle=measured.axle,
@@ -169,11 +197,37 @@ class ColumnFormer:
             speed_us=np.concatenate([part.speed_us for part in parts])[order],
             speed_share=np.concatenate([part.speed_share for part in parts])[order],
             **self._equations.derive(measured)._asdict(),
-            covariates=self._covariates_of(t_us, due_us[collection]),
+            covariates=covariates,
         )
+        if not whole.all():
+            self.dropped[NOT_CORRECTED] += int((~whole).sum())
+            samples, collection = samples.select(whole), collection[whole]
         if len(due_us):
             self._forget(int(due_us[-1]))
         return samples, np.searchsorted(collection, np.arange(len(due_us) + 1))
+
+    def _correct(
+        self,
+        correction: RowCorrection,
+        t_us: Stamps,
+        measured: Measured,
+        covariates: Mapping[str, Array],
+    ) -> Measured:
+        """Measured values without the errors that depend on the situation."""
+        angle = None
+        if correction.needs_angle:
+            angle = np.empty(len(t_us))
+            for axle, history in self._angle.items():
+                rows = measured.axle == axle
+                angle[rows] = history.at(t_us[rows]).value
+        return correction.correct(
+            t_us,
+            measured,
+            self._transfer.travel(t_us),
+            self._transfer.efforts(t_us) if correction.needs_efforts else None,
+            angle,
+            covariates,
+        )
 
     def _covariates_of(self, t_us: Stamps, due_us: Stamps) -> dict[str, Array]:
         """Covariates of samples by their stamps and the times at which they were collected."""
@@ -193,7 +247,7 @@ class ColumnFormer:
         equations = self._equations
         waiting = [int(wheel.t_us[0]) for wheel in self._wheel.values() if len(wheel.t_us)]
         oldest = equations.oldest_needed_us(waiting, now_us)
-        for history in (self._speed, *self._covariates.values()):
+        for history in (self._speed, *self._covariates.values(), *self._angle.values()):
             history.forget_before(oldest)
         for history in (self._direction, *self._load.values(), *self._effort.values()):
             history.forget_before(oldest - equations.load_age_us)
@@ -320,3 +374,11 @@ class ColumnFormer:
             return np.ones(len(collection))
         place = self._direction.before(due.t_us[np.minimum(collection, len(due.t_us) - 1)])
         return np.where(place >= 0, self._direction.value[place], 1.0)
+
+
+def _begin(correction: RowCorrection, readings: Readings) -> None:
+    """Let the recording begin with the first wheel speed."""
+    wheels = (stamps for (role, _), (stamps, _) in readings.items() if role is Role.WHEEL_SPEED)
+    begins = [int(stamps[0]) for stamps in wheels if len(stamps)]
+    if begins:
+        correction.begin(min(begins))

@@ -238,6 +238,10 @@ class Measured(NamedTuple):
     effort_step_std: Array
     transfer_std: Array
 
+    def select(self, kept: NDArray[np.bool_]) -> "Measured":
+        """Some of the rows."""
+        return self._replace(**{name: column[kept] for name, column in self._asdict().items()})
+
 
 class Derived(NamedTuple):
     """Columns of the derived fields of `Sample`, by the same names, shape (n,) each."""

@@ -10,7 +10,7 @@ from bisect import bisect_right
 from collections import Counter
 from collections.abc import Mapping
 from copy import deepcopy
-from math import hypot, sqrt
+from math import hypot, inf, nan, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,13 @@ from adhesion_can.sampling.equations import (
     SampleEquations,
     SamplingSettings,
     Sensors,
+)
+from adhesion_can.sampling.instrument_errors import (
+    NOT_CORRECTED,
+    RowCorrection,
+    Stamps,
+    WheelAngles,
+    is_whole,
 )
 from adhesion_can.sampling.load_transfer import ReadingTransfer
 from adhesion_can.sampling.signal_history import WAITING, SignalHistory, Waiting
@@ -100,6 +107,9 @@ class SampleFormer(Stateful):
         self._next = dict.fromkeys(axles, 1)
         self._travel = 1.0
         self._transfer = ReadingTransfer(equations, self._effort, self._load)
+        self._correction = RowCorrection(instruments, vehicle) if instruments.laws else None
+        self._angles = WheelAngles()
+        self._angle = {i: SignalHistory(inf) for i in axles}
         self._covariates: dict[str, float] = {}
         self._history: list[tuple[int, dict[str, float]]] = []
         self.dropped: Counter[str] = Counter()
@@ -135,6 +145,8 @@ class SampleFormer(Stateful):
         instrument_errors = self.equations.instruments
         if role is Role.WHEEL_SPEED and axle in self._wheel:
             self._wheel[axle].add(reading.t_us, reading.value)
+            if self._correction is not None:
+                self._turn(self._correction, reading)
         elif role is Role.TRACTIVE_EFFORT and axle in self._effort:
             effort = (
                 None if reading.value is None else reading.value - instrument_errors.effort_bias
@@ -159,6 +171,14 @@ class SampleFormer(Stateful):
                 self._set_covariate(TRAVEL_DIRECTION, self._travel, reading.t_us)
         elif name := self.equations.covariate(role, axle):
             self._set_covariate(name, reading.value, reading.t_us)
+
+    def _turn(self, correction: RowCorrection, reading: Reading) -> None:
+        """Turn a wheel on to its reading, where errors depend on its angle."""
+        correction.begin(reading.t_us)
+        if correction.needs_angle and reading.value is not None:
+            stamps, speed = np.array([reading.t_us]), np.array([reading.value])
+            (angle,) = self._angles.turn(reading.axle, stamps, speed).tolist()
+            self._angle[reading.axle].add(reading.t_us, angle)
 
     def _set_covariate(self, name: str, value: float | None, t_us: int) -> None:
         # A new mapping, since the samples formed so far share the old one.
@@ -226,6 +246,8 @@ class SampleFormer(Stateful):
         ]
         oldest = self.equations.oldest_needed_us(waiting, now_us)
         self._speed.forget_before(oldest)
+        for angle in self._angle.values():
+            angle.forget_before(oldest)
         # With the efforts and the loads.
         self._transfer.forget_before(oldest)
         gone = bisect_right(self._history, oldest, key=lambda entry: entry[0]) - 1
@@ -292,19 +314,50 @@ class SampleFormer(Stateful):
         gain, missed = self._transfer.gain.at(t_us)
         load = load + gain * transferred
         transfer_std = np.abs(transferred) * missed
-        derived = self.equations.derive(
-            Measured(axle, omega, accel, span, speed, effort, load, change, step_std, transfer_std)
+        measured = Measured(
+            axle, omega, accel, span, speed, effort, load, change, step_std, transfer_std
         )
+        if self._correction is not None:
+            measured = self._correct(self._correction, rows, t_us, measured)
+            whole = is_whole(measured, self.equations.settings.v_min)
+            if not whole.all():
+                self.dropped[NOT_CORRECTED] += int((~whole).sum())
+                rows = [row for row, good in zip(rows, whole, strict=True) if good]
+                measured = measured.select(whole)
+                t_us, load_std, share = t_us[whole], load_std[whole], share[whole]
+        if not rows:
+            return NO_SAMPLES
         return Samples(
             t_us=t_us,
-            axle=axle,
-            speed=speed,
-            load=load,
+            axle=measured.axle,
+            speed=measured.speed,
+            load=measured.load,
             load_std=load_std,
             speed_us=np.array([row.speed_us for row in rows]),
             speed_share=share,
             covariates=self._covariates_of(rows),
-            **derived._asdict(),
+            **self.equations.derive(measured)._asdict(),
+        )
+
+    def _correct(
+        self, correction: RowCorrection, rows: list[_Row], t_us: Stamps, measured: Measured
+    ) -> Measured:
+        """Measured values without the errors that depend on the situation."""
+        stamps = t_us.tolist()
+        angle = None
+        if correction.needs_angle:
+            angle = np.array([self._angle[row.axle].at(row.t_us) for row in rows], dtype=float)
+        given = [self._covariates_at(stamp) for stamp in stamps]
+        return correction.correct(
+            t_us,
+            measured,
+            self._transfer.travel(stamps),
+            self._transfer.efforts(stamps) if correction.needs_efforts else None,
+            angle,
+            {
+                name: np.array([one.get(name, nan) for one in given])
+                for name in correction.covariates
+            },
         )
 
     def _covariates_of(self, rows: list[_Row]) -> dict[str, Array]:

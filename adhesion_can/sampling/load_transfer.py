@@ -118,9 +118,14 @@ class LoadTransfer:
             there = np.isfinite(change)
             moved += np.where(there, self._shares[axle - 1, column] * change, 0.0)
             known &= there
-        return moved * self._travel(t_us), known
+        return moved * self.travel(t_us), known
 
-    def _travel(self, t_us: Stamps) -> Array:
+    def efforts(self, t_us: Stamps) -> Array:
+        """Last efforts of all axles at stamps, N, shape (n, axles); NaN where not known."""
+        held = [history.held_at(t_us)[1] for history in self._effort.values()]
+        return np.stack(held, axis=1)
+
+    def travel(self, t_us: Stamps) -> Array:
         """Direction of travel at stamps: 1 forwards or unknown, −1 in reverse."""
         place = np.searchsorted(self._direction.t_us, t_us, side="right") - 1
         if not len(self._direction.t_us):
@@ -187,6 +192,15 @@ class ReadingTransfer(Stateful):
     def since(self, axle: int, read_us: int, t_us: int) -> float:
         """Load that the efforts have moved to an axle since its load was read, N."""
         return self._transfer(axle, read_us, t_us)[0]
+
+    def efforts(self, t_us: list[int]) -> Array:
+        """Last efforts of all axles at stamps, N, shape (n, axles); NaN where not known."""
+        return np.array([self._held_efforts(stamp) for stamp in t_us], dtype=np.float64)
+
+    def travel(self, t_us: list[int]) -> Array:
+        """Direction of travel at stamps: 1 forwards or unknown, −1 in reverse."""
+        held = (self._direction.held_at(stamp) for stamp in t_us)
+        return np.array([1.0 if one is None else one[1] for one in held])
 
     def forget_before(self, t_us: int) -> None:
         """Drop what no sample at or after a stamp needs."""

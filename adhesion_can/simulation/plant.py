@@ -27,6 +27,7 @@ from adhesion_can.physics.effects import (
     LagStates,
     compute_change,
 )
+from adhesion_can.physics.instrument_laws import LoadShift
 from adhesion_can.physics.vehicle import GRAVITY, Locomotive
 from adhesion_can.simulation.surroundings import Conditions, Surroundings
 
@@ -85,6 +86,8 @@ class Plant:
         speed: Speed at the start, m/s.
         effects: Mechanisms beyond the curve; those of the instruments change nothing here.
         load_transfer: Whether axle loads change under effort.
+        load_shifts: Changes of the axle loads under effort that loads as read do not show; they
+            take the place of the transfer by the vehicle's geometry.
         gradient: Gradient of the track, m/m, positive uphill, or the profile of the gradient.
         surroundings: Air, rail, sand and curves along the run; None: calm.
         family: Family of the surfaces' curves; None: Burckhardt's curve.
@@ -98,6 +101,7 @@ class Plant:
         effects: Sequence[ActiveEffect] = (),
         *,
         load_transfer: bool = False,
+        load_shifts: Sequence[LoadShift] = (),
         gradient: float | GradientProfile = 0.0,
         surroundings: Surroundings | None = None,
         family: CurveFamily | None = None,
@@ -119,11 +123,13 @@ class Plant:
         self._axle = np.arange(1.0, vehicle.axles + 1)
         self._surroundings = surroundings or Surroundings()
         # Transfer is linear in the efforts: (axles, axles), N of load per N of effort.
-        self._transfer = (
-            vehicle.geometry.load_transfer(np.eye(vehicle.axles))
-            if load_transfer and vehicle.geometry
-            else None
-        )
+        self._transfer: Array | None = None
+        if load_shifts:
+            self._transfer = np.sum([one.shares(vehicle).T for one in load_shifts], axis=0)
+        elif load_transfer and vehicle.geometry:
+            self._transfer = vehicle.geometry.load_transfer(np.eye(vehicle.axles))
+        self.acceleration = 0.0
+        self.wheel_angle: Array = np.zeros(vehicle.axles)
 
     @property
     def gradient(self) -> float:
@@ -166,6 +172,7 @@ class Plant:
         change = gain * (effort - mu * self.load) / (1.0 + gain * stiffness)
         locked = change <= -self.wheel_speed
         self.force = effort - inertia * change / (r * dt)
+        turned = self.wheel_speed
         self.wheel_speed = self.wheel_speed + change
         if locked.any():
             # Brakes do not turn a locked wheel backwards, and the rail gives what it can.
@@ -176,6 +183,8 @@ class Plant:
         pull = float(self.force.sum()) - resistance - mass * GRAVITY * self.gradient
         before = self.speed
         self.speed = max(before + dt * pull / mass, 0.0)
+        self.acceleration = (self.speed - before) / dt
+        self.wheel_angle = self.wheel_angle + (0.5 * dt) * (turned + self.wheel_speed)
         self.position += dt * (before + self.speed) / 2
         self.time_s += dt
         if contact is not None and self._lags_follow_slip:

@@ -5,16 +5,21 @@ from statistics import fmean
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import BoundMessage, BoundSignal
 from adhesion_can.errors import InputError
+from adhesion_can.physics.instrument_laws import Quantity
 from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.readings import Direction, Role, SpeedSource
+from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.sensors import (
     SLOT_US,
+    WHOLE_VEHICLE,
     NoiseSettings,
     PlantState,
+    SensorErrors,
     StateHistory,
     delays_by_role_us,
 )
@@ -78,6 +83,7 @@ class RoleSensors:
         noise: Standard deviations of the noise.
         rng: Generator of the noise.
         instruments: Errors of the sensors beside the noise.
+        vehicle: Configured vehicle, on which some errors depend; None: the default.
 
     Raises:
         InputError: A signal is multiplexed, or the cycle of a message is unknown.
@@ -90,10 +96,12 @@ class RoleSensors:
         noise: NoiseSettings,
         rng: np.random.Generator,
         instruments: Instruments,
+        vehicle: Locomotive | None = None,
     ) -> None:
         self._noise = noise
         self._rng = rng
         self._instruments = instruments
+        self._errors = SensorErrors(instruments, vehicle or Locomotive())
         self._delay_us = delays_by_role_us(instruments)
         longest_us = max(self._delay_us.values())
         self._history = StateHistory(longest_us)
@@ -119,7 +127,7 @@ class RoleSensors:
         given: dict[str, list[float | None]] = {}
         for signal in transmitter.signals:
             t_us = transmitter.due_us - self._delay_us.get(signal.role, 0)
-            value = self._measure(signal, self._history.at(t_us))
+            value = self._measure(signal, self._history.at(t_us), t_us / 1e6)
             given.setdefault(signal.plan.name, []).append(
                 None if value is None else (value + signal.offset) / signal.scale
             )
@@ -140,21 +148,30 @@ class RoleSensors:
                 )
         return values
 
-    def _measure(self, signal: BoundSignal, state: PlantState) -> float | None:
+    def _measure(self, signal: BoundSignal, state: PlantState, time_s: float) -> float | None:
         """Measured value of a role, SI; None where the locomotive has no such sensor."""
+
+        def read(quantity: Quantity, column: Array) -> float:
+            axles = np.array([float(signal.axle)]) if signal.axle else WHOLE_VEHICLE
+            return float(self._errors.add(quantity, column, state, time_s, axles)[0])
+
         noise, instruments, axle = self._noise, self._instruments, signal.axle - 1
         conditions = state.conditions
         match signal.role:
             case Role.WHEEL_SPEED:
-                return max(float(state.wheel_speed[axle]) + self._draw(noise.wheel_speed), 0.0)
+                speed = read(Quantity.WHEEL_SPEED, state.wheel_speed[axle : axle + 1])
+                return max(speed + self._draw(noise.wheel_speed), 0.0)
             case Role.VEHICLE_SPEED:
-                speed = (1.0 + instruments.speed_error) * state.speed
+                true = read(Quantity.SPEED, np.array([state.speed]))
+                speed = (1.0 + instruments.speed_error) * true
                 return max(speed + self._draw(noise.vehicle_speed), 0.0)
             case Role.TRACTIVE_EFFORT:
                 bias = float(np.broadcast_to(instruments.effort_bias, state.effort.shape)[axle])
-                return float(state.effort[axle]) + bias + self._draw(noise.effort)
+                effort = read(Quantity.EFFORT, state.effort[axle : axle + 1])
+                return effort + bias + self._draw(noise.effort)
             case Role.AXLE_LOAD:
-                return float(state.load[axle]) + self._draw(noise.load)
+                load = read(Quantity.LOAD, state.load[axle : axle + 1])
+                return load + self._draw(noise.load)
         return {
             Role.SPEED_SOURCE: float(SpeedSource.RADAR),
             Role.DIRECTION: float(Direction.FORWARD),

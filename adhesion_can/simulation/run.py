@@ -100,6 +100,7 @@ class Simulation:
             scenario.speed,
             settings.effects,
             load_transfer=settings.load_transfer or scenario.load_transfer,
+            load_shifts=instruments.load_shifts,
             gradient=scenario.profile,
             surroundings=scenario.surroundings,
             family=scenario.family,
@@ -110,9 +111,9 @@ class Simulation:
         self._drive = Drive(vehicle.axles, settings.drive, scenario.pattern, settings.obey)
         rng = np.random.default_rng(settings.seed)
         self._sensors = (
-            Sensors(database, settings.noise, rng, instruments)
+            Sensors(database, settings.noise, rng, instruments, settings.vehicle)
             if messages is None
-            else RoleSensors(messages, settings.noise, rng, instruments)
+            else RoleSensors(messages, settings.noise, rng, instruments, settings.vehicle)
         )
         answers = database_with(OUTPUT_MESSAGES, database)
         demands = database_with(DEMAND_MESSAGES, database)
@@ -221,6 +222,8 @@ class Simulation:
             plant.load,
             plant.gradient,
             plant.conditions,
+            plant.acceleration,
+            plant.wheel_angle,
         )
 
     def truth(self) -> dict[str, Any]:

@@ -10,8 +10,11 @@ from adhesion_can.arrays import Array
 from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.bus.protected_message import ProtectedMessage
+from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.instrument_laws import Quantity, Situation, total_error
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.readings import Direction, Role, SpeedSource
+from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.surroundings import DEFAULT_CONDITIONS, Conditions
 
 SLOT_US = 250
@@ -49,6 +52,9 @@ class PlantState:
         load: Load of each axle, N, shape (axles,).
         gradient: Gradient of the track, m/m, positive uphill.
         conditions: Surroundings of the locomotive.
+        acceleration: Acceleration of the vehicle, m/s².
+        wheel_angle: Angle that each wheelset has turned, rad, shape (axles,); None where it is
+            not known.
 
     """
 
@@ -58,6 +64,8 @@ class PlantState:
     load: Array
     gradient: float
     conditions: Conditions = DEFAULT_CONDITIONS
+    acceleration: float = 0.0
+    wheel_angle: Array | None = None
 
     def towards(self, other: "PlantState", share: float) -> "PlantState":
         """State between this one (share 0) and a later one (share 1), by linear interpolation."""
@@ -68,7 +76,13 @@ class PlantState:
             self.load + share * (other.load - self.load),
             other.gradient,
             other.conditions,
+            other.acceleration,
+            _between(self.wheel_angle, other.wheel_angle, share),
         )
+
+
+def _between(before: Array | None, after: Array | None, share: float) -> Array | None:
+    return None if before is None or after is None else before + share * (after - before)
 
 
 class StateHistory:
@@ -107,6 +121,60 @@ class StateHistory:
         before = self._times[after - 1]
         share = (t_us - before) / (self._times[after] - before)
         return self._states[after - 1].towards(self._states[after], share)
+
+
+class SensorErrors:
+    """Errors of the readings, beside noise and delays, by the laws of the instruments.
+
+    Args:
+        instruments: Errors of the sensors.
+        vehicle: Configured vehicle.
+
+    """
+
+    def __init__(self, instruments: Instruments, vehicle: Locomotive) -> None:
+        self._laws, self._vehicle = instruments.laws, vehicle
+        self._lags = LagStates()
+        self._kinds = {law.quantity for law in self._laws}
+
+    def add(
+        self, quantity: Quantity, true: Array, state: PlantState, time_s: float, axles: Array
+    ) -> Array:
+        """Readings of a quantity with their errors.
+
+        Args:
+            quantity: Kind of reading.
+            true: True values, shape (n,).
+            state: State at the time of measurement.
+            time_s: Time of measurement, s.
+            axles: Number of each reading's axle; any one for a reading of the whole vehicle.
+
+        """
+        if quantity not in self._kinds:
+            return true
+        count, rows = len(axles), axles.astype(np.int64) - 1
+        conditions = state.conditions.covariates(state.gradient)
+        situation = Situation(
+            time_s=np.full(count, time_s),
+            axle=axles,
+            wheel_speed=state.wheel_speed[rows],
+            wheel_accel=np.zeros(count),
+            speed=np.full(count, state.speed),
+            effort=state.effort[rows],
+            load=state.load[rows],
+            vehicle=self._vehicle,
+            efforts=np.broadcast_to(state.effort, (count, len(state.effort))),
+            acceleration=np.full(count, state.acceleration),
+            wheel_angle=None if state.wheel_angle is None else state.wheel_angle[rows],
+            covariates={name: np.full(count, value) for name, value in conditions.items()},
+            is_true=True,
+        )
+        error = total_error(self._laws, quantity, situation, self._lags)
+        return np.asarray(true * (1.0 + error.relative) + error.absolute)
+
+
+WHOLE_VEHICLE = np.ones(1)
+"""Axle in whose place a reading of the whole vehicle stands."""
 
 
 class Transmitter:
@@ -159,6 +227,7 @@ class Sensors:
         noise: Standard deviations of the noise.
         rng: Generator of the noise.
         instruments: Errors of the sensors beside the noise.
+        vehicle: Configured vehicle, on which some errors depend; None: the default.
 
     """
 
@@ -168,10 +237,12 @@ class Sensors:
         noise: NoiseSettings,
         rng: np.random.Generator,
         instruments: Instruments = PERFECT,
+        vehicle: Locomotive | None = None,
     ) -> None:
         self._noise = noise
         self._rng = rng
         self._instruments = instruments
+        self._errors = SensorErrors(instruments, vehicle or Locomotive())
         of_roles = delays_by_role_us(instruments)
         self._delay_us = {name: of_roles[role] for name, role in _ROLES.items()}
         longest_us = max(self._delay_us.values())
@@ -204,13 +275,17 @@ class Sensors:
             delay_us = self._delay_us.get(transmitter.name, 0)
             if delay_us and self._history is not None:
                 state = self._history.at(transmitter.due_us - delay_us)
-            frames.append(transmitter.frame(self._values(transmitter.name, state)))
+            time_s = (transmitter.due_us - delay_us) / 1e6
+            frames.append(transmitter.frame(self._values(transmitter.name, state, time_s)))
         return frames
 
-    def _values(self, name: str, state: PlantState) -> dict[str, float | None]:
+    def _values(self, name: str, state: PlantState, time_s: float) -> dict[str, float | None]:
         noise, rng = self._noise, self._rng
         if name == "VehicleSpeed":
-            speed = (1.0 + self._instruments.speed_error) * state.speed
+            read = self._errors.add(
+                Quantity.SPEED, np.array([state.speed]), state, time_s, WHOLE_VEHICLE
+            )
+            speed = (1.0 + self._instruments.speed_error) * float(read[0])
             return {
                 "VehicleSpeed": max(speed + noise.vehicle_speed * rng.standard_normal(), 0.0),
                 "VehicleSpeedSource": float(SpeedSource.RADAR),
@@ -231,13 +306,20 @@ class Sensors:
             }
         first = AXLES_PER_MESSAGE * (int(name[-1]) - 1)
         bias = self._instruments.effort_bias
-        signal, column, spread = {
-            "WheelSpeeds": ("WheelSpeed", state.wheel_speed, noise.wheel_speed),
-            "TractiveEffort": ("TractiveEffort", state.effort + bias, noise.effort),
-            "AxleLoads": ("AxleLoad", state.load, noise.load),
-        }[name[:-1]]
+        signal, quantity, column, spread, offset = {
+            "WheelSpeeds": (
+                "WheelSpeed", Quantity.WHEEL_SPEED, state.wheel_speed, noise.wheel_speed, 0.0
+            ),
+            "TractiveEffort": (
+                "TractiveEffort", Quantity.EFFORT, state.effort, noise.effort, bias
+            ),
+            "AxleLoads": ("AxleLoad", Quantity.LOAD, state.load, noise.load, 0.0),
+        }[name[:-1]]  # fmt: skip
         axles = range(first, min(first + AXLES_PER_MESSAGE, len(column)))
-        measured = column[axles.start : axles.stop] + spread * rng.standard_normal(len(axles))
+        read = self._errors.add(
+            quantity, column[axles.start : axles.stop], state, time_s, np.array(axles) + 1.0
+        )
+        measured = read + offset + spread * rng.standard_normal(len(axles))
         if signal == "WheelSpeed":
             measured = np.maximum(measured, 0.0)  # a magnitude
         values: dict[str, float | None] = {

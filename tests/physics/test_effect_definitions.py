@@ -34,7 +34,10 @@ CONTRACT_IDS = {
     *("creep_relaxation", "curve_creep", "rail_cleaning", "adhesion_recovery", "humidity"),
     *("contact_heating", "rain"),
     *("rail_temperature", "sanding", "slow_drift", "traction_braking_asymmetry"),
+    *("load_transfer", "effort_gain", "speed_error", "curving_resistance", "brake_blending"),
+    "wheel_once_per_turn",
 }
+OTHER_RIVALS = {"contact_heating"}
 IN_CONTACT = [effect for effect in EFFECTS if isinstance(effect, ContactEffect)]
 IN_INSTRUMENTS = [effect for effect in EFFECTS if isinstance(effect, InstrumentEffect)]
 RH, RAIL_T, SAND, CURVE, RAIN = (
@@ -144,14 +147,14 @@ def test_definition_states_what_it_requires_and_how_it_shows(effect):
     assert observability.channel in CHANNEL_BY_NAME
     assert observability.excitation.strip()
     for separation in observability.separations:
-        assert separation.rival in CONTRACT_IDS - {effect.id}
+        assert separation.rival in (CONTRACT_IDS | OTHER_RIVALS) - {effect.id}
         assert separation.manoeuvre.strip()
     if set(effect.requires.covariates) & set(CHANNEL_BY_NAME):
         assert observability.channel in effect.requires.covariates
 
 
 def test_forms_of_a_mechanism_agree_on_what_they_require_and_how_they_show():
-    for effect in EFFECTS:
+    for effect in IN_CONTACT:
         first = effect_by_id(effect.id)
         assert (effect.title, effect.requires, effect.observability) == (
             *(first.title, first.requires, first.observability),
@@ -185,8 +188,9 @@ def test_what_is_particular_to_an_effect_stands_in_its_definition_alone():
     assert found == []
 
 
-def test_only_wheel_radius_and_sanding_name_an_axle():
-    assert {e.id for e in EFFECTS for p in e.parameters if p.axle} == {"wheel_radius", "sanding"}
+def test_errors_of_single_axles():
+    single = {"wheel_radius", "sanding", "effort_gain", "wheel_once_per_turn"}
+    assert {e.id for e in EFFECTS for p in e.parameters if p.axle} == single
 
 
 # ------------------------------------------------------------------- nothing, something, bounds
@@ -207,7 +211,9 @@ def test_size_zero_changes_nothing_in_the_instruments(effect):
     assert amended.vehicle(Locomotive()) == Locomotive()
     assert amended.radius_factor(6).tolist() == [1.0] * 6
     for field in fields(Instruments):
-        if field.name != "radius_error":
+        if field.name == "laws":
+            assert amended.laws == ()
+        elif field.name != "radius_error":
             assert getattr(amended, field.name) == 0.0
 
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from adhesion_can.physics.effects import ActiveEffect, build_instruments, effect_by_id
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.readings import Reading, Role
 from adhesion_can.physics.samples import Samples
@@ -22,7 +23,12 @@ CYCLES = {
     Role.TRACTIVE_EFFORT: 10_000,
     Role.AXLE_LOAD: 200_000,
 }
-SLOW = {Role.HUMIDITY: 300_000, Role.SANDING: 250_000, Role.DIRECTION: 170_000}
+SLOW = {
+    Role.CURVATURE: 210_000,
+    Role.HUMIDITY: 300_000,
+    Role.SANDING: 250_000,
+    Role.DIRECTION: 170_000,
+}
 TWO_AXLES = Locomotive(
     wheel_radius=(0.625, 0.61),
     axle_load=(245e3, 230e3),
@@ -36,7 +42,32 @@ LATE = Instruments(
     effort_bias=2e3, effort_delay=0.02,
 )  # fmt: skip
 EARLY = Instruments(speed_delay=-0.03, effort_delay=-0.011)
-INSTRUMENTS = {"perfect": PERFECT, "late": LATE, "early": EARLY}
+
+
+def lawful(*effects, given=PERFECT):
+    """Instruments with laws of effects: id, form and values each."""
+    actives = [
+        ActiveEffect(effect_by_id(name, form), tuple(values)) for name, form, *values in effects
+    ]
+    return build_instruments(actives, given)
+
+
+SHIFT, GAIN = ("load_transfer", "heights", 1.2, 0.7), ("effort_gain", "axle", 0.1, 2.0)
+HEAT, TIME = ("effort_gain", "heat", 0.1, 20.0), ("effort_gain", "time", 0.01)
+STEP, PITCH = ("speed_error", "step", 0.01, 0.7), ("speed_error", "pitch", 0.1)
+OFFSET, SMOOTH = ("speed_error", "offset", 2.0), ("speed_error", "low_pass", 0.4)
+BEND, BLEND = ("curving_resistance", "", 2.0), ("brake_blending", "fade", 0.3, 12.0)
+SWING = ("wheel_once_per_turn", "", 0.01, 1.0, 2.0)
+INSTRUMENTS = {
+    "perfect": PERFECT,
+    "late": LATE,
+    "early": EARLY,
+    "shifted loads": lawful(SHIFT, GAIN),
+    "memories": lawful(HEAT, TIME, SMOOTH, STEP),
+    "other channels": lawful(OFFSET, BEND, PITCH),
+    "late with laws": lawful(SHIFT, BLEND, SWING, HEAT, given=LATE),
+    "early with laws": lawful(SWING, PITCH, given=EARLY),
+}
 
 
 def drive(seed, vehicle, faults, seconds=1.5):
@@ -71,6 +102,7 @@ def drive(seed, vehicle, faults, seconds=1.5):
     signal(Role.VEHICLE_SPEED, 0, 20_000, lambda: float(rng.choice([0.5, 10.0]) + rng.random()))
     signal(Role.HUMIDITY, 0, SLOW[Role.HUMIDITY], lambda: float(rng.uniform(0, 100)))
     signal(Role.SANDING, 0, SLOW[Role.SANDING], lambda: float(rng.integers(0, 2)))
+    signal(Role.CURVATURE, 0, SLOW[Role.CURVATURE], lambda: float(rng.uniform(-0.003, 0.003)))
     signal(Role.DIRECTION, 0, SLOW[Role.DIRECTION], lambda: float(rng.integers(0, 4)))
     if rng.random() < faults:  # frames of one stamp
         rows = [replace(r, t_us=r.t_us // 5000 * 5000) for r in rows]
@@ -126,7 +158,7 @@ def assert_same(a, b):
                 )
 
 
-@settings(deadline=None, max_examples=40, derandomize=True,
+@settings(deadline=None, max_examples=80, derandomize=True,
           suppress_health_check=[HealthCheck.data_too_large])  # fmt: skip
 @given(
     st.integers(0, 2**32),
@@ -137,6 +169,9 @@ def assert_same(a, b):
     st.integers(0, 6),
 )
 @example(1, "six axles", "perfect", 0.0, False, 3)
+@example(2, "six axles", "late with laws", 0.1, True, 4)
+@example(3, "no geometry", "memories", 0.1, False, 5)
+@example(4, "two axles", "other channels", 0.5, True, 2)
 def test_columns_give_what_readings_give(seed, vehicle, instruments, faults, travel, blocks):
     vehicle = VEHICLES[vehicle]
     settings_ = (CYCLES, None, None, INSTRUMENTS[instruments])

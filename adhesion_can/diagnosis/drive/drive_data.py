@@ -8,6 +8,7 @@ interpolated to its stamps. Rows of one axle are contiguous, in the order of the
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,8 @@ from adhesion_can.diagnosis.drive.kinematics import (
     TableKinematics,
 )
 from adhesion_can.physics.channels import UserChannel
+from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.instrument_laws import Need, Situation, TrueValues, remove_errors
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.kinematics import adhesion_coefficient, creep_speed
 
@@ -42,6 +45,8 @@ class ContactObservation(NamedTuple):
         speed: Vehicle speed, m/s.
         load: Axle load, N.
         adhesion: Adhesion coefficient.
+        force_gain: Factor by which the force over load as read changes with the true adhesion: in
+            these units the noise of the effort does not depend on what corrects it.
 
     """
 
@@ -50,6 +55,7 @@ class ContactObservation(NamedTuple):
     speed: Array
     load: Array
     adhesion: Array
+    force_gain: Array | float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,16 +132,50 @@ class DriveData:
         return observation
 
     def _observe(self, instruments: Instruments) -> ContactObservation:
-        k = self.kinematics(instruments.speed_lag, instruments.effort_lag)
+        true, gain = self._correct(instruments)
+        speed, load, wheel_accel, effort = true.speed, true.load, true.wheel_accel, true.effort
         factor = instruments.radius_factor(len(self.radius))
         radius = (self.radius * factor)[self.axle - 1]
-        speed = k.speed / (1.0 + instruments.speed_error)
-        creep = creep_speed(k.wheel_speed, speed, radius)
+        creep = creep_speed(true.wheel_speed, speed, radius)
         inertia = self.inertia + instruments.inertia_error
-        effort = self.effort - instruments.effort_bias
-        adhesion = adhesion_coefficient(effort, k.load, k.wheel_accel, inertia, radius)
+        adhesion = adhesion_coefficient(effort, load, wheel_accel, inertia, radius)
         # Rows stand where the vehicle moves (eq. 2 without its lower bound).
-        return ContactObservation(creep / speed, creep, speed, k.load, adhesion)
+        return ContactObservation(creep / speed, creep, speed, load, adhesion, gain)
+
+    def correct_effort(self, instruments: Instruments) -> Array:
+        """Efforts of the rows, N, for instruments with given errors; shape (n,)."""
+        return self._correct(instruments).values.effort
+
+    def _correct(self, instruments: Instruments) -> TrueValues:
+        """True values of the rows' readings, for instruments with given errors."""
+        delays = instruments.speed_lag, instruments.effort_lag
+        k = self.kinematics(*delays)
+        read = Situation(
+            time_s=self.time_s,
+            axle=self.axle.astype(np.float64),
+            wheel_speed=k.wheel_speed,
+            wheel_accel=k.wheel_accel,
+            speed=k.speed / (1.0 + instruments.speed_error),
+            effort=self.effort - instruments.effort_bias,
+            load=k.load,
+            vehicle=self.kinematics.vehicle,
+            covariates=self.covariates,
+            series_s=self.t_s,
+        )
+        if not instruments.laws:
+            return TrueValues(read)
+        read = replace(
+            read,
+            travel=self.kinematics.travel,
+            efforts=self.kinematics.efforts if instruments.needs(Need.EFFORTS) else None,
+            wheel_angle=(
+                self.kinematics.wheel_angle if instruments.needs(Need.WHEEL_ANGLE) else None
+            ),
+            acceleration=(
+                self.kinematics.acceleration(*delays) if instruments.needs(Need.SEQUENCE) else None
+            ),
+        )
+        return remove_errors(instruments.laws, read, LagStates(pause_s=inf))
 
     def select_rows(self, kept: RowSelection) -> "DriveData":
         """The same recording with some of its rows."""

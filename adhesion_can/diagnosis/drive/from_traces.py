@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DELAY_MAX, DriveData
-from adhesion_can.diagnosis.drive.kinematics import SignalKinematics, SmoothedSignals
+from adhesion_can.diagnosis.drive.kinematics import SignalKinematics, SmoothedSignals, integrate
 from adhesion_can.diagnosis.drive.smoothing import (
     EFFORT_WINDOWS_S,
     SPEED_WINDOWS_S,
@@ -79,7 +79,7 @@ def build_drive_data_from_traces(
         parts.append((t[keep], np.full(int(keep.sum()), axle), effort[keep]))
     t_s, axles, efforts = (np.concatenate(column) for column in zip(*parts, strict=True))
     direction = signals.compute_direction(t_s)
-    travelled = np.interp(t_s, speed.t_s, _integrate_speed(speed))
+    travelled = np.interp(t_s, speed.t_s, integrate(speed))
     names = {(role, 0): name for role, name in COVARIATES.items()}
     names |= {(Role.CHANNEL, number): one.name for number, one in enumerate(channels, 1)}
     covariates = _interpolate_covariates(traces, names, t_s, origin, lost)
@@ -167,12 +167,6 @@ def distance_behind_leading_axle(
     places = vehicle.geometry.axle_places
     own = places[axle - 1]
     return np.where(direction > 0, own, places[-1] - own)
-
-
-def _integrate_speed(speed: SmoothedSignal) -> Array:
-    """Travelled distance at the stamps of a speed, m, by the trapezoidal rule."""
-    mean = (speed.value[1:] + speed.value[:-1]) / 2
-    return np.concatenate([[0.0], np.cumsum(np.diff(speed.t_s) * mean)])
 
 
 def _find_usable_rows(

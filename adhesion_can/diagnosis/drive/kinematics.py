@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.shift_rows import shift_rows
 from adhesion_can.diagnosis.drive.smoothing import SmoothedSignal
+from adhesion_can.diagnosis.drive.turn_swing import TurnSwing, find_turn_swing
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.noise import NoiseEstimate
 
@@ -120,6 +121,12 @@ class SmoothedSignals:
         return np.asarray(sign[np.maximum(np.searchsorted(stamps, t_s, side="right") - 1, 0)])
 
 
+def integrate(signal: SmoothedSignal) -> Array:
+    """Integral of a signal over time since its first reading, by the trapezoidal rule, (n,)."""
+    mean = (signal.value[1:] + signal.value[:-1]) / 2
+    return np.concatenate([[0.0], np.cumsum(np.diff(signal.t_s) * mean)])
+
+
 class SignalKinematics:
     """Kinematics from the signals of a recording; those of the last few delays are kept.
 
@@ -159,6 +166,44 @@ class SignalKinematics:
         for effort in self._signals.effort.values():
             total += np.interp(self._t_s, effort.t_s, effort.value)
         return total
+
+    @property
+    def vehicle(self) -> Locomotive:
+        """Configured vehicle."""
+        return self._signals.vehicle
+
+    @cached_property
+    def travel(self) -> Array:
+        """Direction of travel at the rows, 1 or −1; shape (n,)."""
+        return self._signals.compute_direction(self._t_s)
+
+    @cached_property
+    def efforts(self) -> Array | None:
+        """Smoothed efforts of all axles at the rows, N, shape (n, axles); None: one is missing."""
+        smoothed = self._signals.effort
+        if len(smoothed) < self.vehicle.axles:
+            return None
+        at = (np.interp(self._t_s, one.t_s, one.value) for _, one in sorted(smoothed.items()))
+        return np.stack(list(at), axis=1)
+
+    @cached_property
+    def wheel_angle(self) -> Array:
+        """Angle that the row's wheel has turned since its first reading, rad; shape (n,)."""
+        angle = np.empty(len(self._t_s))
+        for axle, wheel in self._signals.wheels.items():
+            rows = self._axles == axle
+            angle[rows] = np.interp(self._t_s[rows], wheel.t_s, integrate(wheel))
+        return angle
+
+    def acceleration(self, speed_delay: float, effort_delay: float) -> Array:
+        """Acceleration of the vehicle at the time at which the effort was measured, m/s², (n,)."""
+        speed = self._signals.speed
+        return np.interp(self._t_s - effort_delay + speed_delay, speed.t_s, speed.rate)
+
+    def once_per_turn(self, axle: int) -> TurnSwing:
+        """What an axle's wheel speed shows once a turn."""
+        wheel = self._signals.wheels[axle]
+        return find_turn_swing(wheel.t_s, wheel.value, integrate(wheel))
 
     def select_rows(self, kept: RowSelection) -> "SignalKinematics":
         """Kinematics at some of the rows."""
@@ -202,6 +247,10 @@ class TableKinematics:
     """
 
     speed_error = SpeedError(0.0, 0.0)
+    vehicle: Locomotive | None = None
+    travel: Array | float = 1.0
+    efforts: Array | None = None
+    wheel_angle: Array | None = None
 
     def __init__(self, axles: NDArray[np.int64], t_s: Array, columns: Array) -> None:
         self._axles, self._t_s, self._columns = axles, t_s, columns
@@ -211,6 +260,10 @@ class TableKinematics:
     def cycle_s(self) -> float:
         """Time between two rows of an axle, s, median."""
         return median_step(self._t_s, self._axles)
+
+    def acceleration(self, _speed_delay: float, _effort_delay: float) -> Array | None:
+        """None: a table has speeds at its rows alone."""
+        return None
 
     def select_rows(self, kept: RowSelection) -> "TableKinematics":
         """Kinematics at some of the rows."""

@@ -1,6 +1,6 @@
 """Effects that the data can identify, and the reasons for those that they cannot."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf
 
@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.kinematics import median_step
 from adhesion_can.diagnosis.evidence import Untested
+from adhesion_can.diagnosis.formatting import effect_name
 from adhesion_can.diagnosis.inference.channel_candidates import build_channel_candidates
+from adhesion_can.diagnosis.inference.search_starts import with_starts
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.physics.channels import CHANNEL_BY_NAME
 from adhesion_can.physics.effects import (
@@ -22,7 +24,9 @@ from adhesion_can.physics.effects import (
     build_instruments,
     known_effects,
 )
+from adhesion_can.physics.effects.base import Requirements
 from adhesion_can.physics.effects.lag_states import PAUSE_S
+from adhesion_can.physics.instrument_laws import Need
 from adhesion_can.physics.parameter import Wheelset
 
 LEAST_ROWS, LEAST_BLOCKS = 400, 9
@@ -43,6 +47,8 @@ BEYOND = 1.1
 """Largest size of an effect that is named, relative to the end of its range."""
 COASTING = 0.005
 """|μ| of an axle that coasts."""
+LEAST_BRAKING = 0.02
+"""Share of the rows with braking below which nothing is said about it."""
 LEAST_SERIES, WITHIN = 20, 0.1
 """Least number of a table's series, the rows between two pauses, that show a drift by their levels
 alone; and the share of the variance of time within them from which the rows of each show it."""
@@ -51,22 +57,34 @@ alone; and the share of the variance of time within them from which the rows of 
 def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...], list[Untested]]:
     """Effects that the recordings can be tested for, and the others with the reason."""
     found: list[Candidate] = []
-    untested: dict[str, str] = {}
+    untested: dict[tuple[str, str], str] = {}
     wheelset = _mean_wheelset(drives)
+    axles = sorted(set.union(*(set(np.unique(c.axle).tolist()) for c in drives)))
     for effect in known_effects():
         why = _missing(effect, drives)
+        candidates: list[Candidate] = []
+        if not why:
+            own = axles if any(p.axle for p in effect.parameters) else [0]
+            plausible = (-inf, inf) if own != [0] else _plausible(effect, wheelset)
+            plain = Candidate(effect, is_lag=_is_lag(effect), plausible=plausible)
+            candidates, why = with_starts(plain, own, drives)
+        found += candidates
         if why:
-            untested[effect.id] = why
-            continue
-        if any(p.axle for p in effect.parameters):
-            axles = sorted(set.union(*(set(np.unique(c.axle).tolist()) for c in drives)))
-            found += [Candidate(effect, int(axle)) for axle in axles]
-        else:
-            found.append(
-                Candidate(effect, is_lag=_is_lag(effect), plausible=_plausible(effect, wheelset))
-            )
+            untested[effect.id, effect.form] = why
     channels, without = build_channel_candidates(drives)
-    return (*found, *channels), [*(Untested(what, why) for what, why in untested.items()), *without]
+    return (*found, *channels), [*_describe_untested(untested, found), *without]
+
+
+def _describe_untested(
+    untested: Mapping[tuple[str, str], str], found: Sequence[Candidate]
+) -> list[Untested]:
+    """Effects that are not tested: by id, and by form where another form is tested."""
+    tested = {candidate.effect.id for candidate in found}
+    reasons = {
+        effect_name(effect, form if effect in tested else ""): why
+        for (effect, form), why in untested.items()
+    }
+    return [Untested(what, why) for what, why in reasons.items()]
 
 
 def _mean_wheelset(drives: Sequence[DriveData]) -> Wheelset:
@@ -176,7 +194,19 @@ def _too_coarse(effect: Effect, drives: Sequence[DriveData]) -> str:
 
 def _is_lag(effect: Effect) -> bool:
     """Whether the size of an effect is a time or a length by which something lags."""
+    if not acts_in_contact(effect) and not _is_delay(effect):
+        return False
     return effect.parameters[0].unit in {"s", "m"} and depends_on_sequence(effect)
+
+
+def _is_delay(effect: Effect) -> bool:
+    """Whether an effect is a delay of a signal."""
+    instruments = build_instruments([ActiveEffect(effect, _typical_values(effect))])
+    return bool(instruments.speed_lag or instruments.effort_lag)
+
+
+def _typical_values(effect: Effect) -> tuple[float, ...]:
+    return tuple(p.typical for p in effect.parameters)
 
 
 def _median_step(drive: DriveData, *, along: bool) -> float:
@@ -197,7 +227,24 @@ def _missing_rows(effect: Effect, drives: Sequence[DriveData]) -> str:
         return f"the table has no column {CHANNEL_BY_NAME['speed'].column}"
     if requires.load and not all(drive.has_load for drive in drives):
         return "the loads are not measured"
+    return _missing_drives(requires, drives)
+
+
+def _missing_drives(requires: Requirements, drives: Sequence[DriveData]) -> str:
+    """Why drives of this kind cannot show an effect; '' where they can."""
+    if requires.all_efforts and any(drive.kinematics.efforts is None for drive in drives):
+        return "the efforts of all axles are not known"
+    if requires.braking and _braking_share(drives) < LEAST_BRAKING:
+        return "there is hardly any braking"
+    if requires.one_recording and len(drives) > 1:
+        return "its values belong to one recording: diagnose each by itself"
     return ""
+
+
+def _braking_share(drives: Sequence[DriveData]) -> float:
+    """Share of the rows in which an axle brakes."""
+    adhesion = np.concatenate([drive.observe().adhesion for drive in drives])
+    return float(np.mean(adhesion < -COASTING))
 
 
 def _is_one_sided(drives: Sequence[DriveData]) -> bool:
@@ -208,10 +255,10 @@ def _is_one_sided(drives: Sequence[DriveData]) -> bool:
 
 def depends_on_sequence(effect: Effect) -> bool:
     """Whether an effect depends on when a row was measured, or on the rows before it."""
-    values = tuple(p.typical for p in effect.parameters)
+    values = _typical_values(effect)
     if not acts_in_contact(effect):
         instruments = build_instruments([ActiveEffect(effect, values)])
-        return bool(instruments.speed_lag or instruments.effort_lag)
+        return _is_delay(effect) or instruments.needs(Need.SEQUENCE)
     rows = np.ones(3)
     contact = Contact(
         slip=np.array([0.02, 0.04, 0.03]),

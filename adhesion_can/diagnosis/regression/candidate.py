@@ -23,6 +23,8 @@ class Candidate:
         axle: Axle number of an effect at one axle; 0 for the others.
         is_lag: Whether the size is a time or a length by which something lags.
         plausible: Smallest and largest size that the vehicle may have.
+        starts: Values of the further parameters at which a search begins, where the data give
+            them; () for multiples of the typical ones.
 
     """
 
@@ -30,6 +32,7 @@ class Candidate:
     axle: int = 0
     is_lag: bool = False
     plausible: tuple[float, float] = (-inf, inf)
+    starts: tuple[tuple[float, ...], ...] = ()
 
     @property
     def size(self) -> int:
@@ -66,6 +69,8 @@ class Candidate:
     @property
     def null_values(self) -> tuple[float, ...]:
         """Values of the free parameters at which the effect changes nothing."""
+        if self.starts:
+            return (0.0, *self.starts[len(self.starts) // 2])
         return (0.0, *(p.typical for p in self.free_parameters[1:]))
 
     @property
@@ -90,6 +95,8 @@ class Candidate:
         They step through them together; one with fewer of them stays at its last.
         """
         rest = self.free_parameters[1:]
+        if self.starts:
+            return tuple((0.0, *start) for start in self.starts)
         return tuple(
             (0.0, *(_start(p, number) for p in rest))
             for number in range(max((len(p.starts) for p in rest), default=1))

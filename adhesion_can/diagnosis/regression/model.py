@@ -65,10 +65,13 @@ class RegressionData:
 class Evaluation:
     """A model evaluated on all rows; shape (n,) each.
 
+    Adhesion is in units of the readings, force over load: where an effort reads half of what it is,
+    observed and predicted adhesion are half, and so is no noise.
+
     Attributes:
         adhesion: Adhesion as observed with the model's instruments.
         slip: Slip ratio at which the curve is evaluated.
-        factor: Factor of the curve's adhesion.
+        factor: Factor of the curve's adhesion, by effects and by the gain of the readings.
         curve: Adhesion of the curve.
         conditions: Speed and load at the contact.
 
@@ -159,10 +162,11 @@ def _apply_effects(
         series_s=drive.t_s,
     )
     change = compute_change(active_effects, contact, LagStates())
-    factor = np.broadcast_to(change.factor, change.slip.shape)
+    gain = observed.force_gain
+    factor = np.broadcast_to(change.factor * gain, change.slip.shape)
     # A table without loads has 1 N in every row.
     load = observed.load if drive.has_load else np.full(len(drive), np.nan)
-    return observed.adhesion, change.slip, factor, observed.speed, load
+    return observed.adhesion * gain, change.slip, factor, observed.speed, load
 
 
 def compute_factor(drive: DriveData, active: ActiveEffect) -> Array:
@@ -301,7 +305,7 @@ def compute_effect_jacobian(
     """
     columns = []
     for place, parameter in enumerate(candidate.free_parameters):
-        step = DERIVATIVE_STEP * abs(parameter.typical)
+        step = parameter.step or DERIVATIVE_STEP * abs(parameter.typical)
         if parameter.unit == "s" and not acts_in_contact(candidate.effect):
             step = max(step, DELAY_ROWS * max(one.kinematics.cycle_s for one in data.drives))
         columns.append(

@@ -27,6 +27,9 @@ class Requirements:
         several_axles: Whether data of more than one axle are required.
         speed: Whether the vehicle speed must be recorded.
         load: Whether the axle loads must be measured.
+        all_efforts: Whether the efforts of all axles are required, which a sample table lacks.
+        braking: Whether rows of braking are required.
+        one_recording: Whether the values hold for one recording alone.
 
     """
 
@@ -36,6 +39,9 @@ class Requirements:
     speed: bool = False
     load: bool = False
     each_covariate: bool = False
+    all_efforts: bool = False
+    braking: bool = False
+    one_recording: bool = False
 
     def lacks(self, present: Collection[str]) -> str:
         """Covariates that are required and not present, in words; '' where none is."""

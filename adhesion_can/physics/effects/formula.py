@@ -1,11 +1,12 @@
-"""Adhesion changes by a factor that a formula gives: written by hand, or proposed by a diagnosis.
+"""Adhesion, or a reading, changes by a factor that a formula gives.
 
-It is no member of `EFFECTS`: there is one for every expression, in a model file under the key
-`expression`.
+It is written by hand, or proposed by a diagnosis for the adhesion. A formula is no member of
+`EFFECTS`: there is one for every expression, in a model file under the key `expression`.
 """
 
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, isfinite
 
@@ -14,8 +15,10 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.base import Change, Contact, Observability, Requirements
-from adhesion_can.physics.effects.expression import Expression, ExpressionError
+from adhesion_can.physics.effects.expression import LAG, Expression, ExpressionError, Lag
 from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.instrument_laws import Need, Quantity, ReadingError, Situation
+from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.parameter import Parameter
 
 FORMULA = "formula"
@@ -30,11 +33,24 @@ CONTACT_CHANNELS: Mapping[str, str] = {
 are magnitudes."""
 LEAST_FACTOR = 0.05
 """Least factor of a formula: the adhesion does not vanish."""
+ADHESION = "adhesion"
+"""What a formula acts on, if nothing else is stated."""
+READINGS: Mapping[str, Quantity] = {"speed": Quantity.SPEED, "effort": Quantity.EFFORT}
+"""Readings that a formula may act on by name: it is the factor measured over true."""
+SITUATION_CHANNELS: Mapping[str, str] = {
+    "speed": "speed",
+    "load": "axle_load",
+    "effort": "tractive_effort",
+    "total_effort": "tractive_effort",
+    "time_s": "time",
+}
+"""Names of channels that every reading has, with those of the catalogue; efforts have their sign,
+`total_effort` is that of all axles."""
 
 
 @dataclass(frozen=True)
-class Formula:
-    """Factor of the adhesion by an expression over channels and constants.
+class _Factor:
+    """Factor by an expression over channels and constants.
 
     Attributes:
         expression: Text of the factor, such as '1 + a * max(wind - b, 0)'.
@@ -78,20 +94,49 @@ class Formula:
         return tuple(dict.fromkeys(names))
 
     @property
+    def lags(self) -> bool:
+        """Whether the expression has a lag."""
+        return bool(self._parsed.names_of_lag_times) or f"{LAG}(" in self.expression
+
+    @property
     def form(self) -> str:
         """The expression."""
         return self.expression
+
+    @property
+    def literature(self) -> str:
+        """Reference."""
+        return "the user's data"
+
+    def evaluate(
+        self, channels: Mapping[str, Array], values: tuple[float, ...], lag: Lag
+    ) -> Array | float:
+        """Factor for values of the channels and constants.
+
+        Args:
+            channels: Values of each channel of the expression, shape (n,).
+            values: Values of `parameters`, in their order.
+            lag: First-order lag.
+
+        """
+        constants = {p.name: value for p, value in zip(self.parameters, values, strict=True)}
+        return self._parsed.evaluate(channels, constants, lag)
+
+
+@dataclass(frozen=True)
+class Formula(_Factor):
+    """Factor of the adhesion by an expression over channels and constants."""
+
+    @property
+    def acts_on(self) -> str:
+        """What the factor changes."""
+        return ADHESION
 
     @property
     def title(self) -> str:
         """What happens, a clause."""
         kind = f" ({self.kind})" if self.kind else ""
         return f"adhesion changes by the factor {self.expression}{kind}"
-
-    @property
-    def literature(self) -> str:
-        """Reference."""
-        return "the user's data"
 
     @cached_property
     def requires(self) -> Requirements:
@@ -111,17 +156,103 @@ class Formula:
 
     def change(self, contact: Contact, values: tuple[float, ...], lags: LagStates) -> Change:
         """Change of the contacts."""
-
-        def lag(name: str, target: Array, time: float) -> Array:
-            if not time > 0.0 or not target.ndim:
-                return target  # a constant lags behind nothing
-            key = f"{FORMULA} {name}"
-            return lags.follow(key, contact.axle, contact.lag_time_s, target, 1.0 / time)
-
+        lag = _lag(lags, contact.axle, contact.lag_time_s)
         channels = {name: _channel(contact, name) for name in self.channels}
-        constants = {p.name: value for p, value in zip(self.parameters, values, strict=True)}
-        factor = self._parsed.evaluate(channels, constants, lag)
-        return Change(contact.slip, np.maximum(factor, LEAST_FACTOR))
+        return Change(contact.slip, np.maximum(self.evaluate(channels, values, lag), LEAST_FACTOR))
+
+
+@dataclass(frozen=True)
+class ReadingFormula(_Factor):
+    """Factor measured over true of a reading, by an expression over channels and constants.
+
+    Attributes:
+        acts_on: Reading that is wrong, one of `READINGS`.
+
+    """
+
+    acts_on: str = "speed"
+
+    @property
+    def title(self) -> str:
+        """What happens, a clause."""
+        reading = "vehicle speed" if self.acts_on == "speed" else "tractive effort"
+        return f"the {reading} is measured with the factor {self.expression}"
+
+    @cached_property
+    def requires(self) -> Requirements:
+        """Each channel of the expression."""
+        return Requirements(
+            covariates=tuple(name for name in self.channels if name not in SITUATION_CHANNELS),
+            each_covariate=True,
+            speed=self.acts_on == "speed" or "speed" in self.channels,
+            load="load" in self.channels,
+            all_efforts="total_effort" in self.channels,
+            one_recording="time_s" in self.channels,
+        )
+
+    @property
+    def observability(self) -> Observability:
+        """Residuals over the first channel."""
+        channel = SITUATION_CHANNELS.get(self.channels[0], self.channels[0])
+        return Observability(channel, channel_label(channel))
+
+    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
+        """Instruments with this error in addition."""
+        return replace(instruments, laws=(*instruments.laws, FormulaLaw(self, values)))
+
+
+@dataclass(frozen=True)
+class FormulaLaw:
+    """Relative error of a reading by a formula.
+
+    Attributes:
+        formula: Formula of the factor.
+        values: Values of its constants.
+
+    """
+
+    formula: ReadingFormula
+    values: tuple[float, ...]
+
+    @property
+    def quantity(self) -> Quantity:
+        """Reading that is wrong."""
+        return READINGS[self.formula.acts_on]
+
+    @property
+    def needs(self) -> frozenset[Need]:
+        """The efforts and the time, as far as they are channels."""
+        needs = {"total_effort": Need.EFFORTS, "time_s": Need.SEQUENCE}
+        found = {need for name, need in needs.items() if name in self.formula.channels}
+        return frozenset(found | ({Need.SEQUENCE} if self.formula.lags else set()))
+
+    @property
+    def covariates(self) -> tuple[str, ...]:
+        """Names of the covariates in the expression."""
+        return self.formula.requires.covariates
+
+    def error(self, situation: Situation, lags: LagStates) -> ReadingError:
+        """Error of the readings."""
+        channels = {
+            name: getattr(situation, name)
+            if name in SITUATION_CHANNELS
+            else situation.channel(name)
+            for name in self.formula.channels
+        }
+        lag = _lag(lags, situation.axle, situation.lag_time_s)
+        factor = self.formula.evaluate(channels, self.values, lag)
+        return ReadingError(np.maximum(factor, LEAST_FACTOR) - 1.0)
+
+
+def _lag(lags: LagStates, axle: Array, time_s: Array) -> Lag:
+    """Lag of an expression in the lag states."""
+
+    def lag(name: str, target: Array, time: float) -> Array:
+        if not time > 0.0 or not target.ndim:
+            return target  # a constant lags behind nothing
+        return lags.follow(f"{FORMULA} {name}", axle, time_s, target, 1.0 / time)
+
+    return lag
 
 
 def _channel(contact: Contact, name: str) -> Array:
@@ -132,28 +263,41 @@ def _channel(contact: Contact, name: str) -> Array:
     return np.abs(values) if name in {"slip", "creep_speed"} else values
 
 
-def formula_of(expression: str, constants: Mapping[str, float]) -> Formula:
+AnyFormula = Formula | ReadingFormula
+
+
+def formula_of(
+    expression: str, constants: Mapping[str, float], acts_on: str = ADHESION
+) -> AnyFormula:
     """Formula with constants of any size, as a model file or a user gives it.
 
     Args:
         expression: Text of the factor.
         constants: Values of the constants by name, the size first.
+        acts_on: What the factor changes: 'adhesion', or one of `READINGS`.
 
     Raises:
-        ExpressionError: The expression cannot be read, or lacks a constant or a channel.
+        ExpressionError: The expression cannot be read, or lacks a constant or a channel; or nothing
+            is known under the name that it acts on.
 
     """
     parameters = tuple(
         Parameter(name, "", value, -inf, inf, "constant of the formula")
         for name, value in constants.items()
     )
-    return Formula(expression, parameters)
+    if acts_on == ADHESION:
+        return Formula(expression, parameters)
+    if acts_on not in READINGS:
+        known = ", ".join((ADHESION, *READINGS))
+        raise ExpressionError(f"a formula cannot act on {acts_on!r}; known: {known}")
+    return ReadingFormula(expression, parameters, acts_on=acts_on)
 
 
-def parse_formula(text: str) -> Formula:
-    """Formula as a user writes it: 'EXPRESSION where a=0.1, b=5', the size first.
+def parse_formula(text: str) -> AnyFormula:
+    """Formula as a user writes it: '[ACTS ON:] EXPRESSION where a=0.1, b=5', the size first.
 
-    The values are where the search for the constants begins.
+    The values are where the search for the constants begins. Without what it acts on it is the
+    factor of the adhesion.
 
     Raises:
         ExpressionError: The text cannot be read.
@@ -174,4 +318,7 @@ def parse_formula(text: str) -> Formula:
         if name in constants:
             raise ExpressionError(f"constant {name!r} has two values")
         constants[name] = value
+    in_front = re.match(r"\s*(\w+)\s*:(.*)", expression, re.DOTALL)
+    if in_front:
+        return formula_of(in_front[2].strip(), constants, in_front[1])
     return formula_of(expression.strip(), constants)

@@ -21,9 +21,18 @@ _RANGE = 300.0
 
 
 class LagStates:
-    """Latest stamps, states and targets of first-order lags, by name and axle."""
+    """Latest stamps, states and targets of first-order lags, by name and axle.
 
-    def __init__(self) -> None:
+    Args:
+        pause_s: Pause in an axle's rows after which its lags begin anew, s.
+
+    """
+
+    few: float = FEW
+    """Number of rows up to which they are taken one by one."""
+
+    def __init__(self, pause_s: float = PAUSE_S) -> None:
+        self._pause_s = pause_s
         self._states: dict[tuple[str, int], tuple[float, float, float]] = {}
 
     def follow(
@@ -50,7 +59,7 @@ class LagStates:
 
         """
         rates = np.broadcast_to(np.asarray(rate, dtype=np.float64), np.shape(target))
-        if len(target) <= FEW:
+        if len(target) <= self.few:
             return self._one_by_one(name, axle, time_s, target, rates, start)
         x = np.empty(len(target))
         for number in np.unique(axle):
@@ -59,7 +68,7 @@ class LagStates:
             times, targets = time_s[rows], target[rows]
             known = self._states.get(key)
             steps = _steps(times, times[0] if known is None else known[0])
-            begins = {int(row) for row in np.flatnonzero((steps > PAUSE_S) | (steps < 0))}
+            begins = {int(row) for row in np.flatnonzero((steps > self._pause_s) | (steps < 0))}
             if known is None:
                 begins.add(0)
             state, before = (0.0, 0.0) if known is None else known[1:]
@@ -78,7 +87,7 @@ class LagStates:
 
     def copy(self) -> "LagStates":
         """Independent copy of the states."""
-        other = LagStates()
+        other = LagStates(self._pause_s)
         other._states = dict(self._states)
         return other
 
@@ -98,7 +107,7 @@ class LagStates:
             key = (name, int(number))
             since, state, before = self._states.get(key, (-inf, 0.0, 0.0))
             step = time - since
-            if not 0.0 <= step <= PAUSE_S:
+            if key not in self._states or not 0.0 <= step <= self._pause_s:
                 state = wanted if start is None else start
             elif (exponent := step * rate) > 0.0:
                 gone = -expm1(-exponent)
@@ -107,6 +116,22 @@ class LagStates:
             self._states[key] = (time, state, wanted)
             x.append(state)
         return np.array(x)
+
+
+class SequentialLagStates(LagStates):
+    """Lags whose response does not depend, to the last bit, on how the rows are divided.
+
+    Args:
+        pause_s: Pause in an axle's rows after which its lags begin anew, s.
+
+    """
+
+    few = inf
+
+    def __deepcopy__(self, _: dict[int, object]) -> "SequentialLagStates":
+        other = SequentialLagStates(self._pause_s)
+        other._states = dict(self._states)
+        return other
 
 
 def _steps(values: Array, before: float) -> Array:

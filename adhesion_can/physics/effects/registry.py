@@ -10,15 +10,24 @@ from functools import cache
 
 from adhesion_can.physics.effects.adhesion_recovery import AdhesionRecovery
 from adhesion_can.physics.effects.base import Effect, Observability, Requirements
+from adhesion_can.physics.effects.brake_blending import BrakeBlending, FadingBrakeBlending
 from adhesion_can.physics.effects.channel_factor import LINEAR, PREFIX, STEP, ChannelFactor
 from adhesion_can.physics.effects.contact_heating import ContactHeating
 from adhesion_can.physics.effects.creep_relaxation import CreepRelaxation
 from adhesion_can.physics.effects.curve_creep import CurveCreep
+from adhesion_can.physics.effects.curving_resistance import CurvingResistance
 from adhesion_can.physics.effects.effort_bias import EffortBias
 from adhesion_can.physics.effects.effort_delay import EffortDelay
+from adhesion_can.physics.effects.effort_gain import (
+    AxleEffortGain,
+    CommonEffortGain,
+    HeatEffortGain,
+    TimeEffortGain,
+)
 from adhesion_can.physics.effects.falling_friction import FallingFriction, PolachFriction
 from adhesion_can.physics.effects.humidity import Humidity
 from adhesion_can.physics.effects.load_dependence import LoadDependence, LoadPower
+from adhesion_can.physics.effects.load_transfer import LoadTransfer, LoadTransferHeights
 from adhesion_can.physics.effects.rail_cleaning import RailCleaning
 from adhesion_can.physics.effects.rail_temperature import RailTemperature
 from adhesion_can.physics.effects.rain import RainByLevel, RainBySteps
@@ -26,8 +35,16 @@ from adhesion_can.physics.effects.sanding import Sanding, SandingAtAxles
 from adhesion_can.physics.effects.slow_drift import SlowDrift
 from adhesion_can.physics.effects.speed_delay import SpeedDelay
 from adhesion_can.physics.effects.speed_dependence import SpeedDependence
+from adhesion_can.physics.effects.speed_error import (
+    CurvatureSpeedError,
+    LowPassSpeedError,
+    OffsetSpeedError,
+    PitchSpeedError,
+    SteppedSpeedError,
+)
 from adhesion_can.physics.effects.speed_scale import SpeedScale
 from adhesion_can.physics.effects.traction_braking_asymmetry import TractionBrakingAsymmetry
+from adhesion_can.physics.effects.wheel_once_per_turn import WheelOncePerTurn
 from adhesion_can.physics.effects.wheel_radius import WheelRadius
 from adhesion_can.physics.effects.wheel_speed_delay import WheelSpeedDelay
 from adhesion_can.physics.effects.wheelset_inertia import WheelsetInertia
@@ -45,6 +62,22 @@ EFFECTS: tuple[Effect, ...] = (
     EffortDelay(),
     WheelSpeedDelay(),
     EffortBias(),
+    # Laws of the instruments.
+    LoadTransfer(),
+    LoadTransferHeights(),
+    AxleEffortGain(),
+    HeatEffortGain(),
+    TimeEffortGain(),
+    CommonEffortGain(),
+    SteppedSpeedError(),
+    PitchSpeedError(),
+    OffsetSpeedError(),
+    CurvatureSpeedError(),
+    LowPassSpeedError(),
+    CurvingResistance(),
+    BrakeBlending(),
+    FadingBrakeBlending(),
+    WheelOncePerTurn(),
     CreepRelaxation(),
     CurveCreep(),
     SpeedDependence(),

@@ -1,0 +1,89 @@
+"""A friction brake takes a share of the braking force that the effort does not contain."""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from adhesion_can.physics.effects.base import Observability, Requirements, Separation
+from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.instrument_laws import Need, Quantity, ReadingError, Situation
+from adhesion_can.physics.instruments import Instruments
+from adhesion_can.physics.parameter import Parameter
+
+
+@dataclass(frozen=True, slots=True)
+class BlendingLaw:
+    """Share of the braking force that is missing, all of it at rest and none at a speed."""
+
+    share: float
+    fade: float = inf
+    quantity: Quantity = Quantity.EFFORT
+    needs: frozenset[Need] = frozenset()
+    covariates: tuple[str, ...] = ()
+
+    def error(self, situation: Situation, _lags: LagStates) -> ReadingError:
+        """Error of the readings."""
+        brakes = situation.effort < 0.0
+        left = np.maximum(1.0 - situation.speed / max(self.fade, 1e-3), 0.0)
+        return ReadingError(-self.share * np.where(brakes, left, 0.0))
+
+
+_ID = "brake_blending"
+_TITLE = "a friction brake takes a share of the braking force, which the effort does not contain"
+_LITERATURE = "Wende, Fahrdynamik des Schienenverkehrs, 2003, on blended electric and air brakes"
+_SHARE = Parameter("share", "1", 0.2, 0.0, 0.6, "share of the friction brake")
+_REQUIRES = Requirements(braking=True)
+_ASYMMETRY = Separation(
+    "traction_braking_asymmetry",
+    "braking with the friction brake cut out: a blended brake gives less force then, and a rail "
+    "the same",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class BrakeBlending:
+    """F measured = (1 − share) F in braking."""
+
+    id: str = _ID
+    form: str = "constant"
+    title: str = _TITLE
+    parameters: tuple[Parameter, ...] = (_SHARE,)
+    literature: str = _LITERATURE
+    requires: Requirements = _REQUIRES
+    observability: Observability = Observability(
+        channel="signed_slip",
+        excitation="braking and traction, with the friction brake cut out for a while",
+        separations=(_ASYMMETRY,),
+    )
+
+    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
+        """Instruments with this error in addition."""
+        return instruments.with_law(BlendingLaw(values[0]), values[0])
+
+
+@dataclass(frozen=True, slots=True)
+class FadingBrakeBlending:
+    """F measured = (1 − share (1 − v / fade)) F in braking below a speed: the motors fade out."""
+
+    id: str = _ID
+    form: str = "fade"
+    title: str = _TITLE
+    parameters: tuple[Parameter, ...] = (
+        _SHARE,
+        Parameter("fade", "m/s", 15.0, 2.0, 60.0, "speed from which the motors brake alone"),
+    )
+    literature: str = _LITERATURE
+    requires: Requirements = _REQUIRES
+    observability: Observability = Observability(
+        channel="speed",
+        excitation="braking from high to low speed",
+        separations=(
+            _ASYMMETRY,
+            Separation("speed_dependence", "traction at the same speeds as braking"),
+        ),
+    )
+
+    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
+        """Instruments with this error in addition."""
+        return instruments.with_law(BlendingLaw(values[0], values[1]), values[0])

@@ -1,0 +1,195 @@
+"""The tractive effort is read too large or too small by a share.
+
+F measured = (1 + gain) F. At one axle alone the others show it. A gain of all axles alike scales
+the curve, and shows where it changes: in time, or with the heat of the motors.
+"""
+
+from dataclasses import dataclass
+
+from adhesion_can.arrays import Array
+from adhesion_can.physics.effects.base import Observability, Requirements, Separation
+from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.instrument_laws import Need, Quantity, ReadingError, Situation
+from adhesion_can.physics.instruments import Instruments
+from adhesion_can.physics.parameter import Parameter
+
+CONTINUOUS_ADHESION = 0.2
+"""Adhesion at which a motor has its continuous rating, about: heat 1 is reached there."""
+ITERATIONS = 3
+"""Fixed-point iterations from the efforts as read to the heat of the true ones."""
+_ID = "effort_gain"
+_LITERATURE = (
+    "Kiencke and Nielsen, Automotive Control Systems, 2nd ed. 2005, on estimated torque; Krishnan, "
+    "Electric Motor Drives, 2001, on rotor resistance and flux over temperature"
+)
+# A torque that is estimated from currents is right within 5 % where motor parameters are known, and
+# within 20 % where they are not.
+_MOST = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class EffortGainLaw:
+    """Gain of the effort at one axle, or at all of them; with time, if `rate`."""
+
+    gain: float
+    axle: int = 0
+    rate: float = 0.0
+    quantity: Quantity = Quantity.EFFORT
+    covariates: tuple[str, ...] = ()
+
+    @property
+    def needs(self) -> frozenset[Need]:
+        """The time where the gain changes with it, the axle where it is that of one."""
+        needs = {Need.SEQUENCE} if self.rate else set()
+        return frozenset(needs | {Need.AXLE} if self.axle else needs)
+
+    def error(self, situation: Situation, _lags: LagStates) -> ReadingError:
+        """Error of the readings."""
+        relative = self.gain + self.rate * situation.time_s
+        return ReadingError((situation.axle == self.axle) * relative if self.axle else relative)
+
+
+@dataclass(frozen=True, slots=True)
+class HeatGainLaw:
+    """Gain of the effort with the heat of the motor: its effort squared with a memory."""
+
+    gain: float
+    time: float
+    quantity: Quantity = Quantity.EFFORT
+    needs: frozenset[Need] = frozenset({Need.SEQUENCE})
+    covariates: tuple[str, ...] = ()
+
+    def error(self, situation: Situation, lags: LagStates) -> ReadingError:
+        """Error of the readings; a recording begins with cold motors.
+
+        Efforts as read are too large themselves, by what the heat of the true ones makes them.
+        """
+        load = situation.effort / (CONTINUOUS_ADHESION * situation.load)
+        heat = self._heat(situation, load, lags, 0)
+        for number in range(1, 1 if situation.is_true else ITERATIONS):
+            heat = self._heat(situation, load / (1.0 + self.gain * heat), lags, number)
+        return ReadingError(self.gain * heat)
+
+    def _heat(self, situation: Situation, load: Array, lags: LagStates, number: int) -> Array:
+        """Square of efforts relative to the continuous one, lagging."""
+        name = f"{_ID} {self.time!r} {number}"
+        rate = 1.0 / self.time
+        return lags.follow(name, situation.axle, situation.lag_time_s, load * load, rate, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class AxleEffortGain:
+    """F measured = (1 + gain) F at one axle."""
+
+    id: str = _ID
+    form: str = "axle"
+    title: str = "the tractive effort of one axle is read too large or too small by a share"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("gain", "1", 0.05, -_MOST, _MOST, "share by which it reads high"),
+        Parameter("axle", "1", 1.0, 1.0, 999.0, "number of the axle", axle=True),
+    )
+    literature: str = _LITERATURE
+    requires: Requirements = Requirements(several_axles=True)
+    observability: Observability = Observability(
+        channel="axle",
+        excitation="creep of the axle beyond the peak, beside the others",
+        separations=(
+            Separation(
+                "wheel_radius",
+                "coasting, where a gain has nothing to act on, and creep beyond the peak, where an "
+                "error of the radius does nothing",
+            ),
+            Separation("rail_cleaning", "travel in the other direction: another axle leads then"),
+        ),
+    )
+
+    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
+        """Instruments with this error in addition."""
+        return instruments.with_law(EffortGainLaw(values[0], round(values[1])), values[0])
+
+
+@dataclass(frozen=True, slots=True)
+class HeatEffortGain:
+    """F measured = (1 + gain h) F, h = (F / 0.2 N)² lagging by a time."""
+
+    id: str = _ID
+    form: str = "heat"
+    title: str = "the tractive effort is read by a share too large or too small as motors heat up"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("gain", "1", 0.08, -_MOST, _MOST, "gain of a motor at its rating for long"),
+        Parameter("time", "s", 60.0, 10.0, 900.0, "time constant of the heat"),
+    )
+    literature: str = _LITERATURE
+    requires: Requirements = Requirements()
+    observability: Observability = Observability(
+        channel="time",
+        excitation="minutes of large effort, and minutes of coasting after them",
+        separations=(
+            Separation("slow_drift", "coasting for some minutes, in which motors cool down"),
+            Separation(
+                "adhesion_recovery",
+                "large effort at small creep, which heats the motor and leaves the rail as it is",
+            ),
+            Separation(
+                "contact_heating",
+                "large effort at small creep, which heats the motor and not the contact",
+            ),
+        ),
+    )
+
+    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
+        """Instruments with this error in addition."""
+        return instruments.with_law(HeatGainLaw(values[0], values[1]), values[0])
+
+
+@dataclass(frozen=True, slots=True)
+class TimeEffortGain:
+    """F measured = (1 + rate t) F at every axle."""
+
+    id: str = _ID
+    form: str = "time"
+    title: str = "the tractive effort is read more and more, or less and less"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("rate", "1/s", 3e-4, -2e-3, 2e-3, "growth of the share by which it reads high"),
+    )
+    literature: str = _LITERATURE
+    requires: Requirements = Requirements()
+    observability: Observability = Observability(
+        channel="time",
+        excitation="a long drive on one rail",
+        drift=True,
+        separations=(
+            Separation(
+                "slow_drift",
+                "acceleration and braking of the train against its known mass: a rail that changes "
+                "leaves the force as it is read",
+            ),
+        ),
+    )
+
+    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
+        """Instruments with this error in addition."""
+        return instruments.with_law(EffortGainLaw(0.0, rate=values[0]), values[0])
+
+
+@dataclass(frozen=True, slots=True)
+class CommonEffortGain:
+    """F measured = (1 + gain) F at every axle."""
+
+    id: str = _ID
+    form: str = "all"
+    title: str = "the tractive effort of all axles is read too large or too small by a share"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("gain", "1", 0.05, -_MOST, _MOST, "share by which it reads high"),
+    )
+    literature: str = _LITERATURE
+    requires: Requirements = Requirements()
+    observability: Observability = Observability(
+        channel="tractive_effort",
+        excitation="nothing in slip and adhesion: the curve of every rail is larger by the share; "
+        "the train's mass and acceleration tell it",
+    )
+
+    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
+        """Instruments with this error in addition."""
+        return instruments.with_law(EffortGainLaw(values[0]), values[0])

@@ -1,0 +1,76 @@
+"""Axle loads move under effort, and the loads that are known do not show it."""
+
+from dataclasses import dataclass
+
+from adhesion_can.physics.effects.base import Observability, Requirements, Separation
+from adhesion_can.physics.instrument_laws import LoadShift
+from adhesion_can.physics.instruments import Instruments
+from adhesion_can.physics.parameter import Parameter
+
+_SIZE = Parameter(
+    "size", "1", 1.0, -1.5, 2.5, "transfer that is missing, relative to that of the geometry"
+)
+"""Of a geometry that is right it is 1 with static loads, 0 with loads that move; half as much
+again is left to a geometry that is wrong. Below 0 the known loads move too far."""
+_REQUIRES = Requirements(several_axles=True, all_efforts=True)
+_OBSERVABILITY = Observability(
+    channel="axle",
+    excitation="effort of all axles, in traction and in braking",
+    separations=(
+        Separation(
+            "rail_cleaning",
+            "strong braking and strong traction: transferred load changes its sign with the effort",
+        ),
+        Separation(
+            "load_dependence",
+            "one axle at full effort while the others coast: the load of every axle moves",
+        ),
+        Separation(
+            "traction_braking_asymmetry",
+            "the leading and the trailing axle by themselves, in traction and in braking",
+        ),
+    ),
+)
+_TITLE = "axle loads move under effort by more than the known loads show"
+_LITERATURE = (
+    "Garg and Dukkipati, Dynamics of Railway Vehicle Systems, 1984, on weight transfer in traction"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class LoadTransfer:
+    """N = known N + size · transfer by the geometry, or that of a usual vehicle."""
+
+    id: str = "load_transfer"
+    form: str = "geometry"
+    title: str = _TITLE
+    parameters: tuple[Parameter, ...] = (_SIZE,)
+    literature: str = _LITERATURE
+    requires: Requirements = _REQUIRES
+    observability: Observability = _OBSERVABILITY
+
+    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
+        """Instruments with this error in addition."""
+        return instruments.with_law(LoadShift(values[0]), values[0])
+
+
+@dataclass(frozen=True, slots=True)
+class LoadTransferHeights:
+    """N = known N + size · transfer, the body pulled at another height than the geometry's."""
+
+    id: str = "load_transfer"
+    form: str = "heights"
+    title: str = _TITLE
+    parameters: tuple[Parameter, ...] = (
+        _SIZE,
+        Parameter(
+            "traction", "1", 1.0, 0.0, 3.0, "height of the link that pulls the body over the known"
+        ),
+    )
+    literature: str = _LITERATURE
+    requires: Requirements = _REQUIRES
+    observability: Observability = _OBSERVABILITY
+
+    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
+        """Instruments with this error in addition."""
+        return instruments.with_law(LoadShift(values[0], values[1]), values[0])
