@@ -45,7 +45,7 @@ BLOCKS, SHORTEST_BLOCK_S = 40, 1.0
 """Number of blocks in time, and their shortest duration, s."""
 LEAST_PROBABILITY = 0.02
 """Probability of a family below which the data contradict it."""
-BEST_AGREES, AGREES = 3.0, 2.0
+BEST_AGREES, AGREES = 3.0, 1.0
 """Standard deviations of the pooled peak within which Burckhardt's is the same: where it is the
 best family, and where another one is better."""
 LEAST_FALL = 0.02

@@ -5,6 +5,7 @@ Contacts of others and Burckhardt's own, by formulas of the tests.
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -164,6 +165,18 @@ def test_a_contact_with_two_humps_has_no_family():
     assert rail.to_dict()["name"] is None
 
 
+def test_where_others_fit_better_and_burckhardt_as_well_all_of_them_count(capsys):
+    """140 points of a locomotive that scatter by 8 %."""
+    points = Path(__file__).parents[2] / "docs" / "gallery" / "eurosprinter_points.csv"
+    assert main(["identify", str(points)]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith("The form of the curve is not sure (the peak of Burckhardt's would be")
+    (rail,) = adhesion_can.identify(points).rails
+    assert "burckhardt" in rail.plausible
+    assert not rail.burckhardt_holds
+    assert rail.peak.lambda_m_std > 5 * rail.plain.lambda_m_std
+
+
 def test_twice_the_same_samples_give_the_same_answer():
     law_samples = contact_points("fastsim", 1)[1]
     first, second = (identify(law_samples, judge_family=True).to_dict() for _ in range(2))
@@ -185,7 +198,7 @@ def test_text_and_json_state_the_peak_of_the_rail(tmp_path, capsys):
     path, out = write_points(tmp_path / "t.csv", samples), tmp_path / "o.json"
     assert main(["identify", str(path), "--json", str(out)]) == 0
     first = capsys.readouterr().out.splitlines()[0]
-    assert first.startswith("Burckhardt's form does not hold (its peak would be 0.")
+    assert first.startswith("Burckhardt's form does not hold (the peak of Burckhardt's would be")
     assert " at a slip of 0.0" in first
     assert "at 10.0 m/s, with errors common to all samples of 0.004 in slip and 2 %" in first
     document = json.loads(out.read_text())
