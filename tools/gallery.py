@@ -122,7 +122,7 @@ Apache-2.0).
 """)
     case.run(
         f"identify {points.name} --curve all --json fit.json",
-        r"^ (curve|polach|free|burckhardt|magic|pooled|of the rail)|cannot tell|In Polach",
+        r"^ (curve|polach|free|burckhardt|magic|pooled|of the rail)|cannot tell|In Polach|form",
     )
     curves = json.loads((case.folder / "fit.json").read_text())["curves"]
     case.run(f"diagnose {points.name}", r"^(Named|Nothing|Cannot|Unexplained|Gain|The peak|- )")

@@ -196,6 +196,7 @@ def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[st
     kind = "coasts" if result.effort_known else "runs at a steady speed"
     times = result.times
     longest = int(np.argmax(times.settled if times.settled.any() else times.idle))
+    simulated = "of the simulated scenarios 'sweep' coasts, from 90 s on"
     conditions = (
         ("with a wheel speed beside the vehicle speed", times.read, "check the roles' signals"),
         (f"above {settings.speed_min:g} m/s", times.fast, "record a faster drive"),
@@ -207,10 +208,7 @@ def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[st
         (
             f"with an adhesion below {settings.adhesion_max:g}",
             times.idle,
-            (
-                "record a drive in which an axle coasts, or raise --adhesion-max; of the simulated "
-                "scenarios 'sweep' coasts, from 90 s on"
-            ),
+            f"record a drive in which an axle coasts, or raise --adhesion-max; {simulated}",
         ),
         (
             f"after {settings.settle_s:g} s of that",
@@ -220,13 +218,15 @@ def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[st
     )
     least = settings.coasting_min_s
     left = f"of {times.recorded:.1f} s"
-    for text, seconds, own_mend in conditions:
-        left += f" {seconds[longest]:.1f} s {text},"
-        if seconds[longest] < least:
-            mend = own_mend
-            break
+    if times.recorded < least:
+        mend = f"record a longer drive in which an axle coasts; {simulated}"
     else:
         mend = f"record a longer drive: they are in fewer than {settings.blocks_min} blocks"
+        for text, seconds, own_mend in conditions:
+            left += f" {seconds[longest]:.1f} s {text},"
+            if seconds[longest] < least:
+                mend = own_mend
+                break
     what = (
         f"no axle {kind} for {least:g} s in {settings.blocks_min} blocks of "
         f"{settings.block_s:g} s ({left.rstrip(',').replace(',', ', of these')})"

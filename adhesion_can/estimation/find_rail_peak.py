@@ -48,6 +48,8 @@ LEAST_PROBABILITY = 0.02
 BEST_AGREES, AGREES = 3.0, 2.0
 """Standard deviations of the pooled peak within which Burckhardt's is the same: where it is the
 best family, and where another one is better."""
+LEAST_WEIGHT = 0.05
+"""Weight of Burckhardt's family in the pooled peak below which its own peak is not the answer."""
 LEAST_FALL = 0.02
 """Fall of the curve beyond its peak, as a share of it, below which the peak has no place."""
 MOST_CELLS, CELL_SAMPLES = 16, 8
@@ -90,6 +92,7 @@ class _Comparison(NamedTuple):
 
     Attributes:
         plausible: Names of the families that the data cannot separate, the best first.
+        weight: Weight of Burckhardt's family in the pooled peak.
         best: Family that describes the samples best.
         values: Its values.
         pooled: Peak pooled over the plausible families, without the common errors.
@@ -99,6 +102,7 @@ class _Comparison(NamedTuple):
     """
 
     plausible: tuple[str, ...]
+    weight: float
     best: CurveFamily
     values: Array
     pooled: PeakEstimate
@@ -159,7 +163,7 @@ def find_rail_peak(
 
 def _burckhardt_agrees(plain: Estimate, found: _Comparison) -> bool:
     """Whether Burckhardt's family is plausible, and its peak that of all plausible ones."""
-    if BURCKHARDT not in found.plausible:
+    if BURCKHARDT not in found.plausible or found.weight < LEAST_WEIGHT:
         return False
     limit = BEST_AGREES if found.plausible[0] == BURCKHARDT else AGREES
     mu_max, lambda_m, mu_std, lambda_std = found.pooled
@@ -203,6 +207,7 @@ def _compare_binned(samples: Samples, plain: Estimate, slip_max: float) -> _Comp
     names = sorted(found.probability, key=lambda name: -found.probability[name])
     return _Comparison(
         tuple(name for name in names if found.probability[name] >= LEAST_PROBABILITY),
+        found.probability[BURCKHARDT],
         best.family,
         best.values,
         found.peak(conditions, slip_max),
@@ -237,6 +242,7 @@ def _compare_scores(samples: Samples, plain: Estimate, slip_max: float) -> _Comp
     values = np.array(fit.values)
     return _Comparison(
         found.plausible,
+        sum(one.weight for one in found.families if one.fit.family.name == BURCKHARDT),
         fit.family,
         values,
         PeakEstimate(found.mu_max, found.lambda_m, found.mu_max_std, found.lambda_m_std),

@@ -17,7 +17,8 @@ class RailPeak:
 
     Attributes:
         plausible: Names of the families that the data cannot separate, the best first.
-        burckhardt_holds: Whether the data do not contradict Burckhardt's curve and its peak.
+        burckhardt_holds: Whether the data contradict neither Burckhardt's curve nor its peak; where
+            it is plausible and others that fit better have another peak, theirs counts too.
         misfit: Root mean square of what the best family leaves of the samples beyond their noise,
             as a share of μ_max; 0 where it is within chance or small.
         peak: Peak pooled over the plausible families; its standard deviations contain the spread
@@ -83,11 +84,10 @@ class RailPeak:
                 f"No curve family holds: {self.plausible[0]}, the best, leaves "
                 f"{100 * self.misfit:.1f} % of mu_max beyond the noise; {peak}, and with that."
             )
-        plain = self.plain
-        return (
-            f"Burckhardt's form does not hold (its peak would be {plain.mu_max:.4f} at "
-            f"{plain.lambda_m:.4f}): {peak}."
-        )
+        certain = BURCKHARDT not in self.plausible
+        form = "Burckhardt's form does not hold" if certain else "The form of the curve is not sure"
+        plain = f"{self.plain.mu_max:.4f} at {self.plain.lambda_m:.4f}"
+        return f"{form} (the peak of Burckhardt's would be {plain}): {peak}."
 
     def to_dict(self) -> dict[str, Any]:
         """Families, and the peak of Burckhardt's own curve, as JSON has them."""
