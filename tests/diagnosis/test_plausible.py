@@ -19,8 +19,11 @@ def test_an_inertia_beyond_any_vehicles_is_told_and_not_named(tmp_path):
     found = verdict(tmp_path, 4600.0)
     assert found.verdict.value == "unexplained"
     assert not found.causes
-    (why,) = (u.why for u in found.untested if u.what == "wheelset_inertia")
-    assert "no such vehicle has more than 3.7e+03 kg·m²" in why
+    (closest,) = (one for one in found.closest if one.effect == "wheelset_inertia")
+    assert "no such vehicle has more than 370" in closest.refuted_by
+    # What the data ask for is reported as it is, beyond the range.
+    assert closest.parameters[0].value == pytest.approx(4600.0, rel=0.05)
+    assert closest.gain_percent > 10.0
 
 
 def test_an_inertia_that_a_locomotive_may_have_is_named(tmp_path):
@@ -44,9 +47,9 @@ def test_an_asymmetry_beyond_its_range_is_told_and_neither_it_nor_its_like_is_na
     found = diagnose(path)
     assert not found.causes
     assert not found.conclusive or found.verdict.value == "unexplained"
-    why = [u.why for u in found.untested if u.what == "traction_braking_asymmetry" and u.rejected]
-    assert why
-    assert "and no such vehicle has" in why[0]
+    (closest,) = (one for one in found.closest if one.effect == "traction_braking_asymmetry")
+    assert "and no such vehicle has" in closest.refuted_by
+    assert closest.parameters[0].value == pytest.approx(braking - 1.0, abs=0.05)
 
 
 @pytest.mark.parametrize(

@@ -79,11 +79,16 @@ class ScoredModel:
     def admits(self, candidate: Candidate) -> bool:
         """Whether an effect can stand beside those of the model.
 
-        Two forms of one mechanism exclude each other; two values of one channel do not.
+        Two forms of one mechanism exclude each other; two values of one channel do not, nor do two
+        axles at each of which a mechanism acts.
         """
         same = [c for c in self.candidates if c.effect.id == candidate.effect.id]
         steps = all(c.effect.form == STEP for c in (*same, candidate))
-        return not same or (steps and candidate not in same)
+        if steps:
+            return candidate not in same
+        forms = {c.effect.form for c in (*same, candidate)}
+        axles = [c.axle for c in (*same, candidate)]
+        return not same or (len(forms) == 1 and all(axles) and len(set(axles)) == len(axles))
 
     def candidates_missing_from(self, larger: "ScoredModel") -> tuple[Candidate, ...]:
         """Effects that a larger model adds to this one's; () where it lacks one of them."""
