@@ -44,7 +44,7 @@ def last(estimator, samples, size=12):
     size=st.sampled_from([12, 500]),
 )
 def test_without_noise_it_ends_at_the_curve(c1, c2, c3, size):
-    estimate = last(GradientEstimator(), stretch((c1, c2, c3), 1), size)
+    estimate = last(GradientEstimator(), stretch((c1, c2, c3), 1, n=6000), size)
     h = np.linspace(0.0, 0.2, 50)
     # Where the peak is hardly reached, c1 and c3 of one curve can take each other's place.
     assert curve(h, *estimate.theta) == pytest.approx(curve(h, c1, c2, c3), abs=3e-3)

@@ -126,7 +126,9 @@ class GradientEstimator:
                 self._window.restart()
             self._window.add(part)
         theta = np.exp(self._x)
-        covariance = np.linalg.inv(self._information) * np.outer(theta, theta)
+        covariance: Array = np.asarray(
+            np.linalg.inv(self._information) * np.outer(theta, theta), dtype=np.float64
+        )
         errors = peak_errors(theta, covariance, self._slip_max)
         self._current = self._window.estimate(
             theta, covariance, errors, sqrt(self._noise_var), 1.0 if changed else 0.0
