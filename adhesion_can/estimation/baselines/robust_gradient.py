@@ -14,6 +14,7 @@ from math import sqrt
 import numpy as np
 import scipy
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.baselines.forgetting import (
     ForgettingWindow,
     peak_errors,
