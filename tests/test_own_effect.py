@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "docs" / "examples" / "own_effect"
 ID = "flange_lubrication"
 LOSS = 0.25
-DURATION_S = 72  # Both directions of curves.
+DURATION_S = 120  # Both directions of curves, and blocks enough to be certain.
 
 
 @pytest.fixture(scope="module")

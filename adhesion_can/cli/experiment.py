@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import replace
 from multiprocessing import active_children, get_context
 from pathlib import Path
 from textwrap import fill
@@ -26,6 +27,7 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.cli.reports import add_report, report_files, require_report, write_report
 from adhesion_can.errors import InputError
+from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.registry import estimator_by_name, known_estimators, oracle
 from adhesion_can.experiments.figures_of_merit import NoiseLevelResult, collect_runs
 from adhesion_can.experiments.runs import (
@@ -81,6 +83,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder for page and numbers (default ./adhesion-can-experiment)",
     )
+    parser.add_argument(
+        "--start",
+        metavar="C1,C2,C3",
+        help="where estimators with a start begin in experiments 2 and 3 (default: the paper's "
+        "0.5,30,0.08, which is also the first rail's curve)",
+    )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all runs (default 1)")
     parser.add_argument(
         "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default all)"
@@ -99,7 +107,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     _check(options)
-    experiment = EXPERIMENTS[options.number]
+    experiment = _experiment(options)
     out = options.out / f"experiment-{options.number}"
     missing = _missing_extra(out.with_suffix(".html"))
     if missing is not None:
@@ -136,11 +144,28 @@ def _check(options: argparse.Namespace) -> None:
             raise InputError(
                 "--estimator", f"no estimator {name!r}", f"known: {', '.join(known_estimators())}"
             )
+    _experiment(options)
     make_folder(options.out, "--out")
     out = options.out / f"experiment-{options.number}"
     own = {f"--out {suffix}": out.with_suffix(suffix) for suffix in (".html", ".json", ".csv")}
     require_outputs(options, {**own, **report_files(options), "--json": options.json})
     require_report(options)
+
+
+def _experiment(options: argparse.Namespace) -> Experiment:
+    """The experiment, with the start of the estimators that was chosen."""
+    experiment = EXPERIMENTS[options.number]
+    if options.start is None:
+        return experiment
+    where, mend = f"--start {options.start}", "give C1,C2,C3, such as 0.3,60,0.2"
+    if experiment.theta0 is None:
+        raise InputError(where, "experiment 1 starts anywhere in the range", "leave it out")
+    try:
+        c1, c2, c3 = map(float, options.start.split(","))
+        EvolutionSettings(theta0=(c1, c2, c3))
+    except ValueError as error:
+        raise InputError(where, "no curve within the range of the search", mend) from error
+    return replace(experiment, theta0=(c1, c2, c3))
 
 
 def _missing_extra(page_file: Path) -> InputError | None:
@@ -207,7 +232,8 @@ def _run_all(
 
 
 def _provenance(options: argparse.Namespace) -> dict[str, Any]:
-    chosen = "".join(f" --estimator {name}" for name in options.estimator or ())
+    chosen = "" if options.start is None else f" --start {options.start}"
+    chosen += "".join(f" --estimator {name}" for name in options.estimator or ())
     return {
         "version": __version__,
         "command": f"adhesion-can experiment {options.number} --runs {options.runs} "

@@ -64,8 +64,8 @@ class Objective:
         self._weight = weight
         self._basis = np.column_stack([w, w * z, w * h])
         self._n = w.sum()
-        self._z, self._zz = w @ z, (w * z) @ z
-        self._h, self._hh, self._hz = w @ h, (w * h) @ h, (w * h) @ z
+        self._z, self._zz = (w * z).sum(), (w * z) @ z
+        self._h, self._hh, self._hz = (w * h).sum(), (w * h) @ h, (w * h) @ z
 
     def __call__(self, individuals: Array) -> Array:
         """J of each row (c1, c2, c3) of `individuals`, shape (population,)."""

@@ -18,7 +18,14 @@ from adhesion_can.experiments.figures_of_merit import (
     quartiles,
     rms,
 )
-from adhesion_can.experiments.runs import MU_MAX, QUANTITIES, SURFACES, with_peak
+from adhesion_can.experiments.runs import (
+    ALL_DATA,
+    MU_MAX,
+    ONE_SAMPLE,
+    QUANTITIES,
+    SURFACES,
+    with_peak,
+)
 from adhesion_can.reporting.experiment_figures import figures
 from adhesion_can.reporting.experiment_style import PAPERS_OWN
 from adhesion_can.reporting.page import Page, Section, Table, Text
@@ -157,6 +164,12 @@ def verdict(outcome: NoiseLevelResult) -> list[str]:
         found.append(
             f"{level}: the paper's own, RMSE of the maximum adhesion and of c1: {comparison}."
         )
+    if {own, ONE_SAMPLE, ALL_DATA} <= errors.keys() and not outcome.experiment.ramp:
+        found.append(
+            f"{level}: RMSE of the maximum adhesion by block processing {_sig(errors[own])}, by "
+            f"sequence processing {_sig(errors[ONE_SAMPLE])} with one sample for each block and "
+            f"{_sig(errors[ALL_DATA])} with all samples so far."
+        )
     return found
 
 
@@ -193,6 +206,12 @@ def _lead(outcome: NoiseLevelResult) -> str:
         else f"{experiment.updates} blocks of {experiment.block} samples, slip uniform in 0 to "
         f"{experiment.slip_max:g}, a sudden switch every {experiment.blocks} blocks"
     )
+    if experiment.theta0 is not None:
+        start = "({:g}, {:g}, {:g})".format(*experiment.theta0)
+        first = (
+            ", the first rail's own curve" if experiment.theta0 == experiment.surfaces[0] else ""
+        )
+        data += f", a start at {start}{first}"
     count = "one run" if runs == 1 else f"{runs} runs"
     return (
         f"After He et al., IEEE Access 6 (2018). Curve (c1, c2, c3): {surfaces}; {data}; {count}. "

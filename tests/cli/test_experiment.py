@@ -153,6 +153,22 @@ def test_another_seed_gives_other_numbers(done, tmp_path):
     assert one[0]["rmse"] != two[0]["rmse"]
 
 
+def test_another_start_is_taken_and_told(done, tmp_path):
+    assert experiment(3, tmp_path, "--start", "0.3,60,0.2", "--jobs", 1) == 0
+    document, before = (
+        json.loads((out / "experiment-3.json").read_text()) for out in (tmp_path, done[3][0])
+    )
+    assert document["experiment"]["theta0"] == [0.3, 60.0, 0.2]
+    assert " --start 0.3,60,0.2 " in document["command"]
+    rmse = [
+        {e["name"]: e["rmse"]["mu_max"] for e in one["noise_levels"][0]["estimators"]}
+        for one in (document, before)
+    ]
+    assert rmse[0]["paper (mean)"] != rmse[1]["paper (mean)"]
+    # The ordinary algorithm begins anywhere in the range, wherever it is started.
+    assert rmse[0]["paper (ordinary)"] == rmse[1]["paper (ordinary)"]
+
+
 def test_without_the_extra_the_numbers_are_written_and_it_is_said(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "jinja2", None)
     assert experiment(2, tmp_path, "--jobs", 1) == 0
@@ -171,6 +187,10 @@ def test_without_the_extra_the_numbers_are_written_and_it_is_said(tmp_path, caps
         (["3", "--jobs", "0"], "--jobs"),
         (["3", "--seed", "-1"], "--seed"),
         (["3", "--estimator", "magic"], "paper"),
+        (["3", "--start", "0.3,60"], "--start"),
+        (["3", "--start", "0.3,60,x"], "C1,C2,C3"),
+        (["3", "--start", "9,60,0.1"], "range"),
+        (["1", "--start", "0.3,60,0.1"], "experiment 1"),
         ([], "1|2|3"),
     ],
 )

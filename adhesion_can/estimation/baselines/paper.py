@@ -95,8 +95,10 @@ class PaperEstimator:
         found = self._search_until_converged(found, h, z)
         fresh = assess(found.theta, found.cost, part, self._identifiability)
         self._next_look = count + FIRST_SHARE * (self._settings.block - count)
-        tells = fresh.identifiable.mu_max or count >= WHOLE_SHARE * self._settings.block
-        if tells and self._current is not None:
+        whole = count >= WHOLE_SHARE * self._settings.block
+        if whole:
+            self._waiting.clear()  # it counts as the block, and the next one begins behind it
+        if (whole or fresh.identifiable.mu_max) and self._current is not None:
             self._theta, self._current_std = found.theta, fresh.mu_max_std
             since, self._changing = self._current.surface_since_us, False
             self._current = replace(fresh, surface_since_us=since, change_probability=0.0)

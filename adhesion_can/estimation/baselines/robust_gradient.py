@@ -14,6 +14,7 @@ from math import sqrt
 import numpy as np
 import scipy
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.baselines.forgetting import (
     ForgettingWindow,
     peak_errors,
@@ -126,7 +127,9 @@ class GradientEstimator:
                 self._window.restart()
             self._window.add(part)
         theta = np.exp(self._x)
-        covariance = np.linalg.inv(self._information) * np.outer(theta, theta)
+        covariance: Array = np.asarray(
+            np.linalg.inv(self._information) * np.outer(theta, theta), dtype=np.float64
+        )
         errors = peak_errors(theta, covariance, self._slip_max)
         self._current = self._window.estimate(
             theta, covariance, errors, sqrt(self._noise_var), 1.0 if changed else 0.0
