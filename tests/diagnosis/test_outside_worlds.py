@@ -208,10 +208,10 @@ def test_load_transfer_moves_loads_and_makes_none():
     static = np.broadcast_to(scene.vehicle.static_load, true.shape)
     assert np.allclose(true.sum(axis=1), static.sum(axis=1))
     assert np.array_equal(change.shown_load, static)
-    # Moment of the forces about the rail: effort times height is load times place.
+    # Moment of the vehicle about the rail: effort at the coupler's height is load times place.
     whole = (scene.adhesion * static).sum(axis=1)
     place = np.mean(scene.vehicle.behind) - scene.vehicle.behind
-    assert np.allclose((true - static) @ place, -p["height"] * whole)
+    assert np.allclose((true - static) @ place, -0.95 * p["size"] * whole)
 
 
 def test_heating_is_its_first_order_for_little_work():
@@ -221,10 +221,10 @@ def test_heating_is_its_first_order_for_little_work():
     power[scene.profile.t < 0] = 0.0
     work = leaky_sum(power, p["time"])
     # Until there has been much of it: what is left of much work is less than that of bare friction.
-    most = np.maximum.accumulate(np.abs(p["gain"]) * work)
+    most = np.maximum.accumulate(p["loss"] * work)
     little = (work > 100) & (most < 0.02)
     assert little.sum() > 100
-    assert np.allclose(1 - change.factor[little], -p["gain"] * work[little], rtol=0.05)
+    assert np.allclose(1 - change.factor[little], p["loss"] * work[little], rtol=0.05)
 
 
 def test_instruments_of_the_families_act_on_one_axle_or_in_braking():
@@ -233,12 +233,12 @@ def test_instruments_of_the_families_act_on_one_axle_or_in_braking():
     assert np.flatnonzero(moved > 1e-9).tolist() == [int(p["axle"]) - 1]
     scene, change, p = scene_of("mech:brake_blending")
     assert np.all(change.gain[scene.effort > 0] == 1)
-    slow = (scene.effort < 0) & (scene.profile.v[:, None] < 0.5 * (p["speed"] + 3))
-    assert np.all(change.gain[slow] < 1 - 0.49 * p["share"])
+    slow = (scene.effort < 0) & (scene.profile.v[:, None] < 0.5 * p["fade"])
+    assert np.all(change.gain[slow] < 1 - 0.499 * p["share"])
     scene, change, p = scene_of("mech:curving_resistance")
     bend = np.abs(scene.profile.curvature).max()
     assert change.offset.max() == pytest.approx(
-        p["scale"] * 0.65 / (1 / bend - 55) * STATIC_LOAD, rel=0.2
+        p["size"] * 0.65 / (1 / bend - 55) * STATIC_LOAD, rel=0.2
     )
 
 
