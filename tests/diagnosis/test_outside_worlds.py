@@ -3,6 +3,7 @@
 import re
 from dataclasses import fields
 from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from tests.worlds import make_world
 from tests.worlds.drive_profile import STATIC_LOAD, STEP_S, STYLES
 from tests.worlds.encoding import database
+from tests.worlds.outside.__main__ import mechanism_table
 from tests.worlds.outside.car import CARS, has_simulator, load_simulator, make_car, static_loads
 from tests.worlds.outside.families import FAMILIES
 from tests.worlds.outside.kinds import ASIDE_NAMES, BESIDE, MECH, MEMORY, OPEN_NAMES
@@ -20,6 +22,7 @@ from tests.worlds.outside.signals import coloured, leaky_sum, low_pass, play, st
 from tests.worlds.outside.world import OutsideWorld, make_outside
 from tests.worlds.plant import drive
 
+ROOT = Path(__file__).resolve().parents[2]
 ACTS_ON = {
     "contact_mechanisms": {"effort"},
     "track_mechanisms": {"effort"},
@@ -65,6 +68,13 @@ def test_each_states_its_law_its_literature_and_its_sizes(source):
     assert re.search(r"Law( \(.*\))?:", source)
     assert re.search(r"Literature: .*\b(19|20)\d\d\b", source, re.DOTALL)
     assert "Sizes:" in source
+
+
+def test_the_page_has_the_table_that_the_command_prints():
+    page = (ROOT / "docs" / "worlds.md").read_text()
+    table = re.search(r"<!-- mechanisms: .* -->\n(.*)\n<!-- /mechanisms -->", page, re.DOTALL)
+    assert table is not None
+    assert table[1] == mechanism_table()
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
