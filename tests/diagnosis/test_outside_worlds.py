@@ -80,7 +80,7 @@ def test_the_page_has_the_table_that_the_command_prints():
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_a_mechanism_is_felt_the_more_the_larger_it_is(name, tmp_path):
     shares = [
-        make_outside(f"outside:{name}", 7, tmp_path / "a.log", duration_s=60.0, label=label)
+        make_outside(f"outside:{name}", 7, tmp_path / "a.log", duration_s=40.0, label=label)
         .excess[-1]
         for label in LABELS
     ]  # fmt: skip
@@ -90,7 +90,7 @@ def test_a_mechanism_is_felt_the_more_the_larger_it_is(name, tmp_path):
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_a_mechanism_changes_the_signals_of_its_place_and_no_others(name):
-    world = OutsideWorld(f"outside:{name}", 3, 0, 60.0, "medium")
+    world = OutsideWorld(f"outside:{name}", 3, 0, 30.0, "medium")
     changed = changed_signals(*readings_with_and_without(world))
     assert changed
     assert changed <= ACTS_ON[MECHANISMS[name].law.__module__.rpartition(".")[2]]
@@ -99,7 +99,7 @@ def test_a_mechanism_changes_the_signals_of_its_place_and_no_others(name):
 # These two have a filter of 0.8 s and a gate of 20 ms, whatever their size.
 @pytest.mark.parametrize("name", sorted(set(MECHANISMS) - {"air_spring_friction", "pulse_timing"}))
 def test_a_mechanism_without_size_changes_nothing(name):
-    world = OutsideWorld(f"outside:{name}", 3, 0, 60.0, "medium")
+    world = OutsideWorld(f"outside:{name}", 3, 0, 30.0, "medium")
     none = {"effort_averaging": STEP_S, "speed_hold": STEP_S}.get(name, 1e-9)
     law = MECHANISMS[name].law
     world.mechanism = lambda scene: law(scene, none, np.random.default_rng(1))
