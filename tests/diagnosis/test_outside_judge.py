@@ -1,6 +1,7 @@
 """What the hunt calls a false name in worlds by others, and which of them it draws."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -152,6 +153,11 @@ def test_false_names_stand_beside_their_targets(hunting):
     assert found["null:memory-10: false names"].wanted == "at most 2%"
     assert found["multi-body car: never called noise"].verdict == "FAILED"
     assert "humidity 1" in tables.confusion(rows)
+    loud = [judge(record(OPEN[0], [], verdict)) for verdict in ("nothing_found", "unexplained")]
+    loud = [replace(row, excess=0.2) for row in loud] + [replace(loud[0], excess=0.01)]
+    found = {t.what: t for t in tables.targets(loud)}
+    title = "outside:open: not called noise where it raises the RMSE by 10 % and more"
+    assert found[title].figure.startswith("50.0% (1 of 2")
     assert "families" not in " ".join(found)
 
 

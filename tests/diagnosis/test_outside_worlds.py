@@ -3,6 +3,7 @@
 import re
 from dataclasses import fields
 from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from tests.worlds import make_world
 from tests.worlds.drive_profile import STATIC_LOAD, STEP_S, STYLES
 from tests.worlds.encoding import database
+from tests.worlds.outside.__main__ import mechanism_table
 from tests.worlds.outside.car import CARS, has_simulator, load_simulator, make_car, static_loads
 from tests.worlds.outside.families import FAMILIES
 from tests.worlds.outside.kinds import ASIDE_NAMES, BESIDE, MECH, MEMORY, OPEN_NAMES
@@ -20,6 +22,7 @@ from tests.worlds.outside.signals import coloured, leaky_sum, low_pass, play, st
 from tests.worlds.outside.world import OutsideWorld, make_outside
 from tests.worlds.plant import drive
 
+ROOT = Path(__file__).resolve().parents[2]
 ACTS_ON = {
     "contact_mechanisms": {"effort"},
     "track_mechanisms": {"effort"},
@@ -67,10 +70,17 @@ def test_each_states_its_law_its_literature_and_its_sizes(source):
     assert "Sizes:" in source
 
 
+def test_the_page_has_the_table_that_the_command_prints():
+    page = (ROOT / "docs" / "worlds.md").read_text()
+    table = re.search(r"<!-- mechanisms: .* -->\n(.*)\n<!-- /mechanisms -->", page, re.DOTALL)
+    assert table is not None
+    assert table[1] == mechanism_table()
+
+
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_a_mechanism_is_felt_the_more_the_larger_it_is(name, tmp_path):
     shares = [
-        make_outside(f"outside:{name}", 7, tmp_path / "a.log", duration_s=60.0, label=label)
+        make_outside(f"outside:{name}", 7, tmp_path / "a.log", duration_s=40.0, label=label)
         .excess[-1]
         for label in LABELS
     ]  # fmt: skip
@@ -80,7 +90,7 @@ def test_a_mechanism_is_felt_the_more_the_larger_it_is(name, tmp_path):
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_a_mechanism_changes_the_signals_of_its_place_and_no_others(name):
-    world = OutsideWorld(f"outside:{name}", 3, 0, 60.0, "medium")
+    world = OutsideWorld(f"outside:{name}", 3, 0, 30.0, "medium")
     changed = changed_signals(*readings_with_and_without(world))
     assert changed
     assert changed <= ACTS_ON[MECHANISMS[name].law.__module__.rpartition(".")[2]]
@@ -89,7 +99,7 @@ def test_a_mechanism_changes_the_signals_of_its_place_and_no_others(name):
 # These two have a filter of 0.8 s and a gate of 20 ms, whatever their size.
 @pytest.mark.parametrize("name", sorted(set(MECHANISMS) - {"air_spring_friction", "pulse_timing"}))
 def test_a_mechanism_without_size_changes_nothing(name):
-    world = OutsideWorld(f"outside:{name}", 3, 0, 60.0, "medium")
+    world = OutsideWorld(f"outside:{name}", 3, 0, 30.0, "medium")
     none = {"effort_averaging": STEP_S, "speed_hold": STEP_S}.get(name, 1e-9)
     law = MECHANISMS[name].law
     world.mechanism = lambda scene: law(scene, none, np.random.default_rng(1))
@@ -208,10 +218,10 @@ def test_load_transfer_moves_loads_and_makes_none():
     static = np.broadcast_to(scene.vehicle.static_load, true.shape)
     assert np.allclose(true.sum(axis=1), static.sum(axis=1))
     assert np.array_equal(change.shown_load, static)
-    # Moment of the forces about the rail: effort times height is load times place.
+    # Moment of the vehicle about the rail: effort at the coupler's height is load times place.
     whole = (scene.adhesion * static).sum(axis=1)
     place = np.mean(scene.vehicle.behind) - scene.vehicle.behind
-    assert np.allclose((true - static) @ place, -p["height"] * whole)
+    assert np.allclose((true - static) @ place, -0.95 * p["size"] * whole)
 
 
 def test_heating_is_its_first_order_for_little_work():
@@ -221,10 +231,10 @@ def test_heating_is_its_first_order_for_little_work():
     power[scene.profile.t < 0] = 0.0
     work = leaky_sum(power, p["time"])
     # Until there has been much of it: what is left of much work is less than that of bare friction.
-    most = np.maximum.accumulate(np.abs(p["gain"]) * work)
+    most = np.maximum.accumulate(p["loss"] * work)
     little = (work > 100) & (most < 0.02)
     assert little.sum() > 100
-    assert np.allclose(1 - change.factor[little], -p["gain"] * work[little], rtol=0.05)
+    assert np.allclose(1 - change.factor[little], p["loss"] * work[little], rtol=0.05)
 
 
 def test_instruments_of_the_families_act_on_one_axle_or_in_braking():
@@ -233,12 +243,12 @@ def test_instruments_of_the_families_act_on_one_axle_or_in_braking():
     assert np.flatnonzero(moved > 1e-9).tolist() == [int(p["axle"]) - 1]
     scene, change, p = scene_of("mech:brake_blending")
     assert np.all(change.gain[scene.effort > 0] == 1)
-    slow = (scene.effort < 0) & (scene.profile.v[:, None] < 0.5 * (p["speed"] + 3))
-    assert np.all(change.gain[slow] < 1 - 0.49 * p["share"])
+    slow = (scene.effort < 0) & (scene.profile.v[:, None] < 0.5 * p["fade"])
+    assert np.all(change.gain[slow] < 1 - 0.499 * p["share"])
     scene, change, p = scene_of("mech:curving_resistance")
     bend = np.abs(scene.profile.curvature).max()
     assert change.offset.max() == pytest.approx(
-        p["scale"] * 0.65 / (1 / bend - 55) * STATIC_LOAD, rel=0.2
+        p["size"] * 0.65 / (1 / bend - 55) * STATIC_LOAD, rel=0.2
     )
 
 

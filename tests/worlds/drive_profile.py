@@ -217,7 +217,8 @@ def _phases(
         mode = _next_mode(rng, mode, last, speed, style)
         span = (4.0, 8.0) if mode == 0 else (9.0, 22.0)
         length = round(rng.uniform(*span) / STEP_S)
-    enough = style.fewest or max(2, min(3, round(t[-1] / 60)))
+    # Two phases each way hardly fit into less than 45 s.
+    enough = style.fewest or (1 if t[-1] < 45 else max(2, min(3, round(t[-1] / 60))))
     return (v, slip) if min(counts.values()) >= enough else None
 
 

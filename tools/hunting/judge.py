@@ -32,6 +32,7 @@ class JudgedRecord:
         seconds: Duration of the diagnosis, s.
         rss_mb: Peak memory of the diagnosis, MiB.
         blames_instrument: Whether a sensor or the vehicle's data were blamed without reason.
+        excess: Share by which what is hidden raises the RMSE of the plain fit; None: not known.
         peak: Peak of the extended model beside the true one, for contacts; None: not known.
 
     """
@@ -47,6 +48,7 @@ class JudgedRecord:
     seconds: float
     rss_mb: float | None
     blames_instrument: bool = False
+    excess: float | None = None
     peak: PeakErrors | None = None
 
     @property
@@ -83,6 +85,7 @@ def judge_record(record: Record) -> JudgedRecord:
         float(record["seconds"]),
         record["rss_mb"],
         blames_instrument=of_contact and blames_instrument(record, diagnosis),
+        excess=max(record.get("truth", {}).get("excess") or (), default=None),
         peak=peak_errors(record["truth"], diagnosis) if of_contact else None,
     )
 

@@ -1,9 +1,25 @@
-"""The mechanisms as a table: name, half, sizes, unit, what is physically the same."""
+"""The mechanisms as a Markdown table: `python -m tests.worlds.outside`."""
 
 from tests.worlds.outside.kinds import ASIDE_NAMES
-from tests.worlds.outside.registry import MECHANISMS
+from tests.worlds.outside.registry import LABELS, MECHANISMS, Mechanism
 
-for name, one in MECHANISMS.items():
-    half = "aside" if name in ASIDE_NAMES else "open"
-    sizes = " / ".join(f"{size:g}" for size in one.sizes)
-    print(f"{name} | {half} | {sizes} {one.unit} | {', '.join(one.same) or '-'}")  # noqa: T201
+HEAD = ("mechanism", "half", *LABELS, "size is", "no false name")
+
+
+def describe(one: Mechanism) -> tuple[str, ...]:
+    """Cells of a mechanism."""
+    sentence = one.source.partition("\n")[0].rstrip(".")
+    half = "aside" if one.name in ASIDE_NAMES else "open"
+    sizes = (f"{size:g}" for size in one.sizes)
+    same = ", ".join(f"`{name}`" for name in sorted(one.acceptable)) or "-"
+    return (f"`{one.name}`: {sentence}", half, *sizes, one.unit, same)
+
+
+def mechanism_table() -> str:
+    """Every mechanism with its half, sizes and what it is no false name to call it."""
+    rows = [HEAD, ("---",) * len(HEAD), *(describe(one) for one in MECHANISMS.values())]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+if __name__ == "__main__":
+    print(mechanism_table())  # noqa: T201
