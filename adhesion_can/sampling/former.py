@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.physics.instrument_laws import Need
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.readings import Reading, Role
 from adhesion_can.physics.samples import NO_SAMPLES, Samples
@@ -109,7 +110,8 @@ class SampleFormer(Stateful):
         self._transfer = ReadingTransfer(equations, self._effort, self._load)
         self._correction = RowCorrection(instruments, vehicle) if instruments.laws else None
         self._angles = WheelAngles()
-        self._angle = {i: SignalHistory(inf) for i in axles}
+        turning = axles if instruments.needs(Need.WHEEL_ANGLE) else ()
+        self._angle = {i: SignalHistory(inf) for i in turning}
         self._covariates: dict[str, float] = {}
         self._history: list[tuple[int, dict[str, float]]] = []
         self.dropped: Counter[str] = Counter()

@@ -219,3 +219,19 @@ def test_a_formula_of_any_characters_is_read_back(tmp_path, text):
     )
     write_model(model, tmp_path / "m.toml")
     assert read_model(tmp_path / "m.toml") == model
+
+
+@pytest.mark.parametrize("acts_on", ["adhesion", "speed", "effort"])
+def test_a_formula_says_what_it_acts_on(tmp_path, acts_on):
+    formula = formula_of("1 + a * wind", {"a": 0.1}, acts_on)
+    model = ExtendedModel((0.4, 60.0, 0.3), effects=(ActiveEffect(formula, (0.1,)),))
+    write_model(model, tmp_path / "m.toml")
+    text = (tmp_path / "m.toml").read_text()
+    assert (f'acts_on = "{acts_on}"' in text) == (acts_on != "adhesion")
+    again = read_model(tmp_path / "m.toml")
+    assert again == model
+    assert bool(again.instruments.laws) == (acts_on != "adhesion")
+    (tmp_path / "m.toml").write_text(text.replace('"speed"', '"weather"'))
+    if acts_on == "speed":
+        with pytest.raises(ConfigError, match="acts_on"):
+            read_model(tmp_path / "m.toml")

@@ -17,6 +17,8 @@ from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
+from adhesion_can.physics.parameter import SearchStart
+from adhesion_can.physics.vehicle import Geometry, Locomotive
 from tests.diagnosis.diagnosis_helpers import (
     C1,
     C2,
@@ -46,15 +48,21 @@ def covariates(t):
 
 @pytest.fixture(scope="module")
 def data():
-    """A short drive of two axles with every covariate."""
-    drive = SyntheticDrive(16.0, axles=2).build_drive_data(np.random.default_rng(1))
+    """A short drive of four axles with every covariate."""
+    vehicle = Locomotive((0.625,) * 4, (245e3,) * 4, geometry=Geometry((2, 2)))
+    drive = SyntheticDrive(16.0, axles=4).build_drive_data(np.random.default_rng(1), vehicle)
     drive.covariates.update(covariates(drive.t_s))
     return RegressionData(
         (drive.select_rows(slice(None, None, 5)),), np.zeros(-(-len(drive) // 5), dtype=int), 1
     )
 
 
-CANDIDATES = [Candidate(e, 2 if any(p.axle for p in e.parameters) else 0) for e in EFFECTS]
+# A step at a row has no slope.
+CANDIDATES = [
+    Candidate(e, 2 if any(p.axle for p in e.parameters) else 0)
+    for e in EFFECTS
+    if not any(p.search is SearchStart.STEP_TIME for p in e.parameters)
+]
 
 
 def test_without_effects_it_is_the_curve(data):
@@ -114,7 +122,8 @@ def test_slopes_of_the_curve_are_its_differences(data):
 def test_slopes_of_an_effect_are_differences_of_the_residual(data, candidate):
     """At its typical size, by Richardson's extrapolation of differences of other steps."""
     model = Model(SegmentCurves(CURVE), (Candidate(effect_by_id("sanding")),), ((0.1,),))
-    values = tuple(p.typical for p in candidate.free_parameters)
+    # A brake fades with a kink: beyond the speeds of the drive.
+    values = tuple(40.0 if p.name == "fade" else p.typical for p in candidate.free_parameters)
     slopes = compute_effect_jacobian(data, model, candidate, values)
     assert slopes.shape == (len(data), candidate.size)
 

@@ -61,5 +61,6 @@ def test_effects_that_need_a_sequence_are_not_tested_on_points():
     needs = {effect.id for effect in known_effects() if depends_on_sequence(effect)}
     assert needs == {
         "speed_delay", "wheel_speed_delay", "effort_delay", "creep_relaxation",
-        "adhesion_recovery", "contact_heating", "sanding", "slow_drift",
+        "adhesion_recovery", "contact_heating", "sanding", "slow_drift", "effort_gain",
+        "speed_error", "wheel_once_per_turn",
     } & {effect.id for effect in known_effects()}  # fmt: skip

@@ -7,11 +7,13 @@ from adhesion_can.physics.effects import (
     ActiveEffect,
     Contact,
     LagStates,
+    build_instruments,
     compute_change,
     effect_by_id,
 )
 from adhesion_can.physics.effects.expression import ExpressionError
 from adhesion_can.physics.effects.formula import LEAST_FACTOR, formula_of, parse_formula
+from adhesion_can.physics.instrument_laws import Situation, remove_errors
 
 N = 40
 RNG = np.random.default_rng(4)
@@ -122,3 +124,22 @@ def test_a_constant_lags_behind_nothing():
     where = contact(wind=np.linspace(0, 1, N))
     formula = formula_of("1 + a * lag(b, 2) * wind", {"a": 0.1, "b": 3.0})
     np.testing.assert_allclose(factor(formula, (0.1, 3.0), where), 1 + 0.3 * np.linspace(0, 1, N))
+
+
+def test_a_formula_acts_on_a_reading():
+    formula = parse_formula("speed: 1 + a * max(wind - 1, 0) where a=0.1")
+    assert formula.acts_on == "speed"
+    assert formula.requires.covariates == ("wind",)
+    instruments = build_instruments([ActiveEffect(formula, (0.1,))])
+    ones = np.ones(3)
+    read = Situation(
+        time_s=0.0 * ones, axle=ones, wheel_speed=20 * ones, wheel_accel=0.0 * ones,
+        speed=12.0 * ones, effort=1e4 * ones, load=1e5 * ones,
+        covariates={"wind": np.array([0.0, 2.0, 3.0])},
+    )  # fmt: skip
+    true = remove_errors(instruments.laws, read, LagStates()).values
+    assert true.speed == pytest.approx([12.0, 12.0 / 1.1, 12.0 / 1.2])
+    assert true.effort is read.effort
+    assert parse_formula('1 + a * "wind: gusts" where a=0.1').channels == ("wind: gusts",)
+    with pytest.raises(ExpressionError, match="known: adhesion, speed, effort"):
+        parse_formula("load: 1 + a * wind where a=0.1")

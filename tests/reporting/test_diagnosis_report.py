@@ -109,7 +109,7 @@ def named():
         ),
         evidence=tuple(
             Evidence(e.id, e.form, 2 * (e.id == "wheel_radius"), 9.0 - k / 3, min(0.001 * 3**k, 1),
-                     0.03 + 0.045 * k, ("slow_drift", 0.71), 33.0 / (k + 1))
+                     0.03 + 0.9 * k / len(EFFECTS), ("slow_drift", 0.71), 33.0 / (k + 1))
             for k, e in enumerate(EFFECTS)
         ),
         channels=(

@@ -141,6 +141,18 @@ def test_effects_with_memory_and_steps_give_the_same_bytes():
     assert_same(items, config=replace(CONFIG, model=model), make=None)
 
 
+def test_frames_and_columns_are_the_same_with_laws_of_the_instruments():
+    laws = (
+        ("load_transfer", "", 1.0), ("effort_gain", "heat", 0.1, 20.0),
+        ("speed_error", "low_pass", 0.3), ("curving_resistance", "", 2.0),
+        ("brake_blending", "", 0.2), ("wheel_once_per_turn", "", 0.01, 1.0, 2.0),
+    )  # fmt: skip
+    effects = tuple(ActiveEffect(effect_by_id(n, form), tuple(v)) for n, form, *v in laws)
+    model = ExtendedModel((0.36, 24.0, 0.5), effects=effects)
+    items = simulated(SCENARIOS[-1], 5.0, effects=effects)
+    assert_same(items, config=replace(CONFIG, model=model), make=None)
+
+
 def spoiled(seed, seconds=3.0):
     """A drive with every kind of trouble."""
     rng = np.random.default_rng(seed)

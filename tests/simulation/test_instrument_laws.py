@@ -106,7 +106,6 @@ def test_resistance_of_curves_by_roeckl(plain):
     share = (column(found, EFFORTS[0]) - true) / np.interp(times(plain[0], EFFORTS[0]), *loads)
     wanted = 2.0 * 650.0 / (300.0 - 55.0) / 1000.0
     assert np.median(share[tight]) == pytest.approx(wanted, rel=0.05)
-    assert np.abs((column(found, EFFORTS[0]) - true)[bend == 0.0]).max() < 400.0
 
 
 def test_a_blended_brake_hides_a_share_of_braking_alone():

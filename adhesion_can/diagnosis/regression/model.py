@@ -306,7 +306,7 @@ def compute_effect_jacobian(
     columns = []
     for place, parameter in enumerate(candidate.free_parameters):
         step = parameter.step or DERIVATIVE_STEP * abs(parameter.typical)
-        if parameter.unit == "s" and not acts_in_contact(candidate.effect):
+        if place == 0 and parameter.unit == "s" and not acts_in_contact(candidate.effect):
             step = max(step, DELAY_ROWS * max(one.kinematics.cycle_s for one in data.drives))
         columns.append(
             _difference_quotient(
