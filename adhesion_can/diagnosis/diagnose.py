@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.diagnosis.build_diagnosis import build_diagnosis, build_empty_diagnosis
 from adhesion_can.diagnosis.drive.drive_data import DriveData
-from adhesion_can.diagnosis.drive.thinning import RATE_HZ, thin_drive
+from adhesion_can.diagnosis.drive.thinning import RATE_HZ, thin_drives
 from adhesion_can.diagnosis.evidence import Untested
 from adhesion_can.diagnosis.inference.candidates import (
     build_candidates,
@@ -42,6 +42,7 @@ from adhesion_can.diagnosis.inference.find_residual_channels import (
 )
 from adhesion_can.diagnosis.inference.findings import NOISELESS, Findings
 from adhesion_can.diagnosis.inference.judge_surface_changes import explains_without_changes
+from adhesion_can.diagnosis.inference.part_rivals import part_rivals
 from adhesion_can.diagnosis.inference.propose_formula import with_formula
 from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS, select_effects
 from adhesion_can.diagnosis.inference.signal_faults import (
@@ -49,6 +50,7 @@ from adhesion_can.diagnosis.inference.signal_faults import (
     find_saturated_sensors,
 )
 from adhesion_can.diagnosis.inference.split_hold_out import choose_held_out_drives, split_hold_out
+from adhesion_can.diagnosis.next_drive.compute_next_drive import compute_next_drive
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.find_surface_changes import (
     build_regression_data,
@@ -62,6 +64,7 @@ from adhesion_can.diagnosis.regression.prepare_regression import (
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.diagnosis.result import Diagnosis
+from adhesion_can.physics.driving_plan import PlanLimits
 from adhesion_can.physics.effects.formula import Formula
 
 ShowProgress = Callable[[str, float], None]
@@ -80,6 +83,8 @@ class DiagnosisSettings:
         formulas: Formulas of the user's, tested as effects are.
         effect_grams: Whether the Gram matrices of the effects are wanted, for a diagnosis of many
             drives.
+        limits: Limits of the drive that would tell the remaining explanations apart; None: none is
+            computed.
 
     """
 
@@ -88,6 +93,7 @@ class DiagnosisSettings:
     seed: int = 1
     formulas: tuple[Formula, ...] = ()
     effect_grams: bool = False
+    limits: PlanLimits | None = None
 
 
 def _silent(_work: str, _share: float) -> None:
@@ -113,7 +119,7 @@ def diagnose(
     used = [drive for drive in (*drives, *holdout) if len(drive)]
     candidates, untested = build_candidates(used) if used else ((), [])
     candidates = (*candidates, *map(Candidate, settings.formulas))
-    thin = tuple(thin_drive(drive, settings.rate_hz) for drive in used)
+    thin = thin_drives(used, settings.rate_hz)
     block_length_s = choose_block_length(thin) if thin else 1.0
     # Step 1
     held_out = choose_held_out_drives(used, [drive for drive in holdout if len(drive)])
@@ -156,8 +162,13 @@ def diagnose(
         [*untested, *found.implausible, *find_untestable(used)],
         other_drives=any(held_out),
     )
+    next_drive = None
+    if settings.limits is not None:
+        show("next drive", 0.95)
+        is_confirmed = bool(diagnosis.causes)
+        next_drive = compute_next_drive(found, settings.limits, is_confirmed=is_confirmed)
     show("done", 1.0)
-    return replace(diagnosis, effect_grams=grams)
+    return replace(diagnosis, effect_grams=grams, next_drive=next_drive)
 
 
 @dataclass(frozen=True)
@@ -254,4 +265,4 @@ class _Analysis:
             alpha=alpha,
         )
         found = with_formula(found.without_noise_averages).without_bent_channel
-        return found.without_sizeless_effects
+        return part_rivals(found.without_sizeless_effects)

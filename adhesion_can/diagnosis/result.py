@@ -10,6 +10,7 @@ from typing import Any
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.effect_grams import EffectGrams
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
+from adhesion_can.diagnosis.next_drive.result import NextDrive
 from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects.channel_factor import PREFIX
@@ -286,6 +287,8 @@ class Diagnosis:
         prediction: Measured against predicted adhesion of sample tables; None of recordings.
         effect_grams: Gram matrices of the effects for a diagnosis of many drives; None where they
             were not asked for, or the data allow no verdict at all.
+        next_drive: Drive that would tell the remaining explanations apart; None where it was not
+            asked for, or the data allow no verdict at all.
 
     """
 
@@ -309,6 +312,7 @@ class Diagnosis:
     families: tuple[FamilyResult, ...] = ()
     prediction: PredictionPlot | None = None
     effect_grams: EffectGrams | None = None
+    next_drive: NextDrive | None = None
 
     @property
     def longest_segment(self) -> SegmentResult | None:
@@ -364,6 +368,7 @@ class Diagnosis:
                 for file in self.input_files
             ],
             "left_out": dict(self.lost),
+            **({} if self.next_drive is None else {"next_drive": self.next_drive.to_dict()}),
         }
 
     def _curves(self, curve: Callable[[SegmentResult], Estimate]) -> dict[str, Any] | None:

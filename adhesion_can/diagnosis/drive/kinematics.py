@@ -144,6 +144,11 @@ class SignalKinematics:
         stamps = [s.speed.t_s, *(one.t_s for one in (*s.wheels.values(), *s.effort.values()))]
         return max((float(np.median(np.diff(t))) for t in stamps if len(t) > 1), default=0.0)
 
+    @property
+    def vehicle(self) -> Locomotive:
+        """Configured vehicle."""
+        return self._signals.vehicle
+
     def select_rows(self, kept: RowSelection) -> "SignalKinematics":
         """Kinematics at some of the rows."""
         return SignalKinematics(self._axles[kept], self._t_s[kept], self._signals)

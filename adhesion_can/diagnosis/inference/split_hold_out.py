@@ -14,6 +14,9 @@ from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.inference.candidates import LEAST_ROWS
 from adhesion_can.diagnosis.regression.gram_matrices import number_blocks
 
+SHORT = 0.5
+"""Length of a drive over that of the longest one below which it is not held out whole: it says
+little of the others, and may have been made to decide between rivals."""
 HELD_EVERY, HELD_BLOCKS = 3, 2
 """Of a single drive every third group of two blocks is held out; of several drives a third."""
 
@@ -29,7 +32,8 @@ def choose_held_out_drives(drives: Sequence[DriveData], given: Sequence[DriveDat
     chosen = list(given)
     if not given and len(drives) > 1:
         # The shortest that are long enough, so that most of the data decide.
-        able = sorted((drive for drive in drives if len(drive) >= LEAST_ROWS), key=len)
+        least = max(LEAST_ROWS, SHORT * max(map(len, drives)))
+        able = sorted((drive for drive in drives if len(drive) >= least), key=len)
         count = max(len(drives) // HELD_EVERY, 1)
         chosen = able[:count] if len(able) > count else []
     return [any(drive is one for one in chosen) for drive in drives]
