@@ -26,6 +26,9 @@ NEAR_MPS = 0.5
 """Difference from the speed of the plan's begin at which it begins, m/s."""
 RUN_AWAY = 1.25
 """Slip over the plan's largest one from which an axle is released."""
+SLIP_RATE = 0.3
+"""Rate at which the slip goes over from one step to the next, 1/s: a jump would make the wheels
+swing."""
 LEAST_SLIP = 2e-4
 """Least slip that a controlled axle is to have: the stiffness of a contact without slip is none."""
 
@@ -61,7 +64,10 @@ class PlanFollower:
         self._curve = KnownCurve(plan.curve, 1.0, 0.0, {})
         self._speed = SpeedFilter(given.speed_timeout_s)
         self._loop = CreepLoop(loop, mass)
+        self._cycle_s = loop.cycle_s
         self._sign = 1.0
+        self._slip = np.zeros(vehicle.axles)
+        self._rate = SLIP_RATE
         self._began_s: float | None = None
         self.step_number: int | None = None
         """Number of the step that is driven, from 0; None before the first and after the last."""
@@ -95,8 +101,8 @@ class PlanFollower:
         if speed is None:
             return self._release()
         now = self._find_step(measured.time_s, speed)
-        if now is None or self._is_at_end_of_speeds(now[0], speed):
-            return self._release()
+        if now is None or now[0].sign == 0.0 or self._is_at_end_of_speeds(now[0], speed):
+            return self._hold(None, 0.0, speed, measured.rim_speed - speed)
         return self._hold(*now, speed, measured.rim_speed - speed)
 
     def _find_step(self, time_s: float, speed: float) -> tuple[PlanStep, float] | None:
@@ -121,22 +127,25 @@ class PlanFollower:
         too_fast = step.sign > 0.0 and speed >= limits.speed_max
         return too_fast or (step.sign < 0.0 and speed <= limits.speed_min)
 
-    def _hold(self, step: PlanStep, elapsed_s: float, speed: float, creep: Array) -> Array:
-        """Efforts that bring the axles to the slips of a step."""
-        if step.sign == 0.0:
-            return self._release()
-        if step.sign != self._sign:
-            if self._loop.effort.any():
-                return self._release()
-            self._sign = step.sign
-        slip = self._sign * step.slips(elapsed_s, self._axles)
+    def _hold(self, step: PlanStep | None, elapsed_s: float, speed: float, creep: Array) -> Array:
+        """Efforts that bring the axles to the slips of a step; None: to coasting."""
+        wanted = np.zeros(self._axles)
+        if step is not None:
+            if step.sign != self._sign and not self._slip.any():
+                self._sign = step.sign
+            if step.sign == self._sign:
+                wanted = np.nan_to_num(self._sign * step.slips(elapsed_s, self._axles))
+                self._rate = max(SLIP_RATE, step.slip_rate)
+        change = np.clip(wanted - self._slip, -self._rate * self._cycle_s, None)
+        self._slip = self._slip + np.minimum(change, self._rate * self._cycle_s)
         creep = self._sign * creep
         running_away = creep > RUN_AWAY * self.plan.limits.slip_max * speed
         # An axle whose creep is unknown to the loop gets its effort taken back.
-        creep = np.where(np.isfinite(slip) & ~running_away, creep, np.nan)
-        wanted = np.maximum(np.nan_to_num(slip), LEAST_SLIP)
-        elasticity = self._curve.elasticity(wanted)
-        return self._sign * self._loop.step(wanted * speed, creep, elasticity)
+        creep = np.where((self._slip > 0.0) & ~running_away, creep, np.nan)
+        held = np.maximum(self._slip, LEAST_SLIP)
+        return self._sign * self._loop.step(held * speed, creep, self._curve.elasticity(held))
 
     def _release(self) -> Array:
+        """Efforts where the speed is unknown: they are taken back."""
+        self._slip = np.zeros(self._axles)
         return self._sign * self._loop.release()

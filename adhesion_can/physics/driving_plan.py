@@ -108,6 +108,13 @@ class PlanStep:
         return {"traction": 1.0, "braking": -1.0, "coast": 0.0}[self.mode]
 
     @property
+    def slip_rate(self) -> float:
+        """Largest rate of change of the slip within the step, 1/s."""
+        low, high = self.slip
+        span = abs(high - low)
+        return float(np.pi * span / self.period_s if self.period_s else span / self.duration_s)
+
+    @property
     def description(self) -> str:
         """The step in words, a noun phrase."""
         if self.mode == "coast":
@@ -145,7 +152,8 @@ class PlanStep:
             if self.stagger:
                 place = np.cumsum(active) - 1.0
                 phase = phase + place / active.sum()
-            share = 1.0 - np.abs(2.0 * (phase % 1.0) - 1.0)
+            # Without corners: a jump of the acceleration would look like a vibration.
+            share = (1.0 - np.cos(2.0 * np.pi * phase)) / 2.0
         else:
             share = np.clip(elapsed / self.duration_s, 0.0, 1.0)
         low, high = self.slip

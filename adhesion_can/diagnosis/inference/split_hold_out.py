@@ -1,6 +1,7 @@
 """Step 1, split hold-out: rows that decide, and rows on which the gain alone is measured.
 
-Whole recordings are held out where there are several; of a single drive every third pair of blocks.
+Whole recordings are held out where there are several of like length; of a single drive every third
+pair of blocks, of a long and a short one every third block of both.
 Blocks are spans of time, since rows of the same moment share their errors. All independent points
 decide: each of them is held out in turn later.
 """
@@ -39,6 +40,18 @@ def choose_held_out_drives(drives: Sequence[DriveData], given: Sequence[DriveDat
     return [any(drive is one for one in chosen) for drive in drives]
 
 
+def held_blocks(drives: int) -> int:
+    """Number of blocks that are held out together, where no drive is held out whole.
+
+    Of several drives each one gives some of them, and the short ones have few.
+
+    Args:
+        drives: Number of drives.
+
+    """
+    return HELD_BLOCKS if drives == 1 else 1
+
+
 def split_hold_out(
     drives: Sequence[DriveData], held_out: Sequence[bool], block_length_s: float
 ) -> NDArray[np.int64]:
@@ -55,10 +68,11 @@ def split_hold_out(
     """
     out = []
     numbers = number_blocks_of_drives(drives, block_length_s)
+    width = held_blocks(len(drives))
     for drive, whole, number in zip(drives, held_out, numbers, strict=True):
         held = np.full(len(number), whole)
         if not any(held_out) and not drive.independent and len(number):
-            held = ((number - number.min()) // HELD_BLOCKS) % HELD_EVERY == 1
+            held = ((number - number.min()) // width) % HELD_EVERY == 1
         out.append(np.where(held, -1 - number, number))
     return np.concatenate(out) if out else np.empty(0, dtype=np.int64)
 

@@ -28,7 +28,7 @@ STEP_S = 0.02
 """Step of the predicted signals, s."""
 SMOOTH_S = 0.4
 """Time over which the axles follow a jump of the wanted slip, s."""
-SETTLE_S = 0.5
+SETTLE_S = 0.8
 """Time after the begin of a step whose rows do not count, s: how the axles get to the slips of the
 step is the controller's matter."""
 ITERATIONS = 3
