@@ -3,6 +3,7 @@
 purpose = "which of A and B holds"
 start_speed = 10.0          # m/s
 curve = [0.37, 60.0, 0.26]  # c1, c2, c3 of the expected curve
+bandwidth_share = 1.0       # of the creep speed control's
 [limits]                    # those of the configuration that the plan respects
 [[step]]                    # duration_s, mode; slip, period_s, stagger, axles, sand
 [[prediction]]              # name, predicts
@@ -25,7 +26,7 @@ from adhesion_can.errors import ConfigError
 from adhesion_can.files import whole_file
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep, Prediction
 
-_KEYS = ("purpose", "start_speed", "curve", "limits", "step", "prediction")
+_KEYS = ("purpose", "start_speed", "curve", "bandwidth_share", "limits", "step", "prediction")
 _LARGEST = 10_000
 """Most steps of a file."""
 
@@ -70,8 +71,11 @@ def plan_of(document: dict[str, Any], where: str) -> DrivingPlan:
     start = typed(document["start_speed"], float, f"{where}: start_speed")
     curve = typed(document["curve"], tuple[float, float, float], f"{where}: curve")
     purpose = typed(document.get("purpose", ""), str, f"{where}: purpose")
+    share = typed(document.get("bandwidth_share", 1.0), float, f"{where}: bandwidth_share")
     try:
-        return DrivingPlan(tuple(steps), start, curve, limits, purpose, tuple(predictions))
+        return DrivingPlan(
+            tuple(steps), start, curve, limits, purpose, tuple(predictions), share
+        )
     except ValueError as error:
         raise ConfigError(where, str(error), "mend the value") from error
 
@@ -116,6 +120,7 @@ def plan_text(plan: DrivingPlan) -> str:
         f"purpose = {_value(plan.purpose)}",
         f"start_speed = {_value(plan.start_speed)}",
         f"curve = {_value(plan.curve)}",
+        f"bandwidth_share = {_value(plan.bandwidth_share)}",
         "",
         "[limits]",
         *_keys(plan.limits),

@@ -64,6 +64,7 @@ class PlanFollower:
         self._curve = KnownCurve(plan.curve, 1.0, 0.0, {})
         self._speed = SpeedFilter(given.speed_timeout_s)
         self._loop = CreepLoop(loop, mass)
+        self._loop.bandwidth_share = plan.bandwidth_share
         self._cycle_s = loop.cycle_s
         self._sign = 1.0
         self._slip = np.zeros(vehicle.axles)

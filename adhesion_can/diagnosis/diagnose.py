@@ -49,8 +49,14 @@ from adhesion_can.diagnosis.inference.signal_faults import (
     find_largest_oscillation,
     find_saturated_sensors,
 )
-from adhesion_can.diagnosis.inference.split_hold_out import choose_held_out_drives, split_hold_out
+from adhesion_can.diagnosis.inference.split_hold_out import (
+    choose_held_out_drives,
+    split_by_length,
+    split_hold_out,
+)
 from adhesion_can.diagnosis.next_drive.compute_next_drive import compute_next_drive
+from adhesion_can.diagnosis.next_drive.explanations import Explanation, build_explanations
+from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations, find_remaining
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.find_surface_changes import (
     build_regression_data,
@@ -85,6 +91,7 @@ class DiagnosisSettings:
             drives.
         limits: Limits of the drive that would tell the remaining explanations apart; None: none is
             computed.
+        explanations: Whether the explanations that are left are wanted.
 
     """
 
@@ -94,6 +101,7 @@ class DiagnosisSettings:
     formulas: tuple[Formula, ...] = ()
     effect_grams: bool = False
     limits: PlanLimits | None = None
+    explanations: bool = False
 
 
 def _silent(_work: str, _share: float) -> None:
@@ -162,13 +170,40 @@ def diagnose(
         [*untested, *found.implausible, *find_untestable(used)],
         other_drives=any(held_out),
     )
+    remaining = None if any(held_out) else _find_remaining(used, found, settings, show)
+    explanations: tuple[Explanation, ...] = ()
     next_drive = None
+    if settings.explanations or settings.limits is not None:
+        show("explanations", 0.92)
+        is_confirmed = bool(diagnosis.causes)
+        explanations = build_explanations(found, is_confirmed=is_confirmed)
     if settings.limits is not None:
         show("next drive", 0.95)
-        is_confirmed = bool(diagnosis.causes)
-        next_drive = compute_next_drive(found, settings.limits, is_confirmed=is_confirmed)
+        next_drive = compute_next_drive(found, explanations, settings.limits)
     show("done", 1.0)
-    return replace(diagnosis, effect_grams=grams, next_drive=next_drive)
+    return replace(
+        diagnosis,
+        effect_grams=grams,
+        explanations=explanations,
+        next_drive=next_drive,
+        remaining=remaining,
+    )
+
+
+def _find_remaining(
+    drives: Sequence[DriveData], found: Findings, settings: DiagnosisSettings, show: ShowProgress
+) -> RemainingExplanations | None:
+    """What short drives leave of the explanations of the long ones; None where none is short."""
+    long, short = split_by_length(drives)
+    if not short or any(drive.table for drive in drives):
+        return None
+    show("explanations before", 0.9)
+    before = replace(settings, limits=None, effect_grams=False, explanations=True)
+    explanations = diagnose(long, (), before).explanations
+    if len(explanations) < 2:
+        return None
+    names = ([drive.name for drive in part] for part in (long, short))
+    return find_remaining(explanations, found.prepared, *names)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.effect_grams import EffectGrams
@@ -17,6 +17,10 @@ from adhesion_can.physics.effects.channel_factor import PREFIX
 from adhesion_can.physics.effects.formula import FORMULA
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.result_text import html_table, plus_minus
+
+if TYPE_CHECKING:  # they build on the findings, which build on this module
+    from adhesion_can.diagnosis.next_drive.explanations import Explanation
+    from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
 
 MUCH_LEFT = 1.5
 """RMSE over the noise floor from which what the plain curve leaves is not called noise."""
@@ -289,6 +293,9 @@ class Diagnosis:
             were not asked for, or the data allow no verdict at all.
         next_drive: Drive that would tell the remaining explanations apart; None where it was not
             asked for, or the data allow no verdict at all.
+        explanations: Explanations that the data leave; () where they were not asked for.
+        remaining: What a short drive leaves of the explanations of the long ones; None where there
+            is none, or nothing to choose from.
 
     """
 
@@ -313,6 +320,8 @@ class Diagnosis:
     prediction: PredictionPlot | None = None
     effect_grams: EffectGrams | None = None
     next_drive: NextDrive | None = None
+    explanations: "tuple[Explanation, ...]" = ()
+    remaining: "RemainingExplanations | None" = None
 
     @property
     def longest_segment(self) -> SegmentResult | None:
@@ -368,6 +377,7 @@ class Diagnosis:
                 for file in self.input_files
             ],
             "left_out": dict(self.lost),
+            **({} if self.remaining is None else {"remaining": self.remaining.to_dict()}),
             **({} if self.next_drive is None else {"next_drive": self.next_drive.to_dict()}),
         }
 

@@ -187,6 +187,8 @@ class DrivingPlan:
         limits: Limits that the plan respects.
         purpose: Sentence about what the plan is to tell apart.
         predictions: Predictions of the explanations.
+        bandwidth_share: Share of the creep speed control's bandwidth that is used, above 0 and at
+            most 1: signals that may be late need less.
 
     """
 
@@ -196,9 +198,12 @@ class DrivingPlan:
     limits: PlanLimits = field(default_factory=PlanLimits)
     purpose: str = ""
     predictions: tuple[Prediction, ...] = ()
+    bandwidth_share: float = 1.0
 
     def __post_init__(self) -> None:
         limits = self.limits
+        if not 0.0 < self.bandwidth_share <= 1.0:
+            raise ValueError("bandwidth_share must be above 0 and at most 1")
         if not self.steps:
             raise ValueError("a plan needs a step")
         if not limits.speed_min <= self.start_speed <= limits.speed_max:

@@ -33,11 +33,18 @@ def choose_held_out_drives(drives: Sequence[DriveData], given: Sequence[DriveDat
     chosen = list(given)
     if not given and len(drives) > 1:
         # The shortest that are long enough, so that most of the data decide.
-        least = max(LEAST_ROWS, SHORT * max(map(len, drives)))
-        able = sorted((drive for drive in drives if len(drive) >= least), key=len)
+        long, _ = split_by_length(drives)
+        able = sorted((drive for drive in long if len(drive) >= LEAST_ROWS), key=len)
         count = max(len(drives) // HELD_EVERY, 1)
         chosen = able[:count] if len(able) > count else []
     return [any(drive is one for one in chosen) for drive in drives]
+
+
+def split_by_length(drives: Sequence[DriveData]) -> tuple[list[DriveData], list[DriveData]]:
+    """Drives of like length, and those that are much shorter than the longest."""
+    least = SHORT * max(map(len, drives), default=0)
+    long = [drive for drive in drives if len(drive) >= least]
+    return long, [drive for drive in drives if len(drive) < least]
 
 
 def held_blocks(drives: int) -> int:

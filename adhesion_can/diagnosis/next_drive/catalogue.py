@@ -20,7 +20,7 @@ APPROACH_S = 10.0
 
 
 def build_catalogue(
-    limits: PlanLimits, axles: int, peak_slip: float, *, sand: bool
+    limits: PlanLimits, axles: int, peak_slip: float, *, sand: bool, stable: bool = False
 ) -> tuple[tuple[PlanStep, ...], ...]:
     """Manoeuvres of one or a few steps each.
 
@@ -29,16 +29,19 @@ def build_catalogue(
         axles: Number of axles of the vehicle.
         peak_slip: Slip ratio of the expected curve's peak.
         sand: Whether an explanation depends on sand.
+        stable: Whether the slips stay below that of the peak: beyond it a slow creep control does
+            not hold them.
 
     """
-    return tuple(_manoeuvres(limits, axles, peak_slip, sand=sand and limits.sand))
+    beyond = RISE if stable else BEYOND
+    return tuple(_manoeuvres(limits, axles, peak_slip, beyond, sand=sand and limits.sand))
 
 
 def _manoeuvres(
-    limits: PlanLimits, axles: int, peak_slip: float, *, sand: bool
+    limits: PlanLimits, axles: int, peak_slip: float, highest: float, *, sand: bool
 ) -> Iterator[tuple[PlanStep, ...]]:
     beyond, rise, steady = (
-        min(share * peak_slip, limits.slip_max) for share in (BEYOND, RISE, STEADY)
+        min(share * peak_slip, limits.slip_max) for share in (highest, RISE, min(STEADY, highest))
     )
     yield (PlanStep(COAST_S, "coast"),)
     pull, brake = (

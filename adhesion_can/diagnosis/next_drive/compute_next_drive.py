@@ -15,7 +15,7 @@ from adhesion_can.diagnosis.next_drive.drive_setting import (
     build_drive_setting,
     describe_setting,
 )
-from adhesion_can.diagnosis.next_drive.explanations import Explanation, build_explanations
+from adhesion_can.diagnosis.next_drive.explanations import Explanation
 from adhesion_can.diagnosis.next_drive.planned_drive import DriveStart
 from adhesion_can.diagnosis.next_drive.result import NextDrive, PairDiscrepancy
 from adhesion_can.diagnosis.next_drive.search import DriveSequence, find_shortest
@@ -40,17 +40,16 @@ PARTS = 3
 
 
 def compute_next_drive(
-    found: Findings, limits: PlanLimits, *, is_confirmed: bool
+    found: Findings, explanations: Sequence[Explanation], limits: PlanLimits
 ) -> NextDrive:
     """The drive that would tell what is left of explanations apart.
 
     Args:
         found: Findings of a diagnosis.
+        explanations: Explanations that are left.
         limits: Limits within which the plan drives.
-        is_confirmed: Whether the selected effects hold on the held-out data.
 
     """
-    explanations = build_explanations(found, is_confirmed=is_confirmed)
     regression = found.prepared.regression.last_fit
     fitted = found.selection.best.fitted
     setting = build_drive_setting(regression, fitted, found.block_length_s)
