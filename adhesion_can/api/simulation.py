@@ -25,7 +25,6 @@ from adhesion_can.simulation.effect_option import parse_effects
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
 
-
 DURATION_S = 60.0
 """Simulated time where none is given, s."""
 
@@ -206,6 +205,7 @@ def drive_plan(
     """
     follower = build_follower(config, plan)
     controller = ControllerOnBus(config, follower, lambda: follower.sanding)
+    simulation.await_demands()
     for frames in simulation.run():
         sent: list[Frame] = []
         for frame in frames:

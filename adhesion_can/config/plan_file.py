@@ -73,9 +73,7 @@ def plan_of(document: dict[str, Any], where: str) -> DrivingPlan:
     purpose = typed(document.get("purpose", ""), str, f"{where}: purpose")
     share = typed(document.get("bandwidth_share", 1.0), float, f"{where}: bandwidth_share")
     try:
-        return DrivingPlan(
-            tuple(steps), start, curve, limits, purpose, tuple(predictions), share
-        )
+        return DrivingPlan(tuple(steps), start, curve, limits, purpose, tuple(predictions), share)
     except ValueError as error:
         raise ConfigError(where, str(error), "mend the value") from error
 

@@ -55,9 +55,7 @@ class PlanFollower:
             raise ValueError("the wheelsets have no inertia to control")
         given = settings or ControlSettings()
         mass = vehicle.wheelset_inertia / np.array(vehicle.wheel_radius) ** 2
-        loop = replace(
-            given.loop, effort_max=min(plan.limits.effort_max, given.loop.effort_max)
-        )
+        loop = replace(given.loop, effort_max=min(plan.limits.effort_max, given.loop.effort_max))
         self.plan = plan
         """Plan that is driven."""
         self._axles = vehicle.axles

@@ -283,6 +283,10 @@ def terminal(found: Diagnosis) -> Iterator[str | FittingTable]:
         yield table("Curve families, each alone", FAMILY_COLUMNS, family_rows(found.families))
     if found.needed:
         yield f"Needed: {found.needed}"
+    if found.remaining is not None:
+        yield found.remaining.sentence
+    if found.next_drive is not None:
+        yield found.next_drive.sentence
     if found.evidence:
         rows = evidence_rows(found.evidence)
         title_ = (

@@ -146,6 +146,10 @@ class Simulation:
         self._latest = self._state()
         return self._sensors.due(self._latest, before, start_us, self.now_us)
 
+    def await_demands(self) -> None:
+        """Give no effort until a controller demands some: the drive does not probe by itself."""
+        self._drive.demand_efforts(self.now_us / 1e6, {})
+
     def receive(self, frame: Frame) -> None:
         """Process a frame from the bus: setpoints and demands are for the drive, others ignored."""
         for message in self._demands:

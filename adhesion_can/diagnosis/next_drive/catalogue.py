@@ -44,9 +44,7 @@ def _manoeuvres(
         min(share * peak_slip, limits.slip_max) for share in (highest, RISE, min(STEADY, highest))
     )
     yield (PlanStep(COAST_S, "coast"),)
-    pull, brake = (
-        PlanStep(APPROACH_S, mode, (steady, steady)) for mode in ("traction", "braking")
-    )
+    pull, brake = (PlanStep(APPROACH_S, mode, (steady, steady)) for mode in ("traction", "braking"))
     for mode in ("traction", "braking") if limits.braking else ("traction",):
         slow = PlanStep(PART_S, mode, (LOW, beyond), SLOW_S, stagger=True)
         yield (slow,)

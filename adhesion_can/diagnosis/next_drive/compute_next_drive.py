@@ -24,6 +24,7 @@ from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep, Prediction
+from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.readings import Role
 
 POWER = 0.95
@@ -31,6 +32,9 @@ POWER = 0.95
 SAFETY = 2.0
 """Factor of the discrepancy for what the prediction leaves out: the noise is estimated, blocks are
 few, and a part of them is held out."""
+CYCLE_S, STABLE_SHARE = 0.01, 0.8
+"""Dead time of the creep speed control without delays, s, and share of its bandwidth below which it
+holds no slip beyond the peak."""
 LEAD_S, TAIL_S = 1.0, 1.5
 """Coasting before and after the manoeuvres, s: smoothing needs signals around every row."""
 LEAST_BLOCKS = 3.5
@@ -76,8 +80,13 @@ def plan_drive(
     c1, c2, c3 = _nearest_curve(explanations[0], setting)
     peak_slip = float(np.log(c1 * c2 / c3) / c2) if c3 > 0.0 else limits.slip_max
     speed = float(np.clip(setting.speed, limits.speed_min, limits.speed_max))
+    share = CYCLE_S / (CYCLE_S + _longest_delay(explanations))
     manoeuvres = build_catalogue(
-        limits, setting.vehicle.axles, peak_slip, sand=_depends_on_sand(explanations)
+        limits,
+        setting.vehicle.axles,
+        peak_slip,
+        sand=_depends_on_sand(explanations),
+        stable=share < STABLE_SHARE,
     )
     wanted = SAFETY * needed_discrepancy()
     lead, tail = PlanStep(LEAD_S, "coast"), PlanStep(TAIL_S, "coast")
@@ -107,6 +116,7 @@ def plan_drive(
         limits=limits,
         purpose=f"which holds: {', or '.join(names)}",
         predictions=predictions,
+        bandwidth_share=round(share, 3),
     )
     pairs = tuple(
         PairDiscrepancy(names[a], names[b], one.discrepancy, power_of(one.discrepancy))
@@ -136,9 +146,7 @@ def power_of(discrepancy: float, level: float = LEVEL) -> float:
     return float(normal.cdf(np.sqrt(discrepancy) / 2.0 - normal.ppf(1.0 - level)))
 
 
-def _nearest_curve(
-    explanation: Explanation, setting: DriveSetting
-) -> tuple[float, float, float]:
+def _nearest_curve(explanation: Explanation, setting: DriveSetting) -> tuple[float, float, float]:
     """(c1, c2, c3) of the expected curve, for the controller."""
     curves = explanation.model.curves
     values = curves.parameters[0]
@@ -158,6 +166,19 @@ def _depends_on_sand(explanations: Sequence[Explanation]) -> bool:
         name in candidate.effect.requires.covariates
         for one in explanations
         for candidate in one.model.candidates
+    )
+
+
+def _longest_delay(explanations: Sequence[Explanation]) -> float:
+    """Largest delay of a signal, or lead, that an explanation states, s."""
+    return max(
+        (
+            abs(values[0])
+            for one in explanations
+            for c, values in zip(one.model.candidates, one.model.values, strict=True)
+            if c.free_parameters[0].unit == "s" and not acts_in_contact(c.effect)
+        ),
+        default=0.0,
     )
 
 
@@ -185,9 +206,7 @@ def _describe_too_few(names: Sequence[str]) -> str:
     )
 
 
-def _list_pairs(
-    comparison: Comparison, most: DriveSequence | None
-) -> tuple[PairDiscrepancy, ...]:
+def _list_pairs(comparison: Comparison, most: DriveSequence | None) -> tuple[PairDiscrepancy, ...]:
     if most is None:
         return ()
     names = [one.name for one in comparison.explanations]
@@ -214,13 +233,9 @@ def _describe_failure(
 
 
 def _describe_plan(plan: DrivingPlan) -> str:
-    steps = "; ".join(
-        f"{step.duration_s:g} s {step.description}" for step in plan.steps
-    )
+    steps = "; ".join(f"{step.duration_s:g} s {step.description}" for step in plan.steps)
     predicted = " ".join(f"If {one.name} holds, {one.predicts}." for one in plan.predictions)
-    return (
-        f"Drive {plan.duration_s:g} s from {plan.start_speed:g} m/s: {steps}. {predicted}"
-    )
+    return f"Drive {plan.duration_s:g} s from {plan.start_speed:g} m/s: {steps}. {predicted}"
 
 
 def _predict(
@@ -265,15 +280,16 @@ def _where(steps: Sequence[PlanStep], fit: FittedRival, *, of_rival: bool) -> st
         for part in np.array_split(order, PARTS):
             if not len(part):
                 continue
-            mean = float(fit.residual[part].mean())
+            sign = step.sign or 1.0
+            mean = sign * float(fit.residual[part].mean())
             weight = float(np.sum((mean * fit.scale[part]) ** 2))
             if weight > best:
                 best = weight
-                level = float(observed.adhesion[part].mean()) - (mean if of_rival else 0.0)
+                level = sign * float(observed.adhesion[part].mean()) - of_rival * mean
                 low, high = (float(x) for x in np.quantile(np.abs(observed.slip[part]), [0, 1]))
                 clause = (
-                    f"the adhesion in step {number + 1} ({step.mode}) at slips of {low:.3f} to "
-                    f"{high:.3f} is {level:.4f} on average"
+                    f"the adhesion used in step {number + 1} ({step.mode}) at slips of {low:.3f} "
+                    f"to {high:.3f} is {level:.4f} on average"
                 )
                 if not of_rival:
                     clause += f", {abs(mean):.4f} {'more' if mean > 0.0 else 'less'}"

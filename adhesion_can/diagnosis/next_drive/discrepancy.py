@@ -186,7 +186,9 @@ class _PlannedRegression:
         slope = model.curves.slope(found.slip, data.surface, found.conditions)
         ones, zeros = np.ones(size), np.zeros(size)
         (drive,) = data.drives
-        runs = ContiguousRuns.find(drive.t_s, drive.axle, np.zeros(size, dtype=np.bool_))
+        runs = ContiguousRuns.find(
+            drive.t_s, drive.axle.astype(np.float64), np.zeros(size, dtype=np.bool_)
+        )
         return WhitenedRegression(
             data,
             self.scale(model),

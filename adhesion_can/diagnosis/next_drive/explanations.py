@@ -131,5 +131,3 @@ def _information(fitted: FittedModel) -> Array:
         return np.zeros((0, 0))
     left = own - cross.T @ solve_normal_equations(total[:curves, :curves], cross)
     return np.asarray((left + left.T) / 2 / variance)
-
-

@@ -107,10 +107,10 @@ def _sample_steps(
 ) -> tuple[Array, NDArray[np.int64], Array, Array]:
     """Times, s, step numbers, slips (n, axles) and sand of the steps at a grid of times."""
     counts = [max(round(step.duration_s / STEP_S), 2) for step in steps]
-    number = np.repeat(np.arange(len(steps)), counts)
+    number = np.repeat(np.arange(len(steps), dtype=np.int64), counts)
     slip = np.concatenate(
         [
-            np.nan_to_num(step.slips(np.arange(count) * STEP_S, axles))
+            np.nan_to_num(step.slips(np.arange(count, dtype=np.float64) * STEP_S, axles))
             for step, count in zip(steps, counts, strict=True)
         ]
     )
@@ -118,7 +118,8 @@ def _sample_steps(
     width = max(round(SMOOTH_S / STEP_S), 1)
     slip = scipy.ndimage.uniform_filter1d(slip, width, axis=0, mode="nearest")
     sand = np.repeat([float(step.sand) for step in steps], counts)
-    return np.arange(len(number)) * STEP_S, number, slip, sand
+    grid: Array = np.arange(len(number), dtype=np.float64) * STEP_S
+    return grid, number, slip, sand
 
 
 def _integrate_speed(slip: Array, begin: float, setting: DriveSetting, model: Model) -> Array:

@@ -1,10 +1,10 @@
 """Which explanation is left after the drive that was to tell.
 
 The explanations were there before that drive, so that none is chosen by it and few are compared:
-each is fitted to all drives together, its effects common, the curves of the rails their own. Against
-the best one another is refuted where its cross-validated sum of squares is larger than chance
+each is fitted to all drives together, its effects common, the curves of the rails their own. One is
+refuted where its cross-validated sum of squares exceeds that of the best by more than chance
 allows: by the scatter of the blocks, or by that of the noise (Cox, J. R. Statist. Soc. B 24 (1962)
-406-424), which the few blocks of a short drive do not show.
+406-424), since a short drive has few blocks.
 """
 
 from collections.abc import Sequence
