@@ -93,7 +93,7 @@ def test_nothing_pulls_or_brakes_beyond_the_speed_limits(mode, limits):
 def test_slips_stay_within_their_limit_where_the_rail_is_other_than_expected():
     limits = PlanLimits(slip_max=0.1)
     step = PlanStep(8.0, "traction", (0.002, 0.1), 4.0, stagger=True)
-    _, time_s, _, _, slip, _ = driven((step,), limits=limits, effects=["falling_friction=0.3"])
+    _, _, _, _, slip, _ = driven((step,), limits=limits, effects=["falling_friction=0.3"])
     assert (np.abs(slip) > 0.13).mean() < 0.01
 
 

@@ -142,8 +142,13 @@ def minimise(gram: Array, prior: Array) -> tuple[Array, float]:
 
 
 def _contains(larger: Explanation, smaller: Explanation) -> bool:
-    """Whether an explanation has all effects of another one, which it then imitates."""
-    return set(smaller.model.candidates) <= set(larger.model.candidates)
+    """Whether an explanation has all effects of another one, which it then imitates.
+
+    Of another family of curves it may be told apart even so.
+    """
+    one, other = larger.model, smaller.model
+    same = one.curves.family is other.curves.family
+    return same and set(other.candidates) <= set(one.candidates)
 
 
 def _prior(explanation: Explanation) -> Array:

@@ -1,24 +1,29 @@
 """Explanations that are left of a diagnosis, each fitted to all that was driven."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.inference.curve_shape import ShapeFinding
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import (
     ScoredModel,
     is_worse,
     score_model,
 )
+from adhesion_can.diagnosis.inference.select_effects import propose_effects
+from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import Model
+from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
 from adhesion_can.diagnosis.regression.whitened_regression import (
     FittedModel,
     WhitenedRegression,
     fit_model,
 )
+from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 
 MOST_EXPLANATIONS = 4
 """Largest number of explanations that a plan is to tell apart."""
@@ -66,19 +71,20 @@ def build_explanations(
     """
     regression = found.prepared.regression.last_fit
     selection = found.selection
-    if selection.best.candidates:
+    if selection.best.candidates or found.shape is not None:
         known = [selection.best, *selection.indistinguishable]
     else:
         known = [one for one in selection.singles if _gains(one, selection.plain)]
-    scored = _without_duplicates(
-        _refit(regression, model) for model in (*(one.fitted.model for one in known), *others)
-    )
+    models = [one.fitted.model for one in known]
+    if found.shape is not None:
+        models += _rivals_of_shape(regression, found.shape, found.prepared.candidates)
+    scored = _without_duplicates(_refit(regression, model) for model in (*models, *others))
     if scored:
         best = min(scored, key=lambda one: one.fitted.cross_validated_square)
         scored = [one for one in scored if one is best or not is_worse(best, one)]
     scored = scored[:MOST_EXPLANATIONS]
     if not is_confirmed and scored:
-        plain = _refit(regression, selection.plain.fitted.model)
+        plain = _refit(regression, found.baseline.fitted.model)
         scored = [*scored[: MOST_EXPLANATIONS - 1], plain]
     surface = _last_surface(regression)
     return tuple(_explain(one.fitted, surface) for one in scored)
@@ -89,16 +95,29 @@ def _gains(one: ScoredModel, plain: ScoredModel) -> bool:
     return one.fitted.cross_validated_square < plain.fitted.cross_validated_square
 
 
+def _rivals_of_shape(
+    regression: WhitenedRegression, shape: ShapeFinding, candidates: Sequence[Candidate]
+) -> list[Model]:
+    """Models on Burckhardt's curve that the data cannot separate from another shape."""
+    start = shape.burckhardt.fitted.model
+    found: list[Model] = []
+    for rival in shape.rivals:
+        own = [candidate for candidate in candidates if candidate.effect.id == rival]
+        if own:
+            found.append(propose_effects(regression, start, own)[0].model)
+    return found
+
+
 def _refit(regression: WhitenedRegression, model: Model) -> ScoredModel:
     return score_model(regression, fit_model(regression, model))
 
 
 def _without_duplicates(models: Iterable[ScoredModel]) -> list[ScoredModel]:
     """The best model of each set of effects, best first: forms are no explanations of their own."""
-    best: dict[tuple[tuple[str, int], ...], ScoredModel] = {}
+    best: dict[tuple[str, tuple[tuple[str, int], ...]], ScoredModel] = {}
     for one in sorted(models, key=lambda one: one.fitted.cross_validated_square):
-        key = tuple(sorted((c.effect.id, c.axle) for c in one.candidates))
-        best.setdefault(key, one)
+        effects = tuple(sorted((c.effect.id, c.axle) for c in one.candidates))
+        best.setdefault((one.fitted.model.curves.family.name, effects), one)
     return list(best.values())
 
 
@@ -111,14 +130,15 @@ def _last_surface(regression: WhitenedRegression) -> int:
 def _explain(fitted: FittedModel, surface: int) -> Explanation:
     model = fitted.model
     pairs = list(zip(model.candidates, model.values, strict=True))
-    name = " with ".join(c.name for c in model.candidates) or PLAIN
+    family = model.curves.family
+    shape = [] if family is BURCKHARDT else [f"{CURVE_SHAPE} {family.name}"]
+    name = " with ".join([*shape, *(c.name for c in model.candidates)]) or PLAIN
     sentence = " and ".join(
         (values[0] < 0.0 and c.effect.observability.below) or c.effect.title for c, values in pairs
     )
     alone = replace(model, curves=model.curves.select(surface))
-    return Explanation(
-        name, sentence or "nothing acts beyond the curve", alone, _information(fitted)
-    )
+    nothing = "the curve has another form" if shape else "nothing acts beyond the curve"
+    return Explanation(name, sentence or nothing, alone, _information(fitted))
 
 
 def _information(fitted: FittedModel) -> Array:

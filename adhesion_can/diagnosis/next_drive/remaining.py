@@ -17,8 +17,11 @@ import scipy
 from adhesion_can.diagnosis.inference.model_comparison import LEVEL, is_worse, score_model
 from adhesion_can.diagnosis.inference.noise_averaging import INTERVAL
 from adhesion_can.diagnosis.next_drive.explanations import Explanation
+from adhesion_can.diagnosis.regression.find_surface_changes import fit_start_curves
+from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
+from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
 from adhesion_can.diagnosis.regression.whitened_regression import (
     FittedModel,
     WhitenedRegression,
@@ -96,11 +99,7 @@ def find_remaining(
 
     """
     regression = prepared.regression.last_fit
-    curves = prepared.plain.model.curves
-    fits = [
-        fit_model(regression, Model(curves, one.model.candidates, one.model.values))
-        for one in explanations
-    ]
+    fits = [_fit(regression, prepared, one.model) for one in explanations]
     order = sorted(range(len(fits)), key=lambda k: fits[k].cross_validated_square)
     refuted: dict[int, str] = {}
     standing = [k for k in order if not _is_sizeless(fits[k])]
@@ -125,6 +124,18 @@ def find_remaining(
         tuple(left),
         tuple(RefutedExplanation(explanations[k].name, why) for k, why in refuted.items()),
     )
+
+
+def _fit(regression: WhitenedRegression, prepared: PreparedRegression, model: Model) -> FittedModel:
+    """A model's effects fitted to all drives, with curves of its family for every rail."""
+    curves, family = prepared.plain.model.curves, model.curves.family
+    if curves.family is not family:
+        curves = (
+            fit_start_curves(regression.data)
+            if family is BURCKHARDT
+            else fit_family_curves(regression.data, family)
+        )
+    return fit_model(regression, Model(curves, model.candidates, model.values))
 
 
 def _is_sizeless(fitted: FittedModel) -> bool:
