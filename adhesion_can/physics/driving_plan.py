@@ -28,7 +28,7 @@ class PlanLimits:
     Attributes:
         effort_max: Largest effort of an axle, N. Less keeps the slips below those of the peak on a
             dry rail, which tells less of the curve.
-        slip_max: Largest slip ratio.
+        slip_max: Largest slip ratio, 1.
         speed_min: Lowest vehicle speed, m/s; braking ends there.
         speed_max: Highest vehicle speed, m/s; traction ends there.
         duration_max: Longest duration of a plan, s.
