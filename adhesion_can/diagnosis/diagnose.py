@@ -56,7 +56,11 @@ from adhesion_can.diagnosis.inference.split_hold_out import (
 )
 from adhesion_can.diagnosis.next_drive.compute_next_drive import compute_next_drive
 from adhesion_can.diagnosis.next_drive.explanations import Explanation, build_explanations
-from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations, find_remaining
+from adhesion_can.diagnosis.next_drive.remaining import (
+    RemainingExplanations,
+    find_remaining,
+    select_winner,
+)
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.find_surface_changes import (
     build_regression_data,
@@ -69,7 +73,7 @@ from adhesion_can.diagnosis.regression.prepare_regression import (
 )
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
-from adhesion_can.diagnosis.result import Diagnosis
+from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.physics.driving_plan import PlanLimits
 from adhesion_can.physics.effects.formula import Formula
 
@@ -149,7 +153,7 @@ def diagnose(
         other, other_shaped = analysis.explain(unchanged)
         if explains_without_changes(shaped or found, other_shaped or other):
             found, shaped = other, other_shaped
-    grams = None
+    plain_found, grams = found, None
     if settings.effect_grams:
         grams = compute_effect_grams(found.prepared, found.selection.plain.rmse)
     # Step 7
@@ -163,6 +167,12 @@ def diagnose(
         untested = [*untested, *rejected]
     elif shaped is not None:
         found = shaped
+    remaining = None if any(held_out) else _find_remaining(used, plain_found, settings, show)
+    settled = None if remaining is None else select_winner(plain_found, remaining)
+    if settled is not None and set(settled.selection.best.candidates) != set(confirmed.named):
+        of_winner = confirm_on_hold_out(settled, other_drives=False)
+        if of_winner.named:
+            found, confirmed = settled, of_winner
     diagnosis = build_diagnosis(
         used,
         found,
@@ -170,7 +180,8 @@ def diagnose(
         [*untested, *found.implausible, *find_untestable(used)],
         other_drives=any(held_out),
     )
-    remaining = None if any(held_out) else _find_remaining(used, found, settings, show)
+    if remaining is not None and remaining.refutes_plain and diagnosis.verdict is Verdict.NOTHING:
+        diagnosis = replace(diagnosis, verdict=Verdict.UNEXPLAINED)
     explanations: tuple[Explanation, ...] = ()
     next_drive = None
     if settings.explanations or settings.limits is not None:

@@ -1,7 +1,7 @@
 """Step 1, split hold-out: rows that decide, and rows on which the gain alone is measured.
 
 Whole recordings are held out where there are several of like length; of a single drive every third
-pair of blocks, of a long and a short one every third block of both.
+pair of blocks, of a long and a short one every third and every second block.
 Blocks are spans of time, since rows of the same moment share their errors. All independent points
 decide: each of them is held out in turn later.
 """
@@ -18,6 +18,8 @@ from adhesion_can.diagnosis.regression.gram_matrices import number_blocks
 SHORT = 0.5
 """Length of a drive over that of the longest one below which it is not held out whole: it says
 little of the others, and may have been made to decide between rivals."""
+SHORT_EVERY = 2
+"""Of such a drive every second block is held out: it has few, and a gain needs some."""
 HELD_EVERY, HELD_BLOCKS = 3, 2
 """Of a single drive every third group of two blocks is held out; of several drives a third."""
 
@@ -76,10 +78,12 @@ def split_hold_out(
     out = []
     numbers = number_blocks_of_drives(drives, block_length_s)
     width = held_blocks(len(drives))
+    least = SHORT * max(map(len, drives), default=0)
     for drive, whole, number in zip(drives, held_out, numbers, strict=True):
+        every = HELD_EVERY if len(drive) >= least else SHORT_EVERY
         held = np.full(len(number), whole)
         if not any(held_out) and not drive.independent and len(number):
-            held = ((number - number.min()) // width) % HELD_EVERY == 1
+            held = ((number - number.min()) // width) % every == 1
         out.append(np.where(held, -1 - number, number))
     return np.concatenate(out) if out else np.empty(0, dtype=np.int64)
 

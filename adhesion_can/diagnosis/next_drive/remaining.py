@@ -8,15 +8,16 @@ allows: by the scatter of the blocks, or by that of the noise (Cox, J. R. Statis
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 import scipy
 
+from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import LEVEL, is_worse, score_model
 from adhesion_can.diagnosis.inference.noise_averaging import INTERVAL
-from adhesion_can.diagnosis.next_drive.explanations import Explanation
+from adhesion_can.diagnosis.next_drive.explanations import PLAIN, Explanation
 from adhesion_can.diagnosis.regression.find_surface_changes import fit_start_curves
 from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
@@ -53,6 +54,9 @@ class RemainingExplanations:
         left: Names of the explanations that are left, the best first; () where the data contradict
             all of them alike.
         refuted: Explanations that are not.
+        winner: Explanation that alone is left; None where several are, or the plain curve.
+        p_value: Probability with which chance alone would part the best from the nearest refuted
+            one as clearly.
 
     """
 
@@ -60,6 +64,13 @@ class RemainingExplanations:
     by: tuple[str, ...]
     left: tuple[str, ...]
     refuted: tuple[RefutedExplanation, ...]
+    winner: Explanation | None = None
+    p_value: float = 1.0
+
+    @property
+    def refutes_plain(self) -> bool:
+        """Whether the plain curve is among what was refuted."""
+        return any(one.name == PLAIN for one in self.refuted)
 
     @property
     def sentence(self) -> str:
@@ -107,12 +118,14 @@ def find_remaining(
         if k not in standing and len(fits) > 1:
             refuted[k] = "its size is 0 within its error"
     best = next(iter(standing), order[0])
+    nearest = np.inf
     for k in standing:
         if k == best:
             continue
         away = _distance(regression, fits[best], fits[k])
         scored = [score_model(regression, fits[place]) for place in (best, k)]
         if is_worse(*scored) or away > float(scipy.stats.norm.ppf(1.0 - LEVEL)):
+            nearest = min(nearest, away)
             refuted[k] = (
                 f"it misses the data by {away:.1f} standard deviations of the noise more than "
                 f"{explanations[best].name}"
@@ -123,6 +136,28 @@ def find_remaining(
         tuple(by),
         tuple(left),
         tuple(RefutedExplanation(explanations[k].name, why) for k, why in refuted.items()),
+        explanations[best] if len(left) == 1 and explanations[best].name != PLAIN else None,
+        float(scipy.stats.norm.sf(nearest)) if np.isfinite(nearest) else 1.0,
+    )
+
+
+def select_winner(found: Findings, remaining: RemainingExplanations) -> Findings | None:
+    """The findings with the explanation that is left selected; None where none is.
+
+    Args:
+        found: Findings on all drives, with Burckhardt's curve.
+        remaining: What the drive left of the explanations.
+
+    """
+    winner = remaining.winner
+    if winner is None or winner.model.curves.family is not BURCKHARDT:
+        return None
+    regression, selection = found.prepared.regression, found.selection
+    best = score_model(regression, _fit(regression, found.prepared, winner.model))
+    p_value = remaining.p_value
+    return replace(
+        found,
+        selection=replace(selection, best=best, indistinguishable=(), planned_p_value=p_value),
     )
 
 
