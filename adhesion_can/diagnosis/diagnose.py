@@ -29,7 +29,10 @@ from adhesion_can.diagnosis.inference.candidates import (
     find_untestable,
 )
 from adhesion_can.diagnosis.inference.compute_effect_grams import compute_effect_grams
-from adhesion_can.diagnosis.inference.confirm_on_hold_out import confirm_on_hold_out
+from adhesion_can.diagnosis.inference.confirm_on_hold_out import (
+    ConfirmedFindings,
+    confirm_on_hold_out,
+)
 from adhesion_can.diagnosis.inference.curve_shape import (
     choose_families,
     judge_shape,
@@ -55,7 +58,7 @@ from adhesion_can.diagnosis.inference.split_hold_out import (
     split_hold_out,
 )
 from adhesion_can.diagnosis.next_drive.compute_next_drive import compute_next_drive
-from adhesion_can.diagnosis.next_drive.explanations import Explanation, build_explanations
+from adhesion_can.diagnosis.next_drive.explanations import build_explanations
 from adhesion_can.diagnosis.next_drive.remaining import (
     RemainingExplanations,
     find_remaining,
@@ -144,15 +147,7 @@ def diagnose(
     change_times = [find_surface_changes(drive, candidates) for drive in thin]
     # Steps 3 to 6
     analysis = _Analysis(thin, candidates, block, block_length_s, settings, show)
-    found, shaped = analysis.explain(change_times)
-    # Drives that are held out decide nothing: what they are without their changes is not asked.
-    unchanged = [times if held else [] for times, held in zip(change_times, held_out, strict=True)]
-    if unchanged != change_times:
-        # The other explanation of the same data: the surface never changed, effects or the shape of
-        # the curve did it all.
-        other, other_shaped = analysis.explain(unchanged)
-        if explains_without_changes(shaped or found, other_shaped or other):
-            found, shaped = other, other_shaped
+    found, shaped = analysis.explain_changes(change_times, held_out)
     plain_found, grams = found, None
     if settings.effect_grams:
         grams = compute_effect_grams(found.prepared, found.selection.plain.rmse)
@@ -168,11 +163,7 @@ def diagnose(
     elif shaped is not None:
         found = shaped
     remaining = None if any(held_out) else _find_remaining(used, plain_found, settings, show)
-    settled = None if remaining is None else select_winner(plain_found, remaining)
-    if settled is not None and set(settled.selection.best.candidates) != set(confirmed.named):
-        of_winner = confirm_on_hold_out(settled, other_drives=False)
-        if of_winner.named:
-            found, confirmed = settled, of_winner
+    found, confirmed = _with_winner(found, confirmed, plain_found, remaining)
     diagnosis = build_diagnosis(
         used,
         found,
@@ -182,23 +173,45 @@ def diagnose(
     )
     if remaining is not None and remaining.refutes_plain and diagnosis.verdict is Verdict.NOTHING:
         diagnosis = replace(diagnosis, verdict=Verdict.UNEXPLAINED)
-    explanations: tuple[Explanation, ...] = ()
-    next_drive = None
-    if settings.explanations or settings.limits is not None:
-        show("explanations", 0.92)
-        is_confirmed = bool(diagnosis.causes)
-        explanations = build_explanations(found, is_confirmed=is_confirmed)
-    if settings.limits is not None:
-        show("next drive", 0.95)
-        next_drive = compute_next_drive(found, explanations, settings.limits)
+    diagnosis = _with_next_drive(diagnosis, found, settings, show)
     show("done", 1.0)
-    return replace(
-        diagnosis,
-        effect_grams=grams,
-        explanations=explanations,
-        next_drive=next_drive,
-        remaining=remaining,
-    )
+    return replace(diagnosis, effect_grams=grams, remaining=remaining)
+
+
+def _with_next_drive(
+    diagnosis: Diagnosis, found: Findings, settings: DiagnosisSettings, show: ShowProgress
+) -> Diagnosis:
+    """The diagnosis with its explanations, and the drive that would tell them apart, if asked."""
+    if not settings.explanations and settings.limits is None:
+        return diagnosis
+    show("next drive", 0.95)
+    explanations = build_explanations(found, is_confirmed=bool(diagnosis.causes))
+    next_drive = None
+    if settings.limits is not None:
+        next_drive = compute_next_drive(found, explanations, settings.limits)
+    return replace(diagnosis, explanations=explanations, next_drive=next_drive)
+
+
+def _with_winner(
+    found: Findings,
+    confirmed: ConfirmedFindings,
+    plain_found: Findings,
+    remaining: RemainingExplanations | None,
+) -> tuple[Findings, ConfirmedFindings]:
+    """Findings with the explanation that alone is left, where it holds on the held-out data.
+
+    Args:
+        found: Findings on all drives.
+        confirmed: What of them holds on the held-out data.
+        plain_found: Findings on all drives with Burckhardt's curve.
+        remaining: What a drive left of the explanations; None: there was no such drive.
+
+    """
+    winner = None if remaining is None else select_winner(plain_found, remaining)
+    if winner is None or set(winner.selection.best.candidates) == set(confirmed.named):
+        return found, confirmed
+    of_winner = confirm_on_hold_out(winner, other_drives=False)
+    return (winner, of_winner) if of_winner.named else (found, confirmed)
 
 
 def _find_remaining(
@@ -263,6 +276,29 @@ class _Analysis:
             if shaped.explains:
                 return shaped
         return None
+
+    def explain_changes(
+        self, change_times: list[list[float]], held_out: Sequence[bool]
+    ) -> tuple[Findings, Findings | None]:
+        """Findings as `explain` gives them, with the surface changes or without them.
+
+        Args:
+            change_times: Times of the surface changes in each drive, s.
+            held_out: Whether each drive is held out whole.
+
+        """
+        found, shaped = self.explain(change_times)
+        # Drives that are held out decide nothing: what they are without changes is not asked.
+        unchanged = [
+            times if held else [] for times, held in zip(change_times, held_out, strict=True)
+        ]
+        if unchanged != change_times:
+            # The other explanation of the same data: the surface never changed, effects or the
+            # shape of the curve did it all.
+            other, other_shaped = self.explain(unchanged)
+            if explains_without_changes(shaped or found, other_shaped or other):
+                return other, other_shaped
+        return found, shaped
 
     def run(
         self,
