@@ -22,6 +22,7 @@ from adhesion_can.files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.offline.plausibility import Points, inspect_points, inspect_samples
 from adhesion_can.offline.rim_speed import inspect_rim_speeds, slips_of_traces
+from adhesion_can.physics.driving_plan import PlanLimits
 from adhesion_can.physics.effects import ActiveEffect, build_instruments
 from adhesion_can.physics.effects.expression import ExpressionError
 from adhesion_can.physics.effects.formula import AnyFormula, Formula, parse_formula
@@ -53,6 +54,7 @@ def diagnose(
     *,
     configuration: ConfigurationLike = None,
     formulas: Iterable[str] = (),
+    next_drive: bool = False,
     show: ShowProgress | None = None,
 ) -> Diagnosis:
     """What the simulation gets wrong, why, the extended model, and its gain on held-out data.
@@ -64,6 +66,8 @@ def diagnose(
         formulas: Formulas that are tested as effects are, such as
             '1 + a * max(wind - b, 0) where a=0.1, b=5': the factor of the adhesion, or
             of a reading over its true value, with 'speed:' or 'effort:' in front.
+        next_drive: Whether the drive is computed that would tell the remaining explanations apart,
+            within `[limits]` of the configuration.
         show: Callback with the work in progress and the share that is done.
 
     Returns:
@@ -79,7 +83,8 @@ def diagnose(
     files = list_input_files(as_paths(inputs), as_paths(holdout), config.columns)
     progress = show or _show_nothing
     asked = read_formulas(formulas)
-    return diagnose_inputs(load_inputs(files, config, progress), progress, asked)
+    loaded = load_inputs(files, config, progress)
+    return diagnose_inputs(loaded, progress, asked, limits=config.limits if next_drive else None)
 
 
 def _show_nothing(_work: str, _share: float) -> None:
@@ -305,6 +310,7 @@ def diagnose_inputs(
     formulas: tuple[AnyFormula, ...] = (),
     *,
     effect_grams: bool = False,
+    limits: PlanLimits | None = None,
 ) -> Diagnosis:
     """Diagnosis of loaded inputs.
 
@@ -313,6 +319,8 @@ def diagnose_inputs(
         show: Callback with the work in progress and the share that is done.
         formulas: Formulas that are tested as effects are.
         effect_grams: Whether the Gram matrices of the effects are wanted.
+        limits: Limits of the drive that would tell the remaining explanations apart; None: none is
+            computed.
 
     Raises:
         InputError: Not one row is usable, or a formula does not apply to them.
@@ -333,9 +341,8 @@ def diagnose_inputs(
                 "give a drive in which the vehicle moves and its axles pull or brake",
             )
     drives, holdout = ([read.drive for read in part] for part in parts)
-    found = _diagnose(
-        drives, holdout, DiagnosisSettings(formulas=formulas, effect_grams=effect_grams), show=show
-    )
+    settings = DiagnosisSettings(formulas=formulas, effect_grams=effect_grams, limits=limits)
+    found = _diagnose(drives, holdout, settings, show=show)
     return replace(found, input_files=tuple(one.input_file for one in loaded))
 
 

@@ -1,6 +1,6 @@
 """Simulated drives: frames of a locomotive on surfaces of known truth."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -10,10 +10,13 @@ from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_conf
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import packaged_choices
 from adhesion_can.config.configuration import Configuration
+from adhesion_can.config.plan_file import read_plan
+from adhesion_can.control.frames import ControllerOnBus, build_follower
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.correction import require_axles, require_channels
 from adhesion_can.files import whole_file
 from adhesion_can.physics.channels import COVARIATES
+from adhesion_can.physics.driving_plan import DrivingPlan
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.formats import require_text_name
@@ -21,6 +24,9 @@ from adhesion_can.result_text import html_table
 from adhesion_can.simulation.effect_option import parse_effects
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
+
+DURATION_S = 60.0
+"""Simulated time where none is given, s."""
 
 
 @dataclass(frozen=True)
@@ -65,23 +71,25 @@ class SimulatedDrive:
 
 def simulate(
     scenario: str,
-    duration_s: float = 60.0,
+    duration_s: float | None = None,
     seed: int = 1,
     *,
     effects: Mapping[str, float | None] | Iterable[str] = (),
     configuration: ConfigurationLike = None,
     model: ModelLike = None,
+    plan: DrivingPlan | str | Path | None = None,
 ) -> SimulatedDrive:
     """Simulate a drive.
 
     Args:
         scenario: Name of the scenario: 'dry', 'wet', 'greasy', 'sweep' and others.
-        duration_s: Simulated time, s.
+        duration_s: Simulated time, s; None: 60 s, or that of the plan.
         seed: Seed of the noise, 0 or more.
         effects: Sizes of effects by name, None for the typical size; or texts as `--effect` takes
             them.
         configuration: Vehicle, database, roles and settings.
         model: Extended model whose effects act in the simulation.
+        plan: Driving plan that a controller follows, or its file; None: the drive of the scenario.
 
     Raises:
         InputError: The scenario or an effect is unknown, or a value is out of range.
@@ -95,9 +103,14 @@ def simulate(
     config = as_configuration(configuration, model)
     if isinstance(effects, Mapping):
         effects = [name if size is None else f"{name}={size!r}" for name, size in effects.items()]
-    settings = build_run_settings(scenario, duration_s, seed, effects, config)
+    if isinstance(plan, str | Path):
+        plan = read_plan(Path(plan))
+    if duration_s is None:
+        duration_s = DURATION_S if plan is None else plan.duration_s
+    settings = build_run_settings(scenario, duration_s, seed, effects, config, plan=plan)
     simulation = make_simulation(settings, config)
-    frames = tuple(frame for step in simulation.run() for frame in step)
+    steps = simulation.run() if plan is None else drive_plan(simulation, config, plan)
+    frames = tuple(frame for step in steps for frame in step)
     return SimulatedDrive(frames, simulation.truth())
 
 
@@ -123,6 +136,7 @@ def build_run_settings(
     obey: bool = False,
     load_transfer: bool = False,
     along_track: bool = False,
+    plan: DrivingPlan | None = None,
 ) -> RunSettings:
     """Settings of a simulated run, from what a caller gave.
 
@@ -136,6 +150,7 @@ def build_run_settings(
         obey: Whether the drive follows the setpoints of a service.
         load_transfer: Whether the axle loads move under effort.
         along_track: Whether each axle meets a change of surface where the leading one met it.
+        plan: Driving plan that a controller follows; the run begins at its speed.
 
     Raises:
         InputError: A name is unknown, or a value is out of range.
@@ -162,10 +177,43 @@ def build_run_settings(
         seed=seed,
         vehicle=config.vehicle,
         effects=(*parse_effects(texts, config.vehicle), *_effects_of_model(config, texts, prefix)),
-        obey=obey,
+        obey=obey or plan is not None,
         load_transfer=load_transfer,
         along_track=along_track,
+        start_speed=None if plan is None else plan.start_speed,
     )
+
+
+def drive_plan(
+    simulation: Simulation, config: Configuration, plan: DrivingPlan
+) -> Iterator[list[Frame]]:
+    """Steps of a run in which a controller follows a plan, in simulated time.
+
+    Locomotive and controller exchange frames as on a bus.
+
+    Args:
+        simulation: Run whose drive obeys.
+        config: Database, roles and vehicle.
+        plan: Plan to drive.
+
+    Yields:
+        The locomotive's frames of each step, each followed by the demands that answer it.
+
+    Raises:
+        ConfigError: The vehicle cannot drive the plan, or its speeds have no roles.
+
+    """
+    follower = build_follower(config, plan)
+    controller = ControllerOnBus(config, follower, lambda: follower.sanding)
+    simulation.await_demands()
+    for frames in simulation.run():
+        sent: list[Frame] = []
+        for frame in frames:
+            sent.append(frame)
+            for demand in controller.feed(frame):
+                simulation.receive(demand)
+                sent.append(demand)
+        yield sent
 
 
 def _effects_of_model(

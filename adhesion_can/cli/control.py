@@ -9,6 +9,7 @@ import argparse
 import signal
 import sys
 import time
+from pathlib import Path
 from types import FrameType
 
 from adhesion_can.bus.frame import Frame
@@ -23,8 +24,10 @@ from adhesion_can.cli.common import (
     write_json,
 )
 from adhesion_can.cli.silence import SilenceWatch, bus_name
+from adhesion_can.config.plan_file import read_plan
 from adhesion_can.control.creep_controller import CreepController, Mode
-from adhesion_can.control.frames import ControllerOnBus, build_reference
+from adhesion_can.control.frames import ControllerOnBus, build_follower, build_reference
+from adhesion_can.control.plan_follower import PlanFollower
 from adhesion_can.recordings.python_can_messages import from_message, to_message
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
@@ -38,7 +41,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "The reference creep controller: reads wheel speeds, vehicle speed, efforts and the "
         "service's setpoints, sends EffortDemand1 and 2 to 'simulate --closed-loop', until it is "
-        "interrupted (Ctrl-C, SIGTERM) or the duration is over."
+        "interrupted (Ctrl-C, SIGTERM) or the duration is over. With a plan it drives that: it "
+        "brings the train to the speed of its begin, drives the steps, and ends."
+    )
+    parser.add_argument(
+        "--plan",
+        type=Path,
+        metavar="PLAN.toml",
+        help="drive this plan, as diagnose --next-drive writes it",
     )
     parser.add_argument(
         "--wait", action="store_true", help="wait for a bus that is not there yet, and try again"
@@ -54,8 +64,13 @@ def run(options: argparse.Namespace) -> int:
     if options.duration is not None:
         require_positive(options.duration, "--duration")
     config = configuration(options)
-    controller = build_reference(config)
-    frames = ControllerOnBus(config, controller)
+    controller: CreepController | PlanFollower
+    if options.plan is None:
+        controller = build_reference(config)
+        frames = ControllerOnBus(config, controller)
+    else:
+        follower = controller = build_follower(config, read_plan(options.plan))
+        frames = ControllerOnBus(config, controller, lambda: follower.sanding)
     bus = ReconnectingBus(bus_opener(options), frames.ids, _say, wait_for_it=options.wait)
     try:
         name = bus_name(options, bus.channel_info)
@@ -63,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
             f"nothing is received on {name} yet: start 'simulate --closed-loop' and 'run' on it",
             _say,
         )
-        loop = _Loop(frames, controller, bus, silence)
+        loop = _Loop(frames, _Progress(controller), bus, silence)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, loop.stop)
         _say(f"controlling on {name}; Ctrl-C ends")
@@ -76,11 +91,12 @@ def run(options: argparse.Namespace) -> int:
         "steps": loop.steps,
         "sent": bus.sent,
         "send_errors": bus.send_errors,
-        "share_of_steps": {mode.name.lower(): loop.share(mode) for mode in Mode},
+        "share_of_steps": loop.progress.shares(),
     }
     write_json(options.json, {**document, **provenance(config)})
     if talk(options):
-        shares = ", ".join(f"{100 * loop.share(mode):.0f} % {mode.name}" for mode in Mode)
+        known = loop.progress.shares().items()
+        shares = ", ".join(f"{100 * share:.0f} % {name.upper()}" for name, share in known)
         _say(
             f"{loop.received} frames received, {frames.receiver.rejected} rejected; "
             f"{loop.steps} steps: {shares}; {bus.sent} frames sent"
@@ -88,32 +104,65 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-class _Loop:
-    """Frames of a bus through a controller, until it is stopped."""
+class _Progress:
+    """What the controller goes by, step by step."""
 
-    def __init__(
-        self,
-        frames: ControllerOnBus,
-        controller: CreepController,
-        bus: ReconnectingBus,
-        silence: SilenceWatch,
-    ) -> None:
-        self._frames = frames
+    def __init__(self, controller: CreepController | PlanFollower) -> None:
         self._controller = controller
-        self._bus = bus
-        self._silence = silence
-        self._stopped = False
-        self._mode: Mode | None = None
-        self._counts = dict.fromkeys(Mode, 0)
-        self.received = 0
+        self._counts: dict[str, int] = {}
+        if isinstance(controller, CreepController):
+            self._counts = {mode.name: 0 for mode in Mode}
+        self._told = ""
 
     @property
     def steps(self) -> int:
         return sum(self._counts.values())
 
-    def share(self, mode: Mode) -> float:
-        """Share of the steps in a mode."""
-        return self._counts[mode] / max(self.steps, 1)
+    @property
+    def is_over(self) -> bool:
+        """Whether a plan has been driven to its end."""
+        controller = self._controller
+        return isinstance(controller, PlanFollower) and controller.is_over
+
+    def note(self) -> None:
+        """Count a step, and say what the controller goes by where that has changed."""
+        controller = self._controller
+        if isinstance(controller, PlanFollower):
+            number, told = controller.step_number, controller.phase
+            name = "APPROACH" if number is None else f"STEP {number + 1}"
+            name = "OVER" if controller.is_over else name
+        else:
+            name, told = controller.mode.name, f"{controller.mode.name}: {controller.mode.value}"
+        self._counts[name] = self._counts.get(name, 0) + 1
+        if told != self._told:
+            self._told = told
+            _say(told)
+
+    def shares(self) -> dict[str, float]:
+        """Share of the steps by what the controller went by."""
+        return {name.lower(): count / max(self.steps, 1) for name, count in self._counts.items()}
+
+
+class _Loop:
+    """Frames of a bus through a controller, until it is stopped or its plan is over."""
+
+    def __init__(
+        self,
+        frames: ControllerOnBus,
+        progress: _Progress,
+        bus: ReconnectingBus,
+        silence: SilenceWatch,
+    ) -> None:
+        self._frames = frames
+        self.progress = progress
+        self._bus = bus
+        self._silence = silence
+        self._stopped = False
+        self.received = 0
+
+    @property
+    def steps(self) -> int:
+        return self.progress.steps
 
     def stop(self, _: int, __: FrameType | None) -> None:
         self._stopped = True
@@ -132,21 +181,14 @@ class _Loop:
                 self.received += 1
                 demands = frames.feed(from_message(message)._replace(t_us=_now_us()))
             self._send(demands)
-            self._note_mode(demands)
+            if demands:
+                self.progress.note()
+            self._stopped |= self.progress.is_over
         self._send(frames.stop(_now_us()))
 
     def _send(self, demands: list[Frame]) -> None:
         for demand in demands:
             self._bus.send(to_message(demand))
-
-    def _note_mode(self, demands: list[Frame]) -> None:
-        """Count a step, and say what the controller goes by where that has changed."""
-        if demands:
-            mode = self._controller.mode
-            self._counts[mode] += 1
-            if mode is not self._mode:
-                self._mode = mode
-                _say(f"{mode.name}: {mode.value}")
 
 
 def _now_us() -> int:

@@ -34,6 +34,7 @@ from adhesion_can.cli.reports import (
 )
 from adhesion_can.config import Configuration
 from adhesion_can.config.model_file import write_model
+from adhesion_can.config.plan_file import write_plan
 from adhesion_can.diagnosis.diagnose import ShowProgress
 from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.estimation.extended.model import ExtendedModel
@@ -71,6 +72,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write the extended model, for --model of run, replay, identify and simulate",
     )
     parser.add_argument(
+        "--next-drive",
+        type=Path,
+        metavar="PLAN.toml",
+        help="compute the shortest drive that tells the remaining explanations apart, within "
+        "[limits] of the configuration, and write it for --plan of control and simulate",
+    )
+    parser.add_argument(
         "--formula",
         action="append",
         default=[],
@@ -92,7 +100,8 @@ def run(options: argparse.Namespace) -> int:
     input_files = list_input_files(options.inputs, options.holdout, config.columns)
     with _progress() as show:
         loaded = load_inputs(input_files, config, show)
-        found = diagnose_inputs(loaded, show, formulas)
+        limits = None if options.next_drive is None else config.limits
+        found = diagnose_inputs(loaded, show, formulas, limits=limits)
     command = build_command_line(options)
     problems = [problem for read in loaded for problem in read.problems]
     problems += [
@@ -108,6 +117,13 @@ def run(options: argparse.Namespace) -> int:
         if found.model is not None:
             write_model(_with_provenance(found.model, found, command), options.extended)
             written.append(options.extended)
+    if options.next_drive is not None:
+        plan = None if found.next_drive is None else found.next_drive.plan
+        if plan is not None:
+            write_plan(plan, options.next_drive)
+            written.append(options.next_drive)
+        else:
+            problems.append(f"--next-drive {options.next_drive}: not written, there is no plan")
     write_json(options.json, {**found.to_dict(), "problems": problems, **origin})
     report = []
     if is_asked_for(options):
@@ -127,10 +143,10 @@ def build_command_line(options: argparse.Namespace) -> str:
         arguments += ["--formula", text]
     for text in options.column:
         arguments += ["--column", text]
-    for name in ("html", "png", "svg", "extended", "json", "config", "dbc"):
+    for name in ("html", "png", "svg", "extended", "next_drive", "json", "config", "dbc"):
         value = getattr(options, name)
         if value is not None:
-            arguments += [f"--{name}", _quote_argument(value)]
+            arguments += [f"--{name.replace('_', '-')}", _quote_argument(value)]
     arguments += [f"--{name}" for name in ("open", "lenient") if getattr(options, name)]
     return shlex.join(arguments)
 
@@ -147,6 +163,7 @@ def _quote_argument(value: Path | str) -> str:
 def _require_outputs(options: argparse.Namespace, config: Configuration) -> None:
     """Raise an InputError for outputs that could not be written after the work."""
     written = {**report_files(options), "--extended": options.extended, "--json": options.json}
+    written["--next-drive"] = options.next_drive
     read = [*options.inputs, *options.holdout, config.database.path]
     require_outputs(options, written, read)
     require_report(options)

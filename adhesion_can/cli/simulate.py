@@ -3,12 +3,18 @@
 import argparse
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import can
 
-from adhesion_can.api.simulation import build_run_settings, make_simulation
+from adhesion_can.api.simulation import (
+    DURATION_S,
+    build_run_settings,
+    drive_plan,
+    make_simulation,
+)
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.common import (
     add_bus,
@@ -23,8 +29,10 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.cli.silence import SilenceWatch, bus_name
 from adhesion_can.config import Configuration
+from adhesion_can.config.plan_file import read_plan
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.files import whole_file
+from adhesion_can.physics.driving_plan import DrivingPlan
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.python_can_messages import from_message, to_message
 from adhesion_can.reporting.provenance import provenance
@@ -42,7 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--scenario", required=True, metavar="NAME")
-    parser.add_argument("--duration", type=float, default=60.0, metavar="S", help="default 60")
+    parser.add_argument(
+        "--duration", type=float, metavar="S", help="default 60, or that of the plan"
+    )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the noise (default 1)")
     parser.add_argument("--log", type=Path, metavar="F.log", help="write candump text")
     parser.add_argument("--truth", type=Path, metavar="F.json", help="write what is true")
@@ -59,6 +69,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="the drive obeys AdhesionSetpoint, or the efforts that 'control' demands",
     )
+    parser.add_argument(
+        "--plan",
+        type=Path,
+        metavar="PLAN.toml",
+        help="begin at the plan's speed; with --closed-loop --log a controller drives it here, in "
+        "simulated time, on a bus 'control --plan' does",
+    )
     parser.add_argument("--load-transfer", action="store_true", help="axle loads move under effort")
     parser.add_argument(
         "--along-track",
@@ -72,7 +89,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
-    settings = _settings(options, config)
+    plan = None if options.plan is None else read_plan(options.plan)
+    if plan is not None and not options.closed_loop:
+        raise InputError("--plan", "the drive obeys nobody", "say --closed-loop as well")
+    settings = _settings(options, config, plan)
     on_bus = "interface" in options or "channel" in options
     if options.log is None:
         on_bus = on_bus or bus_is_configured()
@@ -82,24 +102,32 @@ def run(options: argparse.Namespace) -> int:
     written = {"--log": options.log, "--truth": options.truth}
     require_outputs(options, written, [config.database.path])
     simulation = make_simulation(settings, config)
+    if plan is not None:
+        simulation.await_demands()
     if on_bus:
         with bus_opener(options)() as bus:
             where = bus_name(options, str(bus.channel_info))
             sent = _on_bus(simulation, bus, where)
     else:
         where = str(options.log)
-        core = ServiceCore(config) if options.closed_loop else None
-        sent = _to_log(simulation, options.log, core)
+        core = ServiceCore(config) if options.closed_loop and plan is None else None
+        steps = simulation.run() if plan is None else drive_plan(simulation, config, plan)
+        sent = _to_log(simulation, steps, options.log, core)
     print(f"{where}: {sent} frames of {settings.duration_s:g} s of '{settings.scenario.name}'")
     if options.truth is not None:
         write_json(str(options.truth), {**simulation.truth(), **provenance(config)})
     return 0
 
 
-def _settings(options: argparse.Namespace, config: Configuration) -> RunSettings:
+def _settings(
+    options: argparse.Namespace, config: Configuration, plan: DrivingPlan | None
+) -> RunSettings:
+    duration = options.duration
+    if duration is None:
+        duration = DURATION_S if plan is None else plan.duration_s
     return build_run_settings(
         options.scenario,
-        options.duration,
+        duration,
         options.seed,
         options.effect,
         config,
@@ -107,14 +135,17 @@ def _settings(options: argparse.Namespace, config: Configuration) -> RunSettings
         obey=options.closed_loop,
         load_transfer=options.load_transfer,
         along_track=options.along_track,
+        plan=plan,
     )
 
 
-def _to_log(simulation: Simulation, path: Path, core: ServiceCore | None) -> int:
-    """Write the drive; returns the number of the locomotive's frames."""
+def _to_log(
+    simulation: Simulation, steps: Iterable[list[Frame]], path: Path, core: ServiceCore | None
+) -> int:
+    """Write the drive; returns the number of its frames."""
     duration, count = simulation.settings.duration_s, 0
     with whole_file(path) as file, progress("simulating", duration, "s") as show:
-        for frames in simulation.run():
+        for frames in steps:
             for frame in frames:
                 if core is not None:
                     _answer(simulation, core, frame, file)

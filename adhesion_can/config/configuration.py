@@ -25,6 +25,7 @@ from adhesion_can.estimation.registry import (
     make_default,
 )
 from adhesion_can.physics.channels import COVARIATES, UserChannel
+from adhesion_can.physics.driving_plan import PlanLimits
 from adhesion_can.physics.instruments import PERFECT
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.vehicle import Locomotive
@@ -100,6 +101,7 @@ class Configuration:
         sampling: Limits of the formation of samples, section `[sampling]`.
         sensors: Standard deviations of the sensors' noise, section `[sensors]`.
         estimators: Settings of all estimators, each part of them a section.
+        limits: Limits of the drive that `diagnose --next-drive` plans, section `[limits]`.
         estimator: Name of the estimator, a key of `known_estimators()`.
         model: Extended model whose effects are taken into account; None: the plain curve.
         where: Name of the configuration file, for errors.
@@ -117,6 +119,7 @@ class Configuration:
     sampling: SamplingSettings = field(default_factory=SamplingSettings)
     sensors: Sensors = field(default_factory=Sensors)
     estimators: EstimatorSettings = field(default_factory=EstimatorSettings)
+    limits: PlanLimits = field(default_factory=PlanLimits)
     estimator: str = DEFAULT
     model: "ExtendedModel | None" = None
     where: str = "defaults"

@@ -4,7 +4,7 @@ As the core of the service it touches no bus and no clock: `feed` takes a frame,
 A step is made once the wheel speeds of all axles have come, or a cycle and a half after the last.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from math import nan
 from typing import Protocol
@@ -23,9 +23,11 @@ from adhesion_can.bus.rejection import Rejection
 from adhesion_can.config import Configuration
 from adhesion_can.control.creep_controller import CreepController
 from adhesion_can.control.inputs import Advice, Measurement
+from adhesion_can.control.plan_follower import PlanFollower
 from adhesion_can.control.settings import ControlSettings
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.driving_plan import DrivingPlan
 from adhesion_can.physics.readings import Reading, Role, role_name
 
 STALE_CYCLES = 3
@@ -35,6 +37,8 @@ LATE_CYCLES = 1.5
 PHASE_MARGIN = 0.58
 """Largest bandwidth times cycle: with the dead time of a cycle a phase margin of 45 degrees."""
 DEMANDED_AXLES = 6
+SAND_DEMAND = "SandDemand"
+"""Signal of the demanded sand."""
 
 
 class EffortController(Protocol):
@@ -56,6 +60,7 @@ class ControllerOnBus:
     Args:
         configuration: Database, roles and vehicle.
         controller: Controller that makes the demands; None: the reference controller.
+        sand: Function that tells whether sand is demanded; None: it never is.
 
     Raises:
         ConfigError: A wheel speed or the vehicle speed has no role, its cycle is unknown, or the
@@ -67,7 +72,9 @@ class ControllerOnBus:
         self,
         configuration: Configuration,
         controller: EffortController | None = None,
+        sand: Callable[[], bool] | None = None,
     ) -> None:
+        self._sand = sand or _never
         vehicle = configuration.vehicle
         self._vehicle = vehicle
         self._cycle_us = find_cycle_us(configuration)
@@ -185,6 +192,7 @@ class ControllerOnBus:
         values = {
             f"EffortDemand_Ax{axle}": known.get(axle) for axle in range(1, DEMANDED_AXLES + 1)
         }
+        values[SAND_DEMAND] = float(self._sand())
         return [
             message.frame(t_us, {n: x for n, x in values.items() if n in message.plan.signals})
             for message in self._demands
@@ -206,6 +214,10 @@ class ControllerOnBus:
             self.advice = replace(self.advice, axles=_with_axle(self.advice.axles, values))
 
 
+def _never() -> bool:
+    return False
+
+
 def _doubt_in(values: SignalValues) -> Doubt:
     """Doubt of `AdhesionQuality`; of one that only a newer service knows: the curve is doubted."""
     number = values.get("Doubt")
@@ -219,6 +231,26 @@ def _with_axle(axles: Mapping[int, float], values: SignalValues) -> Mapping[int,
     slip = values.get(f"LambdaM_Ax{axle}")
     others = {number: known for number, known in axles.items() if number != axle}
     return others if slip is None else {**others, axle: slip}
+
+
+def build_follower(configuration: Configuration, plan: DrivingPlan) -> PlanFollower:
+    """A follower of a driving plan at the cycle of the configured wheel speeds.
+
+    Args:
+        configuration: Database, roles and vehicle.
+        plan: Plan to drive.
+
+    Raises:
+        ConfigError: A wheel speed or the vehicle speed has no role, its cycle is unknown, or the
+            vehicle cannot drive the plan.
+
+    """
+    settings = _at_cycle(ControlSettings(), find_cycle_us(configuration) / 1e6)
+    try:
+        return PlanFollower(configuration.vehicle, plan, settings)
+    except ValueError as error:
+        mend = "mend [vehicle], or compute the plan with this configuration"
+        raise ConfigError(configuration.where, str(error), mend) from None
 
 
 def build_reference(

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.diagnosis.build_diagnosis import build_diagnosis, build_empty_diagnosis
 from adhesion_can.diagnosis.drive.drive_data import DriveData
-from adhesion_can.diagnosis.drive.thinning import RATE_HZ, thin_drive
+from adhesion_can.diagnosis.drive.thinning import RATE_HZ, thin_drives
 from adhesion_can.diagnosis.evidence import Untested
 from adhesion_can.diagnosis.inference.candidates import (
     build_candidates,
@@ -29,7 +29,10 @@ from adhesion_can.diagnosis.inference.candidates import (
     find_untestable,
 )
 from adhesion_can.diagnosis.inference.compute_effect_grams import compute_effect_grams
-from adhesion_can.diagnosis.inference.confirm_on_hold_out import confirm_on_hold_out
+from adhesion_can.diagnosis.inference.confirm_on_hold_out import (
+    ConfirmedFindings,
+    confirm_on_hold_out,
+)
 from adhesion_can.diagnosis.inference.curve_shape import (
     choose_families,
     judge_shape,
@@ -42,13 +45,25 @@ from adhesion_can.diagnosis.inference.find_residual_channels import (
 )
 from adhesion_can.diagnosis.inference.findings import NOISELESS, Findings
 from adhesion_can.diagnosis.inference.judge_surface_changes import explains_without_changes
+from adhesion_can.diagnosis.inference.part_rivals import part_rivals
 from adhesion_can.diagnosis.inference.propose_formula import with_formula
 from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS, select_effects
 from adhesion_can.diagnosis.inference.signal_faults import (
     find_largest_oscillation,
     find_saturated_sensors,
 )
-from adhesion_can.diagnosis.inference.split_hold_out import choose_held_out_drives, split_hold_out
+from adhesion_can.diagnosis.inference.split_hold_out import (
+    choose_held_out_drives,
+    split_by_length,
+    split_hold_out,
+)
+from adhesion_can.diagnosis.next_drive.compute_next_drive import compute_next_drive
+from adhesion_can.diagnosis.next_drive.explanations import build_explanations
+from adhesion_can.diagnosis.next_drive.remaining import (
+    RemainingExplanations,
+    find_remaining,
+    select_winner,
+)
 from adhesion_can.diagnosis.refutation.refute import (
     drop_refuted,
     refute_shape,
@@ -66,7 +81,8 @@ from adhesion_can.diagnosis.regression.prepare_regression import (
 )
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
-from adhesion_can.diagnosis.result import Diagnosis
+from adhesion_can.diagnosis.result import Diagnosis, Verdict
+from adhesion_can.physics.driving_plan import PlanLimits
 from adhesion_can.physics.effects.formula import AnyFormula
 
 ShowProgress = Callable[[str, float], None]
@@ -85,6 +101,9 @@ class DiagnosisSettings:
         formulas: Formulas of the user's, tested as effects are.
         effect_grams: Whether the Gram matrices of the effects are wanted, for a diagnosis of many
             drives.
+        limits: Limits of the drive that would tell the remaining explanations apart; None: none is
+            computed.
+        explanations: Whether the explanations that are left are wanted.
 
     """
 
@@ -93,6 +112,8 @@ class DiagnosisSettings:
     seed: int = 1
     formulas: tuple[AnyFormula, ...] = ()
     effect_grams: bool = False
+    limits: PlanLimits | None = None
+    explanations: bool = False
 
 
 def _silent(_work: str, _share: float) -> None:
@@ -118,7 +139,7 @@ def diagnose(
     used = [drive for drive in (*drives, *holdout) if len(drive)]
     candidates, untested = build_candidates(used) if used else ((), [])
     candidates = (*candidates, *map(Candidate, settings.formulas))
-    thin = tuple(thin_drive(drive, settings.rate_hz) for drive in used)
+    thin = thin_drives(used, settings.rate_hz)
     block_length_s = choose_block_length(thin) if thin else 1.0
     # Step 1
     held_out = choose_held_out_drives(used, [drive for drive in holdout if len(drive)])
@@ -131,16 +152,8 @@ def diagnose(
     change_times = [find_surface_changes(drive, candidates) for drive in thin]
     # Steps 3 to 6
     analysis = _Analysis(thin, candidates, block, block_length_s, settings, show)
-    found, shaped = analysis.explain(change_times)
-    # Drives that are held out decide nothing: what they are without their changes is not asked.
-    unchanged = [times if held else [] for times, held in zip(change_times, held_out, strict=True)]
-    if unchanged != change_times:
-        # The other explanation of the same data: the surface never changed, effects or the shape of
-        # the curve did it all.
-        other, other_shaped = analysis.explain(unchanged)
-        if explains_without_changes(shaped or found, other_shaped or other):
-            found, shaped = other, other_shaped
-    grams = None
+    found, shaped = analysis.explain_changes(change_times, held_out)
+    plain_found, grams = found, None
     if settings.effect_grams:
         grams = compute_effect_grams(found.prepared, found.selection.plain.rmse)
     # Step 7
@@ -154,6 +167,8 @@ def diagnose(
         untested = [*untested, *rejected]
     elif shaped is not None:
         found = shaped
+    remaining = None if any(held_out) else _find_remaining(used, plain_found, settings, show)
+    found, confirmed = _with_winner(found, confirmed, plain_found, remaining)
     diagnosis = build_diagnosis(
         used,
         found,
@@ -161,8 +176,69 @@ def diagnose(
         [*untested, *find_untestable(used)],
         other_drives=any(held_out),
     )
+    if remaining is not None and remaining.refutes_plain and diagnosis.verdict is Verdict.NOTHING:
+        diagnosis = replace(diagnosis, verdict=Verdict.UNEXPLAINED)
+    diagnosis = _with_next_drive(diagnosis, found, confirmed, settings, show)
     show("done", 1.0)
-    return replace(diagnosis, effect_grams=grams)
+    return replace(diagnosis, effect_grams=grams, remaining=remaining)
+
+
+def _with_next_drive(
+    diagnosis: Diagnosis,
+    found: Findings,
+    confirmed: ConfirmedFindings,
+    settings: DiagnosisSettings,
+    show: ShowProgress,
+) -> Diagnosis:
+    """The diagnosis with its explanations, and the drive that would tell them apart, if asked."""
+    if not settings.explanations and settings.limits is None:
+        return diagnosis
+    show("next drive", 0.95)
+    refuted = (one.refuted.fitted.model for one in confirmed.closest)
+    explanations = build_explanations(found, is_confirmed=bool(diagnosis.causes), others=refuted)
+    next_drive = None
+    if settings.limits is not None:
+        next_drive = compute_next_drive(found, explanations, settings.limits)
+    return replace(diagnosis, explanations=explanations, next_drive=next_drive)
+
+
+def _with_winner(
+    found: Findings,
+    confirmed: ConfirmedFindings,
+    plain_found: Findings,
+    remaining: RemainingExplanations | None,
+) -> tuple[Findings, ConfirmedFindings]:
+    """Findings with the explanation that alone is left, where it holds on the held-out data.
+
+    Args:
+        found: Findings on all drives.
+        confirmed: What of them holds on the held-out data.
+        plain_found: Findings on all drives with Burckhardt's curve.
+        remaining: What a drive left of the explanations; None: there was no such drive.
+
+    """
+    winner = None if remaining is None else select_winner(plain_found, remaining)
+    if winner is None or set(winner.selection.best.candidates) == set(confirmed.named):
+        return found, confirmed
+    winner = drop_refuted(winner)
+    of_winner = confirm_on_hold_out(winner, other_drives=False)
+    return (winner, of_winner) if of_winner.named else (found, confirmed)
+
+
+def _find_remaining(
+    drives: Sequence[DriveData], found: Findings, settings: DiagnosisSettings, show: ShowProgress
+) -> RemainingExplanations | None:
+    """What short drives leave of the explanations of the long ones; None where none is short."""
+    long, short = split_by_length(drives)
+    if not short or any(drive.table for drive in drives):
+        return None
+    show("explanations before", 0.9)
+    before = replace(settings, limits=None, effect_grams=False, explanations=True)
+    explanations = diagnose(long, (), before).explanations
+    if len(explanations) < 2:
+        return None
+    names = ([drive.name for drive in part] for part in (long, short))
+    return find_remaining(explanations, found.prepared, *names)
 
 
 @dataclass(frozen=True)
@@ -218,6 +294,29 @@ class _Analysis:
             found = replace(found, refuted=(*found.refuted, refuted))
         return found, None
 
+    def explain_changes(
+        self, change_times: list[list[float]], held_out: Sequence[bool]
+    ) -> tuple[Findings, Findings | None]:
+        """Findings as `explain` gives them, with the surface changes or without them.
+
+        Args:
+            change_times: Times of the surface changes in each drive, s.
+            held_out: Whether each drive is held out whole.
+
+        """
+        found, shaped = self.explain(change_times)
+        # Drives that are held out decide nothing: what they are without changes is not asked.
+        unchanged = [
+            times if held else [] for times, held in zip(change_times, held_out, strict=True)
+        ]
+        if unchanged != change_times:
+            # The other explanation of the same data: the surface never changed, effects or the
+            # shape of the curve did it all.
+            other, other_shaped = self.explain(unchanged)
+            if explains_without_changes(shaped or found, other_shaped or other):
+                return other, other_shaped
+        return found, shaped
+
     def run(
         self,
         change_times: list[list[float]],
@@ -265,4 +364,5 @@ class _Analysis:
             alpha=alpha,
         )
         found = with_formula(found.without_noise_averages).without_bent_channel
-        return with_implausible_effects(drop_refuted(found.without_sizeless_effects))
+        found = part_rivals(found.without_sizeless_effects)
+        return with_implausible_effects(drop_refuted(found))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
-from adhesion_can.diagnosis.drive.thinning import thin_drive
+from adhesion_can.diagnosis.drive.thinning import thin_drives
 from adhesion_can.diagnosis.inference.candidates import build_candidates
 from adhesion_can.diagnosis.inference.hold_out_gain import LEAST_RECORDINGS, gain_interval
 from adhesion_can.diagnosis.inference.split_hold_out import HELD_BLOCKS, number_blocks_of_drives
@@ -150,7 +150,7 @@ def evaluate(drives: Sequence[DriveData], model: ExtendedModel) -> Evaluation:
     used = [drive for drive in drives if len(drive)]
     for drive in used:
         require_effects_apply(model, drive)
-    thin = tuple(thin_drive(drive) for drive in used)
+    thin = thin_drives(used)
     candidates, _ = build_candidates(used)
     data = build_regression_data(thin, [find_surface_changes(one, candidates) for one in thin])
     residuals = compute_residuals(data, model)

@@ -5,17 +5,22 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.effect_grams import EffectGrams
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
+from adhesion_can.diagnosis.next_drive.result import NextDrive
 from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects.channel_factor import PREFIX
 from adhesion_can.physics.effects.formula import FORMULA
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.result_text import html_table, plus_minus
+
+if TYPE_CHECKING:  # they build on the findings, which build on this module
+    from adhesion_can.diagnosis.next_drive.explanations import Explanation
+    from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
 
 MUCH_LEFT = 1.5
 """RMSE over the noise floor from which what the plain curve leaves is not called noise."""
@@ -400,6 +405,11 @@ class Diagnosis:
         environments: Sizes of the named effects by environment, of each effect the partition with
             the largest spread first; those of the refuted ones where they refute.
         noise: Noise floor beside the sensors' noise; None where the data allow no verdict at all.
+        next_drive: Drive that would tell the remaining explanations apart; None where it was not
+            asked for, or the data allow no verdict at all.
+        explanations: Explanations that the data leave; () where they were not asked for.
+        remaining: What a short drive leaves of the explanations of the long ones; None where there
+            is none, or nothing to choose from.
 
     """
 
@@ -426,6 +436,9 @@ class Diagnosis:
     closest: tuple[ClosestExplanation, ...] = ()
     environments: tuple[EnvironmentSizes, ...] = ()
     noise: NoiseResult | None = None
+    next_drive: NextDrive | None = None
+    explanations: "tuple[Explanation, ...]" = ()
+    remaining: "RemainingExplanations | None" = None
 
     @property
     def longest_segment(self) -> SegmentResult | None:
@@ -485,6 +498,8 @@ class Diagnosis:
                 for file in self.input_files
             ],
             "left_out": dict(self.lost),
+            **({} if self.remaining is None else {"remaining": self.remaining.to_dict()}),
+            **({} if self.next_drive is None else {"next_drive": self.next_drive.to_dict()}),
         }
 
     def _curves(self, curve: Callable[[SegmentResult], Estimate]) -> dict[str, Any] | None:

@@ -348,18 +348,10 @@ def terminal(found: Diagnosis) -> Iterator[str | FittingTable]:
     if found.wrong:
         yield "What the simulation gets wrong:"
         yield from (f"- {sentence}" for sentence in found.wrong)
-    if found.closest:
-        yield "Closest explanations, none of them the cause:"
-        yield from (f"- {sentence}" for sentence in closest_sentences(found))
-    widest = widest_environments(found)
-    if widest:
-        rows = environment_rows(widest)
-        title_ = "Sizes by environment: the partition in which they differ most"
-        yield table(title_, ENVIRONMENT_COLUMNS, rows)
+    yield from _refutations(found)
     if found.families:
         yield table("Curve families, each alone", FAMILY_COLUMNS, family_rows(found.families))
-    if found.needed:
-        yield f"Needed: {found.needed}"
+    yield from _next_steps(found)
     if found.evidence:
         rows = evidence_rows(found.evidence)
         title_ = (
@@ -369,3 +361,25 @@ def terminal(found: Diagnosis) -> Iterator[str | FittingTable]:
     # What was tested says more than what could not be.
     for one in sorted(found.untested, key=lambda one: not one.rejected):
         yield f"{'Rejected' if one.rejected else 'Not tested'}: {one.what}: {one.why}"
+
+
+def _refutations(found: Diagnosis) -> Iterator[str | FittingTable]:
+    """What was refuted, and the sizes by environment."""
+    if found.closest:
+        yield "Closest explanations, none of them the cause:"
+        yield from (f"- {sentence}" for sentence in closest_sentences(found))
+    widest = widest_environments(found)
+    if widest:
+        rows = environment_rows(widest)
+        title_ = "Sizes by environment: the partition in which they differ most"
+        yield table(title_, ENVIRONMENT_COLUMNS, rows)
+
+
+def _next_steps(found: Diagnosis) -> Iterator[str]:
+    """What would separate explanations, and what a drive has left of them."""
+    if found.needed:
+        yield f"Needed: {found.needed}"
+    if found.remaining is not None:
+        yield found.remaining.sentence
+    if found.next_drive is not None:
+        yield found.next_drive.sentence

@@ -236,6 +236,34 @@ def _channels(found: Diagnosis) -> Parts:
 
 
 def _needed(found: Diagnosis) -> Parts:
+    return [*_rivals(found), *_drives_that_tell(found)]
+
+
+def _drives_that_tell(found: Diagnosis) -> Parts:
+    """What a drive left of the explanations, and the next one that would tell."""
+    parts: Parts = []
+    if found.remaining is not None:
+        parts.append(Text(found.remaining.sentence))
+    next_drive = found.next_drive
+    if next_drive is None:
+        return parts
+    parts.append(Text(next_drive.sentence))
+    if next_drive.plan is not None:
+        rows = [
+            (str(number), f"{step.duration_s:g}", step.description)
+            for number, step in enumerate(next_drive.plan.steps, start=1)
+        ]
+        parts.append(Table("The drive that would tell.", ("step", "s", "what"), rows))
+        pairs = [
+            (pair.explanation, pair.rival, f"{pair.discrepancy:.0f}", f"{100 * pair.power:.0f} %")
+            for pair in next_drive.pairs
+        ]
+        columns = ("if this holds", "this is refuted", "T", "with a probability of")
+        parts.append(Table("How far the explanations are apart on it.", columns, pairs))
+    return parts
+
+
+def _rivals(found: Diagnosis) -> Parts:
     rivals = dict.fromkeys(rival for cause in found.causes for rival in cause.rivals)
     needed = found.needed and f"Needed: {found.needed}"
     if not rivals:

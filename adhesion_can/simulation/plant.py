@@ -121,6 +121,8 @@ class Plant:
         self._lags = LagStates()
         self._lags_follow_slip = False
         self._axle = np.arange(1.0, vehicle.axles + 1)
+        self.sanding: bool | None = None
+        """Whether sand is strewn; None: as the surroundings have it."""
         self._surroundings = surroundings or Surroundings()
         # Transfer is linear in the efforts: (axles, axles), N of load per N of effort.
         self._transfer: Array | None = None
@@ -140,7 +142,8 @@ class Plant:
     @property
     def conditions(self) -> Conditions:
         """Conditions around the locomotive now."""
-        return self._surroundings.at(self.time_s, self.position)
+        known = self._surroundings.at(self.time_s, self.position)
+        return known if self.sanding is None else replace(known, sanding=float(self.sanding))
 
     @property
     def slip(self) -> Array:

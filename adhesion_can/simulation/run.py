@@ -29,6 +29,8 @@ from adhesion_can.simulation.scenarios import Scenario
 from adhesion_can.simulation.sensors import NoiseSettings, PlantState, Sensors
 
 STEP_US = 2000
+SAND_DEMAND = "SandDemand"
+"""Signal of the sand that a controller demands, in one of the messages of demands."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class RunSettings:
         load_transfer: Whether axle loads change under effort; in some scenarios they always do.
         along_track: Whether each axle finds a change of surface where the leading one found it, or
             all at the same time.
+        start_speed: Speed at the start, m/s; None: that of the scenario.
 
     """
 
@@ -60,6 +63,7 @@ class RunSettings:
     obey: bool = False
     load_transfer: bool = False
     along_track: bool = False
+    start_speed: float | None = None
 
 
 def _raw(signal: SignalPlan, payload: bytes) -> int:
@@ -97,7 +101,7 @@ class Simulation:
             )
         self.plant = Plant(
             vehicle,
-            scenario.speed,
+            scenario.speed if settings.start_speed is None else settings.start_speed,
             settings.effects,
             load_transfer=settings.load_transfer or scenario.load_transfer,
             load_shifts=instruments.load_shifts,
@@ -143,6 +147,10 @@ class Simulation:
         self._latest = self._state()
         return self._sensors.due(self._latest, before, start_us, self.now_us)
 
+    def await_demands(self) -> None:
+        """Give no effort until a controller demands some: the drive does not probe by itself."""
+        self._drive.demand_efforts(self.now_us / 1e6, {})
+
     def receive(self, frame: Frame) -> None:
         """Process a frame from the bus: setpoints and demands are for the drive, others ignored."""
         for message in self._demands:
@@ -174,6 +182,9 @@ class Simulation:
             if (name := f"EffortDemand_Ax{axle}") in demand
         }
         self._drive.demand_efforts(self.now_us / 1e6, efforts)
+        if SAND_DEMAND in demand:
+            # Without a demand it is as the surroundings have it.
+            self.plant.sanding = True if demand[SAND_DEMAND] else None
 
     def find_peaks(self) -> tuple[Array, Array]:
         """Largest adhesion under each axle now and its slip ratio, shape (axles,) each.

@@ -130,7 +130,10 @@ CONTRACT = {
         "FramesLost": u16(32, 1, "-", 65534),
         "LoopTimeP99": u16(48, 10, "us", 655340),
     },
-    (0x301, "EffortDemand1", 10, "DRIVE"): axles("EffortDemand", 1, effort),
+    (0x301, "EffortDemand1", 10, "DRIVE"): {
+        "SandDemand": (12, 1, False, 1, 0, "-", 0, 1, 0),
+        **axles("EffortDemand", 1, effort),
+    },
     (0x302, "EffortDemand2", 10, "DRIVE"): axles("EffortDemand", 4, effort),
 }
 FRAME_FIELDS = {
@@ -142,6 +145,7 @@ ENUMS = {
     "Direction": DIRECTION,
     "Rain": RAIN,
     "SandingActive": {0: "off", 1: "on"},
+    "SandDemand": {0: "off", 1: "on"},
     "Status": STATUS,
     "State": STATUS,
     "Doubt": DOUBT,

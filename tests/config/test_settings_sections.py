@@ -34,6 +34,7 @@ def test_the_sections_are_those_of_the_files_that_users_have():
         "axles",
         "evolution",
         "change",
+        "limits",
     )
     assert settings_sections()["tracker"] == ("curves", "noise_std", "errors_in_variables")
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
-from adhesion_can.diagnosis.inference.split_hold_out import HELD_BLOCKS
+from adhesion_can.diagnosis.inference.split_hold_out import held_blocks
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
@@ -54,12 +54,15 @@ class HoldOutUnits:
         unit: Unit number of each held-out row, shape (m,).
         description: Description of the data that were held out, a clause for reports.
         spans: Recording, begin and end of each unit, s on the recording's clock.
+        stratum: Number of the drive of each held-out row, where parts of each drive were held out;
+            None: all are drawn alike. Shape (m,).
 
     """
 
     unit: NDArray[np.int64]
     description: str
     spans: tuple[tuple[str, float, float], ...]
+    stratum: NDArray[np.int64] | None = None
 
 
 def compute_hold_out_gain(
@@ -209,7 +212,8 @@ def group_hold_out(
 
     """
     data = regression.data
-    number = (-1 - regression.block[rows]) // HELD_BLOCKS
+    width = held_blocks(len(data.drives))
+    number = (-1 - regression.block[rows]) // width
     drive_number = np.concatenate([np.full(len(c), i) for i, c in enumerate(data.drives)])[rows]
     t_s = data.column("time_s")[rows]
     held = np.unique(drive_number)
@@ -226,11 +230,13 @@ def group_hold_out(
         description = f"{len(held)} of {len(data.drives)} recordings: {names}"
     else:
         share = len(rows) / max(int((data.surface != EXCLUDED).sum()), 1)
+        what = "this drive only" if len(data.drives) == 1 else "parts of all drives"
         description = (
-            f"this drive only: {len(spans)} spans of {HELD_BLOCKS * block_length_s:.1f} s, "
+            f"{what}: {len(spans)} spans of {width * block_length_s:.1f} s, "
             f"{100 * share:.0f} % of the rows"
         )
-    return HoldOutUnits(number, description, tuple(spans))
+    stratum = np.zeros_like(drive_number) if other_drives else drive_number
+    return HoldOutUnits(number, description, tuple(spans), stratum)
 
 
 def compute_gain(result: HoldOutResult, units: HoldOutUnits, noise_floor: float) -> Gain:
@@ -247,20 +253,27 @@ def compute_gain(result: HoldOutResult, units: HoldOutUnits, noise_floor: float)
     percent, interval = 0.0, (0.0, 0.0)
     if not np.array_equal(result.before, result.after):
         percent = 100.0 * (1.0 - after / max(before, 1e-300))
-        interval = gain_interval(result.before, result.after, units.unit)
+        interval = gain_interval(result.before, result.after, units.unit, units.stratum)
     return Gain(before, after, noise_floor, percent, interval, units.description, units.spans)
 
 
-def gain_interval(before: Array, after: Array, unit: NDArray[np.int64]) -> tuple[float, float]:
+def gain_interval(
+    before: Array,
+    after: Array,
+    unit: NDArray[np.int64],
+    stratum: NDArray[np.int64] | None = None,
+) -> tuple[float, float]:
     """95 % confidence interval of the gain, %, by Student's t over units that were held out whole.
 
     The logarithm of the ratio of the mean squares is linearised in the units' sums of squares
-    (delta method).
+    (delta method). Units that stem from different drives are a stratified sample: what the drives
+    differ by is no scatter (Cochran, Sampling Techniques, 1977, ch. 5).
 
     Args:
         before: Residuals of the plain model, adhesion; shape (m,).
         after: Residuals of the extended model, adhesion; shape (m,).
         unit: Unit number of each row, shape (m,).
+        stratum: Drive of each row; None: one for all. Shape (m,).
 
     """
     numbers = np.unique(unit, return_inverse=True)[1]
@@ -269,8 +282,19 @@ def gain_interval(before: Array, after: Array, unit: NDArray[np.int64]) -> tuple
     if units < 2 or b.sum() == 0.0 or a.sum() == 0.0:
         return -np.inf, 100.0
     share = a / a.sum() - b / b.sum()
-    std = float(np.sqrt(units / (units - 1) * np.sum(share**2)))
+    variance, freedom = 0.0, 0
+    drive = np.zeros(units, dtype=np.int64)
+    if stratum is not None:
+        drive[numbers] = stratum
+    for own in (share[drive == one] for one in np.unique(drive)):
+        # A single unit says nothing of its drive's scatter: all of its share counts as such.
+        size, mean = len(own), float(own.mean()) if len(own) > 1 and units > len(own) else 0.0
+        variance += size / max(size - 1, 1) * float(np.sum((own - mean) ** 2))
+        freedom += max(size - 1, 0)
+    if freedom < 1:
+        return -np.inf, 100.0
+    std = float(np.sqrt(variance))
     middle = float(np.log(a.sum() / b.sum()))
-    reach = float(scipy.stats.t.ppf((1.0 + CONFIDENCE) / 2, units - 1)) * std
+    reach = float(scipy.stats.t.ppf((1.0 + CONFIDENCE) / 2, freedom)) * std
     low, high = (100.0 * (1.0 - np.exp((middle + side * reach) / 2)) for side in (1.0, -1.0))
     return float(low), float(high)

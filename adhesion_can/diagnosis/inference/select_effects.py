@@ -65,6 +65,8 @@ class ModelSelection:
         formulas: Formulas that describe the data as well as an effect of `best`, as text, by its
             id.
         known_rivals: Rivals of effects of `best` that were found before it was extended, by id.
+        planned_p_value: P-value of `best` against the explanations that were there before the drive
+            that decided, where it is one of them: nothing was searched then. None: it was searched.
 
     """
 
@@ -77,6 +79,7 @@ class ModelSelection:
     implausible: tuple[ScoredModel, ...] = ()
     formulas: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     known_rivals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    planned_p_value: float | None = None
 
     def rivals(self, candidate: Candidate) -> tuple[str, ...]:
         """Effect ids that can replace one of the best model's effects."""
@@ -107,6 +110,8 @@ class ModelSelection:
             tested: Effects that were tested.
 
         """
+        if self.planned_p_value is not None:
+            return self.planned_p_value
         # A formula was proposed for what the tested effects left.
         by_signs = (
             [float(self.test.p_value[list(tested).index(candidate)])] if candidate in tested else []

@@ -1,6 +1,7 @@
 """Step 1, split hold-out: rows that decide, and rows on which the gain alone is measured.
 
-Whole recordings are held out where there are several; of a single drive every third pair of blocks.
+Whole recordings are held out where there are several of like length; of a single drive every third
+pair of blocks, of a long and a short one every third and every second block.
 Blocks are spans of time, since rows of the same moment share their errors. All independent points
 decide: each of them is held out in turn later.
 """
@@ -14,6 +15,11 @@ from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.inference.candidates import LEAST_ROWS
 from adhesion_can.diagnosis.regression.gram_matrices import number_blocks
 
+SHORT = 0.5
+"""Length of a drive over that of the longest one below which it is not held out whole: it says
+little of the others, and may have been made to decide between rivals."""
+SHORT_EVERY = 2
+"""Of such a drive every second block is held out: it has few, and a gain needs some."""
 HELD_EVERY, HELD_BLOCKS = 3, 2
 """Of a single drive every third group of two blocks is held out; of several drives a third."""
 
@@ -29,10 +35,30 @@ def choose_held_out_drives(drives: Sequence[DriveData], given: Sequence[DriveDat
     chosen = list(given)
     if not given and len(drives) > 1:
         # The shortest that are long enough, so that most of the data decide.
-        able = sorted((drive for drive in drives if len(drive) >= LEAST_ROWS), key=len)
+        long, _ = split_by_length(drives)
+        able = sorted((drive for drive in long if len(drive) >= LEAST_ROWS), key=len)
         count = max(len(drives) // HELD_EVERY, 1)
         chosen = able[:count] if len(able) > count else []
     return [any(drive is one for one in chosen) for drive in drives]
+
+
+def split_by_length(drives: Sequence[DriveData]) -> tuple[list[DriveData], list[DriveData]]:
+    """Drives of like length, and those that are much shorter than the longest."""
+    least = SHORT * max(map(len, drives), default=0)
+    long = [drive for drive in drives if len(drive) >= least]
+    return long, [drive for drive in drives if len(drive) < least]
+
+
+def held_blocks(drives: int) -> int:
+    """Number of blocks that are held out together, where no drive is held out whole.
+
+    Of several drives each one gives some of them, and the short ones have few.
+
+    Args:
+        drives: Number of drives.
+
+    """
+    return HELD_BLOCKS if drives == 1 else 1
 
 
 def split_hold_out(
@@ -51,10 +77,13 @@ def split_hold_out(
     """
     out = []
     numbers = number_blocks_of_drives(drives, block_length_s)
+    width = held_blocks(len(drives))
+    least = SHORT * max(map(len, drives), default=0)
     for drive, whole, number in zip(drives, held_out, numbers, strict=True):
+        every = HELD_EVERY if len(drive) >= least else SHORT_EVERY
         held = np.full(len(number), whole)
         if not any(held_out) and not drive.independent and len(number):
-            held = ((number - number.min()) // HELD_BLOCKS) % HELD_EVERY == 1
+            held = ((number - number.min()) // width) % every == 1
         out.append(np.where(held, -1 - number, number))
     return np.concatenate(out) if out else np.empty(0, dtype=np.int64)
 

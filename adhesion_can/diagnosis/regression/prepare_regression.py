@@ -158,7 +158,7 @@ def _weight_rows(
         regression,
         scale=1.0 / (noise * np.sqrt(1.0 + variance_ratio)),
         slip_variance_share=variance_ratio / (1.0 + variance_ratio),
-        speed_error_design=_design_speed_errors(data, evaluation, slope, block_length_s),
+        speed_error_design=design_speed_errors(data, evaluation, slope, block_length_s),
     )
 
 
@@ -181,7 +181,7 @@ def _slip_std(regression: WhitenedRegression, evaluation: Evaluation, slope: Arr
     return std
 
 
-def _design_speed_errors(
+def design_speed_errors(
     data: RegressionData, evaluation: Evaluation, slope: Array, block_length_s: float
 ) -> Array:
     """Change of each residual by errors of the vehicle speed, of one standard deviation each.

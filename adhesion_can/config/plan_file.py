@@ -1,0 +1,145 @@
+"""The file of a driving plan, `plan.toml`: written and read without losing a digit.
+
+purpose = "which of A and B holds"
+start_speed = 10.0          # m/s
+curve = [0.37, 60.0, 0.26]  # c1, c2, c3 of the expected curve
+bandwidth_share = 1.0       # of the creep speed control's
+[limits]                    # those of the configuration that the plan respects
+[[step]]                    # duration_s, mode; slip, period_s, stagger, axles, sand
+[[prediction]]              # name, predicts
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from adhesion_can.config.toml_tables import (
+    load_toml,
+    reject_unknown_keys,
+    section,
+    table_of,
+    typed,
+)
+from adhesion_can.errors import ConfigError
+from adhesion_can.files import whole_file
+from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep, Prediction
+
+_KEYS = ("purpose", "start_speed", "curve", "bandwidth_share", "limits", "step", "prediction")
+_LARGEST = 10_000
+"""Most steps of a file."""
+
+
+def read_plan(path: Path) -> DrivingPlan:
+    """Driving plan from a file.
+
+    Raises:
+        ConfigError: The file cannot be read, has unknown keys or wrong values, or exceeds its own
+            limits.
+
+    """
+    document, _ = load_toml(path)
+    return plan_of(document, path.name)
+
+
+def plan_of(document: dict[str, Any], where: str) -> DrivingPlan:
+    """Driving plan from the content of a file.
+
+    Args:
+        document: Tables and values by key.
+        where: Name of the file, for errors.
+
+    Raises:
+        ConfigError: A key is unknown or missing, a value is wrong, or a step exceeds the limits.
+
+    """
+    document = dict(document)
+    limits: PlanLimits = section(PlanLimits, document.pop("limits", {}), f"{where}: limits")
+    steps = [
+        _stated(PlanStep, table, place, ("duration_s", "mode"))
+        for table, place in _tables(document.pop("step", []), where, "step")
+    ]
+    predictions = [
+        _stated(Prediction, table, place, ("name", "predicts"))
+        for table, place in _tables(document.pop("prediction", []), where, "prediction")
+    ]
+    reject_unknown_keys({k: v for k, v in document.items() if k not in _KEYS}, where, _KEYS)
+    for key in ("start_speed", "curve"):
+        if key not in document:
+            raise ConfigError(f"{where}: {key}", "missing", "write it before the first table")
+    start = typed(document["start_speed"], float, f"{where}: start_speed")
+    curve = typed(document["curve"], tuple[float, float, float], f"{where}: curve")
+    purpose = typed(document.get("purpose", ""), str, f"{where}: purpose")
+    share = typed(document.get("bandwidth_share", 1.0), float, f"{where}: bandwidth_share")
+    try:
+        return DrivingPlan(tuple(steps), start, curve, limits, purpose, tuple(predictions), share)
+    except ValueError as error:
+        raise ConfigError(where, str(error), "mend the value") from error
+
+
+def _tables(value: object, where: str, key: str) -> Iterator[tuple[dict[str, Any], str]]:
+    """Tables of an array of tables, each with its place for errors: `step[2]`."""
+    if not isinstance(value, list):
+        raise ConfigError(f"{where}: {key}", "not a list of tables", f"write [[{key}]] for each")
+    if len(value) > _LARGEST:
+        raise ConfigError(f"{where}: {key}", f"more than {_LARGEST} tables", "write fewer")
+    for number, table in enumerate(value, start=1):
+        place = f"{where}: {key}[{number}]"
+        yield table_of(table, place), place
+
+
+def _stated(kind: type, table: dict[str, Any], where: str, keys: tuple[str, ...]) -> Any:
+    """Dataclass from a table in which some keys are required."""
+    for key in keys:
+        if key not in table:
+            raise ConfigError(f"{where}.{key}", "missing", "write it")
+    return section(kind, table, where)
+
+
+# ------------------------------------------------------------------------------------ writing
+
+
+def write_plan(plan: DrivingPlan, path: Path) -> None:
+    """Write a plan where `read_plan` finds it; whole or not at all.
+
+    Raises:
+        InputError: The folder does not exist or cannot be written to.
+
+    """
+    with whole_file(path) as file:
+        file.write(plan_text(plan))
+
+
+def plan_text(plan: DrivingPlan) -> str:
+    """Text of a plan's file."""
+    lines = [
+        "# A driving plan of adhesion-can: for control --plan and simulate --closed-loop --plan.",
+        f"purpose = {_value(plan.purpose)}",
+        f"start_speed = {_value(plan.start_speed)}",
+        f"curve = {_value(plan.curve)}",
+        f"bandwidth_share = {_value(plan.bandwidth_share)}",
+        "",
+        "[limits]",
+        *_keys(plan.limits),
+    ]
+    for key, values in (("step", plan.steps), ("prediction", plan.predictions)):
+        for value in values:
+            lines += ["", f"[[{key}]]", *_keys(value)]
+    return "\n".join([*lines, ""])
+
+
+def _keys(value: PlanLimits | PlanStep | Prediction) -> list[str]:
+    return [f"{field.name} = {_value(getattr(value, field.name))}" for field in fields(value)]
+
+
+def _value(value: float | str | tuple[float | int, ...]) -> str:
+    """A value as TOML has it, a number with all its digits."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        valid = value.encode("utf-8", "backslashreplace").decode("utf-8")
+        return json.dumps(valid, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(value)

@@ -1,0 +1,37 @@
+"""Which of the rivals is left once all rows of several drives are asked.
+
+A drive that was made to tell rivals apart is short, and a part of it is held out for the gain. The
+choice between models of one size needs no rows that were held out: every row of the drives that
+decide is used, and a rival that is significantly worse is dropped.
+"""
+
+from dataclasses import replace
+
+from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, is_worse, score_model
+from adhesion_can.diagnosis.regression.whitened_regression import fit_model
+
+
+def part_rivals(found: Findings) -> Findings:
+    """The findings with the rivals that all rows of all drives leave, the best one selected.
+
+    Args:
+        found: Findings of steps 2 to 6; of a single drive they stay as they are.
+
+    """
+    regression, selection = found.prepared.regression, found.selection
+    rivals = (selection.best, *selection.indistinguishable)
+    if len(regression.data.drives) < 2 or len(rivals) < 2 or not selection.best.candidates:
+        return found
+    everything = regression.last_fit
+    fits = [score_model(everything, fit_model(everything, one.fitted.model)) for one in rivals]
+    place = min(range(len(fits)), key=lambda k: fits[k].fitted.cross_validated_square)
+    left: list[ScoredModel] = [
+        one
+        for k, (one, fit) in enumerate(zip(rivals, fits, strict=True))
+        if k != place and not is_worse(fits[place], fit)
+    ]
+    # The selected model stays where it is as good: it was preferred for a reason.
+    best = selection.best if selection.best in left else rivals[place]
+    others = tuple(one for one in (rivals[place], *left) if one is not best)
+    return replace(found, selection=replace(selection, best=best, indistinguishable=others))

@@ -1,0 +1,296 @@
+"""Compute the next drive: which manoeuvre tells the remaining explanations apart, and how."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import scipy
+
+from adhesion_can.diagnosis.formatting import unit_text
+from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.model_comparison import LEVEL
+from adhesion_can.diagnosis.next_drive.catalogue import build_catalogue
+from adhesion_can.diagnosis.next_drive.discrepancy import Comparison, FittedRival, Pair
+from adhesion_can.diagnosis.next_drive.drive_setting import (
+    DriveSetting,
+    build_drive_setting,
+    describe_setting,
+)
+from adhesion_can.diagnosis.next_drive.explanations import Explanation
+from adhesion_can.diagnosis.next_drive.planned_drive import DriveStart
+from adhesion_can.diagnosis.next_drive.result import NextDrive, PairDiscrepancy
+from adhesion_can.diagnosis.next_drive.search import DriveSequence, find_shortest
+from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
+from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
+from adhesion_can.physics.channels import COVARIATES
+from adhesion_can.physics.curves import Conditions
+from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep, Prediction
+from adhesion_can.physics.effects import acts_in_contact
+from adhesion_can.physics.readings import Role
+
+POWER = 0.95
+"""Probability with which the plan is to refute each wrong explanation."""
+SAFETY = 2.0
+"""Factor of the discrepancy for what the prediction leaves out: the noise is estimated, blocks are
+few, and a part of them is held out."""
+CYCLE_S, STABLE_SHARE = 0.01, 0.8
+"""Dead time of the creep speed control without delays, s, and share of its bandwidth below which it
+holds no slip beyond the peak."""
+LEAD_S, TAIL_S = 1.0, 1.5
+"""Coasting before and after the manoeuvres, s: smoothing needs signals around every row."""
+LEAST_BLOCKS = 3.5
+"""Least duration of the manoeuvres, blocks: a test needs some of them."""
+PARTS = 3
+"""Parts of a step's slips among which the most telling one is sought."""
+
+
+def compute_next_drive(
+    found: Findings, explanations: Sequence[Explanation], limits: PlanLimits
+) -> NextDrive:
+    """The drive that would tell what is left of explanations apart.
+
+    Args:
+        found: Findings of a diagnosis.
+        explanations: Explanations that are left.
+        limits: Limits within which the plan drives.
+
+    """
+    regression = found.prepared.regression.last_fit
+    fitted = found.selection.best.fitted
+    setting = build_drive_setting(regression, fitted, found.block_length_s)
+    if setting is None:
+        return NextDrive((), None, f"No plan: {describe_setting(regression.data.drives)}.")
+    return plan_drive(explanations, setting, limits)
+
+
+def plan_drive(
+    explanations: Sequence[Explanation], setting: DriveSetting, limits: PlanLimits
+) -> NextDrive:
+    """The drive that would tell explanations apart in a setting.
+
+    Args:
+        explanations: Explanations that are left.
+        setting: Vehicle, train, sensors and noise.
+        limits: Limits within which the plan drives.
+
+    """
+    names = tuple(one.name for one in explanations)
+    if len(explanations) < 2:
+        return NextDrive(names, None, _describe_too_few(names))
+    comparison = Comparison(explanations, setting)
+    c1, c2, c3 = _nearest_curve(explanations[0], setting)
+    peak_slip = float(np.log(c1 * c2 / c3) / c2) if c3 > 0.0 else limits.slip_max
+    speed = float(np.clip(setting.speed, limits.speed_min, limits.speed_max))
+    share = CYCLE_S / (CYCLE_S + _longest_delay(explanations))
+    manoeuvres = build_catalogue(
+        limits,
+        setting.vehicle.axles,
+        peak_slip,
+        sand=_depends_on_sand(explanations),
+        stable=share < STABLE_SHARE,
+    )
+    wanted = SAFETY * needed_discrepancy()
+    lead, tail = PlanStep(LEAD_S, "coast"), PlanStep(TAIL_S, "coast")
+    sequence, most = find_shortest(
+        manoeuvres,
+        DriveStart(LEAD_S + TAIL_S, speed),
+        limits,
+        wanted,
+        LEAST_BLOCKS * setting.block_length_s,
+        comparison.build_part,
+        comparison.compute,
+    )
+    if sequence is None:
+        return NextDrive(
+            names, None, _describe_failure(comparison, limits, most), _list_pairs(comparison, most)
+        )
+    steps = (lead, *_join_coasting(sequence.steps), tail)
+    fits = comparison.refit(steps, DriveStart(0.0, speed))
+    predictions = tuple(
+        Prediction(one.name, text)
+        for one, text in zip(explanations, _predict(explanations, steps, fits), strict=True)
+    )
+    plan = DrivingPlan(
+        steps=steps,
+        start_speed=round(speed, 1),
+        curve=(c1, c2, c3),
+        limits=limits,
+        purpose=f"which holds: {', or '.join(names)}",
+        predictions=predictions,
+        bandwidth_share=round(share, 3),
+    )
+    pairs = tuple(
+        PairDiscrepancy(names[a], names[b], one.discrepancy, power_of(one.discrepancy))
+        for (a, b), one in fits.items()
+    )
+    return NextDrive(names, plan, _describe_plan(plan), pairs)
+
+
+def needed_discrepancy(power: float = POWER, level: float = LEVEL) -> float:
+    """Discrepancy at which a one-sided test of two models' squares has a power.
+
+    With a discrepancy T the difference of the two sums of squares has the mean T and, with white
+    noise of variance 1, the variance 4 T (Cox, J. R. Statist. Soc. B 24 (1962) 406-424).
+
+    Args:
+        power: Probability that the wrong one is refuted.
+        level: Level of the test.
+
+    """
+    normal = scipy.stats.norm
+    return float((2.0 * (normal.ppf(power) + normal.ppf(1.0 - level))) ** 2)
+
+
+def power_of(discrepancy: float, level: float = LEVEL) -> float:
+    """Probability that a rival at a discrepancy is refuted at a level."""
+    normal = scipy.stats.norm
+    return float(normal.cdf(np.sqrt(discrepancy) / 2.0 - normal.ppf(1.0 - level)))
+
+
+def _nearest_curve(explanation: Explanation, setting: DriveSetting) -> tuple[float, float, float]:
+    """(c1, c2, c3) of the expected curve, for the controller."""
+    curves = explanation.model.curves
+    values = curves.parameters[0]
+    if curves.family is BURCKHARDT:
+        c1, c2, c3 = map(float, values)
+    else:
+        conditions = Conditions(setting.speed, float(setting.load.mean()))
+        c1, c2, c3 = find_nearest_burckhardt(curves.family, values, conditions)
+    # A fit without a fall has no peak; the controller needs none, the plan a bound for its slips.
+    c3 = max(c3, 0.0)
+    return c1, max(c2, 2.0 * c3 / c1), c3
+
+
+def _depends_on_sand(explanations: Sequence[Explanation]) -> bool:
+    name = COVARIATES[Role.SANDING]
+    return any(
+        name in candidate.effect.requires.covariates
+        for one in explanations
+        for candidate in one.model.candidates
+    )
+
+
+def _longest_delay(explanations: Sequence[Explanation]) -> float:
+    """Largest delay of a signal, or lead, that an explanation states, s."""
+    return max(
+        (
+            abs(values[0])
+            for one in explanations
+            for c, values in zip(one.model.candidates, one.model.values, strict=True)
+            if c.free_parameters[0].unit == "s" and not acts_in_contact(c.effect)
+        ),
+        default=0.0,
+    )
+
+
+def _join_coasting(steps: Sequence[PlanStep]) -> tuple[PlanStep, ...]:
+    """Steps of which neighbours that are alike are one step."""
+    out: list[PlanStep] = []
+    for step in steps:
+        last = out[-1] if out else None
+        if last is not None and last.mode == "coast" == step.mode and last.sand == step.sand:
+            out[-1] = PlanStep(last.duration_s + step.duration_s, "coast", sand=step.sand)
+        else:
+            out.append(step)
+    return tuple(out)
+
+
+# ------------------------------------------------------------------------------- sentences
+
+
+def _describe_too_few(names: Sequence[str]) -> str:
+    if not names:
+        return "No plan: no explanation is left that a drive could test."
+    return (
+        f"No plan: one explanation is left, {names[0]}; a further drive given with --holdout "
+        "confirms or refutes it."
+    )
+
+
+def _list_pairs(comparison: Comparison, most: DriveSequence | None) -> tuple[PairDiscrepancy, ...]:
+    if most is None:
+        return ()
+    names = [one.name for one in comparison.explanations]
+    return tuple(
+        PairDiscrepancy(names[a], names[b], value, power_of(value))
+        for (a, b), value in comparison.compute(most.grams).items()
+    )
+
+
+def _describe_failure(
+    comparison: Comparison, limits: PlanLimits, most: DriveSequence | None
+) -> str:
+    """Why there is no plan."""
+    if most is None:
+        return "No plan: no manoeuvre is within the limits of effort, speed and duration."
+    values = comparison.compute(most.grams)
+    (a, b), least = min(values.items(), key=lambda item: item[1])
+    names = [one.name for one in comparison.explanations]
+    return (
+        f"No plan: within the limits no drive of up to {limits.duration_max:g} s tells {names[b]} "
+        f"from {names[a]}: the best one found refutes it with a probability of "
+        f"{100 * power_of(least):.0f} %."
+    )
+
+
+def _describe_plan(plan: DrivingPlan) -> str:
+    steps = "; ".join(f"{step.duration_s:g} s {step.description}" for step in plan.steps)
+    predicted = " ".join(f"If {one.name} holds, {one.predicts}." for one in plan.predictions)
+    return f"Drive {plan.duration_s:g} s from {plan.start_speed:g} m/s: {steps}. {predicted}"
+
+
+def _predict(
+    explanations: Sequence[Explanation],
+    steps: Sequence[PlanStep],
+    fits: Mapping[Pair, FittedRival],
+) -> list[str]:
+    """What each explanation predicts where it differs most from its nearest rival, a clause."""
+    out = []
+    for place, one in enumerate(explanations):
+        own = {pair: fit for pair, fit in fits.items() if pair[0] == place}
+        if not own:
+            rival = next(fit for pair, fit in fits.items() if pair[1] == place)
+            out.append(f"{_where(steps, rival, of_rival=True)}")
+            continue
+        (_, b), fit = min(own.items(), key=lambda item: item[1].discrepancy)
+        text = _where(steps, fit, of_rival=False)
+        size = _size(one)
+        out.append(f"{text} than {explanations[b].name} fitted to it{size}")
+    return out
+
+
+def _size(explanation: Explanation) -> str:
+    """The explanation's sizes in brackets; '' without effects."""
+    parts = [
+        f"{c.free_parameters[0].name} {values[0]:.3g} {unit_text(c.free_parameters[0].unit)}"
+        for c, values in zip(explanation.model.candidates, explanation.model.values, strict=True)
+    ]
+    return f" ({', '.join(part.strip() for part in parts)})" if parts else ""
+
+
+def _where(steps: Sequence[PlanStep], fit: FittedRival, *, of_rival: bool) -> str:
+    """The most telling part of a step's slips, and the adhesion there, a clause."""
+    (drive,) = fit.drive.data.drives
+    observed = drive.observe()
+    best, clause = -1.0, ""
+    for number, step in enumerate(steps):
+        rows = np.flatnonzero(fit.drive.step == number)
+        if not len(rows):
+            continue
+        order = rows[np.argsort(np.abs(observed.slip[rows]), kind="stable")]
+        for part in np.array_split(order, PARTS):
+            if not len(part):
+                continue
+            sign = step.sign or 1.0
+            mean = sign * float(fit.residual[part].mean())
+            weight = float(np.sum((mean * fit.scale[part]) ** 2))
+            if weight > best:
+                best = weight
+                level = sign * float(observed.adhesion[part].mean()) - of_rival * mean
+                low, high = (float(x) for x in np.quantile(np.abs(observed.slip[part]), [0, 1]))
+                clause = (
+                    f"the adhesion used in step {number + 1} ({step.mode}) at slips of {low:.3f} "
+                    f"to {high:.3f} is {level:.4f} on average"
+                )
+                if not of_rival:
+                    clause += f", {abs(mean):.4f} {'more' if mean > 0.0 else 'less'}"
+    return clause

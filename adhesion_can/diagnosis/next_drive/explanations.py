@@ -1,0 +1,153 @@
+"""Explanations that are left of a diagnosis, each fitted to all that was driven."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.inference.curve_shape import ShapeFinding
+from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.model_comparison import (
+    ScoredModel,
+    is_worse,
+    score_model,
+)
+from adhesion_can.diagnosis.inference.select_effects import propose_effects
+from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
+from adhesion_can.diagnosis.regression.model import Model
+from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
+from adhesion_can.diagnosis.regression.whitened_regression import (
+    FittedModel,
+    WhitenedRegression,
+    fit_model,
+)
+from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
+
+MOST_EXPLANATIONS = 4
+"""Largest number of explanations that a plan is to tell apart."""
+PLAIN = "the plain curve"
+"""Name of the explanation without effects."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """An explanation of what was driven.
+
+    Attributes:
+        name: Ids of its effects with forms and axles; `PLAIN` for none.
+        sentence: What happens if it holds, a clause.
+        model: Effects with their estimates, and the curve of the rail that was driven last.
+        information: Information that the data hold about the effects' free parameters, the curve's
+            eliminated, reciprocal squares of their units; shape (k, k).
+
+    """
+
+    name: str
+    sentence: str
+    model: Model
+    information: Array
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """Effect ids."""
+        return frozenset(candidate.effect.id for candidate in self.model.candidates)
+
+
+def build_explanations(
+    found: Findings, *, is_confirmed: bool, others: Iterable[Model] = ()
+) -> tuple[Explanation, ...]:
+    """Explanations that the data cannot part, the best first.
+
+    They are the selected model and its rivals. Where nothing was confirmed on the held-out data,
+    the models with one effect that are not worse than the best of them, and the plain curve.
+
+    Args:
+        found: Findings of steps 2 to 6.
+        is_confirmed: Whether the selected effects hold on the held-out data.
+        others: Further models that are to be told apart, such as refuted ones that help.
+
+    """
+    regression = found.prepared.regression.last_fit
+    selection = found.selection
+    if selection.best.candidates or found.shape is not None:
+        known = [selection.best, *selection.indistinguishable]
+    else:
+        known = [one for one in selection.singles if _gains(one, selection.plain)]
+    models = [one.fitted.model for one in known]
+    if found.shape is not None:
+        models += _rivals_of_shape(regression, found.shape, found.prepared.candidates)
+    scored = _without_duplicates(_refit(regression, model) for model in (*models, *others))
+    if scored:
+        best = min(scored, key=lambda one: one.fitted.cross_validated_square)
+        scored = [one for one in scored if one is best or not is_worse(best, one)]
+    scored = scored[:MOST_EXPLANATIONS]
+    if not is_confirmed and scored:
+        plain = _refit(regression, found.baseline.fitted.model)
+        scored = [*scored[: MOST_EXPLANATIONS - 1], plain]
+    surface = _last_surface(regression)
+    return tuple(_explain(one.fitted, surface) for one in scored)
+
+
+def _gains(one: ScoredModel, plain: ScoredModel) -> bool:
+    """Whether a model predicts better than the plain one at all."""
+    return one.fitted.cross_validated_square < plain.fitted.cross_validated_square
+
+
+def _rivals_of_shape(
+    regression: WhitenedRegression, shape: ShapeFinding, candidates: Sequence[Candidate]
+) -> list[Model]:
+    """Models on Burckhardt's curve that the data cannot separate from another shape."""
+    start = shape.burckhardt.fitted.model
+    found: list[Model] = []
+    for rival in shape.rivals:
+        own = [candidate for candidate in candidates if candidate.effect.id == rival]
+        if own:
+            found.append(propose_effects(regression, start, own)[0].model)
+    return found
+
+
+def _refit(regression: WhitenedRegression, model: Model) -> ScoredModel:
+    return score_model(regression, fit_model(regression, model))
+
+
+def _without_duplicates(models: Iterable[ScoredModel]) -> list[ScoredModel]:
+    """The best model of each set of effects, best first: forms are no explanations of their own."""
+    best: dict[tuple[str, tuple[tuple[str, int], ...]], ScoredModel] = {}
+    for one in sorted(models, key=lambda one: one.fitted.cross_validated_square):
+        effects = tuple(sorted((c.effect.id, c.axle) for c in one.candidates))
+        best.setdefault((one.fitted.model.curves.family.name, effects), one)
+    return list(best.values())
+
+
+def _last_surface(regression: WhitenedRegression) -> int:
+    """Number of the surface with most rows."""
+    used = regression.data.surface[regression.used]
+    return int(np.argmax(np.bincount(used))) if len(used) else 0
+
+
+def _explain(fitted: FittedModel, surface: int) -> Explanation:
+    model = fitted.model
+    pairs = list(zip(model.candidates, model.values, strict=True))
+    family = model.curves.family
+    shape = [] if family is BURCKHARDT else [f"{CURVE_SHAPE} {family.name}"]
+    name = " with ".join([*shape, *(c.name for c in model.candidates)]) or PLAIN
+    sentence = " and ".join(
+        (values[0] < 0.0 and c.effect.observability.below) or c.effect.title for c, values in pairs
+    )
+    alone = replace(model, curves=model.curves.select(surface))
+    nothing = "the curve has another form" if shape else "nothing acts beyond the curve"
+    return Explanation(name, sentence or nothing, alone, _information(fitted))
+
+
+def _information(fitted: FittedModel) -> Array:
+    """Information about the effects' parameters, those of all curves eliminated; shape (k, k)."""
+    total, curves = fitted.grams.total, fitted.model.curves.values.size
+    rows = max(float(fitted.grams.rows.sum()) - len(total) + 1, 1.0)
+    variance = max(float(total[-1, -1]) / rows, 1e-300)
+    own, cross = total[curves:-1, curves:-1], total[:curves, curves:-1]
+    if not own.size:
+        return np.zeros((0, 0))
+    left = own - cross.T @ solve_normal_equations(total[:curves, :curves], cross)
+    return np.asarray((left + left.T) / 2 / variance)

@@ -1,0 +1,203 @@
+"""Which explanation is left after the drive that was to tell.
+
+The explanations were there before that drive, so that none is chosen by it and few are compared:
+each is fitted to all drives together, its effects common, the curves of the rails their own. One is
+refuted where its cross-validated sum of squares exceeds that of the best by more than chance
+allows: by the scatter of the blocks, or by that of the noise (Cox, J. R. Statist. Soc. B 24 (1962)
+406-424), since a short drive has few blocks.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy
+
+from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.model_comparison import LEVEL, is_worse, score_model
+from adhesion_can.diagnosis.inference.noise_averaging import INTERVAL
+from adhesion_can.diagnosis.next_drive.explanations import PLAIN, Explanation
+from adhesion_can.diagnosis.regression.find_surface_changes import fit_start_curves
+from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
+from adhesion_can.diagnosis.regression.model import Model, evaluate_model
+from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
+from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
+from adhesion_can.diagnosis.regression.whitened_regression import (
+    FittedModel,
+    WhitenedRegression,
+    fit_model,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RefutedExplanation:
+    """An explanation that the drive refuted.
+
+    Attributes:
+        name: Name of the explanation.
+        reason: Reason, a clause.
+
+    """
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class RemainingExplanations:
+    """What a further drive leaves of the explanations that were there before it.
+
+    Attributes:
+        before: Recordings that left the explanations.
+        by: Recordings that were to tell them apart.
+        left: Names of the explanations that are left, the best first; () where the data contradict
+            all of them alike.
+        refuted: Explanations that are not.
+        winner: Explanation that alone is left; None where several are, or the plain curve.
+        p_value: Probability with which chance alone would part the best from the nearest refuted
+            one as clearly.
+
+    """
+
+    before: tuple[str, ...]
+    by: tuple[str, ...]
+    left: tuple[str, ...]
+    refuted: tuple[RefutedExplanation, ...]
+    winner: Explanation | None = None
+    p_value: float = 1.0
+
+    @property
+    def refutes_plain(self) -> bool:
+        """Whether the plain curve is among what was refuted."""
+        return any(one.name == PLAIN for one in self.refuted)
+
+    @property
+    def sentence(self) -> str:
+        """What is left, for a reader."""
+        names = (*self.left, *(one.name for one in self.refuted))
+        begin = (
+            f"Of the explanations that {', '.join(self.before)} left ({', '.join(names)}), "
+            f"{', '.join(self.by)} leaves {' and '.join(self.left)}"
+        )
+        why = "; ".join(f"{one.name} is refuted, {one.reason}" for one in self.refuted)
+        return f"{begin}: {why}." if why else f"{begin}: it refutes none."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Fields of `diagnosis.json`."""
+        return {
+            "before": list(self.before),
+            "by": list(self.by),
+            "left": list(self.left),
+            "refuted": [asdict(one) for one in self.refuted],
+            "sentence": self.sentence,
+        }
+
+
+def find_remaining(
+    explanations: Sequence[Explanation],
+    prepared: PreparedRegression,
+    before: Sequence[str],
+    by: Sequence[str],
+) -> RemainingExplanations:
+    """Compare explanations on the drives that left them and on a further one.
+
+    Args:
+        explanations: Explanations, one at least.
+        prepared: Regression on all of these drives.
+        before: Recordings that left the explanations.
+        by: Recordings that were to tell them apart.
+
+    """
+    regression = prepared.regression.last_fit
+    fits = [_fit(regression, prepared, one.model) for one in explanations]
+    order = sorted(range(len(fits)), key=lambda k: fits[k].cross_validated_square)
+    refuted: dict[int, str] = {}
+    standing = [k for k in order if not _is_sizeless(fits[k])]
+    for k in order:
+        if k not in standing and len(fits) > 1:
+            refuted[k] = "its size is 0 within its error"
+    best = next(iter(standing), order[0])
+    nearest = np.inf
+    for k in standing:
+        if k == best:
+            continue
+        away = _distance(regression, fits[best], fits[k])
+        scored = [score_model(regression, fits[place]) for place in (best, k)]
+        if is_worse(*scored) or away > float(scipy.stats.norm.ppf(1.0 - LEVEL)):
+            nearest = min(nearest, away)
+            refuted[k] = (
+                f"it misses the data by {away:.1f} standard deviations of the noise more than "
+                f"{explanations[best].name}"
+            )
+    left = [explanations[k].name for k in order if k not in refuted]
+    return RemainingExplanations(
+        tuple(before),
+        tuple(by),
+        tuple(left),
+        tuple(RefutedExplanation(explanations[k].name, why) for k, why in refuted.items()),
+        explanations[best] if len(left) == 1 and explanations[best].name != PLAIN else None,
+        float(scipy.stats.norm.sf(nearest)) if np.isfinite(nearest) else 1.0,
+    )
+
+
+def select_winner(found: Findings, remaining: RemainingExplanations) -> Findings | None:
+    """The findings with the explanation that is left selected; None where none is.
+
+    Args:
+        found: Findings on all drives, with Burckhardt's curve.
+        remaining: What the drive left of the explanations.
+
+    """
+    winner = remaining.winner
+    if winner is None or winner.model.curves.family is not BURCKHARDT:
+        return None
+    regression, selection = found.prepared.regression, found.selection
+    best = score_model(regression, _fit(regression, found.prepared, winner.model))
+    p_value = remaining.p_value
+    return replace(
+        found,
+        selection=replace(selection, best=best, indistinguishable=(), planned_p_value=p_value),
+    )
+
+
+def _fit(regression: WhitenedRegression, prepared: PreparedRegression, model: Model) -> FittedModel:
+    """A model's effects fitted to all drives, with curves of its family for every rail."""
+    curves, family = prepared.plain.model.curves, model.curves.family
+    if curves.family is not family:
+        curves = (
+            fit_start_curves(regression.data)
+            if family is BURCKHARDT
+            else fit_family_curves(regression.data, family)
+        )
+    return fit_model(regression, Model(curves, model.candidates, model.values))
+
+
+def _is_sizeless(fitted: FittedModel) -> bool:
+    """Whether the 95 % interval of an effect's size holds 0."""
+    model = fitted.model
+    for place, values in enumerate(model.values):
+        first = model.first_parameter(place)
+        std = float(np.sqrt(max(fitted.covariance[first, first], 0.0)))
+        if abs(values[0]) <= INTERVAL * std:
+            return True
+    return False
+
+
+def _distance(regression: WhitenedRegression, best: FittedModel, other: FittedModel) -> float:
+    """Excess of a model's sum of squares over the best one's, in standard deviations of the noise.
+
+    Were the two alike, the difference would have a variance of four times that of the noise times
+    the square of what their predictions differ by.
+    """
+    data = regression.data
+    columns = [
+        evaluate_model(data, fit.model.curves, fit.model.active_effects).residual
+        for fit in (best, other)
+    ]
+    white = regression.whiten(np.column_stack([columns[1] - columns[0]]))
+    apart = float(regression.compute_grams(white).total[-1, -1])
+    rows = max(float(best.grams.rows.sum()), 1.0)
+    noise = best.cross_validated_square / rows
+    excess = other.cross_validated_square - best.cross_validated_square
+    return excess / max(2.0 * float(np.sqrt(noise * apart)), 1e-300)

@@ -1,0 +1,256 @@
+"""The drive that would tell: its criterion, the search of the shortest one, and the whole way."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from adhesion_can.api.configuration import as_configuration
+from adhesion_can.api.diagnosis import diagnose
+from adhesion_can.api.simulation import (
+    build_run_settings,
+    drive_plan,
+    make_simulation,
+    simulate,
+)
+from adhesion_can.config.plan_file import read_plan, write_plan
+from adhesion_can.diagnosis.drive.kinematics import SpeedError
+from adhesion_can.diagnosis.next_drive.compute_next_drive import (
+    needed_discrepancy,
+    plan_drive,
+    power_of,
+)
+from adhesion_can.diagnosis.next_drive.discrepancy import Comparison, add_grams, minimise
+from adhesion_can.diagnosis.next_drive.drive_setting import DriveSetting, TrainResistance
+from adhesion_can.diagnosis.next_drive.explanations import PLAIN, Explanation
+from adhesion_can.diagnosis.next_drive.planned_drive import DriveStart, predict_drive
+from adhesion_can.diagnosis.next_drive.search import find_shortest
+from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.model import Model, evaluate_model
+from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT, SegmentCurves
+from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep
+from adhesion_can.physics.effects import effect_by_id
+from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.simulation.scenarios import surface_by_name
+
+CURVE = SegmentCurves.from_parameters(BURCKHARDT, np.array([[0.4, 60.0, 0.3]]))
+SETTING = DriveSetting(
+    vehicle=Locomotive(),
+    load=np.full(6, 245e3),
+    resistance=TrainResistance(1.65e6, 0.0, -0.01),
+    speed=12.0,
+    covariates={"sanding_active": 0.0},
+    wheel_std=5e-4,
+    speed_error=SpeedError(0.0012, 3.0),
+    noise=0.01,
+    cycle_s=0.06,
+    block_length_s=6.0,
+)
+START = DriveStart(2.0, 12.0)
+TRACTION = PlanStep(6.0, "traction", (0.002, 0.14), 6.0, stagger=True)
+BRAKING = PlanStep(6.0, "braking", (0.002, 0.14), 6.0, stagger=True)
+COAST = PlanStep(3.0, "coast")
+
+
+def explanation(effect=None, *values, std=0.05, axle=0):
+    """An explanation whose sizes are known to a share."""
+    if effect is None:
+        return Explanation(PLAIN, "nothing acts beyond the curve", Model(CURVE), np.zeros((0, 0)))
+    candidate = Candidate(effect_by_id(effect), axle)
+    information = np.diag([1.0 / (std * abs(value)) ** 2 for value in values])
+    return Explanation(
+        candidate.name, "it acts", Model(CURVE, (candidate,), (tuple(values),)), information
+    )
+
+
+BIAS, SCALE = explanation("effort_bias", 8000.0), explanation("speed_scale", 0.01)
+FALL, TIME = explanation("falling_friction", 0.15), explanation("slow_drift", -2e-3)
+
+
+@pytest.mark.parametrize("one", [BIAS, SCALE, FALL, TIME, explanation("effort_delay", 0.03)])
+def test_what_an_explanation_predicts_leaves_it_no_residual(one):
+    drive = predict_drive((TRACTION, BRAKING), START, SETTING, one)
+    found = evaluate_model(drive.data, one.model.curves, one.model.active_effects)
+    assert np.abs(found.residual).max() < 1e-6
+    (data,) = drive.data.drives
+    slip = data.observe().slip[drive.step == 0]
+    assert slip.min() > -1e-9
+    assert slip.max() == pytest.approx(0.14, abs=0.01)
+
+
+def test_the_prediction_agrees_with_the_simulated_locomotive():
+    """An oracle of its own: the plant with its wheels, its train and its controller."""
+    plan = DrivingPlan((TRACTION, BRAKING), 12.0)
+    config = as_configuration(None)
+    settings = build_run_settings("dry", 12.0, 1, ["falling_friction=0.15"], config, plan=plan)
+    simulation = make_simulation(settings, config)
+    rows = []
+    for _ in drive_plan(simulation, config, plan):
+        plant = simulation.plant
+        rows.append((simulation.now_us / 1e6, *(plant.force / plant.load)))
+    rows = np.array(rows)
+    curves = SegmentCurves.from_parameters(BURCKHARDT, np.array([surface_by_name("dry").theta]))
+    one = Explanation(FALL.name, "", Model(curves, *vars_of(FALL)), FALL.information)
+    drive = predict_drive(plan.steps, DriveStart(0.0, 12.0), SETTING, one)
+    (data,) = drive.data.drives
+    observed = data.observe().adhesion
+    for axle in range(1, 7):
+        own = data.axle == axle
+        true = np.interp(data.t_s[own], rows[:, 0], rows[:, axle])
+        # Where the curve is steep, the controller's error of the slip is what one would see.
+        flat = (data.t_s[own] % 6.0 > 1.5) & (np.abs(data.observe().slip[own]) > 0.05)
+        assert np.abs(true - observed[own])[flat].mean() < 0.003
+
+
+def vars_of(one):
+    return one.model.candidates, one.model.values
+
+
+def test_an_explanation_is_at_no_distance_from_itself():
+    other = explanation("effort_bias", 8000.0)
+    comparison = Comparison((BIAS, SCALE), SETTING)
+    gram = comparison._regression(predict_drive((TRACTION, COAST), START, SETTING, BIAS)).gram(
+        other.model
+    )
+    assert gram[-1, -1] < 1e-6
+
+
+def test_the_grams_of_parts_add_up_to_those_of_the_whole():
+    comparison = Comparison((BIAS, SCALE), SETTING)
+    first = comparison.build_part((TRACTION,), START)
+    second = comparison.build_part((COAST,), first.end)
+    apart = comparison.compute(add_grams(first.grams, second.grams))
+    whole = comparison.compute(comparison.build_part((TRACTION, COAST), START).grams)
+    for pair, value in whole.items():
+        assert apart[pair] == pytest.approx(value, rel=0.25)
+
+
+def test_the_linearised_discrepancy_is_near_the_one_after_a_fit():
+    comparison = Comparison((BIAS, SCALE), SETTING)
+    steps = (TRACTION, COAST, BRAKING)
+    linear = comparison.compute(comparison.build_part(steps, START).grams)
+    fitted = comparison.refit(steps, START)
+    for pair, value in linear.items():
+        assert fitted[pair].discrepancy == pytest.approx(value, rel=0.5)
+
+
+def test_the_rival_s_own_parameters_lower_the_discrepancy():
+    rng = np.random.default_rng(3)
+    columns = rng.normal(size=(200, 4))
+    gram = columns.T @ columns
+    _, free = minimise(gram, np.zeros((3, 3)))
+    _, held = minimise(gram, 1e6 * np.eye(3))
+    exact = np.linalg.lstsq(columns[:, :3], columns[:, 3], rcond=None)[1][0]
+    assert free == pytest.approx(exact)
+    assert held == pytest.approx(gram[-1, -1], rel=1e-2)
+    assert free < held
+
+
+def test_a_test_at_the_needed_discrepancy_has_its_power_and_its_level():
+    """Cox's statistic by drawing: mean T and variance 4 T under the one, -T under the other."""
+    rng = np.random.default_rng(1)
+    wanted = needed_discrepancy(power=0.95, level=0.05)
+    assert power_of(wanted) == pytest.approx(0.95)
+    away = np.zeros(50)
+    away[0] = np.sqrt(wanted)
+    noise = rng.normal(size=(20_000, 50))
+    excess = ((noise + away) ** 2).sum(axis=1) - (noise**2).sum(axis=1)
+    refuted = excess / (2.0 * np.sqrt(wanted)) > 1.645
+    assert refuted.mean() == pytest.approx(0.95, abs=0.01)
+
+
+CATALOGUE = ((TRACTION,), (BRAKING,), (COAST,), (PlanStep(6.0, "traction", (0.03, 0.03)),))
+
+
+@pytest.mark.parametrize("pair", [(BIAS, SCALE), (BIAS, explanation()), (FALL, TIME)])
+@pytest.mark.parametrize("least_s", [0.0, 10.0])
+def test_the_drive_is_as_short_as_the_best_of_all_sequences(pair, least_s):
+    comparison = Comparison(pair, SETTING)
+    built = {}
+
+    def build(steps, _start):
+        """Parts that do not depend on the speed, so that every sequence can be tried."""
+        if steps not in built:
+            built[steps] = comparison.build_part(steps, START)
+        return built[steps]
+
+    def reached(sequence):
+        grams = dict(build(sequence[0], START).grams)
+        for steps in sequence[1:]:
+            grams = add_grams(grams, build(steps, START).grams)
+        return min(comparison.compute(grams).values())
+
+    def duration(sequence):
+        return sum(step.duration_s for steps in sequence for step in steps)
+
+    wanted = 0.6 * reached((CATALOGUE[0], CATALOGUE[1], CATALOGUE[2]))
+    every = [s for count in (1, 2, 3, 4) for s in product(CATALOGUE, repeat=count)]
+    good = [s for s in every if reached(s) >= wanted and duration(s) >= least_s]
+    shortest = min(map(duration, good))
+    most = max(reached(s) for s in good if duration(s) == shortest)
+    found, _ = find_shortest(
+        CATALOGUE, START, PlanLimits(), wanted, least_s, build, comparison.compute
+    )
+    assert found.duration_s == pytest.approx(shortest)
+    assert found.reached >= 0.9 * most
+
+
+def test_the_sentence_says_what_to_drive_and_what_each_predicts():
+    found = plan_drive((BIAS, SCALE), SETTING, PlanLimits())
+    assert found.plan is not None
+    assert found.sentence.startswith(f"Drive {found.plan.duration_s:g} s from 12 m/s: 1 s coasting")
+    for one in (BIAS, SCALE):
+        assert f"If {one.name} holds, the adhesion used in step" in found.sentence
+    assert all(pair.power > 0.95 for pair in found.pairs)
+    assert {(pair.explanation, pair.rival) for pair in found.pairs} == {
+        (BIAS.name, SCALE.name), (SCALE.name, BIAS.name)
+    }  # fmt: skip
+    assert found.plan.duration_s <= 60.0
+
+
+def test_limits_hold_in_the_plan():
+    limits = PlanLimits(slip_max=0.05, braking=False, single_axles=False, effort_max=110e3)
+    plan = plan_drive((BIAS, SCALE), SETTING, limits).plan
+    assert plan is not None
+    assert all(step.mode != "braking" and not step.axles for step in plan.steps)
+    assert max(max(step.slip) for step in plan.steps) <= 0.05
+
+
+@pytest.mark.parametrize(
+    ("explanations", "limits", "said"),
+    [
+        ((), PlanLimits(), "no explanation is left"),
+        ((BIAS,), PlanLimits(), "one explanation is left, effort_bias"),
+        ((BIAS, SCALE), PlanLimits(effort_max=5e2), "no manoeuvre is within the limits"),
+        ((explanation("slow_drift", -1e-7), explanation()), PlanLimits(duration_max=30.0),
+         "tells the plain curve from slow_drift"),
+    ],
+)  # fmt: skip
+def test_where_nothing_tells_them_apart_there_is_no_plan(explanations, limits, said):
+    found = plan_drive(explanations, SETTING, limits)
+    assert found.plan is None
+    assert found.sentence.startswith("No plan: ")
+    assert said in found.sentence
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("effect", "rival"),
+    [("effort_delay=0.02", "wheel_speed_delay"), ("falling_friction=0.2", PLAIN)],
+)
+def test_from_a_drive_with_rivals_to_the_one_that_is_left(tmp_path, effect, rival):
+    id_ = effect.partition("=")[0]
+    first = simulate("dry", 120.0, 1, effects=[effect]).write(tmp_path / "first.log")
+    before = diagnose(first, next_drive=True)
+    assert before.next_drive is not None
+    (name,) = (one for one in before.next_drive.explanations if one.split()[0] == id_)
+    assert rival in before.next_drive.explanations
+    write_plan(before.next_drive.plan, tmp_path / "plan.toml")
+    plan = read_plan(tmp_path / "plan.toml")
+    drive = simulate("dry", None, 2, effects=[effect], plan=plan)
+    second = drive.write(tmp_path / "second.log")
+    after = diagnose([first, second])
+    assert after.remaining is not None
+    assert after.remaining.left == (name,)
+    assert f"second.log leaves {name}" in after.remaining.sentence
+    assert after.to_dict()["remaining"]["left"] == [name]
