@@ -457,6 +457,26 @@ class Diagnosis:
         return not (gain.leaves_much or leaves_more or any(one.is_sure for one in self.evidence))
 
     @property
+    def next_step(self) -> str:
+        """What to do now, one line."""
+        if self.gain is None:
+            return "record a drive that sweeps the slip in traction and braking for four minutes"
+        if any(cause.rivals for cause in self.causes):
+            return "drive what tells the rivals apart: --next-drive PLAN.toml computes it"
+        if self.verdict is Verdict.NAMED:
+            return (
+                "confirm it on another drive with --holdout, then give the model of --extended to "
+                "run and replay"
+            )
+        if self.verdict is Verdict.UNEXPLAINED and self.closest:
+            return "drive what tells the closest explanations apart: --next-drive PLAN.toml"
+        if self.verdict is Verdict.UNEXPLAINED:
+            return "bring the signal that could say why as a channel, or a law with --formula"
+        if not self.conclusive:
+            return "record a longer drive that excites more, and diagnose both together"
+        return "nothing: use the plain curve"
+
+    @property
     def held_out_files(self) -> set[str]:
         """Names of the files that were held out whole, by the user or by the diagnosis."""
         named = {file.name for file in self.input_files if file.held_out}
@@ -476,6 +496,7 @@ class Diagnosis:
             "gain": None if self.gain is None else self.gain.to_dict(),
             "evidence": [asdict(e) | {"most_alike": list(e.most_alike)} for e in self.evidence],
             "needed": self.needed,
+            "next": self.next_step,
             "closest": [one.to_dict() for one in self.closest],
             "environments": [one.to_dict() for one in self.environments],
             "noise": None if self.noise is None else self.noise.to_dict(),

@@ -383,3 +383,4 @@ def _next_steps(found: Diagnosis) -> Iterator[str]:
         yield found.remaining.sentence
     if found.next_drive is not None:
         yield found.next_drive.sentence
+    yield f"Next: {found.next_step}."
