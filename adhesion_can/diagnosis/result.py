@@ -461,20 +461,19 @@ class Diagnosis:
         """What to do now, one line."""
         if self.gain is None:
             return "record a drive that sweeps the slip in traction and braking for four minutes"
-        if any(cause.rivals for cause in self.causes):
-            return "drive what tells the rivals apart: --next-drive PLAN.toml computes it"
         if self.verdict is Verdict.NAMED:
+            if any(cause.rivals for cause in self.causes):
+                return "drive what tells the rivals apart: --next-drive PLAN.toml computes it"
             return (
                 "confirm it on another drive with --holdout, then give the model of --extended to "
                 "run and replay"
             )
-        if self.verdict is Verdict.UNEXPLAINED and self.closest:
-            return "drive what tells the closest explanations apart: --next-drive PLAN.toml"
-        if self.verdict is Verdict.UNEXPLAINED:
-            return "bring the signal that could say why as a channel, or a law with --formula"
-        if not self.conclusive:
-            return "record a longer drive that excites more, and diagnose both together"
-        return "nothing: use the plain curve"
+        if self.verdict is Verdict.NOTHING:
+            longer = "record a longer drive that excites more, and diagnose both together"
+            return "nothing: use the plain curve" if self.conclusive else longer
+        by_drive = "drive what tells the closest explanations apart: --next-drive PLAN.toml"
+        by_signal = "bring the signal that could say why as a channel, or a law with --formula"
+        return by_drive if self.closest else by_signal
 
     @property
     def held_out_files(self) -> set[str]:
