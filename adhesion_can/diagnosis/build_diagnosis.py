@@ -300,7 +300,12 @@ def _build_evidence(found: Findings) -> list[Evidence]:
     out = []
     for place, candidate in enumerate(candidates):
         cosines = np.abs(detection.cosines[place])
-        others = [i for i, c in enumerate(candidates) if c.effect.id != candidate.effect.id]
+        # What the curve imitates leaves round-off, whose cosines mean nothing.
+        others = [
+            i
+            for i, c in enumerate(candidates)
+            if c.effect.id != candidate.effect.id and detection.absorbed[i] < IMITATED
+        ]
         most_alike = int(others[int(np.argmax(cosines[others]))]) if others else place
         gain = alone.get(candidate, 50.0 * float(detection.test.gain[place]))
         out.append(
