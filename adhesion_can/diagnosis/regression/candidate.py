@@ -63,8 +63,9 @@ class Candidate:
     def lower_bound(self, parameter: Parameter) -> float:
         """Smallest value of a parameter that a difference quotient may use.
 
-        The size of an error of the instruments, as a delay, may be tried on both sides of 0. A one-sided difference of a noisy signal follows
-        its noise, and finds a delay of milliseconds where there is none.
+        The size of an error of the instruments may be tried on both sides of 0. A one-sided
+        difference of a noisy signal follows its noise, and finds a delay of milliseconds where
+        there is none.
         """
         is_size = parameter == self.free_parameters[0]
         signed = is_size and not acts_in_contact(self.effect)
