@@ -158,8 +158,9 @@ class DoubtingTracker(Stateful):
         # What the full model explains, its distance from the estimate stands for.
         remaining = assessment.remaining
         inflation = remaining.beyond_chance
-        if inflation > 1.0:
-            mu_share = hypot(mu_share, remaining.level_std / estimate.mu_max)
+        # The level that comes next scatters about the mean one, over blocks or half seconds.
+        by_blocks = remaining.level_std / estimate.mu_max if inflation > 1.0 else 0.0
+        mu_share = hypot(mu_share, max(by_blocks, self._monitor.level_scatter))
         scale = sqrt(inflation)
         mu_std = hypot(scale * estimate.mu_max_std, mu_share * estimate.mu_max)
         lambda_std = hypot(scale * estimate.lambda_m_std, lambda_share * estimate.lambda_m)

@@ -38,6 +38,7 @@ from adhesion_can.estimation.doubt.lasting_errors import (
     LastingErrors,
     estimate_lasting_errors,
 )
+from adhesion_can.estimation.doubt.level_scatter import LevelScatter
 from adhesion_can.estimation.doubt.pooled_curve import PooledCurve
 from adhesion_can.estimation.doubt.rows import RowBuilder
 from adhesion_can.estimation.doubt.score_tests import FEWEST_BLOCKS, Selection, select_directions
@@ -148,6 +149,7 @@ class DoubtMonitor(Stateful):
         self.assessment = UNKNOWN
         """Latest assessment."""
         self._level_squares: deque[float] = deque(maxlen=RECENT)
+        self._scatter = LevelScatter(slip_max)
         self._waits = False
         """Whether the latest block was not assessed."""
         self.surface_holds = True
@@ -161,6 +163,14 @@ class DoubtMonitor(Stateful):
         """
         squares = self._level_squares
         return sqrt(max(sum(squares) / len(squares), 0.0)) if squares else 0.0
+
+    @property
+    def level_scatter(self) -> float:
+        """Standard deviation by which estimates missed the level of the next half second lately.
+
+        As a share of the adhesion; 0 where chance explains it.
+        """
+        return self._scatter.std
 
     def add(self, samples: Samples, estimate: Estimate) -> bool:
         """Add samples; whether there is a new assessment.
@@ -176,6 +186,7 @@ class DoubtMonitor(Stateful):
                 self._series.add_candidate()
             self._since_us = estimate.surface_since_us
         self._waiting.append(samples)
+        self._scatter.add(samples, estimate)
         self._look_back(samples, estimate)
         begun_us, now_us = int(self._waiting[0].t_us[0]), int(samples.t_us[-1])
         if now_us - begun_us < self._series.block_s * 1e6:
