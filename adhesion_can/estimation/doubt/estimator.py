@@ -93,6 +93,7 @@ class DoubtingTracker(Stateful):
         # The level that comes next scatters about the mean one.
         mu_share = hypot(mu_share, self._monitor.level_std)
         mu_std = hypot(pooled.mu_max_std, mu_share * pooled.mu_max)
+        lambda_share = max(lambda_share, self._monitor.slip_error(pooled.lambda_m))
         lambda_std = hypot(pooled.lambda_m_std, lambda_share * pooled.lambda_m)
         known = (
             mu_std <= limits.mu_max_std * pooled.mu_max
@@ -155,6 +156,7 @@ class DoubtingTracker(Stateful):
         if assessment.plain is None:
             # Samples near the peak tell its height, whatever the shape, but not its place.
             lambda_share = self._settings.first_lambda_m_std
+        lambda_share = max(lambda_share, self._monitor.slip_error(estimate.lambda_m))
         # What the full model explains, its distance from the estimate stands for.
         remaining = assessment.remaining
         inflation = remaining.beyond_chance

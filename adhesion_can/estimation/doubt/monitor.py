@@ -39,6 +39,7 @@ from adhesion_can.estimation.doubt.lasting_errors import (
     estimate_lasting_errors,
 )
 from adhesion_can.estimation.doubt.level_scatter import LevelScatter
+from adhesion_can.estimation.doubt.peak_scatter import slip_scatter
 from adhesion_can.estimation.doubt.pooled_curve import PooledCurve
 from adhesion_can.estimation.doubt.rows import RowBuilder
 from adhesion_can.estimation.doubt.score_tests import FEWEST_BLOCKS, Selection, select_directions
@@ -88,6 +89,7 @@ class Assessment(Value):
             Burckhardt's, or too little is known.
         instrument_std: Standard deviations of μ_max and λ_m by what the instruments may be wrong
             by and the data have not excluded, as shares of them.
+        lambda_m_scatter: Standard deviation of λ_m by the scatter of the blocks, as a share of it.
 
     """
 
@@ -99,6 +101,7 @@ class Assessment(Value):
     full: PeakEstimate | None = None
     families: FamilyComparison | None = None
     instrument_std: tuple[float, float] = (0.0, 0.0)
+    lambda_m_scatter: float = 0.0
 
 
 UNKNOWN = Assessment(Doubt.NONE, (), NONE, NONE)
@@ -163,6 +166,20 @@ class DoubtMonitor(Stateful):
         """
         squares = self._level_squares
         return sqrt(max(sum(squares) / len(squares), 0.0)) if squares else 0.0
+
+    def slip_error(self, lambda_m: float) -> float:
+        """Standard deviation of an estimated λ_m by errors that last, as a share of it.
+
+        The tracker forgets fast where samples contradict each other, as on a rail that dries. An
+        error of the speed that lasts for seconds makes it do so as well, and λ_m then follows that
+        error: the distance to the curve of all samples is a part of its standard deviation. Where
+        the surface may have changed, that curve is of both surfaces.
+        """
+        assessment = self.assessment
+        if assessment.plain is None:
+            return 0.0
+        far = 0.0 if self._series.candidates else assessment.plain.lambda_m / lambda_m - 1.0
+        return hypot(far, assessment.lambda_m_scatter)
 
     @property
     def level_scatter(self) -> float:
@@ -276,6 +293,7 @@ class DoubtMonitor(Stateful):
             peak(full),
             families,
             instrument_std,
+            slip_scatter(reduced, curve),
         )
 
     def _compare_families(
