@@ -37,6 +37,7 @@ from adhesion_can.estimation.doubt.lasting_errors import (
     NONE,
     LastingErrors,
     estimate_lasting_errors,
+    slip_inflation,
 )
 from adhesion_can.estimation.doubt.level_scatter import LevelScatter
 from adhesion_can.estimation.doubt.peak_scatter import slip_scatter
@@ -137,6 +138,7 @@ class DoubtMonitor(Stateful):
         self._instruments = {
             CURVE + names.index(name): std for name, std in stds.items() if std > 0.0
         }
+        self._scale = CURVE + names.index(SPEED_SCALE)
         self._prior_std = dict(self._instruments)
         if settings.shape_std > 0.0:
             self._prior_std |= dict.fromkeys(range(TANGENTS, CURVE), settings.shape_std)
@@ -274,11 +276,17 @@ class DoubtMonitor(Stateful):
         spread = full.spread(reduced.scores.shape[1])
         left = estimate_lasting_errors(reduced, reduced.current, spread) or lasting
         full = self._fit_all(reduced, selection, left.inflation)
+        by_speed = slip_inflation(reduced, self._scale)
         reached = max(self.reached, curve.lambda_m)
 
         def peak(fit: JointFit) -> PeakEstimate:
             return compute_joint_peak(fit, curve, self._directions, present, reached)
 
+        full_peak = peak(full)
+        if by_speed > left.inflation:
+            # The scale of the speed does not become known by samples that share its lasting error.
+            slow = peak(self._fit_all(reduced, selection, by_speed))
+            full_peak = full_peak._replace(lambda_m_std=slow.lambda_m_std)
         plain_peak, families = peak(plain), self._compare_families(selection, lasting, curve)
         instrument_std = (0.0, 0.0)
         if families is not None:
@@ -290,7 +298,7 @@ class DoubtMonitor(Stateful):
             lasting,
             left,
             plain_peak,
-            peak(full),
+            full_peak,
             families,
             instrument_std,
             slip_scatter(reduced, curve),
