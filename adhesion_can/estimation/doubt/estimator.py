@@ -93,7 +93,6 @@ class DoubtingTracker(Stateful):
         # The level that comes next scatters about the mean one.
         mu_share = hypot(mu_share, self._monitor.level_std)
         mu_std = hypot(pooled.mu_max_std, mu_share * pooled.mu_max)
-        lambda_share = max(lambda_share, self._monitor.slip_error(pooled.lambda_m))
         lambda_std = hypot(pooled.lambda_m_std, lambda_share * pooled.lambda_m)
         known = (
             mu_std <= limits.mu_max_std * pooled.mu_max
@@ -161,8 +160,14 @@ class DoubtingTracker(Stateful):
         remaining = assessment.remaining
         inflation = remaining.beyond_chance
         # The level that comes next scatters about the mean one, over blocks or half seconds.
-        by_blocks = remaining.level_std / estimate.mu_max if inflation > 1.0 else 0.0
-        mu_share = hypot(mu_share, max(by_blocks, self._monitor.level_scatter))
+        level = remaining.level_std / estimate.mu_max if inflation > 1.0 else 0.0
+        scatter = self._monitor.level_scatter
+        if assessment.doubt is Doubt.NONE:
+            level = max(level, scatter)
+        else:
+            # The distance to the full model is a part of that scatter.
+            mu_share = max(mu_share, scatter)
+        mu_share = hypot(mu_share, level)
         scale = sqrt(inflation)
         mu_std = hypot(scale * estimate.mu_max_std, mu_share * estimate.mu_max)
         lambda_std = hypot(scale * estimate.lambda_m_std, lambda_share * estimate.lambda_m)
