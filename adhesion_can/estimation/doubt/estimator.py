@@ -155,11 +155,19 @@ class DoubtingTracker(Stateful):
         if assessment.plain is None:
             # Samples near the peak tell its height, whatever the shape, but not its place.
             lambda_share = self._settings.first_lambda_m_std
+        lambda_share = max(lambda_share, self._monitor.slip_error(estimate.lambda_m))
         # What the full model explains, its distance from the estimate stands for.
         remaining = assessment.remaining
         inflation = remaining.beyond_chance
-        if inflation > 1.0:
-            mu_share = hypot(mu_share, remaining.level_std / estimate.mu_max)
+        # The level that comes next scatters about the mean one, over blocks or half seconds.
+        level = remaining.level_std / estimate.mu_max if inflation > 1.0 else 0.0
+        scatter = self._monitor.level_scatter
+        if assessment.doubt is Doubt.NONE:
+            level = max(level, scatter)
+        else:
+            # The distance to the full model is a part of that scatter.
+            mu_share = max(mu_share, scatter)
+        mu_share = hypot(mu_share, level)
         scale = sqrt(inflation)
         mu_std = hypot(scale * estimate.mu_max_std, mu_share * estimate.mu_max)
         lambda_std = hypot(scale * estimate.lambda_m_std, lambda_share * estimate.lambda_m)

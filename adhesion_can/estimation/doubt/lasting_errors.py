@@ -65,3 +65,22 @@ def estimate_lasting_errors(
     expected = float(noise @ (1.0 / np.maximum(information, 1e-3 * total / known)))
     level_std = np.sqrt(max(fluctuation - expected, 0.0) / total)
     return LastingErrors(batch_inflation(score, noise), float(level_std))
+
+
+def slip_inflation(blocks: ReducedBlocks, scale: int) -> float:
+    """Inflation of the variance by errors of the vehicle speed that last; 1 by chance alone.
+
+    Args:
+        blocks: Blocks at the pooled curve.
+        scale: Index of the coefficient of the speed's scale.
+
+    """
+    current = slice(0, blocks.current)
+    information = blocks.grams[current, scale, scale]
+    total = float(information.sum())
+    if not total > 0.0:
+        return 1.0
+    # What errors of the slips add counts as noise here.
+    noise = information * (1.0 + float(blocks.dilution[scale, scale]) / total)
+    inflation = batch_inflation(blocks.scores[current, scale], noise)
+    return inflation if inflation > LASTING else 1.0

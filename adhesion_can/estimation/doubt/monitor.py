@@ -37,7 +37,10 @@ from adhesion_can.estimation.doubt.lasting_errors import (
     NONE,
     LastingErrors,
     estimate_lasting_errors,
+    slip_inflation,
 )
+from adhesion_can.estimation.doubt.level_scatter import LevelScatter
+from adhesion_can.estimation.doubt.peak_scatter import slip_scatter
 from adhesion_can.estimation.doubt.pooled_curve import PooledCurve
 from adhesion_can.estimation.doubt.rows import RowBuilder
 from adhesion_can.estimation.doubt.score_tests import FEWEST_BLOCKS, Selection, select_directions
@@ -87,6 +90,7 @@ class Assessment(Value):
             Burckhardt's, or too little is known.
         instrument_std: Standard deviations of μ_max and λ_m by what the instruments may be wrong
             by and the data have not excluded, as shares of them.
+        lambda_m_scatter: Standard deviation of λ_m by the scatter of the blocks, as a share of it.
 
     """
 
@@ -98,6 +102,7 @@ class Assessment(Value):
     full: PeakEstimate | None = None
     families: FamilyComparison | None = None
     instrument_std: tuple[float, float] = (0.0, 0.0)
+    lambda_m_scatter: float = 0.0
 
 
 UNKNOWN = Assessment(Doubt.NONE, (), NONE, NONE)
@@ -133,6 +138,7 @@ class DoubtMonitor(Stateful):
         self._instruments = {
             CURVE + names.index(name): std for name, std in stds.items() if std > 0.0
         }
+        self._scale = CURVE + names.index(SPEED_SCALE)
         self._prior_std = dict(self._instruments)
         if settings.shape_std > 0.0:
             self._prior_std |= dict.fromkeys(range(TANGENTS, CURVE), settings.shape_std)
@@ -148,6 +154,7 @@ class DoubtMonitor(Stateful):
         self.assessment = UNKNOWN
         """Latest assessment."""
         self._level_squares: deque[float] = deque(maxlen=RECENT)
+        self._scatter = LevelScatter(slip_max)
         self._waits = False
         """Whether the latest block was not assessed."""
         self.surface_holds = True
@@ -161,6 +168,28 @@ class DoubtMonitor(Stateful):
         """
         squares = self._level_squares
         return sqrt(max(sum(squares) / len(squares), 0.0)) if squares else 0.0
+
+    def slip_error(self, lambda_m: float) -> float:
+        """Standard deviation of an estimated λ_m by errors that last, as a share of it.
+
+        The tracker forgets fast where samples contradict each other, as on a rail that dries. An
+        error of the speed that lasts for seconds makes it do so as well, and λ_m then follows that
+        error: the distance to the curve of all samples is a part of its standard deviation. Where
+        the surface may have changed, that curve is of both surfaces.
+        """
+        assessment = self.assessment
+        if assessment.plain is None:
+            return 0.0
+        far = 0.0 if self._series.candidates else assessment.plain.lambda_m / lambda_m - 1.0
+        return hypot(far, assessment.lambda_m_scatter)
+
+    @property
+    def level_scatter(self) -> float:
+        """Standard deviation by which estimates missed the level of the next half second lately.
+
+        As a share of the adhesion; 0 where chance explains it.
+        """
+        return self._scatter.std
 
     def add(self, samples: Samples, estimate: Estimate) -> bool:
         """Add samples; whether there is a new assessment.
@@ -176,6 +205,7 @@ class DoubtMonitor(Stateful):
                 self._series.add_candidate()
             self._since_us = estimate.surface_since_us
         self._waiting.append(samples)
+        self._scatter.add(samples, estimate)
         self._look_back(samples, estimate)
         begun_us, now_us = int(self._waiting[0].t_us[0]), int(samples.t_us[-1])
         if now_us - begun_us < self._series.block_s * 1e6:
@@ -246,11 +276,17 @@ class DoubtMonitor(Stateful):
         spread = full.spread(reduced.scores.shape[1])
         left = estimate_lasting_errors(reduced, reduced.current, spread) or lasting
         full = self._fit_all(reduced, selection, left.inflation)
+        by_speed = slip_inflation(reduced, self._scale)
         reached = max(self.reached, curve.lambda_m)
 
         def peak(fit: JointFit) -> PeakEstimate:
             return compute_joint_peak(fit, curve, self._directions, present, reached)
 
+        full_peak = peak(full)
+        if by_speed > left.inflation:
+            # The scale of the speed does not become known by samples that share its lasting error.
+            slow = peak(self._fit_all(reduced, selection, by_speed))
+            full_peak = full_peak._replace(lambda_m_std=slow.lambda_m_std)
         plain_peak, families = peak(plain), self._compare_families(selection, lasting, curve)
         instrument_std = (0.0, 0.0)
         if families is not None:
@@ -262,9 +298,10 @@ class DoubtMonitor(Stateful):
             lasting,
             left,
             plain_peak,
-            peak(full),
+            full_peak,
             families,
             instrument_std,
+            slip_scatter(reduced, curve),
         )
 
     def _compare_families(

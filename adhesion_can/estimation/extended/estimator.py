@@ -23,6 +23,7 @@ from adhesion_can.estimation.extended.current_curve import (
     compute_peaks,
 )
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.estimation.extended.switch_times import switches_of
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.effects import LagStates, compute_change
@@ -80,6 +81,7 @@ class ExtendedEstimator:
         self._form_std = (0.0, 0.0) if model.curve is None else model.curve.peak_std
         self._scaled = False
         self._signals = _SteppedSignals()
+        self._switches = switches_of(self._actives)
         self._lags = LatestLagStates()
         self._origin_us: int | None = None
         self._conditions: LatestConditions | None = None
@@ -111,6 +113,7 @@ class ExtendedEstimator:
             scaled = scale_to_usual(samples, self._actives, origin, axles)
             self._scaled, self._actives = scaled is not None, scaled or self._actives
         before = self._signals.update(samples)
+        samples = self._with_switches(samples)
         if before is not None:
             samples = self._with_uncertain_signals(samples, before)
         result = remove_effects(samples, self._actives, origin, axles, self._lags)
@@ -119,6 +122,18 @@ class ExtendedEstimator:
         if result.contact is not None:
             self._conditions = LatestConditions.update(result.contact, self._conditions)
         return result.samples
+
+    def _with_switches(self, samples: Samples) -> Samples:
+        """Samples with the values of switches that they show, before their messages do."""
+        base = self._base
+        if not self._switches or base is None:
+            return samples
+        if not have_channels(samples, self._actives, Counter()).all():
+            return samples
+        steady = SteadyLagStates(self._lags.states)
+        for switch in self._switches:
+            samples = switch.apply(samples, base, self._actives, steady, self._axles)
+        return samples
 
     def _with_uncertain_signals(self, samples: Samples, before: Mapping[str, float]) -> Samples:
         """Samples whose variances hold the difference that values before a step would make.

@@ -1,0 +1,61 @@
+"""Errors of the vehicle speed that last: what λ_m and its standard deviation make of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adhesion_can.estimation.doubt.estimator import DoubtingTracker
+from adhesion_can.estimation.tracker.tracker import Tracker
+from tests.estimation.doubt.doubt_helpers import AXLES, in_seconds, make_samples
+
+STEEP = (0.32, 170.0, 0.9)
+LAMBDA_M = float(np.log(STEEP[0] * STEEP[1] / STEEP[2]) / STEEP[1])
+
+
+def lasting_error(rng, stamps_us, std, memory_s):
+    """Autoregressive error of the first order at stamps, the same for all axles."""
+    frames, member = np.unique(stamps_us, return_inverse=True)
+    keep = np.exp(-np.diff(frames) * 1e-6 / memory_s)
+    error = rng.standard_normal(len(frames))
+    for k in range(1, len(error)):
+        error[k] = keep[k - 1] * error[k - 1] + np.sqrt(1 - keep[k - 1] ** 2) * error[k]
+    return std * error[member]
+
+
+def coverage(std, memory_s, seeds, seconds=120.0):
+    """Share of the estimates after 20 s whose 95 % intervals of λ_m hold, and that of TRACKING."""
+    held, tracked = [], []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        true = make_samples(rng, seconds, theta=STEEP)
+        # Relative error e of the speed: 1 + λ is divided by 1 + e.
+        error = lasting_error(rng, true.t_us, std, memory_s)
+        samples = replace(true, slip=(1 + true.slip) / (1 + error) - 1, speed_us=true.t_us)
+        estimator = DoubtingTracker(Tracker(), AXLES)
+        for part in in_seconds(samples, 0.2):
+            estimate = estimator.update(part, int(part.t_us[-1]) + 1)
+            if estimate is not None and part.t_us[-1] > 20e6:
+                off = abs(estimate.lambda_m - LAMBDA_M)
+                held.append(off <= 1.96 * estimate.lambda_m_std)
+                tracked.append(estimate.identifiable.both)
+    return np.mean(held), np.mean(tracked)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("memory_s", [1.0, 10.0])
+@pytest.mark.parametrize("std", [0.001, 0.002])
+def test_intervals_hold_beside_errors_of_the_speed_that_last(std, memory_s):
+    held, _ = coverage(std, memory_s, range(8))
+    assert held >= 0.93
+
+
+def test_intervals_hold_in_a_few_drives():
+    held, _ = coverage(0.002, 10.0, range(3), seconds=90.0)
+    assert held >= 0.93
+
+
+def test_without_such_errors_nothing_is_lost():
+    held, tracked = coverage(0.0, 10.0, range(2), seconds=60.0)
+    assert held == 1.0
+    assert tracked >= 0.99
