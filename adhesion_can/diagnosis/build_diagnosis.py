@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.cause_result import Cause, NoiseResult
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.evaluate import evaluate_held_out
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
@@ -37,7 +38,7 @@ from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import Channel, build_channels
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
-from adhesion_can.diagnosis.result import Cause, Diagnosis, Gain, NoiseResult, Verdict
+from adhesion_can.diagnosis.result import Diagnosis, Gain, Verdict
 from adhesion_can.diagnosis.sentences import (
     cause_sentence,
     channel_sentence,

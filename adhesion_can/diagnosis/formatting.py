@@ -5,7 +5,7 @@ from math import floor, isfinite, log10
 
 import numpy as np
 
-from adhesion_can.diagnosis.result import ParameterValue
+from adhesion_can.diagnosis.cause_result import ParameterValue
 from adhesion_can.physics.effects import forms_of_effect
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE, CURVE_SHAPE_TITLE
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from adhesion_can.diagnosis.cause_result import ParameterValue
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
-from adhesion_can.diagnosis.result import ParameterValue
 from adhesion_can.physics.effects import Effect
 from adhesion_can.physics.parameter import Parameter
 

@@ -2,6 +2,12 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from adhesion_can.diagnosis.cause_result import (
+    Cause,
+    ClosestExplanation,
+    EnvironmentSizes,
+    SizeLevel,
+)
 from adhesion_can.diagnosis.formatting import title
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import ClosestCause, ConfirmedFindings
 from adhesion_can.diagnosis.inference.findings import Findings
@@ -9,12 +15,6 @@ from adhesion_can.diagnosis.parameter_values import effect_title, parameter_valu
 from adhesion_can.diagnosis.refutation.invariance import SizesByEnvironment
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import RegressionData
-from adhesion_can.diagnosis.result import (
-    Cause,
-    ClosestExplanation,
-    EnvironmentSizes,
-    SizeLevel,
-)
 
 
 def build_closest(

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.cause_result import Cause, ParameterValue
 from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.peak_spread import NO_SPREAD, PeakSpread
@@ -13,7 +14,7 @@ from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhar
 from adhesion_can.diagnosis.regression.model import RegressionData
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT, SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
-from adhesion_can.diagnosis.result import Cause, FamilyResult, ParameterValue, SegmentResult
+from adhesion_can.diagnosis.result import FamilyResult, SegmentResult
 from adhesion_can.estimation.identifiability import (
     IdentifiabilitySettings,
     assess_peak,

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from math import isfinite
 
+from adhesion_can.diagnosis.cause_result import Cause, ClosestExplanation, EnvironmentSizes
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence
 from adhesion_can.diagnosis.formatting import (
     LEAST_P,
@@ -17,15 +18,7 @@ from adhesion_can.diagnosis.formatting import (
     unit_text,
     value_text,
 )
-from adhesion_can.diagnosis.result import (
-    Cause,
-    ClosestExplanation,
-    Diagnosis,
-    EnvironmentSizes,
-    FamilyResult,
-    Gain,
-    Verdict,
-)
+from adhesion_can.diagnosis.result import Diagnosis, FamilyResult, Gain, Verdict
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.formula import FORMULA
 from adhesion_can.reporting.text import FittingTable, table

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
+from adhesion_can.diagnosis.cause_result import EnvironmentSizes
 from adhesion_can.diagnosis.formatting import measured, unit_text
-from adhesion_can.diagnosis.result import EnvironmentSizes
 from adhesion_can.reporting.charts import BLUE, DARK, ORANGE, Trace
 from adhesion_can.reporting.page import Figure
 

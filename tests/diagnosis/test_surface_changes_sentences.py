@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from adhesion_can.config import load_configuration
+from adhesion_can.diagnosis.cause_result import Cause, ParameterValue
 from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
 from adhesion_can.diagnosis.inference.candidates import build_candidates
 from adhesion_can.diagnosis.inference.judge_surface_changes import merge_surfaces
@@ -15,7 +16,6 @@ from adhesion_can.diagnosis.regression.find_surface_changes import (
     find_surface_changes,
 )
 from adhesion_can.diagnosis.regression.model import EXCLUDED
-from adhesion_can.diagnosis.result import Cause, ParameterValue
 from adhesion_can.diagnosis.sentences import cause_sentence, separation_sentence
 from adhesion_can.offline.load_traces import load_traces
 from adhesion_can.physics.effects import EFFECTS

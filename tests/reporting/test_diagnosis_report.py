@@ -14,22 +14,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from adhesion_can.cli.common import finite
+from adhesion_can.diagnosis.cause_result import (
+    Cause,
+    ClosestExplanation,
+    EnvironmentSizes,
+    NoiseResult,
+    ParameterValue,
+    SizeLevel,
+)
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
 from adhesion_can.diagnosis.formatting import measured
 from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
-from adhesion_can.diagnosis.result import (
-    Cause,
-    ClosestExplanation,
-    Diagnosis,
-    EnvironmentSizes,
-    Gain,
-    InputFile,
-    NoiseResult,
-    ParameterValue,
-    SegmentResult,
-    SizeLevel,
-    Verdict,
-)
+from adhesion_can.diagnosis.result import Diagnosis, Gain, InputFile, SegmentResult, Verdict
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
