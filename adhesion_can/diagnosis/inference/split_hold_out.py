@@ -15,7 +15,7 @@ from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.inference.candidates import LEAST_ROWS
 from adhesion_can.diagnosis.regression.gram_matrices import number_blocks
 
-SHORT = 0.5
+SHORT = 0.75
 """Length of a drive over that of the longest one below which it is not held out whole: it says
 little of the others, and may have been made to decide between rivals."""
 SHORT_EVERY = 2

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from adhesion_can.physics.driving_plan import PlanLimits, PlanStep
+from adhesion_can.physics.driving_plan import Mode, PlanLimits, PlanStep
 
 LOW = 0.002
 """Lower end of a sweep, slip ratio."""
@@ -15,6 +15,8 @@ PART_S = 6.0
 """Duration of a manoeuvre, s."""
 COAST_S = 3.0
 """Duration of coasting, s."""
+REVERSAL_S = 3.0
+"""Duration of traction and of braking that follow each other, s."""
 APPROACH_S = 10.0
 """Duration of pulling or braking that changes the speed, s."""
 
@@ -44,8 +46,9 @@ def _manoeuvres(
         min(share * peak_slip, limits.slip_max) for share in (highest, RISE, min(STEADY, highest))
     )
     yield (PlanStep(COAST_S, "coast"),)
-    pull, brake = (PlanStep(APPROACH_S, mode, (steady, steady)) for mode in ("traction", "braking"))
-    for mode in ("traction", "braking") if limits.braking else ("traction",):
+    modes: tuple[Mode, ...] = ("traction", "braking")
+    pull, brake = (PlanStep(APPROACH_S, mode, (steady, steady)) for mode in modes)
+    for mode in modes if limits.braking else modes[:1]:
         slow = PlanStep(PART_S, mode, (LOW, beyond), SLOW_S, stagger=True)
         yield (slow,)
         yield (PlanStep(PART_S, mode, (LOW, beyond), QUICK_S, stagger=True),)
@@ -56,11 +59,19 @@ def _manoeuvres(
         yield (pull, slow)
         if limits.braking:
             yield (brake, slow)
+            yield (
+                PlanStep(REVERSAL_S, mode, (rise, rise)),
+                PlanStep(REVERSAL_S, _other(mode), (rise, rise)),
+            )
         if sand:
             yield (PlanStep(PART_S, mode, (LOW, beyond), SLOW_S, stagger=True, sand=True),)
         if limits.single_axles and axles > 1:
             for group in _axle_groups(axles):
                 yield (PlanStep(PART_S, mode, (LOW, beyond), SLOW_S, axles=group),)
+
+
+def _other(mode: Mode) -> Mode:
+    return "braking" if mode == "traction" else "traction"
 
 
 def _axle_groups(axles: int) -> Iterator[tuple[int, ...]]:

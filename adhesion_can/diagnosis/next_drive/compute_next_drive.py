@@ -1,6 +1,7 @@
 """Compute the next drive: which manoeuvre tells the remaining explanations apart, and how."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -8,6 +9,7 @@ import scipy
 from adhesion_can.diagnosis.formatting import unit_text
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import LEVEL
+from adhesion_can.diagnosis.inference.split_hold_out import SHORT
 from adhesion_can.diagnosis.next_drive.catalogue import build_catalogue
 from adhesion_can.diagnosis.next_drive.discrepancy import Comparison, FittedRival, Pair
 from adhesion_can.diagnosis.next_drive.drive_setting import (
@@ -29,7 +31,7 @@ from adhesion_can.physics.readings import Role
 
 POWER = 0.95
 """Probability with which the plan is to refute each wrong explanation."""
-SAFETY = 2.0
+SAFETY = 1.5
 """Factor of the discrepancy for what the prediction leaves out: the noise is estimated, blocks are
 few, and a part of them is held out."""
 CYCLE_S, STABLE_SHARE = 0.01, 0.8
@@ -59,7 +61,10 @@ def compute_next_drive(
     setting = build_drive_setting(regression, fitted, found.block_length_s)
     if setting is None:
         return NextDrive((), None, f"No plan: {describe_setting(regression.data.drives)}.")
-    return plan_drive(explanations, setting, limits)
+    # A longer one would not be taken for a drive that decides.
+    longest_s = max(float(np.ptp(drive.t_s)) for drive in regression.data.drives)
+    longest_s = min(limits.duration_max, float(np.floor(SHORT * longest_s)))
+    return plan_drive(explanations, setting, replace(limits, duration_max=longest_s))
 
 
 def plan_drive(
