@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from adhesion_can.diagnosis.cause_result import EnvironmentSizes
-from adhesion_can.diagnosis.formatting import measured, unit_text
+from adhesion_can.diagnosis.formatting import unit_text, value_and_unit
 from adhesion_can.reporting.charts import BLUE, DARK, ORANGE, Trace
 from adhesion_can.reporting.page import Figure
 
@@ -56,7 +56,7 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
     }
     caption = (
         f"{parameter} of {effect} in parts of the data, with 95 % intervals; the dotted line is "
-        f"its value in all of them, {measured(size, None, unit)}. A cause has one size everywhere."
+        f"its value in all of them, {value_and_unit(size, unit)}. A cause has one size everywhere."
     )
     return Figure(caption, data, layout, MARGINS_HEIGHT + ROW_HEIGHT * len(names))
 
