@@ -119,7 +119,8 @@ def find_rail_peak(
     """Peak of the rail by the families that hold on the samples of one surface.
 
     Args:
-        samples: Samples in the order of their stamps, finite.
+        samples: Samples in the order of their stamps; those without a speed take no part, since
+            some families depend on it.
         plain: Estimate with Burckhardt's curve from these samples.
         settings: Limits from which the peak counts as identifiable.
         common: Errors common to all samples; None: those of a vehicle that is not calibrated.
@@ -128,6 +129,7 @@ def find_rail_peak(
         Peak; None for too few samples to compare families.
 
     """
+    samples = samples.select(np.isfinite(samples.speed))
     if len(samples) < LEAST_SAMPLES:
         return None
     common = common or CommonErrors()

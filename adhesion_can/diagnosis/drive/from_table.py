@@ -18,6 +18,8 @@ PAUSE_CYCLES = 8.0
 `PAUSE_S`. A cycle is the median step."""
 SEPARATION_S, SAME_STAMP_S = 10.0, 1e-6
 """Time put between rows that do not follow each other, and between rows of one stamp, s."""
+LEAST_LOAD_SHARE = 0.01
+"""Share of the median load below which force over load says nothing: the wheel hardly touches."""
 MOST_AXLES = 100
 SERIES_ROWS = 400
 """Rows without which a sample table is too short to show what its rows have in common in time: they
@@ -46,6 +48,8 @@ def build_drive_data_from_table(
     """
     good = np.abs(samples.slip) <= slip_max
     good &= (samples.speed > 0) & (samples.load > 0)
+    if good.any():
+        good &= samples.load >= LEAST_LOAD_SHARE * float(np.median(samples.load[good]))
     lost = {"slip, speed or load out of range": int((~good).sum())}
     rows = samples.select(good)
     parts = np.zeros(len(rows), dtype=np.int64) if segment is None else segment[good]

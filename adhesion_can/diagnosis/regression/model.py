@@ -336,13 +336,22 @@ def compute_signature(
         start: Values of the candidate's free parameters, with size 0.
         slip_correction: Correction added to every measured slip ratio, shape (n,).
         chord: Size of the effect at the chord's end, relative to the typical one.
-        known: Evaluation with the same curves and slip correction.
+        known: Evaluation of the model; None: it is made.
 
     Returns:
         Signature, adhesion per unit of size; shape (n,).
 
     """
-    step = chord * abs(candidate.free_parameters[0].typical)
+    if known is None:
+        known = evaluate_model(data, model.curves, model.active_effects, slip_correction)
+    size = candidate.free_parameters[0]
+    step = chord * abs(size.typical)
+    if size.lower == 0.0 == candidate.lower_bound(size):
+        # An effect of size 0 changes nothing: that end is known.
+        top = min(step, size.upper)
+        effects = model.with_effect(candidate, (top, *start[1:])).active_effects
+        moved = evaluate_model(data, model.curves, effects, slip_correction, known)
+        return np.asarray((known.residual - moved.residual) / top)
     return _difference_quotient(data, model, candidate, start, 0, step, slip_correction, known)
 
 
