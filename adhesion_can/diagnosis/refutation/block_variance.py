@@ -7,6 +7,9 @@ sums exceeds that of independent rows. The excess that is left with a cause, as 
 excess without it, says what part of the structure the cause does not describe. Unlike the ratio of
 RMSE and noise floor it is not diluted by the noise of single rows.
 
+Errors of the vehicle speed last and are common to all rows of a block; what they add to the
+variance of a sum is known from the regression and counts as expected.
+
 It is the lack-of-fit test against pure error (Draper and Smith, Applied Regression Analysis, 3rd
 ed. 1998, ch. 2) with the cells as replicates, in the form of variance components.
 """
@@ -54,7 +57,8 @@ class BlockVariance:
     """Variance of the block sums of whitened residuals.
 
     Attributes:
-        ratio: Squared sum of each cell over that expected of independent rows, shape (cells,).
+        ratio: Squared sum of each cell over that expected of independent rows and of errors of the
+            vehicle speed, shape (cells,).
         block: Block number of each cell, shape (cells,).
         row_square: Mean square of the whitened residual of a row.
 
@@ -87,12 +91,20 @@ def compute_block_variance(
     rows = np.flatnonzero(regression.used & (whitened != 0.0) & (direction != 0))
     cells = np.stack([regression.block_number, data.column("axle"), direction], axis=1)[rows]
     names, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    sums = np.bincount(cell.ravel(), whitened[rows], minlength=len(names))
+    sums = _sum_cells(whitened[rows], cell.ravel(), len(names))
     if row_square is None:
         row_square = float(np.mean(whitened[rows] ** 2)) if len(rows) else 1.0
+    by_speed = np.zeros(len(names))
+    for error in regression.whitened_speed_errors.T:
+        by_speed += _sum_cells(error[rows], cell.ravel(), len(names)) ** 2
     kept = count >= LEAST_ROWS
-    ratio = sums[kept] ** 2 / (count[kept] * max(row_square, 1e-300))
-    return BlockVariance(ratio, names[kept, 0], row_square)
+    expected = np.maximum(count * row_square + by_speed, 1e-300)
+    return BlockVariance(sums[kept] ** 2 / expected[kept], names[kept, 0], row_square)
+
+
+def _sum_cells(column: Array, cell: NDArray[np.int64], cells: int) -> Array:
+    """Sum of a column over the rows of each cell, shape (cells,)."""
+    return np.bincount(cell, column, minlength=cells).astype(np.float64)
 
 
 def compute_variance_left(

@@ -28,6 +28,7 @@ from adhesion_can.diagnosis.regression.model import (
     remove_effect,
 )
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression
+from adhesion_can.physics.parameter import Parameter
 
 LEVEL = 0.01
 """Significance level at which sizes differ, all partitions counted (Bonferroni)."""
@@ -93,9 +94,13 @@ def compute_sizes(
         regression.slip_correction,
         regression.evaluate_corrected(model),
     )
-    values = np.array(model.values[place])
+    parameters = model.candidates[place].free_parameters
     split = (_split(regression, common, jacobian, partition) for partition in partitions)
-    found = [one for part in split if (one := part.sizes(values, len(partitions))) is not None]
+    found = [
+        one
+        for part in split
+        if (one := part.sizes(parameters, model.values[place], len(partitions))) is not None
+    ]
     return sorted(found, key=lambda one: -one.spread)
 
 
@@ -116,11 +121,14 @@ class _SplitEffect:
     common: int
     parameters: int
 
-    def sizes(self, values: Array, tests: int) -> SizesByEnvironment | None:
+    def sizes(
+        self, parameters: Sequence[Parameter], values: Sequence[float], tests: int
+    ) -> SizesByEnvironment | None:
         """Sizes by environment; None where fewer than two have information on the size.
 
         Args:
-            values: Values of the effect's parameters with one size everywhere, shape (m,).
+            parameters: The effect's parameters, the size first.
+            values: Their values with one size everywhere.
             tests: Number of partitions.
 
         """
@@ -136,11 +144,16 @@ class _SplitEffect:
         change = solve_normal_equations(total[:-1, :-1], total[:-1, -1])[p:]
         covariance = self._covariance(projected, information)
         kept = np.repeat(informed, m)
-        estimates = (np.tile(values, len(informed)) + change)[kept].reshape(-1, m)
+        estimates = (np.tile(np.array(values), len(informed)) + change)[kept].reshape(-1, m)
         covariance = covariance[np.ix_(kept, kept)]
         p_value = _cochran(estimates, covariance, len(self.grams.rows))
         variances = covariance.diagonal().reshape(-1, m)
-        spreads = [_spread(estimates[:, j], variances[:, j], float(values[j])) for j in range(m)]
+        spreads = [
+            _spread(estimates[:, j], variances[:, j], values[j])
+            if j == 0 or _is_within(estimates[:, j], parameters[j])
+            else 0.0
+            for j in range(m)
+        ]
         varying = int(np.argmax(spreads))
         labels = zip(self.partition.labels, informed, strict=True)
         return SizesByEnvironment(
@@ -189,6 +202,15 @@ def _split(
     columns = [common[:, :-1], regression.whiten(split), common[:, -1]]
     grams = regression.compute_grams(np.column_stack(columns))
     return _SplitEffect(partition, grams, common.shape[1] - 1, jacobian.shape[1])
+
+
+def _is_within(values: Array, parameter: Parameter) -> bool:
+    """Whether values are within a parameter's range.
+
+    The prediction is nearly linear in a size. In a time constant it is not, and a step beyond its
+    range says only that the environment does not tell it.
+    """
+    return bool(values.min() >= parameter.lower and values.max() <= parameter.upper)
 
 
 def _cochran(estimates: Array, covariance: Array, blocks: int) -> float:

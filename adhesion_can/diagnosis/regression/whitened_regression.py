@@ -46,6 +46,9 @@ RACE_STEPS = 3
 SHORT_STEP, LEAST_PROGRESS = 1e-2, 0.02
 """Damping from which steps are short, and share of the explained square that one must then remove:
 along a flat valley hundreds would follow, and change nothing that the data show."""
+LEAST_LEFT = 0.05
+"""Share of the information on a combination of parameters that the other blocks must hold for a
+block to be predicted by them."""
 RIDGE = 1e-10
 """Added to the diagonal of a correlation matrix, so that it can be inverted."""
 WEIGHT_GROUPS, WEIGHT_ROWS = 20, 200
@@ -237,15 +240,24 @@ class FittedModel:
         """Whitened sum of squares of each block by the parameters of the others; shape (blocks,).
 
         Leaving a block out changes the parameters by (G − G_b)⁻¹ X_bᵀ e_b, to first order (case
-        deletion of blocks; Cook and Weisberg, Residuals and Influence in Regression, 1982).
+        deletion of blocks; Cook and Weisberg, Residuals and Influence in Regression, 1982). What
+        one block alone knows, as the time of a step, the others cannot predict: it stays.
         """
         moving = np.append(self.free, True)
         matrices = self.grams.matrices[:, moving][:, :, moving]
         total = matrices.sum(axis=0)[:-1, :-1]
+        norms = _column_norms(total)
+        root = np.linalg.cholesky(total / np.outer(norms, norms) + RIDGE * np.eye(len(total)))
+        # Columns in which the information of all blocks together is the unit matrix.
+        basis = scipy.linalg.solve_triangular(root, np.diag(1.0 / norms), lower=True).T
         out = np.empty(len(matrices))
         for b, gram in enumerate(matrices):
             own, score = gram[:-1, :-1], gram[:-1, -1]
-            change = -_gauss_newton_step(total - own, score, 0.0)
+            leverage, directions = np.linalg.eigh(basis.T @ own @ basis)
+            left = 1.0 - leverage
+            testable = left > LEAST_LEFT
+            scaled = np.where(testable, 1.0 / np.where(testable, left, 1.0), 0.0)
+            change = -basis @ (directions @ (scaled * (directions.T @ (basis.T @ score))))
             out[b] = gram[-1, -1] - 2.0 * float(change @ score) + float(change @ own @ change)
         return out
 

@@ -32,7 +32,7 @@ class BlendingLaw:
 _ID = "brake_blending"
 _TITLE = "a friction brake takes a share of the braking force, which the effort does not contain"
 _LITERATURE = "Wende, Fahrdynamik des Schienenverkehrs, 2003, on blended electric and air brakes"
-_SHARE = Parameter("share", "1", 0.2, 0.0, 0.6, "share of the friction brake")
+_SHARE = Parameter("share", "1", 0.2, 0.0, 0.95, "share of the friction brake")
 _REQUIRES = Requirements(braking=True)
 _ASYMMETRY = Separation(
     "traction_braking_asymmetry",
