@@ -153,7 +153,7 @@ def test_an_estimator_is_made_by_its_name(installed):
     assert type(config.make_estimator("theirs")) is type(config.make_estimator("rls"))
     assert made == [config.estimators]
     assert [*known_estimators()] == [*ESTIMATORS, "theirs"]
-    with pytest.raises(ConfigError, match="window, theirs"):
+    with pytest.raises(ConfigError, match="gradient, theirs"):
         config.make_estimator("nobodys")
 
 

@@ -97,7 +97,7 @@ def test_late_wheel_speeds_of_a_recording_are_no_inertia():
     """Two of three drives at least: the wheel speeds, and no effect of the vehicle."""
     right = 0
     for seed in range(3):
-        drive = LateWheels(duration_s=90.0).build_drive_data(np.random.default_rng(seed))
+        drive = LateWheels(duration_s=120.0).build_drive_data(np.random.default_rng(seed))
         found = diagnose([drive])
         names = {cause.effect for cause in found.causes}
         if "wheel_speed_delay" in names and "wheelset_inertia" not in names:

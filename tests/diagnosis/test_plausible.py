@@ -31,25 +31,36 @@ def test_an_inertia_that_a_locomotive_may_have_is_named(tmp_path):
     assert cause.effect == "wheelset_inertia"
 
 
-@pytest.mark.parametrize(("seed", "braking"), [(1, 2.2), (2, 3.0), (3, 0.3)])
-def test_an_asymmetry_beyond_its_range_is_told_and_neither_it_nor_its_like_is_named(
-    tmp_path, seed, braking
-):
+def asymmetric(path, seed, braking):
+    """A table of sweeps whose adhesion in braking has a factor."""
     rng = np.random.default_rng(seed)
     time_s = np.arange(8000) * 0.05
     slip = 0.1 * np.sin(2 * np.pi * time_s / 20) * np.abs(np.sin(2 * np.pi * time_s / 173))
     adhesion = np.sign(slip) * (0.35 * (1 - np.exp(-40 * np.abs(slip))) - 0.4 * np.abs(slip))
     adhesion = np.where(slip < 0, braking, 1.0) * adhesion + 0.004 * rng.standard_normal(8000)
-    path = tmp_path / "table.csv"
     columns = np.column_stack([time_s, slip, adhesion, 12 + 4 * np.sin(time_s / 41)])
     head = "time_s,slip,adhesion,speed_mps"
     np.savetxt(path, columns, delimiter=",", header=head, comments="", fmt="%.6g")
-    found = diagnose(path)
+    return path
+
+
+@pytest.mark.parametrize(("seed", "braking"), [(1, 2.2), (2, 3.0)])
+def test_an_asymmetry_beyond_its_range_is_told_and_neither_it_nor_its_like_is_named(
+    tmp_path, seed, braking
+):
+    found = diagnose(asymmetric(tmp_path / "table.csv", seed, braking))
     assert not found.causes
     assert not found.conclusive or found.verdict.value == "unexplained"
     (closest,) = (one for one in found.closest if one.effect == "traction_braking_asymmetry")
     assert "and no such vehicle has" in closest.refuted_by
     assert closest.parameters[0].value == pytest.approx(braking - 1.0, abs=0.05)
+
+
+def test_a_brake_that_takes_most_of_the_force_is_no_asymmetry_beyond_its_range(tmp_path):
+    """No rail has 30 % of the adhesion in braking; a blended brake may take 70 % of the force."""
+    (cause,) = diagnose(asymmetric(tmp_path / "table.csv", 3, 0.3)).causes
+    assert cause.effect == "brake_blending"
+    assert cause.parameters[0].value == pytest.approx(0.7, abs=0.02)
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,9 @@ from adhesion_can.arrays import Array
 MEMORIES_S = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.75, 1.0, 1.4)
 """Memories of the lasting part that are compared, s. A longer one cannot be told from the motion
 behind the widest smoothing window, 3 s."""
+MOST_DEVIATIONS, NORMAL_OVER_MEDIAN = 5.0, 1.4826
+"""Largest residual that is taken for noise, in standard deviations by the median, and the standard
+deviation of a normal variable over the median of its size."""
 CLEARLY_BETTER = 0.97
 """Residual norm of a longer memory over that of a shorter one, from which it is preferred."""
 
@@ -60,7 +63,7 @@ def fit_lasting_noise(
     """
     points = len(weights)
     lags = np.arange(2 * points)
-    observed = _autocovariance(residual, runs, points, len(lags))
+    observed = _autocovariance(_without_jumps(residual), runs, points, len(lags))
     rest = -weights
     rest[points // 2] += 1.0
     kernel = scipy.signal.fftconvolve(rest, rest[::-1])
@@ -80,6 +83,13 @@ def fit_lasting_noise(
         if miss < CLEARLY_BETTER * least and sizes[1] > 0.0:
             best, least = LastingNoise(float(sizes[0]), float(sizes[1]), memory_s), float(miss)
     return best
+
+
+def _without_jumps(residual: Array) -> Array:
+    """Residual clipped at a few of its usual sizes: a jump of the signal is no noise."""
+    usual = float(np.nanmedian(np.abs(residual))) * NORMAL_OVER_MEDIAN
+    most = MOST_DEVIATIONS * usual if usual else np.inf
+    return np.clip(residual, -most, most)
 
 
 def _autocovariance(

@@ -27,7 +27,7 @@ from adhesion_can.physics.effects import (
 from adhesion_can.physics.effects.base import Requirements
 from adhesion_can.physics.effects.lag_states import PAUSE_S
 from adhesion_can.physics.instrument_laws import Need
-from adhesion_can.physics.parameter import Wheelset
+from adhesion_can.physics.parameter import SearchStart, Wheelset
 
 LEAST_ROWS, LEAST_BLOCKS = 400, 9
 """Rows that decide, and blocks of time, without which there is no diagnosis."""
@@ -189,6 +189,18 @@ def _too_coarse(effect: Effect, drives: Sequence[DriveData]) -> str:
                     f"the rows of {drive.name} are {step:.2g} {parameter.unit} apart, too far for "
                     f"a {parameter.name} of about {parameter.typical:g} {parameter.unit}"
                 )
+    return _forgets(effect, drives)
+
+
+def _forgets(effect: Effect, drives: Sequence[DriveData]) -> str:
+    """Why rows do not follow each other closely enough for a memory; '' where they do."""
+    if not any(p.unit == "s" and p.search is SearchStart.SCALES for p in effect.parameters[1:]):
+        return ""
+    for drive in drives:
+        # The time of the regression, in which rows that do not follow each other stand apart.
+        step = median_step(drive.t_s, drive.axle)
+        if step > PAUSE_S:
+            return f"the rows of {drive.name} are {step:.2g} s apart: what has a memory begins anew"
     return ""
 
 

@@ -8,7 +8,7 @@ needs no assumption on the noise but symmetry and independent blocks, and counts
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -38,12 +38,14 @@ class SignFlipTest:
             for several; shape (groups,).
         p_value: P-value of each group, all groups counted; shape (groups,).
         gain: Share of the whitened sum of squares that each group explains, shape (groups,).
+        independent: Effective number of independent tests among the groups.
 
     """
 
     statistic: Array
     p_value: Array
     gain: Array
+    independent: float
 
 
 class Detection(NamedTuple):
@@ -100,8 +102,22 @@ def detect_groups(
     remaining = np.maximum(own.diagonal(), 0.0)
     square = np.maximum(total[firsts, firsts], 1e-300)
     norm = np.sqrt(np.maximum(remaining, 1e-12 * square))
+    cosines = own / np.outer(norm, norm)
     test = sign_flip_test(grams, nuisance, places, rng)
-    return Detection(test, 1.0 - remaining / square, own / np.outer(norm, norm))
+    # What the model imitates completely is no test.
+    tested = remaining > ROUND_OFF * square
+    independent = count_independent(cosines[np.ix_(tested, tested)])
+    return Detection(replace(test, independent=independent), 1.0 - remaining / square, cosines)
+
+
+def count_independent(cosines: Array) -> float:
+    """Effective number of independent tests, from the cosines between their columns.
+
+    It takes the place of the number of tests in Bonferroni's bound, which many tests of nearly the
+    same raise for nothing (Li and Ji, Heredity 95 (2005)).
+    """
+    values = np.abs(np.linalg.eigvalsh(cosines)) if cosines.size else np.empty(0)
+    return max(float(np.sum((values >= 1.0) + values - np.floor(values))), 1.0)
 
 
 def sign_flip_test(
@@ -146,7 +162,7 @@ def sign_flip_test(
     # The pattern without any flip must count, whatever its rounding.
     reached = largest[None, :] >= (1.0 - 1e-9) * (statistic / scale)[:, None]
     p_value = (1.0 + reached.sum(axis=1)) / (FLIPS + 1.0)
-    return SignFlipTest(statistic, p_value, np.array(gain))
+    return SignFlipTest(statistic, p_value, np.array(gain), float(len(groups)))
 
 
 def _inverse_root(sums: Array) -> Array:

@@ -6,6 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.delay_search import with_delay_for_lag, with_longer_delay
 from adhesion_can.diagnosis.inference.detect_effects import Detection
@@ -21,7 +22,11 @@ from adhesion_can.diagnosis.inference.noise_averaging import (
     without_short_delay,
 )
 from adhesion_can.diagnosis.inference.select_effects import ModelSelection
-from adhesion_can.diagnosis.inference.sensor_noise import NoiseComparison, compare_with_sensors
+from adhesion_can.diagnosis.inference.sensor_noise import (
+    NoiseComparison,
+    compare_with_sensors,
+    trimmed_rms,
+)
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.refutation.invariance import SizesByEnvironment
 from adhesion_can.diagnosis.refutation.refuted_cause import RefutedCause
@@ -253,11 +258,17 @@ class Findings:
     def noise(self) -> NoiseComparison:
         """The noise floor beside the noise of the sensors."""
         model = self.selection.best.fitted.model
-        return compare_with_sensors(self.prepared.regression, model, self.noise_floor)
+        floor = (self.noise_floor, trimmed_rms(self._noise))
+        return compare_with_sensors(self.prepared.regression, model, *floor)
 
     @cached_property
     def noise_floor(self) -> float:
         """RMSE of the adhesion with the selected effects and all channels, bias-corrected."""
+        return float(np.sqrt(np.mean(self._noise**2)))
+
+    @cached_property
+    def _noise(self) -> Array:
+        """What the selected effects and all channels leave of the adhesion, bias-corrected."""
         regression, best = self.prepared.regression, self.selection.best.fitted.model
         data, used = regression.data, regression.used
         effects = best.active_effects
@@ -270,4 +281,4 @@ class Findings:
         answer = solve_normal_equations(design.T @ design, design.T @ residual)
         noise = residual - design @ answer
         freedom = max(len(noise) - design.shape[1], 1)
-        return float(np.sqrt(np.sum(noise**2) / freedom))
+        return np.asarray(noise * np.sqrt(len(noise) / freedom))

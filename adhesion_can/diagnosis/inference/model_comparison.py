@@ -106,7 +106,7 @@ def score_model(
     return ScoredModel(fitted, rmse, sign_flip_p_value)
 
 
-def is_improvement(small: ScoredModel, large: ScoredModel, tested: int) -> bool:
+def is_improvement(small: ScoredModel, large: ScoredModel, tested: float) -> bool:
     """Whether a larger model's gain is significant, with so many effects tested, and worth it."""
     least = SECOND_LEAST_GAIN if small.candidates else LEAST_GAIN
     worth = large.rmse < (1.0 - least) * small.rmse

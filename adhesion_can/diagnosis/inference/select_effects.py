@@ -35,6 +35,7 @@ from adhesion_can.diagnosis.regression.whitened_regression import (
     WhitenedRegression,
     fit_model,
 )
+from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.effects.channel_factor import PREFIX
 
 MOST_EFFECTS, MOST_CHANNELS = 2, 2
@@ -45,6 +46,8 @@ FAR_BEHIND = 2.0
 """Sum of squares over the least one so far, beyond which a fit is given up early."""
 DRIFT_SHARE = 0.7
 """Share of what a mere drift explains, from which a channel of the user's stands in its place."""
+SAME_WORDS = 1e-3
+"""Difference of what two models explain, relative to it, up to which they are the same."""
 MOST_CHORDS = 10.0
 """Largest first step of a size, in chords."""
 
@@ -123,7 +126,10 @@ class ModelSelection:
         ]
         values = [
             *by_signs,
-            *(gain_p_value(one.fitted, self.best.fitted) * len(tested) for one in smaller),
+            *(
+                gain_p_value(one.fitted, self.best.fitted) * self.test.independent
+                for one in smaller
+            ),
         ]
         if self.best.candidates[-1] == candidate:
             values.append(self.best.sign_flip_p_value)
@@ -175,10 +181,10 @@ def select_effects(
     implausible = tuple(
         one
         for one in takewhile(lambda one: not one.is_plausible, fitted)
-        if is_improvement(plain, one, len(candidates))
+        if is_improvement(plain, one, test.independent)
     )
     # The best in whitened noise may only smooth it, and miss the adhesion as much as before.
-    improving = [one for one in singles if is_improvement(plain, one, len(candidates))]
+    improving = [one for one in singles if is_improvement(plain, one, test.independent)]
     if not improving:
         return ModelSelection(plain, plain, (), tuple(singles), test, implausible=implausible)
     best, pool = improving[0], improving
@@ -189,7 +195,7 @@ def select_effects(
     pairs = [one for one in fitted_pairs if one.is_plausible]
     if (
         pairs
-        and is_improvement(best, pairs[0], len(candidates))
+        and is_improvement(best, pairs[0], test.independent)
         and not _is_imitation(pairs[0], [*fitted, *fitted_pairs])
     ):
         best, pool = pairs[0], pairs
@@ -201,6 +207,7 @@ def select_effects(
     drift = () if measured is None else (best,)
     best = measured or best
     best = _prefer_fewest_parameters(best, [one for one in pool if not is_worse(best, one)])
+    best = _prefer_contact(best, pool, plain)
     equal = tuple(one for one in pool if one not in (best, *drift) and not is_worse(best, one))
     equal += drift
     found = ModelSelection(plain, best, equal, tuple(singles), test, implausible=implausible)
@@ -230,18 +237,18 @@ def _with_further_channels(
             break
         proposals = propose_effects(regression, best.fitted.model, channels)[:PARTNERS]
         fits = _race(regression, [one for one in proposals if one.gain > LEAST_WHITENED_GAIN])
-        if not fits or not is_improvement(best, fits[0], len(candidates)):
+        if not fits or not is_improvement(best, fits[0], found.test.independent):
             break
         best = fits[0]
     if best is found.best:
         return found
-    best, smaller = drop_needless(regression, best, len(candidates))
+    best, smaller = drop_needless(regression, best, found.test.independent)
     known = found.all_rivals()
     return replace(found, best=best, indistinguishable=(), smaller=smaller, known_rivals=known)
 
 
 def drop_needless(
-    regression: WhitenedRegression, best: ScoredModel, tested: int
+    regression: WhitenedRegression, best: ScoredModel, tested: float
 ) -> tuple[ScoredModel, tuple[ScoredModel, ...]]:
     """A model without the effects that gain nothing beside its last one, and those one smaller.
 
@@ -250,7 +257,7 @@ def drop_needless(
     Args:
         regression: Data with weights, filter and blocks.
         best: Fitted model whose last effect is a channel's.
-        tested: Number of effects tested.
+        tested: Effective number of effects tested.
 
     """
     smaller = _fit_smaller(regression, best)
@@ -439,3 +446,24 @@ def _prefer_fewest_parameters(best: ScoredModel, equal: Sequence[ScoredModel]) -
     """Of indistinguishable forms of the same effects the one with the fewest parameters."""
     same = [best, *(one for one in equal if one.ids == best.ids)]
     return min(same, key=lambda one: sum(c.size for c in one.candidates))
+
+
+def _prefer_contact(
+    best: ScoredModel, pool: Sequence[ScoredModel], plain: ScoredModel
+) -> ScoredModel:
+    """Of models that are the same in other words the one whose effects act in the contact.
+
+    A share of the braking force that is not measured is an asymmetry of the adhesion, to the last
+    digits of both fits; which of them comes first would be chance.
+    """
+    square = plain.fitted.cross_validated_square
+    explained = square - best.fitted.cross_validated_square
+    twins = [
+        one
+        for one in pool
+        if len(one.candidates) == len(best.candidates)
+        and square - one.fitted.cross_validated_square >= (1.0 - SAME_WORDS) * explained
+    ]
+    return max(
+        [best, *twins], key=lambda one: sum(acts_in_contact(c.effect) for c in one.candidates)
+    )

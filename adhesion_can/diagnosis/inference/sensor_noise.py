@@ -22,6 +22,11 @@ from adhesion_can.sampling.traces import Trace
 MOST_RATIO = 1.25
 """Ratio of an error and the sensors' noise from which the error is not called noise. In simulated
 drives whose mechanism is in the model it was 0.97 to 1.01."""
+TRIMMED, TRIMMED_NORMAL = 0.02, 0.9344
+"""Share of the largest residuals that is left out, and the RMS of normal ones without them."""
+WILD = 0.3
+"""RMS without the largest residuals, relative to the whole, below which a few wild readings are the
+error and have bent the fit: nothing follows for the others."""
 STD_ERRORS = 3.0
 """Standard errors of the sensors' noise that are allowed for."""
 
@@ -32,12 +37,14 @@ class NoiseComparison:
 
     Attributes:
         floor: RMSE of the adhesion with the selected effects and a spline in every channel.
+        usual: The same without the largest residuals: a few wild readings are no mechanism.
         sensors: RMS of the adhesion's noise by the sensors; None where the readings do not tell it.
         std_error: Standard error of `sensors`, relative to it.
 
     """
 
     floor: float
+    usual: float
     sensors: float | None
     std_error: float = 0.0
 
@@ -49,17 +56,24 @@ class NoiseComparison:
     @property
     def is_exceeded(self) -> bool:
         """Whether the floor is above what the sensors explain."""
-        return self.is_below(self.floor)
+        return self.is_below(self.usual)
 
     def is_below(self, rmse: float) -> bool:
         """Whether an error of the adhesion is above the sensors' noise for certain."""
-        if not self.sensors:
+        if not self.sensors or self.usual < WILD * self.floor:
             return False
         return rmse > MOST_RATIO * (1.0 + STD_ERRORS * self.std_error) * self.sensors
 
 
+def trimmed_rms(residual: Array) -> float:
+    """RMS without the largest residuals, scaled so that it is the RMS of normal ones."""
+    size = np.sort(np.abs(residual))
+    kept = size[: max(round((1.0 - TRIMMED) * len(size)), 1)]
+    return float(np.sqrt(np.mean(kept**2)) / TRIMMED_NORMAL) if len(kept) else 0.0
+
+
 def compare_with_sensors(
-    regression: WhitenedRegression, model: Model, floor: float
+    regression: WhitenedRegression, model: Model, floor: float, usual: float
 ) -> NoiseComparison:
     """The noise floor of a model beside the sensors' noise.
 
@@ -67,6 +81,7 @@ def compare_with_sensors(
         regression: Rows of all drives.
         model: Fitted model, at whose curves the errors of the slip are taken.
         floor: RMSE of the adhesion that no model goes below.
+        usual: The same without the largest residuals.
 
     """
     data = regression.data
@@ -80,12 +95,12 @@ def compare_with_sensors(
     ):
         noise = _estimate_residual(drive, residual) if drive.table else _effort_noise(drive)
         if drive.independent or not _is_bounded(noise, is_residual=drive.table):
-            return NoiseComparison(floor, None)
+            return NoiseComparison(floor, usual, None)
         variances.append(_variance_of_rows(drive, noise, steepness))
         errors.append(noise.std_error / noise.std if noise.std else 0.0)
     rows = regression.used
     square = float(np.mean(np.concatenate(variances)[rows])) if rows.any() else 0.0
-    return NoiseComparison(floor, float(np.sqrt(square)), max(errors, default=0.0))
+    return NoiseComparison(floor, usual, float(np.sqrt(square)), max(errors, default=0.0))
 
 
 def _variance_of_rows(drive: DriveData, noise: NoiseEstimate, steepness: Array) -> Array:

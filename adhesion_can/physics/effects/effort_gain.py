@@ -117,10 +117,10 @@ class HeatEffortGain:
     title: str = "the tractive effort is read by a share too large or too small as motors heat up"
     parameters: tuple[Parameter, ...] = (
         Parameter("gain", "1", 0.08, -_MOST, _MOST, "gain of a motor at its rating for long"),
-        Parameter("time", "s", 60.0, 10.0, 900.0, "time constant of the heat"),
+        Parameter("time", "s", 60.0, 30.0, 900.0, "time constant of the heat"),
     )
     literature: str = _LITERATURE
-    requires: Requirements = Requirements()
+    requires: Requirements = Requirements(wheel_speed=True)
     observability: Observability = Observability(
         channel="time",
         excitation="minutes of large effort, and minutes of coasting after them",
@@ -153,7 +153,7 @@ class TimeEffortGain:
         Parameter("rate", "1/s", 3e-4, -2e-3, 2e-3, "growth of the share by which it reads high"),
     )
     literature: str = _LITERATURE
-    requires: Requirements = Requirements()
+    requires: Requirements = Requirements(wheel_speed=True)
     observability: Observability = Observability(
         channel="time",
         excitation="a long drive on one rail",
