@@ -46,7 +46,7 @@ FAR_BEHIND = 2.0
 """Sum of squares over the least one so far, beyond which a fit is given up early."""
 DRIFT_SHARE = 0.7
 """Share of what a mere drift explains, from which a channel of the user's stands in its place."""
-SAME_WORDS = 1e-3
+SAME_WORDS = 0.01
 """Difference of what two models explain, relative to it, up to which they are the same."""
 MOST_CHORDS = 10.0
 """Largest first step of a size, in chords."""
@@ -453,8 +453,8 @@ def _prefer_contact(
 ) -> ScoredModel:
     """Of models that are the same in other words the one whose effects act in the contact.
 
-    A share of the braking force that is not measured is an asymmetry of the adhesion, to the last
-    digits of both fits; which of them comes first would be chance.
+    A share of the braking force that is not measured is an asymmetry of the adhesion: which of them
+    fits better by a hundredth of what both explain would be chance.
     """
     square = plain.fitted.cross_validated_square
     explained = square - best.fitted.cross_validated_square
