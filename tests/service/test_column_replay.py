@@ -143,7 +143,7 @@ def test_effects_with_memory_and_steps_give_the_same_bytes():
 
 def test_frames_and_columns_are_the_same_with_laws_of_the_instruments():
     laws = (
-        ("load_transfer", "", 1.0), ("effort_gain", "heat", 0.1, 20.0),
+        ("load_transfer", "", 1.0), ("effort_gain", "heat", 0.1, 40.0),
         ("speed_error", "low_pass", 0.3), ("curving_resistance", "", 2.0),
         ("brake_blending", "", 0.2), ("wheel_once_per_turn", "", 0.01, 1.0, 2.0),
     )  # fmt: skip
