@@ -53,7 +53,7 @@ def lawful(*effects, given=PERFECT):
 
 
 SHIFT, GAIN = ("load_transfer", "heights", 1.2, 0.7), ("effort_gain", "axle", 0.1, 2.0)
-HEAT, TIME = ("effort_gain", "heat", 0.1, 20.0), ("effort_gain", "time", 0.01)
+HEAT, TIME = ("effort_gain", "heat", 0.1, 40.0), ("effort_gain", "time", 0.01)
 STEP, PITCH = ("speed_error", "step", 0.01, 0.7), ("speed_error", "pitch", 0.1)
 OFFSET, SMOOTH = ("speed_error", "offset", 2.0), ("speed_error", "low_pass", 0.4)
 BEND, BLEND = ("curving_resistance", "", 2.0), ("brake_blending", "fade", 0.3, 12.0)
