@@ -173,24 +173,33 @@ class _ChangeTrial:
         data, model = self._start(times)
         signatures = [compute_signature(data, model, c, c.null_values)[:, None] for c in candidates]
         self._signatures = np.column_stack([*signatures, *_shape_splines(data, model)])
+        # Many columns, and few rows that are left out: their products are made once.
+        self._gram = self._signatures.T @ self._signatures
 
     def mean_square(self, times: list[float]) -> float:
         """Mean square of the residual with changes at given times, s."""
         data, model = self._start(times)
         used = data.surface != EXCLUDED
+        left_out = self._signatures[~used]
+        gram = self._gram - left_out.T @ left_out
         square = np.inf
         for _ in range(PASSES):
             evaluation = evaluate_model(data, model.curves)
-            jacobian = compute_curve_jacobian(data, model.curves, evaluation)
-            columns = np.column_stack([jacobian, self._signatures])[used]
-            residual = evaluation.residual[used]
-            answer = solve_normal_equations(columns.T @ columns, columns.T @ residual)
-            reached = float(np.sum((residual - columns @ answer) ** 2))
+            jacobian = compute_curve_jacobian(data, model.curves, evaluation) * used[:, None]
+            residual = evaluation.residual * used
+            cross = jacobian.T @ self._signatures
+            answer = solve_normal_equations(
+                np.block([[jacobian.T @ jacobian, cross], [cross.T, gram]]),
+                np.concatenate([residual @ jacobian, residual @ self._signatures]),
+            )
+            curves = jacobian.shape[1]
+            explained = jacobian @ answer[:curves] + self._signatures @ answer[curves:]
+            reached = float(np.sum((residual - explained)[used] ** 2))
             if reached >= square:
                 break
             square = reached
             # The effects stay linear; the curves move to where the effects need them.
-            model = model.with_parameters(model.parameter_vector + answer[: 3 * data.surfaces])
+            model = model.with_parameters(model.parameter_vector + answer[:curves])
         return square / max(int(used.sum()), 1)
 
     def _start(self, times: list[float]) -> tuple[RegressionData, Model]:

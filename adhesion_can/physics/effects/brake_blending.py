@@ -71,7 +71,9 @@ class FadingBrakeBlending:
     title: str = _TITLE
     parameters: tuple[Parameter, ...] = (
         _SHARE,
-        Parameter("fade", "m/s", 15.0, 2.0, 60.0, "speed from which the motors brake alone"),
+        Parameter(
+            "fade", "m/s", 15.0, 2.0, 60.0, "speed from which the motors brake alone", starts=(1.0,)
+        ),
     )
     literature: str = _LITERATURE
     requires: Requirements = _REQUIRES

@@ -117,7 +117,7 @@ class HeatEffortGain:
     title: str = "the tractive effort is read by a share too large or too small as motors heat up"
     parameters: tuple[Parameter, ...] = (
         Parameter("gain", "1", 0.08, -_MOST, _MOST, "gain of a motor at its rating for long"),
-        Parameter("time", "s", 60.0, 30.0, 900.0, "time constant of the heat"),
+        Parameter("time", "s", 60.0, 30.0, 900.0, "time constant of the heat", starts=(1.0,)),
     )
     literature: str = _LITERATURE
     requires: Requirements = Requirements(wheel_speed=True)

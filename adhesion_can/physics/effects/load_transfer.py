@@ -64,7 +64,13 @@ class LoadTransferHeights:
     parameters: tuple[Parameter, ...] = (
         _SIZE,
         Parameter(
-            "traction", "1", 1.0, 0.0, 3.0, "height of the link that pulls the body over the known"
+            "traction",
+            "1",
+            1.0,
+            0.0,
+            3.0,
+            "height of the link that pulls the body over the known",
+            starts=(1.0,),
         ),
     )
     literature: str = _LITERATURE
