@@ -17,7 +17,11 @@ def describe(one: Mechanism) -> tuple[str, ...]:
 
 def mechanism_table() -> str:
     """Every mechanism with its half, sizes and what it is no false name to call it."""
-    rows = [HEAD, ("---",) * len(HEAD), *(describe(one) for one in MECHANISMS.values())]
+    rows = [
+        HEAD,
+        ("---",) * len(HEAD),
+        *(describe(MECHANISMS[name]) for name in sorted(MECHANISMS)),
+    ]
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
