@@ -223,7 +223,10 @@ def _shows_in_adhesion(
     A curve that is flatter than the true one predicts better from a noisy slip, wherever many slips
     are about the same, as in coasting. That is no shape of the contact.
     """
-    rows = regression.used & (regression.slip_variance_share < 0.5)
+    # In units of the variance of the effort's and the wheel speed's noise together.
+    by_speed = ((regression.speed_error_design * regression.scale[:, None]) ** 2).sum(axis=1)
+    of_slip = (regression.slip_variance_share + by_speed) / (1.0 + by_speed)
+    rows = regression.used & (of_slip < 0.5)
     if not rows.any():
         return False
     before, after = (

@@ -39,6 +39,10 @@ LEAST_INFORMATION = 0.03
 """Share of the information on the size, below which an environment says nothing about it."""
 
 
+LEAST_VARIANCE = 1e-12
+"""Least variance of a size, relative to the largest one of a partition."""
+
+
 @dataclass(frozen=True, eq=False)
 class SizesByEnvironment:
     """Size of a cause in the environments of one partition.
@@ -235,12 +239,16 @@ def _cochran(estimates: Array, covariance: Array, blocks: int) -> float:
 
 def _spread(sizes: Array, variances: Array, size: float) -> float:
     """Standard deviation between environments by DerSimonian and Laird, relative to the size."""
-    weight = 1.0 / np.maximum(variances, 1e-300)
+    scale = float(variances.max())
+    if not scale or not size:
+        return 0.0
+    # Relative to the largest variance, so that no weight overflows.
+    weight = 1.0 / np.maximum(variances / scale, LEAST_VARIANCE)
     mean = float(weight @ sizes / weight.sum())
-    q = float(weight @ (sizes - mean) ** 2)
+    q = float(weight @ (sizes - mean) ** 2) / scale
     denominator = float(weight.sum() - (weight**2).sum() / weight.sum())
-    between = max((q - (len(sizes) - 1)) / max(denominator, 1e-300), 0.0)
-    return float(np.sqrt(between)) / abs(size) if size else 0.0
+    between = scale * max((q - (len(sizes) - 1)) / max(denominator, 1e-300), 0.0)
+    return float(np.sqrt(between)) / abs(size)
 
 
 def find_refuting(sizes: Sequence[SizesByEnvironment]) -> SizesByEnvironment | None:
