@@ -22,8 +22,8 @@ from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import ConfirmedFindings
 from adhesion_can.diagnosis.inference.equivalent_effects import find_equivalent_effects
 from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.hold_out_gain import TAKEN_OFF
 from adhesion_can.diagnosis.inference.one_speed import find_rivals_at_one_speed, is_at_one_speed
-from adhesion_can.diagnosis.inference.sensor_noise import trimmed_rms
 from adhesion_can.diagnosis.parameter_values import effect_title, parameter_values
 from adhesion_can.diagnosis.peak_spread import compare_peaks, fit_other_forms
 from adhesion_can.diagnosis.plot_data import (
@@ -153,10 +153,10 @@ def build_diagnosis(
 
 
 def _build_noise(found: Findings) -> NoiseResult:
-    noise, regression = found.noise, found.prepared.regression
-    left = regression.residual(found.selection.best.fitted.model)[regression.used]
-    leaves_more = noise.is_below(trimmed_rms(left))
-    return NoiseResult(noise.floor, noise.sensors, noise.ratio, noise.is_exceeded, leaves_more)
+    noise = found.noise
+    return NoiseResult(
+        noise.floor, noise.sensors, noise.ratio, noise.is_exceeded, noise.leaves_more
+    )
 
 
 def _measure_on_held_out(found: Findings, gain: Gain, model: ExtendedModel) -> Gain:
@@ -165,6 +165,8 @@ def _measure_on_held_out(found: Findings, gain: Gain, model: ExtendedModel) -> G
     ends = np.cumsum([len(drive) for drive in regression.data.drives])[:-1]
     held = np.array([bool((own < 0).all()) for own in np.split(regression.block, ends)])
     part = evaluate_held_out(regression.data, held, model)
+    if gain.held_out.endswith(TAKEN_OFF):
+        return replace(gain, as_written=part.as_written)
     return replace(
         gain,
         rmse_before=part.plain,

@@ -104,7 +104,7 @@ def build_regression(drive, block):
     data = RegressionData((drive,), np.zeros(n, dtype=np.int64), 1)
     whitener = Whitener(np.array([1.0]), ContiguousRuns(np.zeros(1, dtype=np.int64), n))
     return WhitenedRegression(
-        data, np.ones(n), zero, np.zeros((n, 0)), zero, whitener, np.ones(n), block
+        data, np.ones(n), zero, np.zeros((n, 0)), np.zeros(1), zero, whitener, np.ones(n), block
     )
 
 

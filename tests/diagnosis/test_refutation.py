@@ -60,6 +60,7 @@ def sweeps(seed, factor, *, duration_s=160.0):
         np.full(n, 1.0 / STD),
         np.zeros(n),
         np.zeros((n, 0)),
+        np.zeros(1),
         np.zeros(n),
         Whitener(np.array([1.0]), runs),
         np.ones(n),

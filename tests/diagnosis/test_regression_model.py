@@ -207,7 +207,7 @@ def build_plain_regression(drive, block_s=2.0):
     whitener = Whitener(np.array([1.0]), ContiguousRuns(np.zeros(1, dtype=np.int64), n))
     block = np.floor(drive.t_s / block_s).astype(np.int64)
     return WhitenedRegression(
-        data, np.ones(n), zero, np.zeros((n, 0)), zero, whitener, np.ones(n), block
+        data, np.ones(n), zero, np.zeros((n, 0)), np.zeros(1), zero, whitener, np.ones(n), block
     )
 
 

@@ -45,11 +45,14 @@ class SpeedError(NamedTuple):
     Attributes:
         std: Standard deviation of the smoothed vehicle speed, m/s.
         window_s: Width of the smoothing window, over which errors are correlated, s.
+        largest_std: Largest standard deviation that the readings do not rule out, m/s: of noise
+            that lasts for longer than the window they tell how fast it wanders, not how far.
 
     """
 
     std: float
     window_s: float
+    largest_std: float
 
 
 def median_step(t_s: Array, axles: NDArray[np.int64], speed: Array | float = 1.0) -> float:
@@ -145,7 +148,8 @@ class SignalKinematics:
     @property
     def speed_error(self) -> SpeedError:
         """Error of the vehicle speed that all axles share."""
-        return SpeedError(self._signals.speed.std, self._signals.speed.window_s)
+        speed = self._signals.speed
+        return SpeedError(speed.std, speed.window_s, speed.largest_std)
 
     @property
     def effort_noise(self) -> NoiseEstimate:
@@ -246,7 +250,7 @@ class TableKinematics:
 
     """
 
-    speed_error = SpeedError(0.0, 0.0)
+    speed_error = SpeedError(0.0, 0.0, 0.0)
     vehicle: Locomotive | None = None
     travel: Array | float = 1.0
     efforts: Array | None = None

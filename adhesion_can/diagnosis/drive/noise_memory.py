@@ -21,6 +21,8 @@ behind the widest smoothing window, 3 s."""
 MOST_DEVIATIONS, NORMAL_OVER_MEDIAN = 5.0, 1.4826
 """Largest residual that is taken for noise, in standard deviations by the median, and the standard
 deviation of a normal variable over the median of its size."""
+LONGEST_MEMORY_S = 10.0
+"""Longest memory with which noise is still reckoned, s."""
 CLEARLY_BETTER = 0.97
 """Residual norm of a longer memory over that of a shorter one, from which it is preferred."""
 
@@ -47,6 +49,17 @@ class LastingNoise:
         if self.memory_s:
             found = found + self.lasting * np.exp(-away / self.memory_s)
         return np.asarray(found)
+
+    @property
+    def largest_lasting(self) -> float:
+        """Variance of the lasting part if it lasts as long as noise may, the unit squared.
+
+        Of a memory longer than the widest window the readings tell no more than how fast the noise
+        wanders, 2σ²/τ. The fit then gives a shorter memory and a smaller variance of that rate.
+        """
+        if not self.memory_s:
+            return 0.0
+        return self.lasting * max(LONGEST_MEMORY_S / self.memory_s, 1.0)
 
 
 def fit_lasting_noise(

@@ -49,6 +49,8 @@ class SmoothedSignal(NamedTuple):
         std: Standard deviation of a smoothed value, the signal's unit.
         gaps: Last stamp before and first stamp after each gap, s; shape (gaps, 2).
         window_s: Width of the smoothing window, s.
+        largest_std: Standard deviation of a smoothed value where the noise may have a memory, and
+            its memory is the longest that the readings do not rule out; the signal's unit.
 
     """
 
@@ -58,16 +60,18 @@ class SmoothedSignal(NamedTuple):
     std: float
     gaps: Array
     window_s: float = 0.0
+    largest_std: float = 0.0
 
 
 class _Smoothing(NamedTuple):
-    """Smoothing with one window: cross-validated mean square, values, rates, std, width."""
+    """Smoothing with one window: cross-validated mean square, values, rates, stds, width."""
 
     unseen_square: float
     value: Array
     rate: Array
     std: float
     window_s: float
+    largest_std: float
 
 
 class _LaggedImpulse(NamedTuple):
@@ -114,7 +118,7 @@ def smooth_signal(
     gaps = np.stack([kept[after - 1], kept[after]], axis=1)
     value = best.value[available] + known_part[available]
     rate = best.rate[available] + known_rate
-    return SmoothedSignal(kept, value, rate, best.std, gaps, best.window_s)
+    return SmoothedSignal(kept, value, rate, best.std, gaps, best.window_s, best.largest_std)
 
 
 def _best_smoothing(
@@ -184,7 +188,7 @@ def _score_by_leverage(raw: Array, fit: _Fit, cycle: float) -> _Smoothing:
     error = float(np.nanmean((raw - fit.value) ** 2))
     std = float(np.sqrt(error * leverage / (1.0 - leverage)))
     unseen = error / (1.0 - leverage) ** 2
-    return _Smoothing(unseen, fit.value, fit.rate, std, len(fit.weights) * cycle)
+    return _Smoothing(unseen, fit.value, fit.rate, std, len(fit.weights) * cycle, std)
 
 
 def _score_by_noise(raw: Array, fit: _Fit, cycle: float, noise: LastingNoise) -> _Smoothing:
@@ -206,7 +210,8 @@ def _score_by_noise(raw: Array, fit: _Fit, cycle: float, noise: LastingNoise) ->
     lasting = scipy.signal.fftconvolve(noise.autocovariance(wide_s), both)
     duration = _correlation_time(lasting) / _correlation_time(both)
     window_s = min(points * cycle * max(duration, LEAST_DURATION), LONGEST_ERROR_S)
-    return _Smoothing(unseen, fit.value, fit.rate, std, window_s)
+    largest = float(np.hypot(std, np.sqrt(noise.largest_lasting)))
+    return _Smoothing(unseen, fit.value, fit.rate, std, window_s, largest)
 
 
 def _correlation_time(autocovariance: Array) -> float:

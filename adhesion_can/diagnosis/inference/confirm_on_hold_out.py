@@ -7,13 +7,11 @@ was refuted and gains on them all the same says that something is there that has
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from adhesion_can.diagnosis.evidence import Untested
 from adhesion_can.diagnosis.inference.curve_shape import ShapeFinding
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.findings import Findings
-from adhesion_can.diagnosis.inference.hold_out_gain import compute_hold_out_gain
+from adhesion_can.diagnosis.inference.hold_out_gain import compute_hold_out_gain, is_significant
 from adhesion_can.diagnosis.refutation.refuted_cause import RefutedCause
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model
@@ -131,16 +129,6 @@ def _confirm(found: Findings, *, other_drives: bool) -> ConfirmedFindings:
         rejected.append(_reject(f"a dependence on {name_with_wave(channel.channel)}"))
     gain = _compute_gain(found, plain, plain, None, other_drives=other_drives)
     return ConfirmedFindings((), None, gain, tuple(rejected))
-
-
-def is_significant(gain: Gain) -> bool:
-    """Whether a gain is positive, with its interval where there is one.
-
-    What is found in noise often gains something: in sixty drives without an effect six findings
-    did, five with 0 in the interval. Of 128 that were there three had it, all of them shapes.
-    """
-    low = gain.interval[0]
-    return gain.percent > 0.0 and (low > 0.0 or low == -np.inf)
 
 
 def _compute_gain(

@@ -25,7 +25,6 @@ from adhesion_can.diagnosis.inference.select_effects import ModelSelection
 from adhesion_can.diagnosis.inference.sensor_noise import (
     NoiseComparison,
     compare_with_sensors,
-    trimmed_rms,
 )
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.refutation.invariance import SizesByEnvironment
@@ -258,8 +257,7 @@ class Findings:
     def noise(self) -> NoiseComparison:
         """The noise floor beside the noise of the sensors."""
         model = self.selection.best.fitted.model
-        floor = (self.noise_floor, trimmed_rms(self._noise))
-        return compare_with_sensors(self.prepared.regression, model, *floor)
+        return compare_with_sensors(self.prepared.regression, model, self._noise)
 
     @cached_property
     def noise_floor(self) -> float:

@@ -32,7 +32,8 @@ class ScoredModel:
 
     Attributes:
         fitted: Fitted model.
-        rmse: RMSE of the adhesion on the rows that are not held out.
+        rmse: RMSE of the adhesion on the rows that are not held out, errors of the vehicle speed
+            that all axles share taken off.
         sign_flip_p_value: P-value of the last effect by sign flips against the model without it.
 
     """
@@ -101,7 +102,7 @@ def score_model(
     regression: WhitenedRegression, fitted: FittedModel, sign_flip_p_value: float = 1.0
 ) -> ScoredModel:
     """A fitted model with its RMSE."""
-    residual = regression.residual(fitted.model)
+    residual = regression.without_speed_errors(regression.residual(fitted.model))
     rmse = float(np.sqrt(np.mean(residual[regression.used] ** 2)))
     return ScoredModel(fitted, rmse, sign_flip_p_value)
 

@@ -27,6 +27,8 @@ TRIMMED, TRIMMED_NORMAL = 0.02, 0.9344
 WILD = 0.3
 """RMS without the largest residuals, relative to the whole, below which a few wild readings are the
 error and have bent the fit: nothing follows for the others."""
+LEAST_SHARE = 0.1
+"""Least share of the rows that a group needs to be compared."""
 STD_ERRORS = 3.0
 """Standard errors of the sensors' noise that are allowed for."""
 
@@ -35,18 +37,24 @@ STD_ERRORS = 3.0
 class NoiseComparison:
     """Noise floor beside the noise that the sensors explain, adhesion.
 
+    Both are weighted by the reciprocal of each row's variance by the sensors, so that the rows with
+    the least noise say most. Rows with more noise from the slip than from the effort, and the
+    others, are compared apart: the figures are those of the group that has more than it should.
+
     Attributes:
-        floor: RMSE of the adhesion with the selected effects and a spline in every channel.
-        usual: The same without the largest residuals: a few wild readings are no mechanism.
-        sensors: RMS of the adhesion's noise by the sensors; None where the readings do not tell it.
+        floor: RMS of what the selected effects and a spline in every channel leave.
+        sensors: RMS of the noise by the sensors; None where the readings do not tell it.
         std_error: Standard error of `sensors`, relative to it.
+        usual: Ratio of both without the largest residuals: a few wild readings are no mechanism.
+        left: The same ratio for what the selected effects leave, without splines.
 
     """
 
     floor: float
-    usual: float
     sensors: float | None
     std_error: float = 0.0
+    usual: float = 0.0
+    left: float = 0.0
 
     @property
     def ratio(self) -> float | None:
@@ -55,14 +63,19 @@ class NoiseComparison:
 
     @property
     def is_exceeded(self) -> bool:
-        """Whether the floor is above what the sensors explain."""
-        return self.is_below(self.usual)
+        """Whether the floor is above what the sensors explain for certain."""
+        return self._is_above(self.usual)
 
-    def is_below(self, rmse: float) -> bool:
-        """Whether an error of the adhesion is above the sensors' noise for certain."""
-        if not self.sensors or self.usual < WILD * self.floor:
+    @property
+    def leaves_more(self) -> bool:
+        """Whether what the selected effects leave is above what the sensors explain for certain."""
+        return self._is_above(self.left)
+
+    def _is_above(self, usual: float) -> bool:
+        ratio = self.ratio
+        if ratio is None or self.usual < WILD * ratio:
             return False
-        return rmse > MOST_RATIO * (1.0 + STD_ERRORS * self.std_error) * self.sensors
+        return usual > MOST_RATIO * (1.0 + STD_ERRORS * self.std_error)
 
 
 def trimmed_rms(residual: Array) -> float:
@@ -73,52 +86,76 @@ def trimmed_rms(residual: Array) -> float:
 
 
 def compare_with_sensors(
-    regression: WhitenedRegression, model: Model, floor: float, usual: float
+    regression: WhitenedRegression, model: Model, noise: Array
 ) -> NoiseComparison:
     """The noise floor of a model beside the sensors' noise.
 
     Args:
         regression: Rows of all drives.
         model: Fitted model, at whose curves the errors of the slip are taken.
-        floor: RMSE of the adhesion that no model goes below.
-        usual: The same without the largest residuals.
+        noise: What the model and a spline in every channel leave of the adhesion in the rows that
+            are used; shape (m,).
 
     """
-    data = regression.data
+    data, rows = regression.data, regression.used
+    unknown = NoiseComparison(float(np.sqrt(np.mean(noise**2))) if len(noise) else 0.0, None)
     evaluation = regression.evaluate_corrected(model)
     slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
-    columns = np.stack([np.abs(slope * evaluation.factor), regression.residual(model)])
+    left = regression.residual(model)
+    columns = np.stack([np.abs(slope * evaluation.factor), left])
     ends = np.cumsum([len(drive) for drive in data.drives])[:-1]
+    parts = zip(
+        data.drives, regression.speed_error_std, np.split(columns, ends, axis=1), strict=True
+    )
     variances, errors = [], []
-    for drive, (steepness, residual) in zip(
-        data.drives, np.split(columns, ends, axis=1), strict=True
-    ):
-        noise = _estimate_residual(drive, residual) if drive.table else _effort_noise(drive)
-        if drive.independent or not _is_bounded(noise, is_residual=drive.table):
-            return NoiseComparison(floor, usual, None)
-        variances.append(_variance_of_rows(drive, noise, steepness))
-        errors.append(noise.std_error / noise.std if noise.std else 0.0)
-    rows = regression.used
-    square = float(np.mean(np.concatenate(variances)[rows])) if rows.any() else 0.0
-    return NoiseComparison(floor, usual, float(np.sqrt(square)), max(errors, default=0.0))
+    for drive, speed_std, (steepness, residual) in parts:
+        own = _estimate_residual(drive, residual) if drive.table else _effort_noise(drive)
+        if drive.independent or not _is_bounded(own, is_residual=drive.table):
+            return unknown
+        variances.append(_variance_of_rows(drive, own, float(speed_std), steepness))
+        errors.append(own.std_error / own.std if own.std else 0.0)
+    by_effort, by_slip = np.concatenate(variances, axis=1)[:, rows]
+    variance = by_effort + by_slip
+    if not len(noise) or not (variance > 0.0).all():
+        return unknown
+    groups = [own for own in (by_slip > by_effort, by_slip <= by_effort) if own.any()]
+    compared = [
+        _compare(noise[own], left[rows][own], variance[own], max(errors, default=0.0))
+        for own in groups
+        if np.count_nonzero(own) >= LEAST_SHARE * len(own)
+    ]
+    return max(compared, key=lambda one: one.usual)
 
 
-def _variance_of_rows(drive: DriveData, noise: NoiseEstimate, steepness: Array) -> Array:
-    """Variance of each row's adhesion by the sensors, shape (n,).
+def _compare(noise: Array, left: Array, variance: Array, std_error: float) -> NoiseComparison:
+    """Errors of some rows beside the sensors' noise, shape (m,) each."""
+    std = np.sqrt(variance)
+    sensors = float(1.0 / np.sqrt(np.mean(1.0 / variance)))
+    floor = sensors * float(np.sqrt(np.mean((noise / std) ** 2)))
+    return NoiseComparison(
+        floor, sensors, std_error, trimmed_rms(noise / std), trimmed_rms(left / std)
+    )
+
+
+def _variance_of_rows(
+    drive: DriveData, noise: NoiseEstimate, speed_std: float, steepness: Array
+) -> Array:
+    """Variance of each row's adhesion by the noise of the effort and of the slip, shape (2, n).
 
     Args:
         drive: Rows of a recording or table.
         noise: Noise of the effort, N, or of a table's residual.
+        speed_std: Standard deviation of the vehicle speed's error, m/s.
         steepness: Slope dμ/dλ of the curve in each row, shape (n,).
 
     """
     variance = (noise.std or 0.0) ** 2
     if drive.table:
-        return np.full(len(drive), variance)
+        return np.stack([np.full(len(drive), variance), np.zeros(len(drive))])
     observed = drive.observe()
-    by_speed = drive.speed_error.std * (1.0 + observed.slip) / observed.speed
+    by_speed = speed_std * (1.0 + observed.slip) / observed.speed
     by_slip = steepness**2 * (drive.wheel_slip_std**2 + by_speed**2)
-    return np.asarray(variance / observed.load**2 + by_slip)
+    return np.stack([variance / observed.load**2, by_slip])
 
 
 def _effort_noise(drive: DriveData) -> NoiseEstimate:

@@ -199,6 +199,7 @@ class _PlannedRegression:
             self.scale(model),
             zeros,
             design_speed_errors(data, found, slope, self._setting.block_length_s),
+            np.array([self._setting.speed_error.std]),
             zeros,
             Whitener(np.array([1.0]), runs),
             ones,

@@ -153,7 +153,7 @@ class _SplitEffect:
         p_value = _cochran(estimates, covariance, len(self.grams.rows))
         variances = covariance.diagonal().reshape(-1, m)
         spreads = [
-            _spread(estimates[:, j], variances[:, j], values[j])
+            _spread(estimates[:, j], variances[:, j], _own_size(values[j], parameters[j]))
             if j == 0 or _is_within(estimates[:, j], parameters[j])
             else 0.0
             for j in range(m)
@@ -206,6 +206,11 @@ def _split(
     columns = [common[:, :-1], regression.whiten(split), common[:, -1]]
     grams = regression.compute_grams(np.column_stack(columns))
     return _SplitEffect(partition, grams, common.shape[1] - 1, jacobian.shape[1])
+
+
+def _own_size(value: float, parameter: Parameter) -> float:
+    """What the spread of a parameter is relative to: its value, or 1 rad for an angle."""
+    return 1.0 if parameter.unit == "rad" else value
 
 
 def _is_within(values: Array, parameter: Parameter) -> bool:

@@ -18,6 +18,7 @@ from adhesion_can.diagnosis.regression.channel_splines import build_channels
 from adhesion_can.diagnosis.regression.estimate_slip_noise import estimate_slip_noise
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import (
+    EXCLUDED,
     Evaluation,
     Model,
     RegressionData,
@@ -25,6 +26,7 @@ from adhesion_can.diagnosis.regression.model import (
     evaluate_model,
 )
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
+from adhesion_can.diagnosis.regression.speed_error_scale import estimate_speed_error_scale
 from adhesion_can.diagnosis.regression.whitened_regression import (
     FittedModel,
     WhitenedRegression,
@@ -106,7 +108,7 @@ def prepare_regression(
     n = len(data)
     zero = np.zeros(n)
     regression = WhitenedRegression(
-        data, np.ones(n), zero, np.zeros((n, 0)), zero,
+        data, np.ones(n), zero, np.zeros((n, 0)), np.zeros(len(data.drives)), zero,
         Whitener(np.array([1.0]), _find_runs(data)), np.ones(n), block,
     )  # fmt: skip
     model = fit_model(regression, Model(start), FIRST_ITERATIONS).model
@@ -119,6 +121,7 @@ def prepare_regression(
         correction = _estimate_slip_correction(regression, model, residual)
         regression = replace(regression, slip_correction=correction)
     residual = _saturated_residual(regression, model, candidates)
+    regression = _scale_speed_errors(regression, residual)
     correction = _estimate_slip_correction(regression, model, residual)
     regression = replace(regression, slip_correction=correction)
     regression = regression.refit_whitening(_saturated_residual(regression, model, candidates))
@@ -159,7 +162,34 @@ def _weight_rows(
         scale=1.0 / (noise * np.sqrt(1.0 + variance_ratio)),
         slip_variance_share=variance_ratio / (1.0 + variance_ratio),
         speed_error_design=design_speed_errors(data, evaluation, slope, block_length_s),
+        speed_error_std=np.array([drive.speed_error.std for drive in data.drives]),
     )
+
+
+def _scale_speed_errors(regression: WhitenedRegression, residual: Array) -> WhitenedRegression:
+    """Errors of the vehicle speed as large as all axles show them, drive by drive.
+
+    Args:
+        regression: Data with weights, blocks, and errors as large as the readings show them.
+        residual: Residual of the saturated model, adhesion; shape (n,).
+
+    """
+    data = regression.data
+    design = regression.speed_error_design.copy()
+    scaled = design * regression.scale[:, None]
+    std = regression.speed_error_std.copy()
+    drive_of_row = np.repeat(np.arange(len(data.drives)), [len(drive) for drive in data.drives])
+    for number in range(len(data.drives)):
+        own = drive_of_row == number
+        block = np.where(own & regression.used, regression.block, EXCLUDED)
+        if not std[number]:
+            continue
+        factor = estimate_speed_error_scale(residual * regression.scale, scaled, block)
+        # What the readings rule out is no error of theirs, however much it looks like one.
+        factor = min(factor, data.drives[number].speed_error.largest_std / std[number])
+        design[own] *= factor
+        std[number] *= factor
+    return replace(regression, speed_error_design=design, speed_error_std=std)
 
 
 def _slip_std(regression: WhitenedRegression, evaluation: Evaluation, slope: Array) -> Array:

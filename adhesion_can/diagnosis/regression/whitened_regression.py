@@ -66,6 +66,8 @@ class WhitenedRegression:
             through the slip, 0 to 1; shape (n,).
         speed_error_design: Design matrix of the vehicle speed errors of a block, adhesion per
             standard deviation; all axles share them. Shape (n, q).
+        speed_error_std: Standard deviation of the vehicle speed's error in each drive, m/s; shape
+            (drives,).
         slip_correction: Correction of the measured slip ratio, for Jacobians alone; shape (n,).
         whitener: Filter that makes scaled residuals white.
         weight: Weight of each whitened row, shape (n,).
@@ -77,6 +79,7 @@ class WhitenedRegression:
     scale: Array
     slip_variance_share: Array
     speed_error_design: Array
+    speed_error_std: Array
     slip_correction: Array
     whitener: Whitener
     weight: Array
@@ -133,6 +136,38 @@ class WhitenedRegression:
     def residual(self, model: Model) -> Array:
         """Observed less predicted adhesion at the measured slips, shape (n,)."""
         return evaluate_model(self.data, model.curves, model.active_effects).residual
+
+    def without_speed_errors(self, residual: Array) -> Array:
+        """Residuals less what errors of the vehicle speed, common to all axles, explain of them.
+
+        The errors of each block are predicted from the block's own residuals (best linear unbiased
+        prediction; Henderson, Biometrics 31 (1975)).
+
+        Args:
+            residual: Residuals of any model, adhesion; shape (n,).
+
+        """
+        out = residual.copy()
+        for rows, design, solved in self._speed_error_predictors:
+            out[rows] -= design @ (solved @ (residual[rows] * self.scale[rows]))
+        return out
+
+    @cached_property
+    def _speed_error_predictors(self) -> list[tuple[NDArray[np.intp], Array, Array]]:
+        """Rows of each block, their design, and the matrix that predicts the errors from them."""
+        design = self.speed_error_design
+        rows = np.flatnonzero(self.data.surface != EXCLUDED)
+        if not design.shape[1] or not len(rows):
+            return []
+        number = self.block_number[rows]
+        rows = rows[np.argsort(number, kind="stable")]
+        starts = np.unique(number, return_counts=True)[1].cumsum()[:-1]
+        out = []
+        for own in np.split(rows, starts):
+            scaled = design[own] * self.scale[own, None]
+            gram = scaled.T @ scaled + np.eye(scaled.shape[1])
+            out.append((own, design[own], np.asarray(np.linalg.solve(gram, scaled.T))))
+        return out
 
     def build_columns(self, model: Model) -> Array:
         """Whitened Jacobian of a model's prediction, and its residual last; shape (n, p + 1).
