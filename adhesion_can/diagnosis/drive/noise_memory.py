@@ -7,7 +7,7 @@ Solving Least Squares Problems, 1974) for each of a few memories.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -21,10 +21,13 @@ behind the widest smoothing window, 3 s."""
 MOST_DEVIATIONS, NORMAL_OVER_MEDIAN = 5.0, 1.4826
 """Largest residual that is taken for noise, in standard deviations by the median, and the standard
 deviation of a normal variable over the median of its size."""
-LONGEST_MEMORY_S = 10.0
-"""Longest memory with which noise is still reckoned, s."""
-CLEARLY_BETTER = 0.97
-"""Residual norm of a longer memory over that of a shorter one, from which it is preferred."""
+LONGER_MEMORIES_S = (3.0, 5.0, 10.0)
+"""Further memories of noise that is still reckoned with, s."""
+HAS_MEMORY, CLEARLY_BETTER = 0.7, 0.97
+"""Residual norm with a lasting part over that without one, from which there is one; and that of a
+longer memory over that of a shorter one, from which it is preferred."""
+RULED_OUT = 1.25
+"""Residual norm of a memory over the best one, from which it is ruled out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +38,16 @@ class LastingNoise:
         white: Variance of the white part, the signal's unit squared.
         lasting: Variance of the autoregressive part, the signal's unit squared.
         memory_s: Time constant of the autoregressive part, s; 0 where there is none.
+        largest: Variance of the autoregressive part with the longest memory that is not ruled out,
+            the signal's unit squared: of a memory longer than the smoothing window a signal tells
+            how fast its noise wanders, 2σ²/τ, and not how far.
 
     """
 
     white: float
     lasting: float = 0.0
     memory_s: float = 0.0
+    largest: float = 0.0
 
     def autocovariance(self, lag_s: Array) -> Array:
         """Autocovariance at given lags, s, in the signal's unit squared; shape as `lag_s`."""
@@ -49,17 +56,6 @@ class LastingNoise:
         if self.memory_s:
             found = found + self.lasting * np.exp(-away / self.memory_s)
         return np.asarray(found)
-
-    @property
-    def largest_lasting(self) -> float:
-        """Variance of the lasting part if it lasts as long as noise may, the unit squared.
-
-        Of a memory longer than the widest window the readings tell no more than how fast the noise
-        wanders, 2σ²/τ. The fit then gives a shorter memory and a smaller variance of that rate.
-        """
-        if not self.memory_s:
-            return 0.0
-        return self.lasting * max(LONGEST_MEMORY_S / self.memory_s, 1.0)
 
 
 def fit_lasting_noise(
@@ -89,13 +85,19 @@ def fit_lasting_noise(
 
     white = behind_filter(LastingNoise(1.0))
     (size,), miss = scipy.optimize.nnls(white[:, None], observed)
-    best, least = LastingNoise(float(size)), float(miss)
-    for memory_s in MEMORIES_S:
+    fits = []
+    for memory_s in (*MEMORIES_S, *LONGER_MEMORIES_S):
         lasting = behind_filter(LastingNoise(0.0, 1.0, memory_s))
-        sizes, miss = scipy.optimize.nnls(np.column_stack([white, lasting]), observed)
-        if miss < CLEARLY_BETTER * least and sizes[1] > 0.0:
-            best, least = LastingNoise(float(sizes[0]), float(sizes[1]), memory_s), float(miss)
-    return best
+        sizes, left = scipy.optimize.nnls(np.column_stack([white, lasting]), observed)
+        fits.append((float(left), LastingNoise(float(sizes[0]), float(sizes[1]), memory_s)))
+    best, least = LastingNoise(float(size)), HAS_MEMORY / CLEARLY_BETTER * float(miss)
+    for left, noise in fits[: len(MEMORIES_S)]:
+        if left < CLEARLY_BETTER * least and noise.lasting > 0.0:
+            best, least = noise, left
+    if not best.memory_s:
+        return best
+    possible = (noise.lasting for left, noise in fits if left <= RULED_OUT * least)
+    return replace(best, largest=max(best.lasting, *possible))
 
 
 def _without_jumps(residual: Array) -> Array:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.noise_memory import LastingNoise, fit_lasting_noise
+from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.sampling.traces import Trace
 
 SPEED_WINDOWS_S = (0.3, 0.6, 1.0, 1.5, 2.2, 3.0)
@@ -210,7 +211,7 @@ def _score_by_noise(raw: Array, fit: _Fit, cycle: float, noise: LastingNoise) ->
     lasting = scipy.signal.fftconvolve(noise.autocovariance(wide_s), both)
     duration = _correlation_time(lasting) / _correlation_time(both)
     window_s = min(points * cycle * max(duration, LEAST_DURATION), LONGEST_ERROR_S)
-    largest = float(np.hypot(std, np.sqrt(noise.largest_lasting)))
+    largest = float(np.hypot(std, np.sqrt(noise.largest)))
     return _Smoothing(unseen, fit.value, fit.rate, std, window_s, largest)
 
 
@@ -253,6 +254,9 @@ def predict_speed_from_efforts(
 ) -> Array | None:
     """Predict the change of the vehicle speed: impulse of the efforts over the train's mass.
 
+    A radar on a body that pitches reads an error that follows speed and total effort. It is neither
+    noise nor slow: smoothing would take half of it off. So the prediction has it.
+
     A train is heavy: its speed is this prediction and a slower part, which alone needs smoothing.
     Mass and lag are estimated by least squares on differences over a second: were a late speed not
     met by a late impulse, the difference would be fast, and smoothing would take a part of it off.
@@ -278,12 +282,12 @@ def predict_speed_from_efforts(
     dv = _second_difference(v, step)
 
     def fit(lag: float) -> _LaggedImpulse:
-        """Least-squares fit of the impulse that comes so much earlier than the speed, s."""
-        late = np.interp(t - lag, t, impulse)
-        di = _second_difference(late, step)
-        square = float(di @ di)
-        per_mass = max(float(di @ dv) / square, 0.0) if square > 0.0 else 0.0
-        return _LaggedImpulse(per_mass**2 * square, lag, per_mass * late)
+        """Least-squares fit of impulse and pitch that come so much earlier than the speed, s."""
+        late = np.stack([np.interp(t - lag, t, one) for one in (impulse, total * v)])
+        design = np.stack([_second_difference(one, step) for one in late])
+        gram, right = design @ design.T, design @ dv
+        factors = solve_normal_equations(gram, right)
+        return _LaggedImpulse(float(right @ factors), lag, factors @ late)
 
     best = fit(0.0)
     for reach in LAG_STEPS_S:

@@ -7,8 +7,8 @@ sums exceeds that of independent rows. The excess that is left with a cause, as 
 excess without it, says what part of the structure the cause does not describe. Unlike the ratio of
 RMSE and noise floor it is not diluted by the noise of single rows.
 
-Errors of the vehicle speed last and are common to all rows of a block; what they add to the
-variance of a sum is known from the regression and counts as expected.
+Errors of the vehicle speed last and are common to all rows of a block. They are predicted from the
+block and taken off; the variance that this leaves of a sum is known and counts as expected.
 
 It is the lack-of-fit test against pure error (Draper and Smith, Applied Regression Analysis, 3rd
 ed. 1998, ch. 2) with the cells as replicates, in the form of variance components.
@@ -91,15 +91,25 @@ def compute_block_variance(
     rows = np.flatnonzero(regression.used & (whitened != 0.0) & (direction != 0))
     cells = np.stack([regression.block_number, data.column("axle"), direction], axis=1)[rows]
     names, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    sums = _sum_cells(whitened[rows], cell.ravel(), len(names))
+    cell = cell.ravel()
+    design = regression.whitened_speed_errors[rows]
+    sums = _sum_cells(whitened[rows], cell, len(names))
+    by_speed = np.zeros((len(names), design.shape[1]))
+    for k, column in enumerate(design.T):
+        by_speed[:, k] = _sum_cells(column, cell, len(names))
+    expected = count.astype(np.float64)
+    for block in np.unique(names[:, 0]):
+        own, members = names[:, 0] == block, cells[:, 0] == block
+        part = design[members]
+        gram = part.T @ part + np.eye(part.shape[1])
+        errors = np.linalg.solve(gram, part.T @ whitened[rows][members])
+        sums[own] -= by_speed[own] @ errors
+        expected[own] -= np.sum(by_speed[own] * np.linalg.solve(gram, by_speed[own].T).T, axis=1)
     if row_square is None:
         row_square = float(np.mean(whitened[rows] ** 2)) if len(rows) else 1.0
-    by_speed = np.zeros(len(names))
-    for error in regression.whitened_speed_errors.T:
-        by_speed += _sum_cells(error[rows], cell.ravel(), len(names)) ** 2
-    kept = count >= LEAST_ROWS
-    expected = np.maximum(count * row_square + by_speed, 1e-300)
-    return BlockVariance(sums[kept] ** 2 / expected[kept], names[kept, 0], row_square)
+    kept = (count >= LEAST_ROWS) & (expected > 1.0)
+    ratio = sums[kept] ** 2 / np.maximum(expected[kept] * row_square, 1e-300)
+    return BlockVariance(ratio, names[kept, 0], row_square)
 
 
 def _sum_cells(column: Array, cell: NDArray[np.int64], cells: int) -> Array:
