@@ -13,7 +13,6 @@ from adhesion_can.physics.effects.base import (
 from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter, Wheelset
 
-
 LARGEST_RISE = 0.25
 """Largest share that is allowed for the other way round, for errors of the estimate."""
 
