@@ -22,7 +22,7 @@ from adhesion_can.diagnosis.drive.kinematics import (
     TableKinematics,
 )
 from adhesion_can.physics.channels import UserChannel
-from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.effects.lag_states import LagStates, RememberedLagStates
 from adhesion_can.physics.instrument_laws import Need, Situation, TrueValues, remove_errors
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.kinematics import adhesion_coefficient, creep_speed
@@ -85,6 +85,7 @@ class DriveData:
             order, and no time series.
         user_channels: Covariates that the user brought: any of them may be a cause.
         derived_force: Whether the force was computed from the rate of change of the vehicle speed.
+        lags: Lags over all rows, the latest of which are remembered.
 
     """
 
@@ -107,6 +108,7 @@ class DriveData:
     independent: bool = False
     user_channels: tuple[UserChannel, ...] = ()
     derived_force: bool = False
+    lags: RememberedLagStates = field(default_factory=RememberedLagStates, init=False, repr=False)
     _observed: "deque[tuple[Instruments, ContactObservation]]" = field(
         default_factory=lambda: deque(maxlen=KEPT), init=False, repr=False
     )

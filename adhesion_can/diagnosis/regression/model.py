@@ -22,7 +22,6 @@ from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.effects import (
     ActiveEffect,
     Contact,
-    LagStates,
     acts_in_contact,
     build_instruments,
     compute_change,
@@ -161,7 +160,7 @@ def _apply_effects(
         covariates=drive.covariates,
         series_s=drive.t_s,
     )
-    change = compute_change(active_effects, contact, LagStates())
+    change = compute_change(active_effects, contact, drive.lags)
     gain = observed.force_gain
     factor = np.broadcast_to(change.factor * gain, change.slip.shape)
     # A table without loads has 1 N in every row.

@@ -5,6 +5,7 @@ discretisation of Franklin, Powell and Workman, Digital Control of Dynamic Syste
 ch. 6, which is exact for any step.
 """
 
+from collections import OrderedDict
 from itertools import pairwise
 from math import expm1, inf
 
@@ -16,6 +17,8 @@ PAUSE_S = 1.0
 """Pause in an axle's samples after which they do not follow each other: lags begin anew, s."""
 FEW = 48
 """Number of rows up to which a loop over the rows is faster than arrays."""
+REMEMBERED = 32
+"""Number of responses that are kept."""
 _RANGE = 300.0
 """Largest exponent of a running sum; its exponential stays finite, and so do products with it."""
 
@@ -132,6 +135,42 @@ class SequentialLagStates(LagStates):
         other = SequentialLagStates(self._pause_s)
         other._states = dict(self._states)
         return other
+
+
+class RememberedLagStates(LagStates):
+    """Lags over the rows of one drive, the latest responses of which are kept.
+
+    A search tries many effects on the same rows, and most trials leave the targets as they were.
+    Axles and times are the same in every call, and every lag begins anew in it.
+
+    Args:
+        pause_s: Pause in an axle's rows after which its lags begin anew, s.
+
+    """
+
+    def __init__(self, pause_s: float = PAUSE_S) -> None:
+        super().__init__(pause_s)
+        self._known: OrderedDict[tuple[object, ...], Array] = OrderedDict()
+
+    def follow(
+        self,
+        name: str,
+        axle: Array,
+        time_s: Array,
+        target: Array,
+        rate: Array | float,
+        start: float | None = None,
+    ) -> Array:
+        """Response as in `LagStates.follow`, from the first row on."""
+        key = (name, start, target.tobytes(), np.asarray(rate, dtype=np.float64).tobytes())
+        found = self._known.get(key)
+        if found is None:
+            found = LagStates(self._pause_s).follow(name, axle, time_s, target, rate, start)
+            found.flags.writeable = False
+            self._known[key] = found
+            if len(self._known) > REMEMBERED:
+                self._known.popitem(last=False)
+        return found
 
 
 def _steps(values: Array, before: float) -> Array:
