@@ -12,6 +12,7 @@ from adhesion_can.diagnosis.inference.hold_out_gain import (
     compute_gain,
     evaluate_hold_out,
     gain_interval,
+    interval_where_it_acts,
 )
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model, RegressionData
@@ -58,6 +59,55 @@ def test_rows_are_no_units():
         ratios.append(by_units / by_rows)
     # 2.05 with a standard deviation of 0.4 (300 draws): seven standard errors of the mean.
     assert np.mean(ratios) > 1.6
+
+
+def acting_in_a_few(rng, *, units=14, acting=4, rows=400, effect=0.7, memory=0.6):
+    """Residuals of an effect that acts in a few units alone, as in bends."""
+    n = units * rows
+    noise = lfilter([np.sqrt(1 - memory**2)], [1, -memory], rng.standard_normal(n + 500))[500:]
+    unit = np.repeat(np.arange(units), rows)
+    by_effect = effect * np.sin(np.arange(n) / 3) * (unit < acting)
+    return noise + by_effect, noise, unit
+
+
+def test_what_acts_in_few_units_gains_for_certain_where_it_acts():
+    """In three of 14: over units the interval always holds 0, on these data in one of four draws."""
+    rng, over_units, here = np.random.default_rng(5), [], []
+    for _ in range(200):
+        drawn = acting_in_a_few(rng, acting=3)
+        over_units.append(gain_interval(*drawn)[0] > 0.0)
+        here.append(interval_where_it_acts(*drawn)[0] > 0.0)
+    # 0.00 and 0.74 in 1000 draws: 0.6 is four standard errors away.
+    assert np.mean(over_units) < 0.1
+    assert np.mean(here) > 0.6
+
+
+def test_the_interval_where_it_acts_covers_the_gain_of_other_noise():
+    rng, inside = np.random.default_rng(6), []
+    for _ in range(600):
+        before, after, unit = acting_in_a_few(rng, memory=0.0, acting=6)
+        true = 100 * (1 - 1 / np.sqrt(1 + np.mean((before - after) ** 2)))
+        low, high = interval_where_it_acts(before, after, unit)
+        inside.append(low <= true <= high)
+    # 0.95 in 3000 draws.
+    assert 0.9 < np.mean(inside) < 0.99
+
+
+def test_a_model_of_noise_gains_nowhere_for_certain():
+    """Predictions that have nothing to do with what was held out: one in 200 draws at most."""
+    rng, gaining = np.random.default_rng(7), 0
+    for _ in range(400):
+        noise = rng.standard_normal(1400)
+        made_up = 0.1 * rng.standard_normal(1400) * np.repeat(rng.integers(0, 2, 14), 100)
+        found = interval_where_it_acts(noise, noise - made_up, np.repeat(np.arange(14), 100))
+        gaining += found is not None and found[0] > 0.0
+    assert gaining <= 8
+
+
+@pytest.mark.parametrize("acting", [0, 1])
+def test_less_than_two_units_that_act_give_no_interval(acting):
+    drawn = acting_in_a_few(np.random.default_rng(8), acting=acting)
+    assert interval_where_it_acts(*drawn) is None
 
 
 def test_numbers_of_units_are_names_only():

@@ -95,3 +95,24 @@ def test_the_autocovariance_is_that_of_its_parts():
     found = both.autocovariance(np.array([0.0, 0.4, -0.4]))
     assert found == pytest.approx([2.5, 2.0 / np.e, 2.0 / np.e])
     assert LastingNoise(0.5).autocovariance(np.array([0.0, 0.1])) == pytest.approx([0.5, 0.0])
+
+
+@pytest.mark.parametrize(("std", "memory_s"), [(0.01, 10.0), (0.04, 10.0), (0.01, 5.0)])
+def test_noise_that_lasts_longer_than_the_window_is_reckoned_with(std, memory_s):
+    """The fit says how fast it wanders: with the longest memory its size is within 35 %.
+
+    A memory of 5 s is taken for 10 s, and its size for 1.4 times as much. Median of ten drives.
+    """
+    rng = np.random.default_rng(14)
+    found = [recovered(rng, 0.0005, std, memory_s) for _ in range(10)]
+    largest = np.median([one.largest for one in found]) ** 0.5
+    assert largest == pytest.approx(std * np.sqrt(10.0 / memory_s), rel=0.35)
+    assert all(one.largest > 2.0 * one.lasting for one in found)
+
+
+def test_a_short_memory_is_not_taken_for_a_long_one():
+    rng = np.random.default_rng(15)
+    for _ in range(10):
+        found = recovered(rng, 0.0, 0.02, 0.2)
+        assert found.largest < 2.0 * 0.02**2
+        assert recovered(rng, 0.01, 0.0, 1.0).largest == 0.0

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete, lfilter, lfiltic
 
 from adhesion_can.physics.effects import LagStates
-from adhesion_can.physics.effects.lag_states import FEW, PAUSE_S
+from adhesion_can.physics.effects.lag_states import FEW, PAUSE_S, RememberedLagStates
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)
 ONE = np.ones
@@ -142,3 +142,25 @@ def test_a_copy_goes_its_own_way():
 def test_nothing_comes_of_nothing():
     none = np.zeros(0)
     assert len(LagStates().follow("lag", none, none, none, none)) == 0
+
+
+def test_remembered_lags_are_those_of_a_fresh_state():
+    """Whatever was asked before, and however often."""
+    rng = np.random.default_rng(21)
+    axle, time_s = np.repeat([1.0, 2.0], 300), np.tile(0.02 * np.arange(300), 2)
+    targets = [rng.standard_normal(600) for _ in range(3)]
+    remembered = RememberedLagStates()
+    for _ in range(40):
+        target = targets[rng.integers(3)]
+        rate = float(rng.choice([0.5, 2.0]))
+        start = [None, 0.0][rng.integers(2)]
+        asked = ("x", axle, time_s, target, rate, start)
+        np.testing.assert_array_equal(remembered.follow(*asked), LagStates().follow(*asked))
+
+
+def test_a_remembered_lag_follows_a_target_that_was_changed_in_place():
+    axle, time_s, target = np.ones(100), 0.02 * np.arange(100), np.zeros(100)
+    remembered = RememberedLagStates()
+    remembered.follow("x", axle, time_s, target, 1.0)
+    target[50:] = 1.0
+    assert remembered.follow("x", axle, time_s, target, 1.0)[-1] > 0.5

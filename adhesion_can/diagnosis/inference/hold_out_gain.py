@@ -4,10 +4,13 @@ The gain is the share by which the RMSE of the adhesion falls on data that had n
 selecting the model. Its interval comes from the scatter over units that were held out whole (blocks
 or recordings), since rows within a unit are correlated.
 
-Where an error of the vehicle speed is larger than everything else, the gain of what acts beside it
-shows only once that error is taken off, in both models alike.
+Two things hide a gain that is there. What acts in a few bends alone gains in few units, and the
+scatter over units is wide: then the interval is that of the gain on these very data. And where an
+error of the vehicle speed is larger than everything else, the gain of what acts beside it shows
+only once that error is taken off, in both models alike. What was held out says which it is.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,7 +35,8 @@ CONFIDENCE = 0.95
 LEAST_UNITS = 2.0
 """Least number of units in which a model acts, for their scatter to say something."""
 TAKEN_OFF = "; errors of the vehicle speed that all axles share are taken off"
-"""What is said of data from which these errors are taken off."""
+WHERE_IT_ACTS = "; the interval is that of the gain on these data, where the models differ"
+"""What is said of a gain without these errors, and of an interval by `interval_where_it_acts`."""
 LEAST_RECORDINGS = 3
 """Least number of held-out recordings for each one to be a unit of its own."""
 
@@ -100,16 +104,34 @@ def compute_hold_out_gain(
     units = group_hold_out(
         regression, result.rows, block_length_s=block_length_s, other_drives=other_drives
     )
-    gain = compute_gain(result, units, noise_floor)
-    if is_significant(gain) or not regression.speed_error_design.shape[1]:
-        return gain
+    results = [(result, "")]
+    if regression.speed_error_design.shape[1]:
+        results.append((_take_speed_errors_off(regression, result), TAKEN_OFF))
+    gains = [
+        gain
+        for residuals, note in results
+        for gain in _compute_gains(residuals, units, noise_floor, note)
+    ]
+    return next(filter(is_significant, gains), gains[0])
+
+
+def _take_speed_errors_off(regression: WhitenedRegression, result: HoldOutResult) -> HoldOutResult:
+    """Residuals of both models without errors of the vehicle speed, each by its own residuals."""
     residuals = np.zeros((2, len(regression.data)))
     residuals[:, result.rows] = result.before, result.after
     before, after = (regression.held_out.without_speed_errors(one) for one in residuals)
-    alone = HoldOutResult(result.rows, before[result.rows], after[result.rows])
-    units = replace(units, description=units.description + TAKEN_OFF)
-    without_errors = compute_gain(alone, units, noise_floor)
-    return without_errors if is_significant(without_errors) else gain
+    return HoldOutResult(result.rows, before[result.rows], after[result.rows])
+
+
+def _compute_gains(
+    result: HoldOutResult, units: HoldOutUnits, noise_floor: float, note: str
+) -> Iterator[Gain]:
+    """The gain with the interval over units, and with that on these very data."""
+    gain = compute_gain(result, units, noise_floor)
+    yield replace(gain, held_out=gain.held_out + note)
+    interval = interval_where_it_acts(result.before, result.after, units.unit)
+    if interval is not None:
+        yield replace(gain, interval=interval, held_out=gain.held_out + note + WHERE_IT_ACTS)
 
 
 def is_significant(gain: Gain) -> bool:
@@ -294,11 +316,9 @@ def gain_interval(
 ) -> tuple[float, float]:
     """95 % confidence interval of the gain, %, by Student's t over units that were held out whole.
 
-    An effect acts in some units and not in others, which is no uncertainty. A unit gains in
-    proportion to the square by which the two models differ in it; what it gains more or less than
-    that counts as scatter (ratio estimator; Cochran, Sampling Techniques, 1977, ch. 6). Where the
-    models differ in one unit alone, nothing is known of how others would do, and all scatter
-    counts, by units of each drive (ibid., ch. 5).
+    The logarithm of the ratio of the mean squares is linearised in the units' sums of squares
+    (delta method). Units that stem from different drives are a stratified sample: what the drives
+    differ by is no scatter (Cochran, Sampling Techniques, 1977, ch. 5).
 
     Args:
         before: Residuals of the plain model, adhesion; shape (m,).
@@ -308,59 +328,58 @@ def gain_interval(
 
     """
     numbers = np.unique(unit, return_inverse=True)[1]
+    b, a = np.bincount(numbers, before**2), np.bincount(numbers, after**2)
+    units = len(b)
+    if units < 2 or b.sum() == 0.0 or a.sum() == 0.0:
+        return -np.inf, 100.0
+    share = a / a.sum() - b / b.sum()
+    variance, freedom = 0.0, 0
+    drive = np.zeros(units, dtype=np.int64)
+    if stratum is not None:
+        drive[numbers] = stratum
+    for own in (share[drive == one] for one in np.unique(drive)):
+        # A single unit says nothing of its drive's scatter: all of its share counts as such.
+        size, mean = len(own), float(own.mean()) if len(own) > 1 and units > len(own) else 0.0
+        variance += size / max(size - 1, 1) * float(np.sum((own - mean) ** 2))
+        freedom += max(size - 1, 0)
+    if freedom < 1:
+        return -np.inf, 100.0
+    return _around(a.sum() / b.sum(), float(np.sqrt(variance)), freedom)
+
+
+def interval_where_it_acts(
+    before: Array, after: Array, unit: NDArray[np.int64]
+) -> tuple[float, float] | None:
+    """95 % confidence interval of the gain on these data, %; None where the models hardly differ.
+
+    That an effect acts in some units and not in others is no uncertainty. A unit gains in
+    proportion to the square by which the two models differ in it; what it gains more or less than
+    that counts as scatter (ratio estimator; Cochran, Sampling Techniques, 1977, ch. 6). Where they
+    differ in fewer than two units, nothing is known of how another one would do.
+
+    Args:
+        before: Residuals of the plain model, adhesion; shape (m,).
+        after: Residuals of the extended model, adhesion; shape (m,).
+        unit: Unit number of each row, shape (m,).
+
+    """
+    numbers = np.unique(unit, return_inverse=True)[1]
     b, a, acting = (
         np.bincount(numbers, one**2).astype(np.float64) for one in (before, after, before - after)
     )
-    if len(b) < 2 or b.sum() == 0.0 or a.sum() == 0.0:
-        return -np.inf, 100.0
-    drive = np.zeros(len(b), dtype=np.int64)
-    if stratum is not None:
-        drive[numbers] = stratum
-    std, freedom = _scatter_beside_action(b, a, acting) or _scatter_of_units(b, a, drive)
-    if freedom <= 0.0:
-        return -np.inf, 100.0
-    middle = float(np.log(a.sum() / b.sum()))
-    reach = float(scipy.stats.t.ppf((1.0 + CONFIDENCE) / 2, freedom)) * std
-    low, high = (100.0 * (1.0 - np.exp((middle + side * reach) / 2)) for side in (1.0, -1.0))
-    return float(low), float(high)
-
-
-def _scatter_beside_action(b: Array, a: Array, acting: Array) -> tuple[float, float] | None:
-    """Standard deviation of ln(Σa/Σb) and its degrees of freedom; None where too few units act.
-
-    Args:
-        b: Sum of squares of each unit by the plain model, shape (units,).
-        a: The same by the extended model, shape (units,).
-        acting: Sum of squares of the models' difference, shape (units,).
-
-    """
     square = float(np.sum(acting**2))
     units = float(acting.sum()) ** 2 / square if square else 0.0
-    if units < LEAST_UNITS:
+    if units < LEAST_UNITS or not (a.any() and b.any()):
         return None
     gain = b - a
     beside = gain - gain.sum() / acting.sum() * acting
     variance = units / (units - 1.0) * float(np.sum(beside**2))
-    return float(np.sqrt(variance) / b.sum()), units - 1.0
+    return _around(a.sum() / b.sum(), float(np.sqrt(variance) / b.sum()), units - 1.0)
 
 
-def _scatter_of_units(b: Array, a: Array, drive: NDArray[np.int64]) -> tuple[float, float]:
-    """Standard deviation of ln(Σa/Σb) by all scatter, and its degrees of freedom; 0: not known.
-
-    The logarithm is linearised in the units' sums of squares (delta method).
-
-    Args:
-        b: Sum of squares of each unit by the plain model, shape (units,).
-        a: The same by the extended model, shape (units,).
-        drive: Drive of each unit, shape (units,).
-
-    """
-    share = a / a.sum() - b / b.sum()
-    variance, freedom = 0.0, 0
-    for own in (share[drive == one] for one in np.unique(drive)):
-        # A single unit says nothing of its drive's scatter: all of its share counts as such.
-        size = len(own)
-        mean = float(own.mean()) if 1 < size < len(b) else 0.0
-        variance += size / max(size - 1, 1) * float(np.sum((own - mean) ** 2))
-        freedom += max(size - 1, 0)
-    return float(np.sqrt(variance)), float(freedom)
+def _around(ratio: float, std: float, freedom: float) -> tuple[float, float]:
+    """Interval of the gain, %, around a ratio of mean squares whose logarithm has a given std."""
+    middle = float(np.log(ratio))
+    reach = float(scipy.stats.t.ppf((1.0 + CONFIDENCE) / 2, freedom)) * std
+    low, high = (100.0 * (1.0 - np.exp((middle + side * reach) / 2)) for side in (1.0, -1.0))
+    return float(low), float(high)
