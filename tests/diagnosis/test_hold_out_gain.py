@@ -71,7 +71,7 @@ def acting_in_a_few(rng, *, units=14, acting=4, rows=400, effect=0.7, memory=0.6
 
 
 def test_what_acts_in_few_units_gains_for_certain_where_it_acts():
-    """In three of 14: over units the interval always holds 0, on these data in one of four draws."""
+    """In three of 14: over units the interval always holds 0, on these data in one draw of four."""
     rng, over_units, here = np.random.default_rng(5), [], []
     for _ in range(200):
         drawn = acting_in_a_few(rng, acting=3)
