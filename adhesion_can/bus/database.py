@@ -26,6 +26,8 @@ OUTPUT_MESSAGES = (
 
 DEMAND_MESSAGES = ("EffortDemand1", "EffortDemand2")
 """Messages of a bench's creep controller to the simulated locomotive."""
+SAND_DEMAND = "SandDemand"
+"""Signal of the first of these messages that demands sand."""
 
 LARGEST_FILE = 256 << 20
 """Size of a database that is read, bytes; those of whole vehicles have some 10 MiB."""
