@@ -5,8 +5,10 @@ discretisation of Franklin, Powell and Workman, Digital Control of Dynamic Syste
 ch. 6, which is exact for any step.
 """
 
+from copy import copy as shallow_copy
 from itertools import pairwise
 from math import expm1, inf
+from typing import Self
 
 import numpy as np
 
@@ -85,10 +87,10 @@ class LagStates:
             self._states[key] = (float(times[-1]), state, before)
         return x
 
-    def copy(self) -> "LagStates":
+    def copy(self) -> Self:
         """Independent copy of the states."""
-        other = LagStates(self._pause_s)
-        other._states = dict(self._states)
+        other = shallow_copy(self)
+        vars(other).update(_states=dict(self._states))
         return other
 
     def _one_by_one(
@@ -129,9 +131,7 @@ class SequentialLagStates(LagStates):
     few = inf
 
     def __deepcopy__(self, _: dict[int, object]) -> "SequentialLagStates":
-        other = SequentialLagStates(self._pause_s)
-        other._states = dict(self._states)
-        return other
+        return self.copy()
 
 
 def _steps(values: Array, before: float) -> Array:
