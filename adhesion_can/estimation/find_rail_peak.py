@@ -29,9 +29,9 @@ from adhesion_can.estimation.curve_fit import (
     standardised_residual,
 )
 from adhesion_can.estimation.curve_result import CommonErrors
+from adhesion_can.estimation.families.bin_points import build_points
 from adhesion_can.estimation.families.binned_samples import BinnedSamples, join_binned
 from adhesion_can.estimation.families.comparison import MISFIT_WIDTH, FamilyTracker, find_top
-from adhesion_can.estimation.families.curve_points import build_points
 from adhesion_can.estimation.families.family_fit import predict
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess_peak
 from adhesion_can.estimation.rail_peak import BURCKHARDT, RailPeak
