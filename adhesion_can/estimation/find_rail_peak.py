@@ -232,9 +232,8 @@ def _blocks(samples: Samples) -> list[NDArray[np.int64]]:
     return np.split(order, np.flatnonzero(np.diff(block[order])) + 1)
 
 
-def _compare_scores(samples: Samples, plain: Estimate, slip_max: float) -> _Comparison | None:
+def _compare_scores(samples: Samples, _plain: Estimate, slip_max: float) -> _Comparison | None:
     """Families by held-out score, the slips taken as exact."""
-    _ = plain
     every = -(-len(samples) // MOST_SCORED)
     thin = samples.select(slice(None, None, every))
     found = compare_families(thin, slip_max=slip_max)

@@ -23,7 +23,9 @@ def family_lines(result: BatchResult) -> list[str]:
         elif segment.directions.sentence:
             continue
         else:
-            text = f"Curve families are not compared: fewer than {LEAST_SAMPLES} samples."
+            text = (
+                f"Curve families are not compared: fewer than {LEAST_SAMPLES} samples with a speed."
+            )
         said.setdefault(text, []).append(segment)
     if len(result.segments) == 1:
         return list(said)
