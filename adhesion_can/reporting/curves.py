@@ -2,7 +2,7 @@
 
 from math import exp, isfinite
 
-from adhesion_can.estimation.batch_fit import BatchResult, Segment
+from adhesion_can.estimation.batch_result import BatchResult, Segment
 from adhesion_can.estimation.curve_comparison import LEAST_SAMPLES
 from adhesion_can.estimation.curve_fit import FittedCurve
 from adhesion_can.estimation.curve_result import COLUMNS, CurveComparison
