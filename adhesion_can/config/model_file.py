@@ -112,7 +112,7 @@ def _model(document: dict[str, Any], where: str) -> ExtendedModel:
             provenance=texts,
         )
     except ValueError as error:
-        raise ConfigError(where, str(error), "mend the value") from error
+        raise ConfigError(where, str(error), "correct the value") from error
 
 
 def _effect(table: dict[str, Any], where: str) -> tuple[ActiveEffect, Matrix | None]:
@@ -165,7 +165,7 @@ def _values(
         try:
             require_value(parameter, value, parameter.name)
         except ValueError as error:
-            raise ConfigError(key, str(error), "mend the value") from error
+            raise ConfigError(key, str(error), "correct the value") from error
         values.append(value)
     reject_unknown_keys(given, place, tuple(p.name for p in parameters))
     return tuple(values)

@@ -73,7 +73,7 @@ def plan_of(document: dict[str, Any], where: str) -> DrivingPlan:
     try:
         return DrivingPlan(tuple(steps), start, curve, limits, purpose, tuple(predictions), share)
     except ValueError as error:
-        raise ConfigError(where, str(error), "mend the value") from error
+        raise ConfigError(where, str(error), "correct the value") from error
 
 
 # ------------------------------------------------------------------------------------ writing

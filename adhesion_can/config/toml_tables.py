@@ -68,7 +68,7 @@ def load_toml(path: Path) -> TomlFile:
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(
-            str(path), f"not TOML ({error})", "mend the line that it names"
+            str(path), f"not TOML ({error})", "correct the line that it names"
         ) from error
     except ValueError as error:  # Python reads no integer of so many digits
         raise ConfigError(str(path), f"not TOML ({error})", _INTEGERS) from error
@@ -169,7 +169,7 @@ def section(kind: type, value: object, where: str, **others: Any) -> Any:
     try:
         return kind(**arguments, **others)
     except ValueError as error:
-        raise ConfigError(where, str(error), "mend the value") from error
+        raise ConfigError(where, str(error), "correct the value") from error
 
 
 def section_with(kind: type, value: object, where: str, required: tuple[str, ...]) -> Any:
@@ -276,10 +276,10 @@ def typed(value: Any, wanted: Any, where: str) -> Any:
         return tuple(typed(item, kinds[0], where) for item in value)
     good = isinstance(value, wanted) or (wanted is float and isinstance(value, int))
     if not good or isinstance(value, bool) is not (wanted is bool):
-        raise ConfigError(where, f"{value!r} is not a {_NAMES[wanted]}", "mend the value")
+        raise ConfigError(where, f"{value!r} is not a {_NAMES[wanted]}", "correct the value")
     result = wanted(value)
     if wanted is float and not isfinite(result):
-        raise ConfigError(where, f"{result} is not a finite number", "mend the value")
+        raise ConfigError(where, f"{result} is not a finite number", "correct the value")
     return result
 
 

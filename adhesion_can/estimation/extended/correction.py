@@ -65,7 +65,7 @@ def require_axles(model: ExtendedModel, axles: int) -> None:
                 raise ConfigError(
                     f"{model.where}: {active.effect.id}",
                     f"axle {value:g} of a vehicle with {axles}",
-                    "mend the axle, or the vehicle's axles",
+                    "correct the axle, or the vehicle's axles",
                 )
 
 
