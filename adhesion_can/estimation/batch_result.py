@@ -5,14 +5,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from adhesion_can.estimation.compare_directions import Directions
 from adhesion_can.physics.estimate import Estimate
-from adhesion_can.result_text import TimeScale, html_table, plus_minus
+from adhesion_can.result_text import NORMAL_95, TimeScale, html_table, plus_minus
 
 if TYPE_CHECKING:
     from adhesion_can.estimation.curve_result import CurveComparison
     from adhesion_can.estimation.rail_peak import RailPeak
-
-NORMAL_95 = 1.959964
-"""Standard deviations on either side of a 95 % interval."""
 
 
 class Segment(NamedTuple):

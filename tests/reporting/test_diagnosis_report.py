@@ -434,7 +434,7 @@ def test_sizes_by_environment_are_drawn_with_their_intervals():
     (trace,) = varying.data
     assert trace["name"] == "sizes that differ"
     assert trace["x"] == [300.0, 1400.0]
-    assert trace["error_x"]["array"] == pytest.approx([1.96 * 15.0, 1.96 * 70.0])
+    assert trace["error_x"]["array"] == pytest.approx([1.96 * 15.0, 1.96 * 70.0], rel=1e-4)
     assert varying.layout["shapes"][0]["x0"] == 812.0
 
 
