@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from adhesion_can.diagnosis.evaluate import Evaluation
     from adhesion_can.diagnosis.result import Diagnosis
     from adhesion_can.errors import AdhesionCanError
-    from adhesion_can.estimation.batch_fit import BatchResult
+    from adhesion_can.estimation.batch_result import BatchResult
     from adhesion_can.estimation.extended.model import ExtendedModel
     from adhesion_can.estimation.tracker.tracker import Tracker
     from adhesion_can.physics.estimate import Estimate
@@ -67,7 +67,7 @@ __all__ = [
 
 _MODULES = {
     "AdhesionCanError": "errors",
-    "BatchResult": "estimation.batch_fit",
+    "BatchResult": "estimation.batch_result",
     "Calibration": "calibration.fit",
     "Configuration": "config.configuration",
     "Diagnosis": "diagnosis.result",

@@ -287,7 +287,7 @@ def _require_formula_applies(formula: AnyFormula, drive: DriveData) -> None:
     factor = _compute_formula(drive, formula, values)
     if not np.isfinite(factor).all():
         what = f"it is no number in {int((~np.isfinite(factor)).sum())} rows of {drive.name}"
-        raise InputError(where, what, "mend the expression, or begin at other constants")
+        raise InputError(where, what, "correct the expression, or start from other constants")
     if np.ptp(factor) > 1e-9:
         size = formula.parameters[0].name
         what = f"with {size} = 0 the factor still varies"

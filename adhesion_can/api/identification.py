@@ -11,8 +11,8 @@ from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_conf
 from adhesion_can.api.inputs import RecordingLike, as_recordings
 from adhesion_can.api.samples import are_tables, load_recording_samples, load_table_samples
 from adhesion_can.errors import InputError
-from adhesion_can.estimation.batch_fit import BatchResult
 from adhesion_can.estimation.batch_fit import identify as _identify
+from adhesion_can.estimation.batch_result import BatchResult
 from adhesion_can.physics.curves import FAMILIES, CurveFamily
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.recording import Recording

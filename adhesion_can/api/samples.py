@@ -16,9 +16,9 @@ from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.correction import (
     correct_samples,
     mean_factor,
-    remove_instrument_errors,
     require_columns,
 )
+from adhesion_can.estimation.extended.instrument_removal import remove_instrument_errors
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.offline.extract_samples import extract_samples
 from adhesion_can.offline.plausibility import inspect_samples

@@ -26,6 +26,8 @@ OUTPUT_MESSAGES = (
 
 DEMAND_MESSAGES = ("EffortDemand1", "EffortDemand2")
 """Messages of a bench's creep controller to the simulated locomotive."""
+SAND_DEMAND = "SandDemand"
+"""Signal of the first of these messages that demands sand."""
 
 LARGEST_FILE = 256 << 20
 """Size of a database that is read, bytes; those of whole vehicles have some 10 MiB."""
@@ -152,7 +154,7 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
         reason = " ".join(str(error).split())[:200]
         mend = _GIVE_DATABASE
         if "in message" in reason and not lenient:
-            mend = "mend the message, or say --lenient to leave it out"
+            mend = "correct the message, or say --lenient to leave it out"
         raise DatabaseError(str(path), f"not a CAN database ({reason})", mend) from error
     except (ValueError, UnicodeError, KeyError, TypeError) as error:
         reason = " ".join(str(error).split())[:200]

@@ -189,14 +189,15 @@ def _settings(options: argparse.Namespace) -> CalibrationSettings:
 
 
 def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[str, str]:
-    """What is wrong and the mend, where no axle has enough coasting.
+    """What is wrong and what to do about it, where no axle has enough coasting.
 
-    The mend is that of the first condition that leaves too little time.
+    The advice is that for the first condition that leaves too little time.
     """
     kind = "coasts" if result.effort_known else "runs at a steady speed"
     times = result.times
     longest = int(np.argmax(times.settled if times.settled.any() else times.idle))
     simulated = "of the simulated scenarios 'sweep' coasts, from 90 s on"
+    # Condition, time that it leaves of what the ones before it left, and what to do about it.
     conditions = (
         ("with a wheel speed beside the vehicle speed", times.read, "check the roles' signals"),
         (f"above {settings.speed_min:g} m/s", times.fast, "record a faster drive"),
@@ -217,21 +218,22 @@ def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[st
         ),
     )
     least = settings.coasting_min_s
-    left = f"of {times.recorded:.1f} s"
+    parts = []
     if times.recorded < least:
-        mend = f"record a longer drive in which an axle coasts; {simulated}"
+        advice = f"record a longer drive in which an axle coasts; {simulated}"
     else:
-        mend = f"record a longer drive: they are in fewer than {settings.blocks_min} blocks"
-        for text, seconds, own_mend in conditions:
-            left += f" {seconds[longest]:.1f} s {text},"
+        advice = f"record a longer drive: they are in fewer than {settings.blocks_min} blocks"
+        for text, seconds, own_advice in conditions:
+            parts.append(f"{seconds[longest]:.1f} s {text}")
             if seconds[longest] < least:
-                mend = own_mend
+                advice = own_advice
                 break
+    left = f"of {times.recorded:.1f} s {', of these '.join(parts)}".rstrip()
     what = (
         f"no axle {kind} for {least:g} s in {settings.blocks_min} blocks of "
-        f"{settings.block_s:g} s ({left.rstrip(',').replace(',', ', of these')})"
+        f"{settings.block_s:g} s ({left})"
     )
-    return what, mend
+    return what, advice
 
 
 def _notes_on_source(

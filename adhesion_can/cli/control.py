@@ -41,8 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "The reference creep controller: reads wheel speeds, vehicle speed, efforts and the "
         "service's setpoints, sends EffortDemand1 and 2 to 'simulate --closed-loop', until it is "
-        "interrupted (Ctrl-C, SIGTERM) or the duration is over. With a plan it drives that: it "
-        "brings the train to the speed of its begin, drives the steps, and ends."
+        "interrupted (Ctrl-C, SIGTERM) or the duration is over. With --plan it drives "
+        "that plan instead: it brings the train to the plan's speed, drives the steps, and ends."
     )
     parser.add_argument(
         "--plan",

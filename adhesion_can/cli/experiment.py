@@ -159,7 +159,7 @@ def _experiment(options: argparse.Namespace) -> Experiment:
         return experiment
     where, mend = f"--start {options.start}", "give C1,C2,C3, such as 0.3,60,0.2"
     if experiment.theta0 is None:
-        raise InputError(where, "experiment 1 starts anywhere in the range", "leave it out")
+        raise InputError(where, "experiment 1 starts anywhere in the range", "leave --start out")
     try:
         c1, c2, c3 = map(float, options.start.split(","))
         EvolutionSettings(theta0=(c1, c2, c3))

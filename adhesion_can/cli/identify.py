@@ -26,7 +26,8 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
-from adhesion_can.estimation.batch_fit import BatchResult, identify
+from adhesion_can.estimation.batch_fit import identify
+from adhesion_can.estimation.batch_result import BatchResult
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.estimate import Estimate

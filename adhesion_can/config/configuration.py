@@ -41,7 +41,7 @@ UNKNOWN_CYCLE = (
     "its cycle is unknown, so a stale input cannot be detected",
     "state cycle_ms at its role, or GenMsgCycleTime in the database",
 )
-"""What is wrong with a message without a cycle, and the mend."""
+"""What is wrong with a message without a cycle, and what to do about it."""
 _DIVIDED = (Role.TRACTIVE_EFFORT, Role.AXLE_LOAD)
 
 # What concerns extended models is imported where there is one: it takes a tenth of a short command.

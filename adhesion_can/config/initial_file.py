@@ -1,6 +1,5 @@
 """A configuration file from a database: guessed roles, and what is left to fill in."""
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,6 +7,7 @@ from pathlib import Path
 
 from adhesion_can.bus.database import CanDatabase, cycle_us, e2e_data_id
 from adhesion_can.bus.guess_roles import GuessedRoles, RoleGuess
+from adhesion_can.config.toml_text import quoted
 from adhesion_can.config.vehicle_section import FILL_IN, VEHICLE_DATA
 from adhesion_can.physics.readings import Role
 
@@ -73,7 +73,7 @@ def initial_text(initial: InitialConfiguration, target: Path | None) -> str:
         "# Configuration of adhesion-can, guessed from a CAN database. Check every line marked\n"
         "# 'guessed', fill in what says so, then: adhesion-can check RECORDING --config THIS_FILE\n"
     )
-    bus = f"[bus]\ndatabase = {_quoted(path)}\n"
+    bus = f"[bus]\ndatabase = {quoted(path)}\n"
     parts = [head, bus, _vehicle(initial), _roles(initial)]
     return "\n".join(parts)
 
@@ -84,7 +84,7 @@ def _vehicle(initial: InitialConfiguration) -> str:
     for key, meaning in VEHICLE_DATA.items():
         value = initial.vehicle.get(key)
         lines.append(
-            f"{key} = {f'{value:.12g}' if value is not None else _quoted(FILL_IN)}  # {meaning}"
+            f"{key} = {f'{value:.12g}' if value is not None else quoted(FILL_IN)}  # {meaning}"
         )
     lines += [
         "",
@@ -104,14 +104,12 @@ def _roles(initial: InitialConfiguration) -> str:
     guessed = initial.guessed
     for guess in guessed.taken:
         lines.append(
-            f"{_quoted(guess.name)} = {_quoted(guess.place)}  # guessed from {_why(guess)}; check"
+            f"{quoted(guess.name)} = {quoted(guess.place)}  # guessed from {_why(guess)}; check"
         )
         lines += [f"#   {note}" for note in _notes(guess)]
     for name, rivals in guessed.rivals.items():
         lines.append(f"# {name}: unclear, one of these or none; uncomment the right one:")
-        lines += [
-            f"# {_quoted(name)} = {_quoted(rival.place)}  # {_why(rival)}" for rival in rivals
-        ]
+        lines += [f"# {quoted(name)} = {quoted(rival.place)}  # {_why(rival)}" for rival in rivals]
     known = {guess.role for guess in guessed.taken} | {
         rival.role for rivals in guessed.rivals.values() for rival in rivals
     }
@@ -121,7 +119,7 @@ def _roles(initial: InitialConfiguration) -> str:
     for role in absent:
         needed = "needed for adhesion" if role in REQUIRED else "optional"
         name = f"{role}.1" if role.per_axle else str(role)
-        lines.append(f'# {_quoted(name)} = "MESSAGE.SIGNAL"  # {needed}')
+        lines.append(f'# {quoted(name)} = "MESSAGE.SIGNAL"  # {needed}')
     return "\n".join(lines) + "\n"
 
 
@@ -136,7 +134,7 @@ def _notes(guess: RoleGuess) -> list[str]:
     if cycle_us(message) is None:
         notes.append(
             "the database has no cycle of its message: write "
-            f"{{ signal = {_quoted(guess.place)}, cycle_ms = .. }}"
+            f"{{ signal = {quoted(guess.place)}, cycle_ms = .. }}"
         )
     checksum = next(
         (s.name for s in message.signals if any(c in s.name.lower() for c in _CHECKSUMS)), None
@@ -149,10 +147,6 @@ def _notes(guess: RoleGuess) -> list[str]:
     if guess.role is Role.TRACTIVE_EFFORT and guess.axle == 1:
         notes.append(_SIGN_OF_EFFORT)
     return notes
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
 
 
 def _comment(text: str) -> str:

@@ -10,14 +10,20 @@
 [provenance]                # texts
 """
 
-import json
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from adhesion_can.config.toml_tables import load_toml, reject_unknown_keys, section, table_of, typed
+from adhesion_can.config.toml_tables import (
+    array_of_tables,
+    load_toml,
+    reject_unknown_keys,
+    section_with,
+    table_of,
+    typed,
+)
+from adhesion_can.config.toml_text import quoted
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.extended.model import (
     BaseCurve,
@@ -84,10 +90,12 @@ def read_model(path: Path) -> ExtendedModel:
 def _model(document: dict[str, Any], where: str) -> ExtendedModel:
     if "base" not in document:
         raise ConfigError(where, "no [base]", "write the base curve's c1, c2 and c3 below it")
-    base = _stated(_Base, document.pop("base"), f"{where}: base", ("c1", "c2", "c3"))
-    pairs = [_effect(t, w) for t, w in _tables(document.pop("effect", []), where, "effect")]
+    base = section_with(_Base, document.pop("base"), f"{where}: base", ("c1", "c2", "c3"))
+    pairs = [_effect(t, w) for t, w in array_of_tables(document.pop("effect", []), where, "effect")]
     curve = _curve(document.pop("curve"), f"{where}: curve") if "curve" in document else None
-    splines = [_spline(t, w) for t, w in _tables(document.pop("spline", []), where, "spline")]
+    splines = [
+        _spline(t, w) for t, w in array_of_tables(document.pop("spline", []), where, "spline")
+    ]
     provenance = table_of(document.pop("provenance", {}), f"{where}: provenance")
     reject_unknown_keys(document, where, _KEYS)
     texts = {
@@ -104,25 +112,7 @@ def _model(document: dict[str, Any], where: str) -> ExtendedModel:
             provenance=texts,
         )
     except ValueError as error:
-        raise ConfigError(where, str(error), "mend the value") from error
-
-
-def _tables(value: object, where: str, key: str) -> Iterator[tuple[dict[str, Any], str]]:
-    """Tables of an array of tables, each with its place for errors: `effect[2]`."""
-    if not isinstance(value, list):
-        raise ConfigError(f"{where}: {key}", "not a list of tables", f"write [[{key}]] for each")
-    for number, table in enumerate(value, start=1):
-        place = f"{where}: {key}[{number}]"
-        yield table_of(table, place), place
-
-
-def _stated(kind: type, value: object, where: str, keys: tuple[str, ...]) -> Any:
-    """Dataclass from a table in which some keys are required."""
-    table = table_of(value, where)
-    for key in keys:
-        if key not in table:
-            raise ConfigError(f"{where}.{key}", "missing", "write it")
-    return section(kind, table, where)
+        raise ConfigError(where, str(error), "correct the value") from error
 
 
 def _effect(table: dict[str, Any], where: str) -> tuple[ActiveEffect, Matrix | None]:
@@ -175,7 +165,7 @@ def _values(
         try:
             require_value(parameter, value, parameter.name)
         except ValueError as error:
-            raise ConfigError(key, str(error), "mend the value") from error
+            raise ConfigError(key, str(error), "correct the value") from error
         values.append(value)
     reject_unknown_keys(given, place, tuple(p.name for p in parameters))
     return tuple(values)
@@ -203,7 +193,9 @@ def _definition(table: dict[str, Any], where: str) -> Effect:
     for key in ("expression", "acts_on"):
         if key in table:
             raise ConfigError(
-                f"{where}.{key}", f"{name} has none", f"write id = {_text(FORMULA)}, or leave it"
+                f"{where}.{key}",
+                f"{name} has none",
+                f"write id = {quoted(FORMULA)}, or leave it",
             )
     forms = forms_of_effect(name)
     if not forms:
@@ -239,7 +231,7 @@ def _formula(table: dict[str, Any], where: str) -> AnyFormula:
 
 def _spline(table: dict[str, Any], where: str) -> Empirical:
     keys = ("channel", "kind", "knots", "coefficients")
-    spline: Empirical = _stated(Empirical, table, where, keys)
+    spline: Empirical = section_with(Empirical, table, where, keys)
     return spline
 
 
@@ -271,12 +263,12 @@ def model_text(model: ExtendedModel) -> str:
     lines += _curve_lines(model.curve)
     for active, covariance in zip(model.effects, model.covariances, strict=True):
         effect = active.effect
-        lines += ["", "[[effect]]", _comment(effect.title), f"id = {_text(effect.id)}"]
+        lines += ["", "[[effect]]", _comment(effect.title), f"id = {quoted(effect.id)}"]
         if effect.form:
             key = "expression" if effect.id == FORMULA else "form"
-            lines.append(f"{key} = {_text(effect.form)}")
+            lines.append(f"{key} = {quoted(effect.form)}")
         if isinstance(effect, ReadingFormula):
-            lines.append(f"acts_on = {_text(effect.acts_on)}")
+            lines.append(f"acts_on = {quoted(effect.acts_on)}")
         lines += [*_matrix(covariance), "[effect.parameters]"]
         lines += [
             f"{_key(p.name)} = {_number(value)}  # {p.unit and p.unit + '; '}{p.meaning}"
@@ -288,11 +280,11 @@ def model_text(model: ExtendedModel) -> str:
             "[[spline]]",
             "# adhesion over a channel, as it was seen: no known effect",
         ]
-        lines += [f"channel = {_text(spline.channel)}", f"kind = {_text(spline.kind)}"]
+        lines += [f"channel = {quoted(spline.channel)}", f"kind = {quoted(spline.kind)}"]
         lines += [f"knots = {_list(spline.knots)}", f"coefficients = {_list(spline.coefficients)}"]
     if model.provenance:
         lines += ["", "[provenance]"]
-        lines += [f"{_text(key)} = {_text(value)}" for key, value in model.provenance.items()]
+        lines += [f"{quoted(key)} = {quoted(value)}" for key, value in model.provenance.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -302,7 +294,7 @@ def _curve_lines(curve: BaseCurve | None) -> list[str]:
         return []
     family = curve.family
     lines = ["", "[curve]", f"# {family.title}; c1, c2, c3 above: a Burckhardt curve beside it"]
-    lines += [f"family = {_text(family.name)}", *_matrix(curve.covariance)]
+    lines += [f"family = {quoted(family.name)}", *_matrix(curve.covariance)]
     if any(curve.peak_std):
         lines.append(f"peak_std = {_list(curve.peak_std)}  # of mu_max and lambda_m by the form")
     lines.append("[curve.parameters]")
@@ -319,7 +311,7 @@ def _comment(text: str) -> str:
 
 def _key(name: str) -> str:
     """A key, in quotes where TOML wants them: a constant's name may have other letters."""
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
 
 
 def _number(value: float) -> str:
@@ -335,9 +327,3 @@ def _matrix(matrix: Matrix | None) -> list[str]:
     if matrix is None:
         return []
     return [f"covariance = [{', '.join(_list(row) for row in matrix)}]"]
-
-
-def _text(text: str) -> str:
-    """A TOML string; a character that UTF-8 does not have is written as its number."""
-    valid = text.encode("utf-8", "backslashreplace").decode("utf-8")
-    return json.dumps(valid, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -9,26 +9,24 @@ bandwidth_share = 1.0       # of the creep speed control's
 [[prediction]]              # name, predicts
 """
 
-import json
-from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from adhesion_can.config.toml_tables import (
+    array_of_tables,
     load_toml,
     reject_unknown_keys,
     section,
-    table_of,
+    section_with,
     typed,
 )
+from adhesion_can.config.toml_text import quoted
 from adhesion_can.errors import ConfigError
 from adhesion_can.files import whole_file
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep, Prediction
 
 _KEYS = ("purpose", "start_speed", "curve", "bandwidth_share", "limits", "step", "prediction")
-_LARGEST = 10_000
-"""Most steps of a file."""
 
 
 def read_plan(path: Path) -> DrivingPlan:
@@ -57,12 +55,12 @@ def plan_of(document: dict[str, Any], where: str) -> DrivingPlan:
     document = dict(document)
     limits: PlanLimits = section(PlanLimits, document.pop("limits", {}), f"{where}: limits")
     steps = [
-        _stated(PlanStep, table, place, ("duration_s", "mode"))
-        for table, place in _tables(document.pop("step", []), where, "step")
+        section_with(PlanStep, table, place, ("duration_s", "mode"))
+        for table, place in array_of_tables(document.pop("step", []), where, "step")
     ]
     predictions = [
-        _stated(Prediction, table, place, ("name", "predicts"))
-        for table, place in _tables(document.pop("prediction", []), where, "prediction")
+        section_with(Prediction, table, place, ("name", "predicts"))
+        for table, place in array_of_tables(document.pop("prediction", []), where, "prediction")
     ]
     reject_unknown_keys({k: v for k, v in document.items() if k not in _KEYS}, where, _KEYS)
     for key in ("start_speed", "curve"):
@@ -75,26 +73,7 @@ def plan_of(document: dict[str, Any], where: str) -> DrivingPlan:
     try:
         return DrivingPlan(tuple(steps), start, curve, limits, purpose, tuple(predictions), share)
     except ValueError as error:
-        raise ConfigError(where, str(error), "mend the value") from error
-
-
-def _tables(value: object, where: str, key: str) -> Iterator[tuple[dict[str, Any], str]]:
-    """Tables of an array of tables, each with its place for errors: `step[2]`."""
-    if not isinstance(value, list):
-        raise ConfigError(f"{where}: {key}", "not a list of tables", f"write [[{key}]] for each")
-    if len(value) > _LARGEST:
-        raise ConfigError(f"{where}: {key}", f"more than {_LARGEST} tables", "write fewer")
-    for number, table in enumerate(value, start=1):
-        place = f"{where}: {key}[{number}]"
-        yield table_of(table, place), place
-
-
-def _stated(kind: type, table: dict[str, Any], where: str, keys: tuple[str, ...]) -> Any:
-    """Dataclass from a table in which some keys are required."""
-    for key in keys:
-        if key not in table:
-            raise ConfigError(f"{where}.{key}", "missing", "write it")
-    return section(kind, table, where)
+        raise ConfigError(where, str(error), "correct the value") from error
 
 
 # ------------------------------------------------------------------------------------ writing
@@ -140,6 +119,5 @@ def _value(value: float | str | tuple[float | int, ...]) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        valid = value.encode("utf-8", "backslashreplace").decode("utf-8")
-        return json.dumps(valid, ensure_ascii=False).replace("\x7f", "\\u007f")
+        return quoted(value)
     return repr(value)

@@ -48,5 +48,5 @@ def load_columns(value: object, where: str) -> tuple[ColumnChoice, ...]:
             unit = None if row.unit == "?" else row.unit
             choices.append(ColumnChoice(name, row.column, unit, row.sign, row.late_s))
         except ValueError as error:
-            raise ConfigError(place, str(error), "mend the value") from error
+            raise ConfigError(place, str(error), "correct the value") from error
     return tuple(choices)

@@ -20,6 +20,8 @@ LARGEST_FILE = 4 << 20
 """Size of a file that is read, bytes; a configuration of 64 axles has 50 KiB."""
 MOST_KEY_PARTS = 32
 """Most dots in a key."""
+MOST_TABLES = 10_000
+"""Most tables of one name in a file."""
 _QUOTED = re.compile(r"""\"(?:[^\"\\]|\\.)*\"|'[^']*'""")
 _INTEGERS = "write integers from -2**63 to 2**63 - 1, or a number with a point"
 
@@ -66,7 +68,7 @@ def load_toml(path: Path) -> TomlFile:
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(
-            str(path), f"not TOML ({error})", "mend the line that it names"
+            str(path), f"not TOML ({error})", "correct the line that it names"
         ) from error
     except ValueError as error:  # Python reads no integer of so many digits
         raise ConfigError(str(path), f"not TOML ({error})", _INTEGERS) from error
@@ -167,7 +169,42 @@ def section(kind: type, value: object, where: str, **others: Any) -> Any:
     try:
         return kind(**arguments, **others)
     except ValueError as error:
-        raise ConfigError(where, str(error), "mend the value") from error
+        raise ConfigError(where, str(error), "correct the value") from error
+
+
+def section_with(kind: type, value: object, where: str, required: tuple[str, ...]) -> Any:
+    """Dataclass from a table in which some keys must stand, whatever their defaults.
+
+    Args:
+        kind: Dataclass.
+        value: TOML table.
+        where: File and section, for errors.
+        required: Keys that the table must have.
+
+    """
+    table = table_of(value, where)
+    for key in required:
+        if key not in table:
+            raise ConfigError(f"{where}.{key}", "missing", "write it")
+    return section(kind, table, where)
+
+
+def array_of_tables(value: object, where: str, key: str) -> Iterator[tuple[dict[str, Any], str]]:
+    """Tables of an array of tables, each with its place for errors: `effect[2]`.
+
+    Args:
+        value: TOML value under the key.
+        where: File, for errors.
+        key: Name of the tables.
+
+    """
+    if not isinstance(value, list):
+        raise ConfigError(f"{where}: {key}", "not a list of tables", f"write [[{key}]] for each")
+    if len(value) > MOST_TABLES:
+        raise ConfigError(f"{where}: {key}", f"more than {MOST_TABLES} tables", "write fewer")
+    for number, table in enumerate(value, start=1):
+        place = f"{where}: {key}[{number}]"
+        yield table_of(table, place), place
 
 
 def section_keys(kind: type) -> tuple[str, ...]:
@@ -239,10 +276,10 @@ def typed(value: Any, wanted: Any, where: str) -> Any:
         return tuple(typed(item, kinds[0], where) for item in value)
     good = isinstance(value, wanted) or (wanted is float and isinstance(value, int))
     if not good or isinstance(value, bool) is not (wanted is bool):
-        raise ConfigError(where, f"{value!r} is not a {_NAMES[wanted]}", "mend the value")
+        raise ConfigError(where, f"{value!r} is not a {_NAMES[wanted]}", "correct the value")
     result = wanted(value)
     if wanted is float and not isfinite(result):
-        raise ConfigError(where, f"{result} is not a finite number", "mend the value")
+        raise ConfigError(where, f"{result} is not a finite number", "correct the value")
     return result
 
 

@@ -92,7 +92,7 @@ def load_vehicle(value: object, where: str) -> Locomotive:
             geometry=None if geometry is None else Geometry(**geometry),
         )
     except ValueError as error:
-        raise ConfigError(place, str(error), "mend the value") from error
+        raise ConfigError(place, str(error), "correct the value") from error
 
 
 def _geometry(value: object, axles: int, where: str) -> dict[str, Any] | None:

@@ -13,7 +13,12 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.bus.checked_message import CheckedMessage, SignalValues
-from adhesion_can.bus.database import DEMAND_MESSAGES, OUTPUT_MESSAGES, database_with
+from adhesion_can.bus.database import (
+    DEMAND_MESSAGES,
+    OUTPUT_MESSAGES,
+    SAND_DEMAND,
+    database_with,
+)
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.j1939 import IdFilter
 from adhesion_can.bus.output_values import status_in, theta_in
@@ -37,8 +42,6 @@ LATE_CYCLES = 1.5
 PHASE_MARGIN = 0.58
 """Largest bandwidth times cycle: with the dead time of a cycle a phase margin of 45 degrees."""
 DEMANDED_AXLES = 6
-SAND_DEMAND = "SandDemand"
-"""Signal of the demanded sand."""
 
 
 class EffortController(Protocol):
@@ -249,7 +252,7 @@ def build_follower(configuration: Configuration, plan: DrivingPlan) -> PlanFollo
     try:
         return PlanFollower(configuration.vehicle, plan, settings)
     except ValueError as error:
-        mend = "mend [vehicle], or compute the plan with this configuration"
+        mend = "correct [vehicle], or compute the plan with this configuration"
         raise ConfigError(configuration.where, str(error), mend) from None
 
 
@@ -272,7 +275,7 @@ def build_reference(
     try:
         return CreepController(configuration.vehicle, _at_cycle(settings, cycle_s))
     except ValueError as error:
-        mend = "the controller needs it; mend [vehicle]"
+        mend = "the controller needs it; correct [vehicle]"
         raise ConfigError(configuration.where, str(error), mend) from None
 
 

@@ -135,8 +135,8 @@ class PlanFollower:
             if step.sign == self._sign:
                 wanted = np.nan_to_num(self._sign * step.slips(elapsed_s, self._axles))
                 self._rate = max(SLIP_RATE, step.slip_rate)
-        change = np.clip(wanted - self._slip, -self._rate * self._cycle_s, None)
-        self._slip = self._slip + np.minimum(change, self._rate * self._cycle_s)
+        most = self._rate * self._cycle_s
+        self._slip = self._slip + np.clip(wanted - self._slip, -most, most)
         creep = self._sign * creep
         running_away = creep > RUN_AWAY * self.plan.limits.slip_max * speed
         # An axle whose creep is unknown to the loop gets its effort taken back.

@@ -288,19 +288,27 @@ class Diagnosis:
         """What to do now, one line."""
         if self.gain is None:
             return "record a drive that sweeps the slip in traction and braking for four minutes"
-        if self.verdict is Verdict.NAMED:
-            if any(cause.rivals for cause in self.causes):
-                return "drive what tells the rivals apart: --next-drive PLAN.toml computes it"
+        if self.next_drive is not None and self.next_drive.plan is not None:
+            return "drive the plan, then diagnose its recording together with these"
+        is_named = self.verdict is Verdict.NAMED
+        if is_named and not any(cause.rivals for cause in self.causes):
             return (
                 "confirm it on another drive with --holdout, then give the model of --extended to "
                 "run and replay"
             )
         if self.verdict is Verdict.NOTHING:
             longer = "record a longer drive that excites more, and diagnose both together"
-            return "nothing: use the plain curve" if self.conclusive else longer
-        by_drive = "drive what tells the closest explanations apart: --next-drive PLAN.toml"
-        by_signal = "bring the signal that could say why as a channel, or a law with --formula"
-        return by_drive if self.closest else by_signal
+            return "use the plain curve as it is" if self.conclusive else longer
+        if is_named or self.closest:
+            return self._tell_apart("the rivals" if is_named else "the closest explanations")
+        return "add the signal that may be the cause as a channel, or test a law with --formula"
+
+    def _tell_apart(self, what: str) -> str:
+        """What to do where explanations are left, one line."""
+        is_planned_in_vain = self.next_drive is not None
+        if is_planned_in_vain or self.prediction is not None:
+            return f"record a longer drive under other conditions, which may tell {what} apart"
+        return f"compute the drive that tells {what} apart with --next-drive PLAN.toml"
 
     @property
     def held_out_files(self) -> set[str]:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.compare_directions import Directions, compare_directions
+from adhesion_can.estimation.batch_result import BatchResult, Segment
+from adhesion_can.estimation.compare_directions import compare_directions
 from adhesion_can.estimation.errors_in_variables import fit_with_errors
 from adhesion_can.estimation.identifiability import (
     IdentifiabilitySettings,
@@ -34,10 +35,8 @@ from adhesion_can.estimation.variable_projection import (
 )
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
-from adhesion_can.result_text import TimeScale, html_table, plus_minus
 
 if TYPE_CHECKING:
-    from adhesion_can.estimation.curve_result import CurveComparison
     from adhesion_can.estimation.rail_peak import RailPeak
     from adhesion_can.physics.curves import CurveFamily
 
@@ -45,8 +44,6 @@ BINS = 96
 """Number of bins of slip for the score of a change."""
 AT_BOUND = 1.0 - 1e-4
 """Share of the largest value of a parameter from which it is at its bound."""
-NORMAL_95 = 1.959964
-"""Standard deviations on either side of a 95 % interval."""
 SHORT = 10
 """Duration of a segment, in margins beside a change, up to which all of it is used."""
 
@@ -68,109 +65,6 @@ class SegmentationSettings:
     shortest_s: float = 1.0
     penalty: float = 4.0
     noise_gain: float = 0.05
-
-
-class Segment(NamedTuple):
-    """Span of samples on one surface.
-
-    Attributes:
-        from_us: Stamp of its first sample, µs.
-        to_us: Stamp of its last sample, µs.
-        estimate: Estimate from its samples; its peak is not identifiable where directions differ.
-        directions: What speaks against one curve for traction and braking.
-
-    """
-
-    from_us: int
-    to_us: int
-    estimate: Estimate
-    directions: Directions = Directions()
-
-    def sentence(self, times: TimeScale) -> str:
-        """What speaks against one curve, with the times; '' where nothing does."""
-        why = self.directions.sentence
-        return why and f"{times.span(self.from_us, self.to_us)} s: {why}"
-
-
-@dataclass(frozen=True, slots=True)
-class BatchResult:
-    """Result of a batch fit.
-
-    Attributes:
-        whole: Estimate of one curve for all samples; not identifiable where the surface changed.
-        segments: Segments with one surface each, at least one.
-        left_out: Number of samples outside the model's range, or not finite.
-        curves: Comparison of curve families in each segment, None for one with too few samples;
-            () where none was asked for.
-        whole_curves: Comparison of curve families on all samples together; None without `curves`.
-        rails: Peak of the rail in each segment by the curve families that hold, which its estimate
-            states where Burckhardt's does not; None for a segment in which none are compared, ()
-            where that was not asked for.
-
-    """
-
-    whole: Estimate
-    segments: tuple[Segment, ...]
-    left_out: int
-    curves: "tuple[CurveComparison | None, ...]" = ()
-    whole_curves: "CurveComparison | None" = None
-    rails: "tuple[RailPeak | None, ...]" = ()
-
-    @property
-    def times(self) -> TimeScale:
-        """Scale of the segments' times for people."""
-        return TimeScale.beginning_at(self.segments[0].from_us)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Estimates of all samples together and of each segment, as JSON has them."""
-        segments: list[dict[str, Any]] = [
-            {
-                "from_s": s.from_us / 1e6,
-                "to_s": s.to_us / 1e6,
-                **_with_intervals(s.estimate),
-                "directions": s.directions._asdict(),
-            }
-            for s in self.segments
-        ]
-        whole = _with_intervals(self.whole)
-        if self.rails:
-            judged = [rail and rail.to_dict() for rail in self.rails]
-            for segment, family in zip(segments, judged, strict=True):
-                segment["family"] = family
-            # The surface changed: no family holds for all of it.
-            whole["family"] = judged[0] if len(judged) == 1 else None
-        document = {**whole, "segments": segments, "left_out": self.left_out}
-        if self.curves:
-            found = [None if c is None else c.to_dict() for c in self.curves]
-            for segment, curves in zip(segments, found, strict=True):
-                segment["curves"] = curves
-            document["curves"] = self.whole_curves and self.whole_curves.to_dict()
-        return document
-
-    def _repr_html_(self) -> str:
-        rows = [
-            (
-                self.times.span(s.from_us, s.to_us),
-                str(s.estimate.samples),
-                plus_minus(s.estimate.mu_max, s.estimate.to_dict()["mu_max"]["std"]),
-                plus_minus(s.estimate.lambda_m, s.estimate.to_dict()["lambda_m"]["std"]),
-                "yes" if s.estimate.identifiable.both else "no",
-            )
-            for s in self.segments
-        ]
-        columns = ("time s", "samples", "mu_max", "lambda_m", "identifiable")
-        title = f"Batch fit by segment, ± standard deviation{self.times.note}"
-        return html_table(title, columns, rows)
-
-
-def _with_intervals(estimate: Estimate) -> dict[str, Any]:
-    """Estimate as JSON has it, with the 95 % intervals of the peak; None where unknown."""
-    document = estimate.to_dict()
-    for name in ("mu_max", "lambda_m"):
-        value, std = document[name]["value"], document[name]["std"]
-        ends = None if std is None else [value - NORMAL_95 * std, value + NORMAL_95 * std]
-        document[name] = {**document[name], "interval": ends}
-    return document
 
 
 def fit(samples: Samples, settings: IdentifiabilitySettings | None = None) -> Estimate:

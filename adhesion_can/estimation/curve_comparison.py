@@ -20,7 +20,7 @@ from adhesion_can.estimation.curve_data import (
     plan_hold_out,
 )
 from adhesion_can.estimation.curve_fit import (
-    FamilyFit,
+    FittedCurve,
     fit_family,
     fit_values,
     log_density,
@@ -122,7 +122,7 @@ def are_independent(samples: Samples) -> bool:
     return int(np.ptp(samples.t_us)) <= TICK_US * len(samples)
 
 
-def _held_out_densities(samples: Samples, fit: FamilyFit, plan: HoldOutPlan) -> Array:
+def _held_out_densities(samples: Samples, fit: FittedCurve, plan: HoldOutPlan) -> Array:
     """Log density of each sample under fits to the other folds, mean of the repetitions."""
     points = CurvePoints.from_samples(samples)
     result = np.zeros(len(samples))

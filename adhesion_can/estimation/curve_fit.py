@@ -29,7 +29,7 @@ AT_BOUND = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class FamilyFit:
+class FittedCurve:
     """Curve of one family, fitted to samples.
 
     Attributes:
@@ -80,7 +80,7 @@ def _number(std: float) -> float | None:
 
 def fit_family(
     samples: Samples, family: CurveFamily, *, slip_max: float = SLIP_MAX, independent: bool = False
-) -> FamilyFit:
+) -> FittedCurve:
     """Fit a curve of a family to samples.
 
     Args:
@@ -101,7 +101,7 @@ def fit_family(
     peak = family.peak(values, conditions, slip_max)
     mu_std, lambda_std = _peak_errors(family, values, conditions, peak, covariance)
     squares = (every.adhesion - family.adhesion(every.slip, values, every.conditions)) ** 2
-    return FamilyFit(
+    return FittedCurve(
         family=family,
         values=tuple(map(float, values)),
         covariance=covariance,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import hypot, isfinite
 from typing import Any
 
-from adhesion_can.estimation.curve_fit import FamilyFit
+from adhesion_can.estimation.curve_fit import FittedCurve
 from adhesion_can.result_text import html_table, plus_minus
 
 
@@ -38,7 +38,7 @@ class ScoredFit:
 
     """
 
-    fit: FamilyFit
+    fit: FittedCurve
     score: float
     behind: float
     behind_std: float

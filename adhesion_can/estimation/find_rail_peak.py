@@ -29,9 +29,9 @@ from adhesion_can.estimation.curve_fit import (
     standardised_residual,
 )
 from adhesion_can.estimation.curve_result import CommonErrors
+from adhesion_can.estimation.families.bin_points import build_points
 from adhesion_can.estimation.families.binned_samples import BinnedSamples, join_binned
 from adhesion_can.estimation.families.comparison import MISFIT_WIDTH, FamilyTracker, find_top
-from adhesion_can.estimation.families.curve_points import build_points
 from adhesion_can.estimation.families.family_fit import predict
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess_peak
 from adhesion_can.estimation.rail_peak import BURCKHARDT, RailPeak
@@ -232,9 +232,8 @@ def _blocks(samples: Samples) -> list[NDArray[np.int64]]:
     return np.split(order, np.flatnonzero(np.diff(block[order])) + 1)
 
 
-def _compare_scores(samples: Samples, plain: Estimate, slip_max: float) -> _Comparison | None:
+def _compare_scores(samples: Samples, _plain: Estimate, slip_max: float) -> _Comparison | None:
     """Families by held-out score, the slips taken as exact."""
-    _ = plain
     every = -(-len(samples) // MOST_SCORED)
     thin = samples.select(slice(None, None, every))
     found = compare_families(thin, slip_max=slip_max)

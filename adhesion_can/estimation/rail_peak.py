@@ -82,12 +82,14 @@ class RailPeak:
         if self.misfit:
             return (
                 f"No curve family holds: {self.plausible[0]}, the best, leaves "
-                f"{100 * self.misfit:.1f} % of mu_max beyond the noise; {peak}, and with that."
+                f"{100 * self.misfit:.1f} % of mu_max beyond the noise; {peak}, and that misfit."
             )
         certain = BURCKHARDT not in self.plausible
-        form = "Burckhardt's form does not hold" if certain else "The form of the curve is not sure"
+        form = (
+            "Burckhardt's form does not hold" if certain else "The form of the curve is uncertain"
+        )
         plain = f"{self.plain.mu_max:.4f} at {self.plain.lambda_m:.4f}"
-        return f"{form} (the peak of Burckhardt's would be {plain}): {peak}."
+        return f"{form} (Burckhardt's curve would give {plain}): {peak}."
 
     def to_dict(self) -> dict[str, Any]:
         """Families, and the peak of Burckhardt's own curve, as JSON has them."""

@@ -10,7 +10,7 @@ from typing import Any
 from adhesion_can.calibration.fit import AxleRadius, Calibration
 from adhesion_can.diagnosis.cause_result import Cause
 from adhesion_can.diagnosis.result import Diagnosis
-from adhesion_can.estimation.batch_fit import BatchResult
+from adhesion_can.estimation.batch_result import BatchResult
 from adhesion_can.fleet.calibrated_radii import AppliedRadii
 from adhesion_can.fleet.schema import doubt_column, status_column
 from adhesion_can.offline.check import CheckResult

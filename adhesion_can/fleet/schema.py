@@ -64,7 +64,7 @@ _FOUND = (
 _STATE = (
     Column("status", "string", "`done`, or `failed` where a step failed", required=True),
     Column("failed_step", "string", "first step that failed: one of the steps, or `read`"),
-    Column("error", "string", "what is wrong and how to mend it"),
+    Column("error", "string", "what is wrong and how to correct it"),
 )
 _CHECK = (
     Column("usable", "bool", "whether the check has no failure"),

@@ -14,7 +14,8 @@ from adhesion_can.calibration.fit import calibrate
 from adhesion_can.config import Configuration
 from adhesion_can.config.calibrated_radii import with_radii
 from adhesion_can.diagnosis.result import InputFile
-from adhesion_can.estimation.batch_fit import BatchResult, identify
+from adhesion_can.estimation.batch_fit import identify
+from adhesion_can.estimation.batch_result import BatchResult
 from adhesion_can.fleet.calibrated_radii import SETTINGS, choose_radii
 from adhesion_can.fleet.rows import Row, SetpointStatistics, calibration_fields, check_fields
 from adhesion_can.offline.check import CheckResult, check_scan

@@ -11,7 +11,8 @@ from adhesion_can.bus.j1939 import parameter_group, source_address
 from adhesion_can.bus.message_record import MessageRecord
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import UNKNOWN_CYCLE, Configuration
-from adhesion_can.estimation.batch_fit import BatchResult, identify
+from adhesion_can.estimation.batch_fit import identify
+from adhesion_can.estimation.batch_result import BatchResult
 from adhesion_can.offline.compare_noise import NOISY_ROLES, ComparedNoise, compare_noise
 from adhesion_can.offline.fault_history import FaultHistory
 from adhesion_can.offline.plausibility import inspect_samples

@@ -263,7 +263,7 @@ def _stuck(points: Points) -> Iterator[Finding]:
         run = longest_run(values, other)
         if run is not None and run[0] >= max(LEAST_STUCK, len(values) // 20):
             what = f"the {name} stands at {run[1]:.4g} for {run[0]} rows while the other moves"
-            yield Finding(what, "leave those rows out, or mend the sensor", fatal=False)
+            yield Finding(what, "leave those rows out, or repair the sensor", fatal=False)
 
 
 def longest_run(values: Array, other: Array) -> tuple[int, float] | None:

@@ -75,7 +75,7 @@ def _numbers(row: list[str], places: tuple[int, int], where: str) -> tuple[float
     try:
         time_s, speed = (float(row[place].strip() or "nan") for place in places)
     except (IndexError, ValueError) as error:
-        raise TableError(where, "not numbers under the header", "mend the line") from error
+        raise TableError(where, "not numbers under the header", "correct the line") from error
     if not abs(time_s) < TIME_LIMIT_S:
-        raise TableError(where, f"{time_s} is no time", "mend the line")
+        raise TableError(where, f"{time_s} is no time", "correct the line")
     return time_s, speed if isfinite(speed) else np.nan

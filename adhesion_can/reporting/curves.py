@@ -2,9 +2,9 @@
 
 from math import exp, isfinite
 
-from adhesion_can.estimation.batch_fit import BatchResult, Segment
+from adhesion_can.estimation.batch_result import BatchResult, Segment
 from adhesion_can.estimation.curve_comparison import LEAST_SAMPLES
-from adhesion_can.estimation.curve_fit import FamilyFit
+from adhesion_can.estimation.curve_fit import FittedCurve
 from adhesion_can.estimation.curve_result import COLUMNS, CurveComparison
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.reporting.text import FittingTable, table
@@ -23,7 +23,9 @@ def family_lines(result: BatchResult) -> list[str]:
         elif segment.directions.sentence:
             continue
         else:
-            text = f"Curve families are not compared: fewer than {LEAST_SAMPLES} samples."
+            text = (
+                f"Curve families are not compared: fewer than {LEAST_SAMPLES} samples with a speed."
+            )
         said.setdefault(text, []).append(segment)
     if len(result.segments) == 1:
         return list(said)
@@ -100,7 +102,7 @@ def _render_comparison(comparison: CurveComparison | None, where: str) -> list[F
     return parts
 
 
-def _parameters(fit: FamilyFit) -> str:
+def _parameters(fit: FittedCurve) -> str:
     return ", ".join(
         f"{p.name} {value:.4g}{'' if p.unit == '1' else ' ' + p.unit}"
         for p, value in zip(fit.family.parameters, fit.values, strict=True)
@@ -126,12 +128,12 @@ def _verdict(comparison: CurveComparison) -> str:
     )
 
 
-def _is_physical(fit: FamilyFit) -> bool:
+def _is_physical(fit: FittedCurve) -> bool:
     """Whether the values of a curve in Polach's form have their physical meaning."""
     return fit.family.name == FAMILIES["polach"].name and bool(isfinite(float(fit.conditions.load)))
 
 
-def _describe_polach(fit: FamilyFit) -> str:
+def _describe_polach(fit: FittedCurve) -> str:
     values = dict(zip((p.name for p in fit.family.parameters), fit.values, strict=True))
     start = 50.0 * (values["kA"] + values["kS"])
     left = values["A"] + (1.0 - values["A"]) * exp(-values["B"] * CREEP_SPEED)

@@ -64,12 +64,13 @@ def _name_with_sizes(closest: ClosestExplanation) -> str:
 def _noise_sentence(found: Diagnosis) -> Iterator[str]:
     """How far what is left is above the sensors' noise; none where it is not."""
     noise = found.noise
-    if noise is not None and noise.exceeds and noise.ratio is not None:
-        yield (
-            f"The sensors' noise explains {short(noise.sensors or 0.0)} of what is left, and "
-            f"{short(noise.floor)} remains with every known effect and channel: "
-            f"{short(noise.ratio)} times as much. Something acts that has no name here."
-        )
+    if noise is None or not noise.exceeds or noise.sensors is None or noise.ratio is None:
+        return
+    yield (
+        f"The sensors' noise explains {short(noise.sensors)} of what is left, and "
+        f"{short(noise.floor)} remains with every known effect and channel: "
+        f"{short(noise.ratio)} times as much. Something acts that is not in the library."
+    )
 
 
 def environment_rows(environments: Sequence[EnvironmentSizes]) -> list[tuple[str, ...]]:

@@ -6,9 +6,8 @@ from adhesion_can.diagnosis.cause_result import EnvironmentSizes
 from adhesion_can.diagnosis.formatting import unit_text, value_and_unit
 from adhesion_can.reporting.charts import BLUE, DARK, ORANGE, Trace
 from adhesion_can.reporting.page import Figure
+from adhesion_can.result_text import NORMAL_95
 
-INTERVAL = 1.96
-"""Half the width of a 95 % interval, in standard deviations."""
 ROW_HEIGHT, MARGINS_HEIGHT = 19, 110
 """Height of an environment and of the margins, px."""
 MOST_PARTITIONS = 8
@@ -72,7 +71,7 @@ def _points(environments: Sequence[EnvironmentSizes], *, refutes: bool) -> Trace
         "y": [level.level for level in levels],
         "error_x": {
             "type": "data",
-            "array": [INTERVAL * level.std for level in levels],
+            "array": [NORMAL_95 * level.std for level in levels],
             "thickness": 1.2,
             "width": 3,
         },

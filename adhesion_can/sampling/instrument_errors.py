@@ -77,12 +77,14 @@ class RowCorrection(Stateful):
         self.covariates = instruments.law_covariates
         """Names of the covariates on which the errors depend."""
         self.needs_efforts = instruments.needs(Need.EFFORTS)
+        """Whether an error depends on the efforts of all axles."""
         self.needs_angle = instruments.needs(Need.WHEEL_ANGLE)
+        """Whether an error depends on the angle that a wheel has turned."""
         self.origin_us: int | None = None
         """Stamp of the first wheel speed, µs."""
 
     def begin(self, t_us: int) -> None:
-        """Take a stamp for the begin of the recording, if none was taken before."""
+        """Take a stamp as the start of the recording, unless one was taken before."""
         if self.origin_us is None:
             self.origin_us = t_us
 

@@ -131,7 +131,9 @@ class Plant:
         elif load_transfer and vehicle.geometry:
             self._transfer = vehicle.geometry.load_transfer(np.eye(vehicle.axles))
         self.acceleration = 0.0
+        """Acceleration of the vehicle in the last step, m/s²."""
         self.wheel_angle: Array = np.zeros(vehicle.axles)
+        """Angle that each wheelset has turned since the start, rad; shape (axles,)."""
 
     @property
     def gradient(self) -> float:

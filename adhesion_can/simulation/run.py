@@ -10,7 +10,13 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.bus.checked_message import CheckedMessage, SignalValues
 from adhesion_can.bus.codec import MessagePlan, SignalPlan
-from adhesion_can.bus.database import DEMAND_MESSAGES, OUTPUT_MESSAGES, CanDatabase, database_with
+from adhesion_can.bus.database import (
+    DEMAND_MESSAGES,
+    OUTPUT_MESSAGES,
+    SAND_DEMAND,
+    CanDatabase,
+    database_with,
+)
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.bus.rejection import Rejection
 from adhesion_can.bus.roles import BoundMessage
@@ -29,8 +35,6 @@ from adhesion_can.simulation.scenarios import Scenario
 from adhesion_can.simulation.sensors import NoiseSettings, PlantState, Sensors
 
 STEP_US = 2000
-SAND_DEMAND = "SandDemand"
-"""Signal of the sand that a controller demands, in one of the messages of demands."""
 
 
 @dataclass(frozen=True)

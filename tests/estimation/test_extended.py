@@ -12,11 +12,11 @@ from adhesion_can.estimation.batch_fit import fit
 from adhesion_can.estimation.extended.correction import (
     channels_used,
     correct_samples,
-    remove_instrument_errors,
     require_channels,
     require_columns,
 )
 from adhesion_can.estimation.extended.estimator import ExtendedEstimator
+from adhesion_can.estimation.extended.instrument_removal import remove_instrument_errors
 from adhesion_can.estimation.extended.model import BaseCurve, ExtendedModel
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.curves import FAMILIES

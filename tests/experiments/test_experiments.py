@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from adhesion_can.estimation.differential_evolution import (
     EvolutionSettings,
     Objective,
+    identify_all_data,
     identify_blocks,
     identify_sequence,
 )
@@ -246,8 +247,7 @@ def test_sequence_processing_has_a_sample_for_each_block_or_all_data_so_far(numb
 
 @FIXED
 @given(st.integers(0, 10**6), st.floats(0.02, 0.5))
-def test_sums_in_bins_are_the_sums_of_the_samples(seed, reach):
-    """J of the binned data differs from that of the samples by what does not depend on θ."""
+def test_a_weight_counts_as_so_many_samples(seed, reach):
     rng = np.random.default_rng(seed)
     h = rng.uniform(0, reach, 400)
     z = curve(h, *SURFACES[0]) + 0.01 * rng.standard_normal(400)
@@ -255,6 +255,22 @@ def test_sums_in_bins_are_the_sums_of_the_samples(seed, reach):
     weighted = Objective(h, z, np.full(400, 2.0))
     population = np.array(SURFACES) * rng.uniform(0.5, 2.0, (3, 3))
     assert weighted(population) == pytest.approx(doubled(population), rel=1e-9)
+
+
+def test_all_data_in_bins_have_the_minimum_of_the_samples():
+    """After each block the search over bins ends where least squares over all samples so far do."""
+    rng = np.random.default_rng(4)
+    h = rng.uniform(0, 0.2, 300)
+    z = curve(h, *SURFACES[0]) + 0.01 * rng.standard_normal(300)
+    chosen = EvolutionSettings(theta0=SURFACES[0], seed=1, block=100, generations=200)
+    for k, theta in enumerate(identify_all_data(h, z, chosen), start=1):
+        known, wanted = h[: 100 * k], z[: 100 * k]
+
+        def residual(t, known=known, wanted=wanted):
+            return curve(known, *t) - wanted
+
+        best = least_squares(residual, SURFACES[0], x_scale=(1, 30, 1))
+        assert np.sum(residual(theta) ** 2) == pytest.approx(2 * best.cost, rel=1e-4)
 
 
 def test_slow_ones_take_part_in_the_first_runs_only():

@@ -37,7 +37,6 @@ CONTRACT_IDS = {
     *("load_transfer", "effort_gain", "speed_error", "curving_resistance", "brake_blending"),
     "wheel_once_per_turn",
 }
-OTHER_RIVALS = {"contact_heating"}
 IN_CONTACT = [effect for effect in EFFECTS if isinstance(effect, ContactEffect)]
 IN_INSTRUMENTS = [effect for effect in EFFECTS if isinstance(effect, InstrumentEffect)]
 RH, RAIL_T, SAND, CURVE, RAIN = (
@@ -147,7 +146,7 @@ def test_definition_states_what_it_requires_and_how_it_shows(effect):
     assert observability.channel in CHANNEL_BY_NAME
     assert observability.excitation.strip()
     for separation in observability.separations:
-        assert separation.rival in (CONTRACT_IDS | OTHER_RIVALS) - {effect.id}
+        assert separation.rival in CONTRACT_IDS - {effect.id}
         assert separation.manoeuvre.strip()
     if set(effect.requires.covariates) & set(CHANNEL_BY_NAME):
         assert observability.channel in effect.requires.covariates

@@ -9,9 +9,10 @@ from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.charts import band, domains, runs
-from adhesion_can.reporting.drive.history import DOUBTS, MOST_BINS, Z_95, HistoryRecorder
+from adhesion_can.reporting.drive.history import DOUBTS, MOST_BINS, HistoryRecorder
 from adhesion_can.reporting.drive.recorder import DriveRecorder
 from adhesion_can.reporting.drive.surfaces import A_BIN, MOST_CLOUDS, SLIP_BINS
+from adhesion_can.result_text import NORMAL_95
 from adhesion_can.service.outputs import Outputs, Setpoint
 
 CYCLE_US = 20_000
@@ -58,7 +59,7 @@ def test_bins_hold_the_extremes_and_every_count(count):
     number = np.searchsorted(found.first_us, np.arange(count) * CYCLE_US, side="right") - 1
     assert (found.lowest[number, 0] <= values).all()
     assert (values <= found.highest[number, 0]).all()
-    np.testing.assert_allclose(found.upper[:, 0], found.highest[:, 0] + Z_95 * 0.01)
+    np.testing.assert_allclose(found.upper[:, 0], found.highest[:, 0] + NORMAL_95 * 0.01)
 
 
 def test_what_is_not_available_is_a_gap_and_what_has_no_bound_reaches_everywhere():
@@ -67,7 +68,7 @@ def test_what_is_not_available_is_a_gap_and_what_has_no_bound_reaches_everywhere
     assert np.isnan(found.lower[0]).all()
     assert found.lower[1].tolist() == [0.0, 0.0]
     assert found.upper[1].tolist() == [1.0, 1.0]
-    assert found.lower[2, 0] == pytest.approx(0.3 - Z_95 * 0.01)
+    assert found.lower[2, 0] == pytest.approx(0.3 - NORMAL_95 * 0.01)
 
 
 @given(st.lists(st.integers(1, 400_000), min_size=1, max_size=300))

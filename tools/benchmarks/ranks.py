@@ -20,9 +20,9 @@ from _data import POOLED, feed, points  # noqa: E402  after the path
 from _report import Report, over_cores  # noqa: E402
 from _rows import positive, random_parser  # noqa: E402
 
+from adhesion_can.estimation.families.bin_points import build_points  # noqa: E402
 from adhesion_can.estimation.families.binned_samples import BinnedSamples  # noqa: E402
 from adhesion_can.estimation.families.comparison import GRID, draw_curves, find_top  # noqa: E402
-from adhesion_can.estimation.families.curve_points import build_points  # noqa: E402
 from adhesion_can.estimation.families.family_fit import (  # noqa: E402
     PRIORS,
     coordinate_bounds,

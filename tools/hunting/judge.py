@@ -1,12 +1,11 @@
 """What a diagnosis is worth beside the truth. The rules are here and nowhere else."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from contact import PeakErrors, blames_instrument, contact_outcome, peak_errors
-from outside import FUNCTIONS, OUTSIDE_GROUPS, outside_outcome
+from outside import OUTSIDE_GROUPS, formula_channels, outside_outcome
 from plan import find_group, split_form
 
 Record = dict[str, Any]
@@ -104,8 +103,7 @@ def _is_factor_of(channel: str, cause: Record) -> bool:
     """Whether a cause is a factor in one channel, or a formula that depends on it alone."""
     if cause["effect"] != "formula":
         return bool(cause["effect"] == f"channel:{channel}")
-    words = set(re.findall(r"[A-Za-z_]\w*", cause["form"]))
-    return words - set(cause["parameters"]) - FUNCTIONS == {channel}
+    return formula_channels(cause) == {channel}
 
 
 def _outcome(record: Record, diagnosis: Record) -> tuple[str, tuple[str, ...]]:

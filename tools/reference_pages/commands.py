@@ -9,7 +9,7 @@ from reference_pages.markdown import GENERATED, code, page, plain, table
 
 INTRODUCTION = """
 Exit status: 0 done, 1 a check failed, 2 bad input, with one line that says what, where and how to
-mend it. `adhesion-can COMMAND --help` prints the same arguments. Commands that open a bus take
+correct it. `adhesion-can COMMAND --help` prints the same arguments. Commands that open a bus take
 python-can's options `-i`, `-c`, `-b`, `--fd` and `--bus-kwargs`, its `~/.canrc` and its environment
 `CAN_*`. Every command takes `--progress` and `--no-progress`: how far long work is, on stderr;
 without either it is told on a terminal.

@@ -1,27 +1,22 @@
 """Extended Kalman filter on the curve's parameters, with a reset where its innovations grow.
 
-The state x = ln(c1, c2, c3) follows a random walk; each sample is a measurement μ = curve(λ; x).
-The logarithms keep all three positive, and make one walk fit surfaces that differ tenfold. A walk
-slow enough to average noise cannot follow a sudden change. So the normalised innovations are
+The state x = ln(c1, c2, c3) follows a random walk; each sample is a measurement μ = curve(λ; x). A
+walk slow enough to average noise cannot follow a sudden change. So the normalised innovations are
 monitored as in Gustafsson's friction estimator (Automatica 33(6), 1997), in the simplest form:
 where their mean square grows, the covariance is set back to that of the start. The filter is in
 Jazwinski, "Stochastic Processes and Filtering Theory", 1970.
 """
 
-from dataclasses import dataclass, replace
-from math import exp, sqrt
+from dataclasses import dataclass
+from math import exp
 
 import numpy as np
 
-from adhesion_can.estimation.baselines.forgetting import (
-    ForgettingWindow,
-    peak_errors,
-    select_usable,
-)
+from adhesion_can.arrays import Array
+from adhesion_can.estimation.baselines.log_parameters import LogParameterEstimator
 from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.burckhardt import CurveParameters
-from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
 
@@ -64,7 +59,7 @@ class EkfSettings:
             raise ValueError("noise_memory and window must be above 1")
 
 
-class EkfEstimator:
+class EkfEstimator(LogParameterEstimator):
     """Extended Kalman filter as an estimator.
 
     Args:
@@ -81,43 +76,27 @@ class EkfEstimator:
         identifiability: IdentifiabilitySettings | None = None,
     ) -> None:
         self._settings = settings = settings or EkfSettings()
-        limits = identifiability or IdentifiabilitySettings()
-        self._slip_max = limits.slip_max
-        bounds = evolution or EvolutionSettings()
-        # A bound of 0 has no logarithm; below this no curve differs from none.
-        self._lower, self._upper = np.log(np.maximum(bounds.lower, 1e-6)), np.log(bounds.upper)
+        memory = settings.noise_memory
+        super().__init__(settings.start, settings.noise_std, memory, evolution, identifiability)
         self._first = np.diag(np.square(settings.start_std))
         self._walk = np.diag(np.square(settings.walk_std))
-        self._x = np.clip(np.log(settings.start), self._lower, self._upper)
         self._covariance = self._first
-        self._noise_var = settings.noise_std**2
         self._ratio = 1.0  # mean normalised innovation squared
         self._since_reset = 0  # samples
-        self._window = ForgettingWindow(1.0 - 1.0 / settings.noise_memory, limits)
-        self._current: Estimate | None = None
 
-    def update(self, samples: Samples, now_us: int) -> Estimate | None:
-        """Process samples, as `Estimator.update` defines it."""
-        del now_us  # the walk goes by samples, not by time
-        new = select_usable(samples, self._slip_max)
-        if not len(new):
-            if self._current is not None:
-                self._current = replace(self._current, change_probability=0.0)
-            return self._current
-        h, z = new.folded()
-        points = zip(h.tolist(), z.tolist(), new.slip_total_var.tolist(), strict=True)
+    def _log_covariance(self) -> Array:
+        return self._covariance
+
+    def _process(self, samples: Samples) -> bool:
+        """Process samples one by one; whether the filter was reset at one."""
+        h, z = samples.folded()
+        points = zip(h.tolist(), z.tolist(), samples.slip_total_var.tolist(), strict=True)
         resets = [k for k, point in enumerate(points) if self._is_reset_by(*point)]
         if resets:
             self._window.restart()
-            new = new.select(slice(resets[-1], None))
-        self._window.add(new)
-        theta = np.exp(self._x)
-        covariance = self._covariance * np.outer(theta, theta)
-        errors = peak_errors(theta, covariance, self._slip_max)
-        self._current = self._window.estimate(
-            theta, covariance, errors, sqrt(self._noise_var), 1.0 if resets else 0.0
-        )
-        return self._current
+            samples = samples.select(slice(resets[-1], None))
+        self._window.add(samples)
+        return bool(resets)
 
     def _is_reset_by(self, h: float, z: float, slip_var: float) -> bool:
         """Process one sample; whether the filter was reset at it."""

@@ -8,23 +8,17 @@ Identification, 1983. Where the bounded innovations stay large the rail has chan
 is discounted, and the steps become long again.
 """
 
-from dataclasses import dataclass, replace
-from math import sqrt
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.baselines.forgetting import (
-    ForgettingWindow,
-    peak_errors,
-    select_usable,
-)
+from adhesion_can.estimation.baselines.log_parameters import LogParameterEstimator
 from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.likelihood import innovation, sensitivity
 from adhesion_can.physics.burckhardt import CurveParameters, adhesion_slope
-from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
 
@@ -78,7 +72,7 @@ class GradientSettings:
             raise ValueError("memory, noise_memory, window and change must be above 1")
 
 
-class GradientEstimator:
+class GradientEstimator(LogParameterEstimator):
     """Robust stochastic gradient as an estimator.
 
     Args:
@@ -95,46 +89,28 @@ class GradientEstimator:
         identifiability: IdentifiabilitySettings | None = None,
     ) -> None:
         self._settings = settings = settings or GradientSettings()
-        limits = identifiability or IdentifiabilitySettings()
-        self._slip_max = limits.slip_max
-        bounds = evolution or EvolutionSettings()
-        # A bound of 0 has no logarithm; below this no curve differs from none.
-        self._lower, self._upper = np.log(np.maximum(bounds.lower, 1e-6)), np.log(bounds.upper)
+        memory = settings.memory
+        super().__init__(settings.start, settings.noise_std, memory, evolution, identifiability)
         self._first = np.diag(1.0 / np.square(settings.start_std))
-        self._x = np.clip(np.log(settings.start), self._lower, self._upper)
         self._information = self._first
-        self._noise_var = settings.noise_std**2
         self._ratio = 1.0  # mean bounded square over what noise explains
         self._since_change = 0  # samples
         self._bounded_noise = _mean_bounded_square(settings.huber)
-        self._window = ForgettingWindow(1.0 - 1.0 / settings.memory, limits)
-        self._current: Estimate | None = None
 
-    def update(self, samples: Samples, now_us: int) -> Estimate | None:
-        """Process samples, as `Estimator.update` defines it."""
-        del now_us  # the memory is a number of samples, not a time
-        new = select_usable(samples, self._slip_max)
-        if not len(new):
-            if self._current is not None:
-                self._current = replace(self._current, change_probability=0.0)
-            return self._current
+    def _log_covariance(self) -> Array:
+        return np.asarray(np.linalg.inv(self._information))
+
+    def _process(self, samples: Samples) -> bool:
+        """Process samples batch by batch; whether the rail has changed at one."""
         changed = False
         size = self._settings.batch
-        for begin in range(0, len(new), size):
-            part = new.select(slice(begin, begin + size))
+        for begin in range(0, len(samples), size):
+            part = samples.select(slice(begin, begin + size))
             if self._step(part):
                 changed = True
                 self._window.restart()
             self._window.add(part)
-        theta = np.exp(self._x)
-        covariance: Array = np.asarray(
-            np.linalg.inv(self._information) * np.outer(theta, theta), dtype=np.float64
-        )
-        errors = peak_errors(theta, covariance, self._slip_max)
-        self._current = self._window.estimate(
-            theta, covariance, errors, sqrt(self._noise_var), 1.0 if changed else 0.0
-        )
-        return self._current
+        return changed
 
     def _step(self, samples: Samples) -> bool:
         """One step along the scaled gradient; whether the rail has changed at these samples."""

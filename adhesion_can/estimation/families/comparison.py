@@ -17,6 +17,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.batch_means import batch_inflation
+from adhesion_can.estimation.families.bin_points import BinPoints, build_points
 from adhesion_can.estimation.families.binned_samples import (
     ADHESION,
     COUNT,
@@ -24,7 +25,6 @@ from adhesion_can.estimation.families.binned_samples import (
     BinnedSamples,
     join_binned,
 )
-from adhesion_can.estimation.families.curve_points import CurvePoints, build_points
 from adhesion_can.estimation.families.family_fit import (
     PRIORS,
     FamilyFit,
@@ -197,7 +197,7 @@ class FamilyTracker(Stateful):
         level = float(np.max(predict(leader.family, leader.values, points)))
         return FamilyComparison(fits, probability, self._inflation, misfit / level)
 
-    def _fit(self, points: CurvePoints, family: CurveFamily, *, anew: bool) -> FamilyFit:
+    def _fit(self, points: BinPoints, family: CurveFamily, *, anew: bool) -> FamilyFit:
         known = self._fits.get(family.name)
         fits = []
         if known is not None:
@@ -223,7 +223,7 @@ def _probabilities(fits: Sequence[FamilyFit]) -> dict[str, float]:
 
 
 def _inflation(
-    leader: FamilyFit, points: CurvePoints, binned: BinnedSamples, blocks: Sequence[BinnedSamples]
+    leader: FamilyFit, points: BinPoints, binned: BinnedSamples, blocks: Sequence[BinnedSamples]
 ) -> float:
     """Variance of a mean residual over that of independent errors, by batch means of any length."""
     place = binned.place[points.rows]

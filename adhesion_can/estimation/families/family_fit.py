@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.families.curve_points import CurvePoints
+from adhesion_can.estimation.families.bin_points import BinPoints
 from adhesion_can.physics.curves import FAMILIES, CurveFamily, bounds
 from adhesion_can.values import Value
 
@@ -101,16 +101,14 @@ def coordinate_bounds(family: CurveFamily) -> tuple[Array, Array]:
     return to_coordinates(family, lower), to_coordinates(family, upper)
 
 
-def predict(family: CurveFamily, values: Array, points: CurvePoints) -> Array:
+def predict(family: CurveFamily, values: Array, points: BinPoints) -> Array:
     """Mean adhesion of the points, averaged over the scatter of their slips, shape (n,)."""
     above = family.adhesion(points.slip + points.slip_std, values, points.conditions)
     below = family.adhesion(points.slip - points.slip_std, values, points.conditions)
     return 0.5 * (above + below)
 
 
-def fit_family(
-    points: CurvePoints, family: CurveFamily, start: Array, inflation: float
-) -> FamilyFit:
+def fit_family(points: BinPoints, family: CurveFamily, start: Array, inflation: float) -> FamilyFit:
     """Fit from given coordinates.
 
     Args:
@@ -165,7 +163,7 @@ def fit_family(
     return FamilyFit(family, y, cost, penalty, gram)
 
 
-def fit_from_starts(points: CurvePoints, family: CurveFamily, inflation: float) -> FamilyFit:
+def fit_from_starts(points: BinPoints, family: CurveFamily, inflation: float) -> FamilyFit:
     """Fit from the family's own starting values, the two most promising of them."""
     starts = family.starts(points.slip, points.adhesion, points.conditions)
     weight = points.weight / inflation

@@ -7,8 +7,8 @@ import numpy as np
 
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
 from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.effects.law_effect import LawEffect
 from adhesion_can.physics.instrument_laws import Need, Quantity, ReadingError, Situation
-from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.parameter import Parameter
 
 
@@ -41,51 +41,43 @@ _ASYMMETRY = Separation(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class BrakeBlending:
-    """F measured = (1 − share) F in braking."""
-
-    id: str = _ID
-    form: str = "constant"
-    title: str = _TITLE
-    parameters: tuple[Parameter, ...] = (_SHARE,)
-    literature: str = _LITERATURE
-    requires: Requirements = _REQUIRES
-    observability: Observability = Observability(
+BRAKE_BLENDING = LawEffect(
+    id=_ID,
+    form="constant",
+    title=_TITLE,
+    parameters=(_SHARE,),
+    literature=_LITERATURE,
+    requires=_REQUIRES,
+    observability=Observability(
         channel="signed_slip",
         excitation="braking and traction, with the friction brake cut out for a while",
         separations=(_ASYMMETRY,),
-    )
+    ),
+    law=BlendingLaw,
+)
+"""F measured = (1 − share) F in braking."""
 
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(BlendingLaw(values[0]), values[0])
 
-
-@dataclass(frozen=True, slots=True)
-class FadingBrakeBlending:
-    """F measured = (1 − share (1 − v / fade)) F in braking below a speed: the motors fade out."""
-
-    id: str = _ID
-    form: str = "fade"
-    title: str = _TITLE
-    parameters: tuple[Parameter, ...] = (
+FADING_BRAKE_BLENDING = LawEffect(
+    id=_ID,
+    form="fade",
+    title=_TITLE,
+    parameters=(
         _SHARE,
         Parameter(
             "fade", "m/s", 15.0, 2.0, 60.0, "speed from which the motors brake alone", starts=(1.0,)
         ),
-    )
-    literature: str = _LITERATURE
-    requires: Requirements = _REQUIRES
-    observability: Observability = Observability(
+    ),
+    literature=_LITERATURE,
+    requires=_REQUIRES,
+    observability=Observability(
         channel="speed",
         excitation="braking from high to low speed",
         separations=(
             _ASYMMETRY,
             Separation("speed_dependence", "traction at the same speeds as braking"),
         ),
-    )
-
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(BlendingLaw(values[0], values[1]), values[0])
+    ),
+    law=BlendingLaw,
+)
+"""F measured = (1 − share (1 − v / fade)) F in braking below a speed: the motors fade out."""

@@ -7,8 +7,6 @@ both act, the one with the shorter memory shows first.
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from adhesion_can.physics.effects.base import (
     Change,
     Contact,
@@ -17,6 +15,7 @@ from adhesion_can.physics.effects.base import (
     Separation,
 )
 from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.effects.slip_work import follow_slip_work
 from adhesion_can.physics.parameter import Parameter
 
 
@@ -52,6 +51,5 @@ class ContactHeating:
     def change(self, contact: Contact, values: tuple[float, ...], lags: LagStates) -> Change:
         """Change of the contacts."""
         loss, time = values
-        power = np.abs(contact.adhesion * contact.load * contact.creep_speed)
-        work = lags.follow(self.id, contact.axle, contact.lag_time_s, power * time, 1.0 / time, 0.0)
+        work = follow_slip_work(self.id, contact, time, lags)
         return Change(contact.slip, 1.0 / (1.0 + loss * work))

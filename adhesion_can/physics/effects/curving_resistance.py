@@ -7,8 +7,8 @@ import numpy as np
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
 from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.effects.law_effect import LawEffect
 from adhesion_can.physics.instrument_laws import Need, Quantity, ReadingError, Situation
-from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.parameter import Parameter
 from adhesion_can.physics.readings import Role
 
@@ -35,22 +35,16 @@ class CurveResistanceLaw:
         return ReadingError(absolute=self.size * share * situation.load)
 
 
-@dataclass(frozen=True, slots=True)
-class CurvingResistance:
-    """F measured = F + size · w(R) N with Roeckl's w(R) = 0.65 m / (R − 55 m)."""
-
-    id: str = "curving_resistance"
-    form: str = ""
-    title: str = "a part of the effort is spent on the resistance of curves"
-    parameters: tuple[Parameter, ...] = (
-        Parameter("size", "1", 1.0, -1.0, 5.0, "resistance relative to Roeckl's formula"),
-    )
-    literature: str = (
+CURVING_RESISTANCE = LawEffect(
+    id="curving_resistance",
+    title="a part of the effort is spent on the resistance of curves",
+    parameters=(Parameter("size", "1", 1.0, -1.0, 5.0, "resistance relative to Roeckl's formula"),),
+    literature=(
         "Roeckl's formula, as in Wende, Fahrdynamik des Schienenverkehrs, 2003; locomotives with "
         "stiff bogies take a multiple of it"
-    )
-    requires: Requirements = Requirements(covariates=(CURVATURE,))
-    observability: Observability = Observability(
+    ),
+    requires=Requirements(covariates=(CURVATURE,)),
+    observability=Observability(
         channel="curvature_per_m",
         excitation="traction, coasting and braking in curves",
         separations=(
@@ -61,8 +55,7 @@ class CurvingResistance:
             Separation("effort_bias", "curves of several radii, and straight track"),
             Separation("speed_error", "curves at several speeds, and creep beyond the peak"),
         ),
-    )
-
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(CurveResistanceLaw(values[0]), values[0])
+    ),
+    law=CurveResistanceLaw,
+)
+"""F measured = F + size · w(R) N with Roeckl's w(R) = 0.65 m / (R − 55 m)."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from adhesion_can.arrays import Array
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
 from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.effects.law_effect import LawEffect
 from adhesion_can.physics.instrument_laws import Need, Quantity, ReadingError, Situation
-from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.parameter import Parameter
 
 CONTINUOUS_ADHESION = 0.2
@@ -29,24 +29,36 @@ _MOST = 0.2
 
 @dataclass(frozen=True, slots=True)
 class EffortGainLaw:
-    """Gain of the effort at one axle, or at all of them; with time, if `rate`."""
+    """Gain of the effort at one axle, or at all of them where the axle is 0."""
 
     gain: float
-    axle: int = 0
-    rate: float = 0.0
+    axle: float = 0.0
     quantity: Quantity = Quantity.EFFORT
     covariates: tuple[str, ...] = ()
 
     @property
     def needs(self) -> frozenset[Need]:
-        """The time where the gain changes with it, the axle where it is that of one."""
-        needs = {Need.SEQUENCE} if self.rate else set()
-        return frozenset(needs | {Need.AXLE} if self.axle else needs)
+        """The axle where the gain is that of one."""
+        return frozenset({Need.AXLE} if self.axle else ())
 
     def error(self, situation: Situation, _lags: LagStates) -> ReadingError:
         """Error of the readings."""
-        relative = self.gain + self.rate * situation.time_s
-        return ReadingError((situation.axle == self.axle) * relative if self.axle else relative)
+        own = situation.axle == round(self.axle) if self.axle else 1.0
+        return ReadingError(self.gain * own)
+
+
+@dataclass(frozen=True, slots=True)
+class TimeGainLaw:
+    """Gain of the effort at all axles, in proportion to time."""
+
+    rate: float
+    quantity: Quantity = Quantity.EFFORT
+    needs: frozenset[Need] = frozenset({Need.SEQUENCE})
+    covariates: tuple[str, ...] = ()
+
+    def error(self, situation: Situation, _lags: LagStates) -> ReadingError:
+        """Error of the readings."""
+        return ReadingError(self.rate * situation.time_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,20 +89,17 @@ class HeatGainLaw:
         return lags.follow(name, situation.axle, situation.lag_time_s, load * load, rate, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class AxleEffortGain:
-    """F measured = (1 + gain) F at one axle."""
-
-    id: str = _ID
-    form: str = "axle"
-    title: str = "the tractive effort of one axle is read too large or too small by a share"
-    parameters: tuple[Parameter, ...] = (
+AXLE_EFFORT_GAIN = LawEffect(
+    id=_ID,
+    form="axle",
+    title="the tractive effort of one axle is read too large or too small by a share",
+    parameters=(
         Parameter("gain", "1", 0.05, -_MOST, _MOST, "share by which it reads high"),
         Parameter("axle", "1", 1.0, 1.0, 999.0, "number of the axle", axle=True),
-    )
-    literature: str = _LITERATURE
-    requires: Requirements = Requirements(several_axles=True)
-    observability: Observability = Observability(
+    ),
+    literature=_LITERATURE,
+    requires=Requirements(several_axles=True),
+    observability=Observability(
         channel="axle",
         excitation="creep of the axle beyond the peak, beside the others",
         separations=(
@@ -101,27 +110,23 @@ class AxleEffortGain:
             ),
             Separation("rail_cleaning", "travel in the other direction: another axle leads then"),
         ),
-    )
+    ),
+    law=EffortGainLaw,
+)
+"""F measured = (1 + gain) F at one axle."""
 
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(EffortGainLaw(values[0], round(values[1])), values[0])
 
-
-@dataclass(frozen=True, slots=True)
-class HeatEffortGain:
-    """F measured = (1 + gain h) F, h = (F / 0.2 N)² lagging by a time."""
-
-    id: str = _ID
-    form: str = "heat"
-    title: str = "the tractive effort is read by a share too large or too small as motors heat up"
-    parameters: tuple[Parameter, ...] = (
+HEAT_EFFORT_GAIN = LawEffect(
+    id=_ID,
+    form="heat",
+    title="the tractive effort reads high or low by a share as the motors heat up",
+    parameters=(
         Parameter("gain", "1", 0.08, -_MOST, _MOST, "gain of a motor at its rating for long"),
         Parameter("time", "s", 60.0, 30.0, 900.0, "time constant of the heat", starts=(1.0,)),
-    )
-    literature: str = _LITERATURE
-    requires: Requirements = Requirements(wheel_speed=True)
-    observability: Observability = Observability(
+    ),
+    literature=_LITERATURE,
+    requires=Requirements(wheel_speed=True),
+    observability=Observability(
         channel="time",
         excitation="minutes of large effort, and minutes of coasting after them",
         separations=(
@@ -135,26 +140,22 @@ class HeatEffortGain:
                 "large effort at small creep, which heats the motor and not the contact",
             ),
         ),
-    )
+    ),
+    law=HeatGainLaw,
+)
+"""F measured = (1 + gain h) F, h = (F / 0.2 N)² lagging by a time."""
 
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(HeatGainLaw(values[0], values[1]), values[0])
 
-
-@dataclass(frozen=True, slots=True)
-class TimeEffortGain:
-    """F measured = (1 + rate t) F at every axle."""
-
-    id: str = _ID
-    form: str = "time"
-    title: str = "the tractive effort is read more and more, or less and less"
-    parameters: tuple[Parameter, ...] = (
+TIME_EFFORT_GAIN = LawEffect(
+    id=_ID,
+    form="time",
+    title="the reading of the tractive effort drifts up or down by a share over time",
+    parameters=(
         Parameter("rate", "1/s", 3e-4, -2e-3, 2e-3, "growth of the share by which it reads high"),
-    )
-    literature: str = _LITERATURE
-    requires: Requirements = Requirements(wheel_speed=True)
-    observability: Observability = Observability(
+    ),
+    literature=_LITERATURE,
+    requires=Requirements(wheel_speed=True),
+    observability=Observability(
         channel="time",
         excitation="a long drive on one rail",
         drift=True,
@@ -165,31 +166,23 @@ class TimeEffortGain:
                 "leaves the force as it is read",
             ),
         ),
-    )
+    ),
+    law=TimeGainLaw,
+)
+"""F measured = (1 + rate t) F at every axle."""
 
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(EffortGainLaw(0.0, rate=values[0]), values[0])
 
-
-@dataclass(frozen=True, slots=True)
-class CommonEffortGain:
-    """F measured = (1 + gain) F at every axle."""
-
-    id: str = _ID
-    form: str = "all"
-    title: str = "the tractive effort of all axles is read too large or too small by a share"
-    parameters: tuple[Parameter, ...] = (
-        Parameter("gain", "1", 0.05, -_MOST, _MOST, "share by which it reads high"),
-    )
-    literature: str = _LITERATURE
-    requires: Requirements = Requirements()
-    observability: Observability = Observability(
+COMMON_EFFORT_GAIN = LawEffect(
+    id=_ID,
+    form="all",
+    title="the tractive effort of all axles is read too large or too small by a share",
+    parameters=(Parameter("gain", "1", 0.05, -_MOST, _MOST, "share by which it reads high"),),
+    literature=_LITERATURE,
+    observability=Observability(
         channel="tractive_effort",
         excitation="nothing in slip and adhesion: the curve of every rail is larger by the share; "
         "the train's mass and acceleration tell it",
-    )
-
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(EffortGainLaw(values[0]), values[0])
+    ),
+    law=EffortGainLaw,
+)
+"""F measured = (1 + gain) F at every axle."""

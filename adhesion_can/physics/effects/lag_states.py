@@ -6,8 +6,10 @@ ch. 6, which is exact for any step.
 """
 
 from collections import OrderedDict
+from copy import copy as shallow_copy
 from itertools import pairwise
 from math import expm1, inf
+from typing import Self
 
 import numpy as np
 
@@ -88,10 +90,10 @@ class LagStates:
             self._states[key] = (float(times[-1]), state, before)
         return x
 
-    def copy(self) -> "LagStates":
+    def copy(self) -> Self:
         """Independent copy of the states."""
-        other = LagStates(self._pause_s)
-        other._states = dict(self._states)
+        other = shallow_copy(self)
+        vars(other).update(_states=dict(self._states))
         return other
 
     def _one_by_one(
@@ -132,9 +134,7 @@ class SequentialLagStates(LagStates):
     few = inf
 
     def __deepcopy__(self, _: dict[int, object]) -> "SequentialLagStates":
-        other = SequentialLagStates(self._pause_s)
-        other._states = dict(self._states)
-        return other
+        return self.copy()
 
 
 class RememberedLagStates(LagStates):

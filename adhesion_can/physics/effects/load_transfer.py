@@ -1,10 +1,8 @@
 """Axle loads move under effort, and the loads that are known do not show it."""
 
-from dataclasses import dataclass
-
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
+from adhesion_can.physics.effects.law_effect import LawEffect
 from adhesion_can.physics.instrument_laws import LoadShift
-from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.parameter import Parameter
 
 _SIZE = Parameter(
@@ -37,31 +35,24 @@ _LITERATURE = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class LoadTransfer:
-    """N = known N + size · transfer by the geometry, or that of a usual vehicle."""
-
-    id: str = "load_transfer"
-    form: str = "geometry"
-    title: str = _TITLE
-    parameters: tuple[Parameter, ...] = (_SIZE,)
-    literature: str = _LITERATURE
-    requires: Requirements = _REQUIRES
-    observability: Observability = _OBSERVABILITY
-
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(LoadShift(values[0]), values[0])
+LOAD_TRANSFER = LawEffect(
+    id="load_transfer",
+    form="geometry",
+    title=_TITLE,
+    parameters=(_SIZE,),
+    literature=_LITERATURE,
+    requires=_REQUIRES,
+    observability=_OBSERVABILITY,
+    law=LoadShift,
+)
+"""N = known N + size · transfer by the geometry, or that of a usual vehicle."""
 
 
-@dataclass(frozen=True, slots=True)
-class LoadTransferHeights:
-    """N = known N + size · transfer, the body pulled at another height than the geometry's."""
-
-    id: str = "load_transfer"
-    form: str = "heights"
-    title: str = _TITLE
-    parameters: tuple[Parameter, ...] = (
+LOAD_TRANSFER_HEIGHTS = LawEffect(
+    id="load_transfer",
+    form="heights",
+    title=_TITLE,
+    parameters=(
         _SIZE,
         Parameter(
             "traction",
@@ -72,11 +63,10 @@ class LoadTransferHeights:
             "height of the link that pulls the body over the known",
             starts=(1.0,),
         ),
-    )
-    literature: str = _LITERATURE
-    requires: Requirements = _REQUIRES
-    observability: Observability = _OBSERVABILITY
-
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(LoadShift(values[0], values[1]), values[0])
+    ),
+    literature=_LITERATURE,
+    requires=_REQUIRES,
+    observability=_OBSERVABILITY,
+    law=LoadShift,
+)
+"""N = known N + size · transfer, the body pulled at another height than the geometry's."""

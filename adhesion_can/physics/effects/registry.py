@@ -10,24 +10,24 @@ from functools import cache
 
 from adhesion_can.physics.effects.adhesion_recovery import AdhesionRecovery
 from adhesion_can.physics.effects.base import Effect, Observability, Requirements
-from adhesion_can.physics.effects.brake_blending import BrakeBlending, FadingBrakeBlending
+from adhesion_can.physics.effects.brake_blending import BRAKE_BLENDING, FADING_BRAKE_BLENDING
 from adhesion_can.physics.effects.channel_factor import LINEAR, PREFIX, STEP, ChannelFactor
 from adhesion_can.physics.effects.contact_heating import ContactHeating
 from adhesion_can.physics.effects.creep_relaxation import CreepRelaxation
 from adhesion_can.physics.effects.curve_creep import CurveCreep
-from adhesion_can.physics.effects.curving_resistance import CurvingResistance
+from adhesion_can.physics.effects.curving_resistance import CURVING_RESISTANCE
 from adhesion_can.physics.effects.effort_bias import EffortBias
 from adhesion_can.physics.effects.effort_delay import EffortDelay
 from adhesion_can.physics.effects.effort_gain import (
-    AxleEffortGain,
-    CommonEffortGain,
-    HeatEffortGain,
-    TimeEffortGain,
+    AXLE_EFFORT_GAIN,
+    COMMON_EFFORT_GAIN,
+    HEAT_EFFORT_GAIN,
+    TIME_EFFORT_GAIN,
 )
 from adhesion_can.physics.effects.falling_friction import FallingFriction, PolachFriction
 from adhesion_can.physics.effects.humidity import Humidity
 from adhesion_can.physics.effects.load_dependence import LoadDependence, LoadPower
-from adhesion_can.physics.effects.load_transfer import LoadTransfer, LoadTransferHeights
+from adhesion_can.physics.effects.load_transfer import LOAD_TRANSFER, LOAD_TRANSFER_HEIGHTS
 from adhesion_can.physics.effects.rail_cleaning import RailCleaning
 from adhesion_can.physics.effects.rail_temperature import RailTemperature
 from adhesion_can.physics.effects.rain import RainByLevel, RainBySteps
@@ -36,15 +36,15 @@ from adhesion_can.physics.effects.slow_drift import SlowDrift
 from adhesion_can.physics.effects.speed_delay import SpeedDelay
 from adhesion_can.physics.effects.speed_dependence import SpeedDependence
 from adhesion_can.physics.effects.speed_error import (
-    CurvatureSpeedError,
-    LowPassSpeedError,
-    OffsetSpeedError,
-    PitchSpeedError,
-    SteppedSpeedError,
+    CURVATURE_SPEED_ERROR,
+    LOW_PASS_SPEED_ERROR,
+    OFFSET_SPEED_ERROR,
+    PITCH_SPEED_ERROR,
+    STEPPED_SPEED_ERROR,
 )
 from adhesion_can.physics.effects.speed_scale import SpeedScale
 from adhesion_can.physics.effects.traction_braking_asymmetry import TractionBrakingAsymmetry
-from adhesion_can.physics.effects.wheel_once_per_turn import WheelOncePerTurn
+from adhesion_can.physics.effects.wheel_once_per_turn import WHEEL_ONCE_PER_TURN
 from adhesion_can.physics.effects.wheel_radius import WheelRadius
 from adhesion_can.physics.effects.wheel_speed_delay import WheelSpeedDelay
 from adhesion_can.physics.effects.wheelset_inertia import WheelsetInertia
@@ -63,21 +63,21 @@ EFFECTS: tuple[Effect, ...] = (
     WheelSpeedDelay(),
     EffortBias(),
     # Laws of the instruments.
-    LoadTransfer(),
-    LoadTransferHeights(),
-    AxleEffortGain(),
-    HeatEffortGain(),
-    TimeEffortGain(),
-    CommonEffortGain(),
-    SteppedSpeedError(),
-    PitchSpeedError(),
-    OffsetSpeedError(),
-    CurvatureSpeedError(),
-    LowPassSpeedError(),
-    CurvingResistance(),
-    BrakeBlending(),
-    FadingBrakeBlending(),
-    WheelOncePerTurn(),
+    LOAD_TRANSFER,
+    LOAD_TRANSFER_HEIGHTS,
+    AXLE_EFFORT_GAIN,
+    HEAT_EFFORT_GAIN,
+    TIME_EFFORT_GAIN,
+    COMMON_EFFORT_GAIN,
+    STEPPED_SPEED_ERROR,
+    PITCH_SPEED_ERROR,
+    OFFSET_SPEED_ERROR,
+    CURVATURE_SPEED_ERROR,
+    LOW_PASS_SPEED_ERROR,
+    CURVING_RESISTANCE,
+    BRAKE_BLENDING,
+    FADING_BRAKE_BLENDING,
+    WHEEL_ONCE_PER_TURN,
     CreepRelaxation(),
     CurveCreep(),
     SpeedDependence(),

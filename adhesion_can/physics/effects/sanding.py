@@ -80,4 +80,4 @@ class SandingAtAxles:
         """Sand in the contact, 0 to 1, as if every axle had a sander; shape (n,)."""
         strewn = contact.covariates[CHANNEL]
         rate = np.where(strewn > 0.0, 1.0 / RISE_S, 1.0 / time)
-        return lags.follow(self.form, contact.axle, contact.lag_time_s, strewn, rate, 0.0)
+        return lags.follow(self.id, contact.axle, contact.lag_time_s, strewn, rate, 0.0)

@@ -10,8 +10,8 @@ import numpy as np
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
 from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.effects.law_effect import LawEffect
 from adhesion_can.physics.instrument_laws import Need, Quantity, ReadingError, Situation
-from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.parameter import Parameter, SearchStart
 from adhesion_can.physics.readings import Role
 
@@ -59,7 +59,7 @@ class SpeedInCurves:
     """Relative error in proportion to the curvature, with its sign or without."""
 
     offset: float
-    signed: bool
+    signed: bool = True
     quantity: Quantity = Quantity.SPEED
     needs: frozenset[Need] = _NONE
     covariates: tuple[str, ...] = (CURVATURE,)
@@ -96,56 +96,55 @@ class SpeedLowPass:
         return ReadingError(absolute=-self.time * rate)
 
 
-_LITERATURE = "Malvezzi et al., Proc. IMechE F 228 (2014), on odometry and radar"
+def _in_curves_to_either_side(offset: float) -> SpeedInCurves:
+    return SpeedInCurves(offset, signed=False)
 
 
-@dataclass(frozen=True, slots=True)
-class SteppedSpeedError:
-    """v measured = (1 + error) v from a time on."""
+_LITERATURE = "Malvezzi et al., Proc. IMechE F 228 (2014), on odometry"
 
-    id: str = _ID
-    form: str = "step"
-    title: str = "the vehicle speed is measured too high or too low by a share from a time on"
-    parameters: tuple[Parameter, ...] = (
+
+STEPPED_SPEED_ERROR = LawEffect(
+    id=_ID,
+    form="step",
+    title="the vehicle speed is measured too high or too low by a share from a time on",
+    parameters=(
         Parameter("error", "1", 0.01, -0.05, 0.05, "share by which it reads high afterwards"),
         Parameter(
-            "time", "s", 60.0, 0.0, 1e5, "time of the step since the recording began",
-            search=SearchStart.STEP_TIME, step=2.0,
+            "time",
+            "s",
+            60.0,
+            0.0,
+            1e5,
+            "time of the step since the recording began",
+            search=SearchStart.STEP_TIME,
+            step=2.0,
         ),
-    )  # fmt: skip
-    literature: str = _LITERATURE
-    requires: Requirements = Requirements(one_recording=True)
-    observability: Observability = Observability(
+    ),
+    literature=_LITERATURE,
+    requires=Requirements(one_recording=True),
+    observability=Observability(
         channel="time",
         excitation="coasting before and after the step",
         separations=(
             Separation("speed_scale", "coasting at the begin and at the end of the drive"),
             Separation("slow_drift", "coasting, where adhesion has nothing to act on"),
         ),
-    )
+    ),
+    law=SpeedStep,
+)
+"""v measured = (1 + error) v from a time on."""
 
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(SpeedStep(values[0], values[1]), values[0])
 
-
-@dataclass(frozen=True, slots=True)
-class PitchSpeedError:
-    """v measured = (1 + error · ΣF/ΣN) v: the body pitches, and a radar with it.
-
-    A radar at an angle α to the rail reads by tan(α) δ less where it pitches by δ: 0.03 for 2
-    degrees at 40 degrees, at an effort of 0.3 of the weight.
-    """
-
-    id: str = _ID
-    form: str = "pitch"
-    title: str = "the vehicle speed is measured too high or too low as the effort pitches the body"
-    parameters: tuple[Parameter, ...] = (
+PITCH_SPEED_ERROR = LawEffect(
+    id=_ID,
+    form="pitch",
+    title="the vehicle speed is measured too high or too low as the effort pitches the body",
+    parameters=(
         Parameter("error", "1", 0.05, -0.15, 0.15, "relative error at an effort of all the weight"),
-    )
-    literature: str = "Skolnik, Introduction to Radar Systems, 3rd ed. 2001, on Doppler's cosine"
-    requires: Requirements = Requirements(all_efforts=True)
-    observability: Observability = Observability(
+    ),
+    literature="Skolnik, Introduction to Radar Systems, 3rd ed. 2001, on Doppler's cosine",
+    requires=Requirements(all_efforts=True),
+    observability=Observability(
         channel="tractive_effort",
         excitation="single axles that spin or coast while the others pull",
         separations=(
@@ -153,11 +152,14 @@ class PitchSpeedError:
                 "speed_scale", "traction and braking: a pitch changes its sign with the effort"
             ),
         ),
-    )
+    ),
+    law=SpeedPitch,
+)
+"""v measured = (1 + error · ΣF/ΣN) v: the body pitches, and a radar with it.
 
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(SpeedPitch(values[0]), values[0])
+A radar at an angle α to the rail reads by tan(α) δ less where it pitches by δ: 0.03 for 2
+degrees at 40 degrees, at an effort of 0.3 of the weight.
+"""
 
 
 _IN_CURVES = Observability(
@@ -169,57 +171,42 @@ _IN_CURVES = Observability(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class OffsetSpeedError:
-    """v measured = (1 + offset · κ) v: the sensor is beside the middle of the track."""
-
-    id: str = _ID
-    form: str = "offset"
-    title: str = "the vehicle speed is measured beside the middle of the track, and errs in curves"
-    parameters: tuple[Parameter, ...] = (
+OFFSET_SPEED_ERROR = LawEffect(
+    id=_ID,
+    form="offset",
+    title="the vehicle speed is measured beside the middle of the track, and errs in curves",
+    parameters=(
         Parameter("offset", "m", 1.0, -3.0, 3.0, "distance of the sensor to the outer side"),
-    )
-    literature: str = _LITERATURE
-    requires: Requirements = Requirements(covariates=(CURVATURE,))
-    observability: Observability = _IN_CURVES
-
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(SpeedInCurves(values[0], signed=True), values[0])
-
-
-@dataclass(frozen=True, slots=True)
-class CurvatureSpeedError:
-    """v measured = (1 + offset · |κ|) v: an error in curves to either side alike."""
-
-    id: str = _ID
-    form: str = "curvature"
-    title: str = "the vehicle speed is measured too high or too low by a share in curves"
-    parameters: tuple[Parameter, ...] = (
-        Parameter("offset", "m", 1.0, -6.0, 6.0, "relative error over the curvature"),
-    )
-    literature: str = _LITERATURE
-    requires: Requirements = Requirements(covariates=(CURVATURE,))
-    observability: Observability = _IN_CURVES
-
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(SpeedInCurves(values[0], signed=False), values[0])
+    ),
+    literature=_LITERATURE,
+    requires=Requirements(covariates=(CURVATURE,)),
+    observability=_IN_CURVES,
+    law=SpeedInCurves,
+)
+"""v measured = (1 + offset · κ) v: the sensor is beside the middle of the track."""
 
 
-@dataclass(frozen=True, slots=True)
-class LowPassSpeedError:
-    """v measured follows v by a first-order lag."""
+CURVATURE_SPEED_ERROR = LawEffect(
+    id=_ID,
+    form="curvature",
+    title="the vehicle speed is measured too high or too low by a share in curves",
+    parameters=(Parameter("offset", "m", 1.0, -6.0, 6.0, "relative error over the curvature"),),
+    literature=_LITERATURE,
+    requires=Requirements(covariates=(CURVATURE,)),
+    observability=_IN_CURVES,
+    law=_in_curves_to_either_side,
+)
+"""v measured = (1 + offset · |κ|) v: an error in curves to either side alike."""
 
-    id: str = _ID
-    form: str = "low_pass"
-    title: str = "the vehicle speed is smoothed by its instrument"
-    parameters: tuple[Parameter, ...] = (
-        Parameter("time", "s", 0.5, 0.0, 3.0, "time constant of the instrument"),
-    )
-    literature: str = "Ljung, System Identification, 2nd ed. 1999, sec. 2.2"
-    requires: Requirements = Requirements(speed=True, wheel_speed=True)
-    observability: Observability = Observability(
+
+LOW_PASS_SPEED_ERROR = LawEffect(
+    id=_ID,
+    form="low_pass",
+    title="the vehicle speed is smoothed by its instrument",
+    parameters=(Parameter("time", "s", 0.5, 0.0, 3.0, "time constant of the instrument"),),
+    literature="Ljung, System Identification, 2nd ed. 1999, sec. 2.2",
+    requires=Requirements(speed=True, wheel_speed=True),
+    observability=Observability(
         channel="slip_rate",
         excitation="steps of the effort of all axles",
         separations=(
@@ -229,8 +216,7 @@ class LowPassSpeedError:
                 "one bends at once and less sharply",
             ),
         ),
-    )
-
-    def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
-        """Instruments with this error in addition."""
-        return instruments.with_law(SpeedLowPass(values[0]), values[0])
+    ),
+    law=SpeedLowPass,
+)
+"""v measured follows v by a first-order lag."""

@@ -78,7 +78,7 @@ def read_csv(path: Path) -> Columns:
     for line, row in rows:
         if len(row) != len(dialect.heading):
             fields = f"{len(row)} fields under {len(dialect.heading)} columns"
-            raise TableError(f"{path}:{line}", fields, "mend the row")
+            raise TableError(f"{path}:{line}", fields, "correct the row")
         body.append(row)
     comma = dialect.delimiter != "," and any(
         has_decimal_comma(cell) for row in body for cell in row
@@ -185,7 +185,7 @@ def _rows(text: str, path: Path, delimiter: str) -> Iterator[tuple[int, list[str
                 yield reader.line_num, row
     except csv.Error as error:
         what = f"not CSV ({error})"
-        raise TableError(f"{path}:{reader.line_num}", what, "mend the line") from error
+        raise TableError(f"{path}:{reader.line_num}", what, "correct the line") from error
 
 
 def _text(path: Path) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.status import Status
+from adhesion_can.result_text import NORMAL_95
 from adhesion_can.service.outputs import Outputs
 
 WIDTH_US = 20_000
@@ -25,8 +26,6 @@ LONGEST_STEP_S = 1.0
 """Time between two setpoints beyond which nothing is known of the way between them, s."""
 SERIES = ("mu_max", "lambda_m", "speed")
 """Names of the series: adhesion coefficient, slip ratio, m/s."""
-Z_95 = 1.96
-"""Standard deviations of a 95 % interval."""
 DOUBTS = tuple(Doubt)
 STATUSES = tuple(Status)
 
@@ -142,7 +141,7 @@ def _as_bins(rows: list[_Row], origin_us: int, width_us: int) -> History:
     """Bins of a setpoint each, some of them with the same number."""
     stamps = np.array([row[0] for row in rows], dtype=np.int64)
     table = np.array([row[1:] for row in rows], dtype=np.float64).reshape(len(rows), 8)
-    values, spread = table[:, 3:6], Z_95 * table[:, 6:8]
+    values, spread = table[:, 3:6], NORMAL_95 * table[:, 6:8]
     # An interval without a bound reaches over all that there is.
     spread = np.where(np.isnan(values[:, :2]), np.nan, np.nan_to_num(spread, nan=inf))
     lower, upper = values[:, :2] - spread, values[:, :2] + spread

@@ -18,9 +18,8 @@ from adhesion_can.physics.status import Status
 from adhesion_can.reporting.terminal.boxes import boxed
 from adhesion_can.reporting.terminal.canvas import DOTS_ACROSS, Canvas, nice_ceiling
 from adhesion_can.reporting.terminal.words import STATUS_LETTERS, STATUS_STYLES
+from adhesion_can.result_text import NORMAL_95
 
-INTERVAL = 1.96
-"""Standard deviations of a 95 % interval."""
 LABEL = 6
 """Width of the labels of an upright axis, cells, with the axis."""
 CURVE, BAND, POINT, PEAK = "bold cyan", "blue", "white", "bold green"
@@ -53,7 +52,7 @@ def curve_band(slip: Array, service: ServiceView) -> Array | None:
         return None
     height = adhesion(slip, *service.theta) / service.mu_max * stds[0]
     place = adhesion_slope(slip, *service.theta) * slip / service.lambda_m * stds[1]
-    return np.asarray(INTERVAL * np.hypot(height, place))
+    return np.asarray(NORMAL_95 * np.hypot(height, place))
 
 
 def curve_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
@@ -187,7 +186,7 @@ def _strip(
     for age, (value, std) in zip(ages, values, strict=True):
         if value is not None and std is not None and isfinite(std):
             column = min(int(age * columns), columns - 1)
-            reach = INTERVAL * std
+            reach = NORMAL_95 * std
             canvas.shade(column, (value - reach) / end, (value + reach) / end, BAND)
     lines = _with_axis(canvas.rows(), end)
     if rows >= 3:

@@ -5,9 +5,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from adhesion_can.estimation.batch_means import batch_inflation
+from adhesion_can.estimation.families.bin_points import build_points
 from adhesion_can.estimation.families.binned_samples import BinnedSamples
 from adhesion_can.estimation.families.comparison import FamilyTracker
-from adhesion_can.estimation.families.curve_points import build_points
 from adhesion_can.estimation.families.family_fit import (
     PRIORS,
     fit_from_starts,

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from adhesion_can.estimation.families.bin_points import build_points
 from adhesion_can.estimation.families.binned_samples import (
     ADHESION,
     COUNT,
@@ -10,7 +11,6 @@ from adhesion_can.estimation.families.binned_samples import (
     SLIP_EDGES,
     BinnedSamples,
 )
-from adhesion_can.estimation.families.curve_points import build_points
 from tests.estimation.families.family_helpers import burckhardt, make_samples
 
 THETA = (0.41, 33.0, 0.38)

@@ -38,8 +38,8 @@ FEWEST = 3.0
 """Number of samples below which a bin is left out."""
 
 
-class CurvePoints(NamedTuple):
-    """Points of a curve, shape (n,) each.
+class BinPoints(NamedTuple):
+    """Points of a curve, each from the samples of one bin; shape (n,) each.
 
     Attributes:
         rows: Indices of the bins that give a point.
@@ -59,7 +59,7 @@ class CurvePoints(NamedTuple):
     conditions: Conditions
 
 
-def build_points(binned: BinnedSamples, theta: CurveParameters) -> CurvePoints:
+def build_points(binned: BinnedSamples, theta: CurveParameters) -> BinPoints:
     """Points of the curve from binned samples.
 
     Args:
@@ -79,7 +79,7 @@ def build_points(binned: BinnedSamples, theta: CurveParameters) -> CurvePoints:
     slope = c1 * c2 * np.exp(-c2 * slip) - c3
     good = (slip > LEAST_SLIPS * np.sqrt(var)) & (count >= FEWEST) & (true_slip > 0.3 * slip)
     rows = np.flatnonzero(good).astype(np.int64)
-    return CurvePoints(
+    return BinPoints(
         rows,
         true_slip[rows],
         np.minimum(scatter, 0.9 * true_slip)[rows],
