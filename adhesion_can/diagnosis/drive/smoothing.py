@@ -29,6 +29,8 @@ GAP_CYCLES = 3.0
 LAG_STEPS_S, LAG_REACH = (0.1, 0.02, 0.005), 10
 """Steps of the search for the lag of the vehicle speed behind the efforts, coarse to fine, s, and
 steps to either side."""
+ABOUT_HALF = 0.55
+"""Largest width of a window, relative to another one, that counts as half of it."""
 SAME_NOISE = 4.0
 """Ratio of the lasting noise's variance by a window and by one of half its width, up to which both
 count as the same."""
@@ -169,9 +171,11 @@ def _estimate_noise(
     width and looks like noise that lasts: such a window says nothing of the noise.
     """
     found = [fit_lasting_noise(raw - fit.value, runs, fit.weights, cycle) for fit in fits]
-    for wide, half in zip(reversed(found[2:]), reversed(found[:-2]), strict=True):
-        if wide.lasting <= SAME_NOISE * half.lasting:
-            return wide
+    widths = [len(fit.weights) for fit in fits]
+    for place in reversed(range(len(fits))):
+        halves = [k for k in range(place) if widths[k] <= ABOUT_HALF * widths[place]]
+        if halves and found[place].lasting <= SAME_NOISE * found[halves[-1]].lasting:
+            return found[place]
     return found[min(1, len(found) - 1)]
 
 
