@@ -291,6 +291,9 @@ def predict_speed_from_efforts(
         design = np.stack([_second_difference(one, step) for one in late])
         gram, right = design @ design.T, design @ dv
         factors = solve_normal_equations(gram, right)
+        if factors[0] <= 0.0:
+            # No train is pulled backwards: the efforts are not this train's.
+            factors = np.zeros(2)
         return _LaggedImpulse(float(right @ factors), lag, factors @ late)
 
     best = fit(0.0)
