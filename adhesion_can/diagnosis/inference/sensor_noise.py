@@ -8,8 +8,10 @@ noise. A floor that is far above the sensors' noise hides a mechanism.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
@@ -98,12 +100,62 @@ def compare_with_sensors(
             are used; shape (m,).
 
     """
-    data, rows = regression.data, regression.used
     unknown = NoiseComparison(float(np.sqrt(np.mean(noise**2))) if len(noise) else 0.0, None)
+    found = _estimate_variance(regression, model)
+    if found is None or not len(noise):
+        return unknown
+    left = regression.residual(model)[regression.used]
+    groups = (found.is_by_slip, ~found.is_by_slip)
+    compared = [
+        _compare(noise[own], left[own], found.variance[own], found.std_error)
+        for own in groups
+        if own.any() and np.count_nonzero(own) >= LEAST_SHARE * len(own)
+    ]
+    return max(compared, key=lambda one: one.usual)
+
+
+def compare_where_effort_is_noisy(regression: WhitenedRegression, model: Model) -> float | None:
+    """What a model leaves over the sensors' noise, in rows whose noise is the effort's.
+
+    An error of the slip is no part of it there, which no slope of a curve carries exactly.
+
+    Args:
+        regression: Rows of all drives.
+        model: Fitted model.
+
+    Returns:
+        RMS without the largest residuals over that of the sensors' noise; None where the readings
+        do not tell it or where there are hardly such rows.
+
+    """
+    found = _estimate_variance(regression, model)
+    if found is None or np.mean(~found.is_by_slip) < LEAST_SHARE:
+        return None
+    left = regression.residual(model)[regression.used]
+    return trimmed_rms((left / np.sqrt(found.variance))[~found.is_by_slip])
+
+
+class _RowVariance(NamedTuple):
+    """Variance of the used rows' adhesion by the sensors' noise.
+
+    Attributes:
+        variance: Variance of each row, shape (m,).
+        is_by_slip: Whether most of it comes from the slip, shape (m,).
+        std_error: Standard error of a standard deviation, relative to it.
+
+    """
+
+    variance: Array
+    is_by_slip: NDArray[np.bool_]
+    std_error: float
+
+
+def _estimate_variance(regression: WhitenedRegression, model: Model) -> _RowVariance | None:
+    """Variance by the sensors; None where the readings do not tell it."""
+    data = regression.data
     evaluation = regression.evaluate_corrected(model)
     slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
-    left = regression.residual(model)
-    columns = np.stack([np.abs(slope * evaluation.factor), left])
+    columns = np.stack([np.abs(slope * evaluation.factor), regression.residual(model)])
     ends = np.cumsum([len(drive) for drive in data.drives])[:-1]
     parts = zip(
         data.drives, regression.speed_error_std, np.split(columns, ends, axis=1), strict=True
@@ -112,20 +164,14 @@ def compare_with_sensors(
     for drive, speed_std, (steepness, residual) in parts:
         own = _estimate_residual(drive, residual) if drive.table else _effort_noise(drive)
         if drive.independent or not _is_bounded(own, is_residual=drive.table):
-            return unknown
+            return None
         variances.append(_variance_of_rows(drive, own, float(speed_std), steepness))
         errors.append(own.std_error / own.std if own.std else 0.0)
-    by_effort, by_slip = np.concatenate(variances, axis=1)[:, rows]
+    by_effort, by_slip = np.concatenate(variances, axis=1)[:, regression.used]
     variance = by_effort + by_slip
-    if not len(noise) or not (variance > 0.0).all():
-        return unknown
-    groups = [own for own in (by_slip > by_effort, by_slip <= by_effort) if own.any()]
-    compared = [
-        _compare(noise[own], left[rows][own], variance[own], max(errors, default=0.0))
-        for own in groups
-        if np.count_nonzero(own) >= LEAST_SHARE * len(own)
-    ]
-    return max(compared, key=lambda one: one.usual)
+    if not len(variance) or not (variance > 0.0).all():
+        return None
+    return _RowVariance(variance, by_slip > by_effort, max(errors, default=0.0))
 
 
 def _compare(noise: Array, left: Array, variance: Array, std_error: float) -> NoiseComparison:
