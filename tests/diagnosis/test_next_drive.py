@@ -1,5 +1,6 @@
 """The drive that would tell: its criterion, the search of the shortest one, and the whole way."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -29,7 +30,7 @@ from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT, SegmentCurves
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep
-from adhesion_can.physics.effects import effect_by_id
+from adhesion_can.physics.effects import EFFECTS, effect_by_id
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.scenarios import surface_by_name
 
@@ -76,6 +77,22 @@ def test_what_an_explanation_predicts_leaves_it_no_residual(one):
     slip = data.observe().slip[drive.step == 0]
     assert slip.min() > -1e-9
     assert slip.max() == pytest.approx(0.14, abs=0.01)
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: f"{effect.id} {effect.form}")
+def test_every_effect_of_the_library_can_be_planned_with(effect):
+    """Some instruments need more of a drive than its rows, such as the efforts of all axles."""
+    candidate = Candidate(effect, 2 if any(p.axle for p in effect.parameters) else 0)
+    values = tuple(p.typical for p in candidate.free_parameters)
+    model, information = Model(CURVE, (candidate,), (values,)), np.eye(len(values))
+    one = Explanation(candidate.name, "it acts", model, information)
+    setting = replace(SETTING, covariates=dict.fromkeys(effect.requires.covariates, 0.1))
+    drive = predict_drive((TRACTION, BRAKING), START, setting, one)
+    found = evaluate_model(drive.data, model.curves, model.active_effects)
+    assert np.abs(found.residual).max() < 1e-3
+    comparison = Comparison((one, explanation()), setting)
+    grams = comparison.build_part((TRACTION, BRAKING), START).grams
+    assert all(np.isfinite(gram).all() for gram in grams.values())
 
 
 def test_the_prediction_agrees_with_the_simulated_locomotive():

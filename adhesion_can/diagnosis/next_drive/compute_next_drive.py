@@ -41,6 +41,8 @@ LEAD_S, TAIL_S = 1.0, 1.5
 """Coasting before and after the manoeuvres, s: smoothing needs signals around every row."""
 LEAST_BLOCKS = 3.5
 """Least duration of the manoeuvres, blocks: a test needs some of them."""
+LEAST_SLIP = 5e-4
+"""Slip ratio below which an axle rolls freely, for a reader."""
 PARTS = 3
 """Parts of a step's slips among which the most telling one is sought."""
 
@@ -292,10 +294,11 @@ def _where(steps: Sequence[PlanStep], fit: FittedRival, *, of_rival: bool) -> st
                 best = weight
                 level = sign * float(observed.adhesion[part].mean()) - of_rival * mean
                 low, high = (float(x) for x in np.quantile(np.abs(observed.slip[part]), [0, 1]))
-                clause = (
-                    f"the adhesion used in step {number + 1} ({step.mode}) at slips of {low:.3f} "
-                    f"to {high:.3f} is {level:.4f} on average"
-                )
+                where = f"in step {number + 1} ({step.mode})"
+                clause = f"the adhesion used {where} at slips of {low:.3f} to {high:.3f}"
+                if high < LEAST_SLIP:
+                    clause = f"the adhesion of the axles that roll freely {where}"
+                clause += f" is {level:.4f} on average"
                 if not of_rival:
                     clause += f", {abs(mean):.4f} {'more' if mean > 0.0 else 'less'}"
     return clause
