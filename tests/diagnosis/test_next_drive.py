@@ -16,6 +16,8 @@ from adhesion_can.api.simulation import (
 )
 from adhesion_can.config.plan_file import read_plan, write_plan
 from adhesion_can.diagnosis.drive.kinematics import SpeedError
+from adhesion_can.diagnosis.next_drive import compute_next_drive
+from adhesion_can.diagnosis.next_drive.catalogue import QUICK_S, build_catalogue
 from adhesion_can.diagnosis.next_drive.compute_next_drive import (
     needed_discrepancy,
     plan_drive,
@@ -217,7 +219,7 @@ def test_the_sentence_says_what_to_drive_and_what_each_predicts():
     assert found.plan is not None
     assert found.sentence.startswith(f"Drive {found.plan.duration_s:g} s from 12 m/s: 1 s coasting")
     for one in (BIAS, SCALE):
-        assert f"If {one.name} holds, the adhesion used in step" in found.sentence
+        assert f"If {one.name} holds, the adhesion " in found.sentence
     assert all(pair.power > 0.95 for pair in found.pairs)
     assert {(pair.explanation, pair.rival) for pair in found.pairs} == {
         (BIAS.name, SCALE.name), (SCALE.name, BIAS.name)
@@ -231,6 +233,40 @@ def test_limits_hold_in_the_plan():
     assert plan is not None
     assert all(step.mode != "braking" and not step.axles for step in plan.steps)
     assert max(max(step.slip) for step in plan.steps) <= 0.05
+
+
+def test_a_pair_that_no_drive_parts_does_not_keep_the_others_together():
+    nearly_plain = explanation("slow_drift", -1e-7)
+    found = plan_drive((BIAS, nearly_plain, explanation()), SETTING, PlanLimits(duration_max=30.0))
+    assert found.plan is not None
+    missed = "does not do: within the limits no drive of up to 30 s tells the plain curve from slow"
+    assert missed in found.sentence
+    power = {(pair.explanation, pair.rival): pair.power for pair in found.pairs}
+    assert power.pop((nearly_plain.name, PLAIN)) < 0.5
+    assert all(one > 0.95 for one in power.values())
+
+
+@pytest.mark.parametrize(("window_s", "quick"), [(3.0, False), (1.0, True)])
+def test_no_sweep_is_quicker_than_what_smooths_a_late_speed(window_s, quick, monkeypatch):
+    asked = {}
+
+    def build(*given, **named):
+        asked.update(named)
+        return build_catalogue(*given, **named)
+
+    monkeypatch.setattr(compute_next_drive, "build_catalogue", build)
+    setting = replace(SETTING, speed_error=SpeedError(0.0012, window_s))
+    late = explanation("speed_delay", 0.15)
+    assert plan_drive((late, explanation()), setting, PlanLimits()).plan is not None
+    assert asked["quick"] == quick
+    assert plan_drive((BIAS, SCALE), setting, PlanLimits()).plan is not None
+    assert asked["quick"]
+    periods = {
+        step.period_s
+        for steps in build_catalogue(PlanLimits(), 6, 0.07, sand=False, quick=False)
+        for step in steps
+    }
+    assert QUICK_S not in periods
 
 
 @pytest.mark.parametrize(
