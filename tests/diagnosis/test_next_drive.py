@@ -1,5 +1,6 @@
 """The drive that would tell: its criterion, the search of the shortest one, and the whole way."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -15,6 +16,8 @@ from adhesion_can.api.simulation import (
 )
 from adhesion_can.config.plan_file import read_plan, write_plan
 from adhesion_can.diagnosis.drive.kinematics import SpeedError
+from adhesion_can.diagnosis.next_drive import compute_next_drive
+from adhesion_can.diagnosis.next_drive.catalogue import QUICK_S, build_catalogue
 from adhesion_can.diagnosis.next_drive.compute_next_drive import (
     needed_discrepancy,
     plan_drive,
@@ -29,7 +32,7 @@ from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT, SegmentCurves
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep
-from adhesion_can.physics.effects import effect_by_id
+from adhesion_can.physics.effects import EFFECTS, effect_by_id
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.scenarios import surface_by_name
 
@@ -76,6 +79,22 @@ def test_what_an_explanation_predicts_leaves_it_no_residual(one):
     slip = data.observe().slip[drive.step == 0]
     assert slip.min() > -1e-9
     assert slip.max() == pytest.approx(0.14, abs=0.01)
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: f"{effect.id} {effect.form}")
+def test_every_effect_of_the_library_can_be_planned_with(effect):
+    """Some instruments need more of a drive than its rows, such as the efforts of all axles."""
+    candidate = Candidate(effect, 2 if any(p.axle for p in effect.parameters) else 0)
+    values = tuple(p.typical for p in candidate.free_parameters)
+    model, information = Model(CURVE, (candidate,), (values,)), np.eye(len(values))
+    one = Explanation(candidate.name, "it acts", model, information)
+    setting = replace(SETTING, covariates=dict.fromkeys(effect.requires.covariates, 0.1))
+    drive = predict_drive((TRACTION, BRAKING), START, setting, one)
+    found = evaluate_model(drive.data, model.curves, model.active_effects)
+    assert np.abs(found.residual).max() < 1e-3
+    comparison = Comparison((one, explanation()), setting)
+    grams = comparison.build_part((TRACTION, BRAKING), START).grams
+    assert all(np.isfinite(gram).all() for gram in grams.values())
 
 
 def test_the_prediction_agrees_with_the_simulated_locomotive():
@@ -200,7 +219,7 @@ def test_the_sentence_says_what_to_drive_and_what_each_predicts():
     assert found.plan is not None
     assert found.sentence.startswith(f"Drive {found.plan.duration_s:g} s from 12 m/s: 1 s coasting")
     for one in (BIAS, SCALE):
-        assert f"If {one.name} holds, the adhesion used in step" in found.sentence
+        assert f"If {one.name} holds, the adhesion " in found.sentence
     assert all(pair.power > 0.95 for pair in found.pairs)
     assert {(pair.explanation, pair.rival) for pair in found.pairs} == {
         (BIAS.name, SCALE.name), (SCALE.name, BIAS.name)
@@ -214,6 +233,40 @@ def test_limits_hold_in_the_plan():
     assert plan is not None
     assert all(step.mode != "braking" and not step.axles for step in plan.steps)
     assert max(max(step.slip) for step in plan.steps) <= 0.05
+
+
+def test_a_pair_that_no_drive_parts_does_not_keep_the_others_together():
+    nearly_plain = explanation("slow_drift", -1e-7)
+    found = plan_drive((BIAS, nearly_plain, explanation()), SETTING, PlanLimits(duration_max=30.0))
+    assert found.plan is not None
+    missed = "does not do: within the limits no drive of up to 30 s tells the plain curve from slow"
+    assert missed in found.sentence
+    power = {(pair.explanation, pair.rival): pair.power for pair in found.pairs}
+    assert power.pop((nearly_plain.name, PLAIN)) < 0.5
+    assert all(one > 0.95 for one in power.values())
+
+
+@pytest.mark.parametrize(("window_s", "quick"), [(3.0, False), (1.0, True)])
+def test_no_sweep_is_quicker_than_what_smooths_a_late_speed(window_s, quick, monkeypatch):
+    asked = {}
+
+    def build(*given, **named):
+        asked.update(named)
+        return build_catalogue(*given, **named)
+
+    monkeypatch.setattr(compute_next_drive, "build_catalogue", build)
+    setting = replace(SETTING, speed_error=SpeedError(0.0012, window_s))
+    late = explanation("speed_delay", 0.15)
+    assert plan_drive((late, explanation()), setting, PlanLimits()).plan is not None
+    assert asked["quick"] == quick
+    assert plan_drive((BIAS, SCALE), setting, PlanLimits()).plan is not None
+    assert asked["quick"]
+    periods = {
+        step.period_s
+        for steps in build_catalogue(PlanLimits(), 6, 0.07, sand=False, quick=False)
+        for step in steps
+    }
+    assert QUICK_S not in periods
 
 
 @pytest.mark.parametrize(

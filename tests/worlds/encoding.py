@@ -73,11 +73,18 @@ def messages(readings: Readings) -> dict[str, dict[str, Floats]]:
     }
 
 
-def packed(message: Message, signals: dict[str, Floats]) -> Bytes:
-    """Frames of a message with counter and checksum of E2E profile 1, (n, 8)."""
+def packed(message: Message, signals: dict[str, Floats], first: int = 0) -> Bytes:
+    """Frames of a message with counter and checksum of E2E profile 1, (n, 8).
+
+    Args:
+        message: of the message set.
+        signals: Physical values by name, a row a frame.
+        first: Number of the first frame, from 0.
+
+    """
     n = len(next(iter(signals.values())))
     word = np.zeros(n, dtype=np.uint64)
-    counts = {"Alive": np.arange(n) % 15}
+    counts = {"Alive": (first + np.arange(n)) % 15}
     for signal in message.signals:
         values = counts.get(signal.name, signals.get(signal.name))
         if values is None:

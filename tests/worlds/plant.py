@@ -120,15 +120,15 @@ def drive(
     measured = np.clip(measured, -link.saturation, link.saturation)
     load = profile.load if change.shown_load is None else change.shown_load
     return Readings(
-        wheel_speed=_steps(omega[LEAD:] + noise.wheel, 0.002, 0, 65534),
-        speed=_steps(link.scale * late_v + noise.speed, 0.002, 0, 65534),
-        effort=_steps(measured, 10.0, -32768, 32766),
-        load=_steps(load[LEAD::20] + noise.load, 10.0, 0, 65534),
-        curvature=_steps(profile.curvature[LEAD::20], 1e-6, -32768, 32766),
-        gradient=_steps(profile.gradient[LEAD::20], 1e-5, -32768, 32766),
-        humidity=_steps(profile.humidity[LEAD::100], 0.5, 0, 200),
-        rail_temperature=_steps(profile.rail_temperature[LEAD::100] + 40, 0.5, 0, 254) - 40,
-        ambient_temperature=_steps(profile.ambient_temperature[LEAD::100] + 40, 0.5, 0, 254) - 40,
+        wheel_speed=quantise(omega[LEAD:] + noise.wheel, 0.002, 0, 65534),
+        speed=quantise(link.scale * late_v + noise.speed, 0.002, 0, 65534),
+        effort=quantise(measured, 10.0, -32768, 32766),
+        load=quantise(load[LEAD::20] + noise.load, 10.0, 0, 65534),
+        curvature=quantise(profile.curvature[LEAD::20], 1e-6, -32768, 32766),
+        gradient=quantise(profile.gradient[LEAD::20], 1e-5, -32768, 32766),
+        humidity=quantise(profile.humidity[LEAD::100], 0.5, 0, 200),
+        rail_temperature=quantise(profile.rail_temperature[LEAD::100] + 40, 0.5, 0, 254) - 40,
+        ambient_temperature=quantise(profile.ambient_temperature[LEAD::100] + 40, 0.5, 0, 254) - 40,
         sanding=profile.sanding[LEAD::100],
         forward=vehicle.forward,
     )
@@ -151,7 +151,8 @@ def true_state(profile: DriveProfile, vehicle: Vehicle) -> State:
     )
 
 
-def _steps(values: Floats, step: float, lowest: int, highest: int) -> Floats:
+def quantise(values: Floats, step: float, lowest: int, highest: int) -> Floats:
+    """Values in the digits of a signal, within its range of digits."""
     return np.asarray(np.clip(np.rint(values / step), lowest, highest) * step)
 
 

@@ -1,7 +1,7 @@
 """Kinematics at the rows of a drive for any sensor delays, from signals or from a table."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -212,6 +212,10 @@ class SignalKinematics:
     def select_rows(self, kept: RowSelection) -> "SignalKinematics":
         """Kinematics at some of the rows."""
         return SignalKinematics(self._axles[kept], self._t_s[kept], self._signals)
+
+    def with_efforts(self, efforts: Mapping[int, SmoothedSignal]) -> "SignalKinematics":
+        """The same with other smoothed efforts by axle, N."""
+        return SignalKinematics(self._axles, self._t_s, replace(self._signals, effort=efforts))
 
     def __call__(self, speed_delay: float, effort_delay: float) -> Kinematics:
         """Kinematics at the time at which the effort was measured.

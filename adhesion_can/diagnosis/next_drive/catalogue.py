@@ -22,7 +22,13 @@ APPROACH_S = 10.0
 
 
 def build_catalogue(
-    limits: PlanLimits, axles: int, peak_slip: float, *, sand: bool, stable: bool = False
+    limits: PlanLimits,
+    axles: int,
+    peak_slip: float,
+    *,
+    sand: bool,
+    stable: bool = False,
+    quick: bool = True,
 ) -> tuple[tuple[PlanStep, ...], ...]:
     """Manoeuvres of one or a few steps each.
 
@@ -33,10 +39,13 @@ def build_catalogue(
         sand: Whether an explanation depends on sand.
         stable: Whether the slips stay below that of the peak: beyond it a slow creep control does
             not hold them.
+        quick: Whether sweeps may be quicker than the window in which the vehicle speed is smoothed:
+            what a delay of it does within the window is not seen as it was.
 
     """
     beyond = RISE if stable else BEYOND
-    return tuple(_manoeuvres(limits, axles, peak_slip, beyond, sand=sand and limits.sand))
+    found = _manoeuvres(limits, axles, peak_slip, beyond, sand=sand and limits.sand)
+    return tuple(m for m in found if quick or all(step.period_s != QUICK_S for step in m))
 
 
 def _manoeuvres(

@@ -2,15 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache, partial
+from typing import TypeVar
 
 import numpy as np
 import scipy
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.formatting import unit_text
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import LEVEL
 from adhesion_can.diagnosis.inference.split_hold_out import SHORT
-from adhesion_can.diagnosis.next_drive.catalogue import build_catalogue
+from adhesion_can.diagnosis.next_drive.catalogue import QUICK_S, build_catalogue
 from adhesion_can.diagnosis.next_drive.discrepancy import Comparison, FittedRival, Pair
 from adhesion_can.diagnosis.next_drive.drive_setting import (
     DriveSetting,
@@ -20,7 +23,12 @@ from adhesion_can.diagnosis.next_drive.drive_setting import (
 from adhesion_can.diagnosis.next_drive.explanations import Explanation
 from adhesion_can.diagnosis.next_drive.planned_drive import DriveStart
 from adhesion_can.diagnosis.next_drive.result import NextDrive, PairDiscrepancy
-from adhesion_can.diagnosis.next_drive.search import DriveSequence, find_shortest
+from adhesion_can.diagnosis.next_drive.search import (
+    Compute,
+    DriveSequence,
+    find_shortest,
+)
+from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
 from adhesion_can.physics.channels import COVARIATES
@@ -28,6 +36,8 @@ from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep, Prediction
 from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.readings import Role
+
+Value = TypeVar("Value")
 
 POWER = 0.95
 """Probability with which the plan is to refute each wrong explanation."""
@@ -41,6 +51,8 @@ LEAD_S, TAIL_S = 1.0, 1.5
 """Coasting before and after the manoeuvres, s: smoothing needs signals around every row."""
 LEAST_BLOCKS = 3.5
 """Least duration of the manoeuvres, blocks: a test needs some of them."""
+LEAST_SLIP = 5e-4
+"""Slip ratio below which an axle rolls freely, for a reader."""
 PARTS = 3
 """Parts of a step's slips among which the most telling one is sought."""
 
@@ -92,22 +104,38 @@ def plan_drive(
         peak_slip,
         sand=_depends_on_sand(explanations),
         stable=share < STABLE_SHARE,
+        quick=not (_follows_speed(explanations) and setting.speed_error.window_s > QUICK_S),
     )
     wanted = SAFETY * needed_discrepancy()
     lead, tail = PlanStep(LEAD_S, "coast"), PlanStep(TAIL_S, "coast")
-    sequence, most = find_shortest(
-        manoeuvres,
-        DriveStart(LEAD_S + TAIL_S, speed),
-        limits,
-        wanted,
-        LEAST_BLOCKS * setting.block_length_s,
-        comparison.build_part,
-        comparison.compute,
-    )
-    if sequence is None:
-        return NextDrive(
-            names, None, _describe_failure(comparison, limits, most), _list_pairs(comparison, most)
+    build_part = cache(comparison.build_part)
+
+    def search(compute: Compute) -> tuple[DriveSequence | None, DriveSequence | None]:
+        return find_shortest(
+            manoeuvres,
+            DriveStart(LEAD_S + TAIL_S, speed),
+            limits,
+            wanted,
+            LEAST_BLOCKS * setting.block_length_s,
+            build_part,
+            compute,
         )
+
+    sequence, most = search(comparison.compute)
+    missed: dict[Pair, float] = {}
+    best = most
+    # Some may be told apart where others cannot be: the hardest pair is left out, and so on.
+    while sequence is None and best is not None and len(missed) < len(comparison.pairs):
+        values = _without(missed, comparison.compute(best.grams))
+        (a, b), least = min(values.items(), key=lambda item: item[1])
+        missed |= {pair: least for pair in ((a, b), (b, a)) if pair in values}
+        if len(missed) < len(comparison.pairs):
+            sequence, best = search(partial(_compute_some, comparison, dict(missed)))
+    if sequence is None:
+        reason = "no manoeuvre is within the limits of effort, speed and duration."
+        if missed:
+            reason = _describe_missed(names, limits, missed, 1)
+        return NextDrive(names, None, f"No plan: {reason}", _list_pairs(comparison, most))
     steps = (lead, *_join_coasting(sequence.steps), tail)
     fits = comparison.refit(steps, DriveStart(0.0, speed))
     predictions = tuple(
@@ -127,7 +155,11 @@ def plan_drive(
         PairDiscrepancy(names[a], names[b], one.discrepancy, power_of(one.discrepancy))
         for (a, b), one in fits.items()
     )
-    return NextDrive(names, plan, _describe_plan(plan), pairs)
+    sentence = _describe_plan(plan)
+    if missed:
+        said = _describe_missed(names, limits, missed, len(missed))
+        sentence += f" What this drive does not do: {said}"
+    return NextDrive(names, plan, sentence, pairs)
 
 
 def needed_discrepancy(power: float = POWER, level: float = LEVEL) -> float:
@@ -149,6 +181,17 @@ def power_of(discrepancy: float, level: float = LEVEL) -> float:
     """Probability that a rival at a discrepancy is refuted at a level."""
     normal = scipy.stats.norm
     return float(normal.cdf(np.sqrt(discrepancy) / 2.0 - normal.ppf(1.0 - level)))
+
+
+def _compute_some(
+    comparison: Comparison, missed: Mapping[Pair, float], grams: Mapping[Pair, Array]
+) -> dict[Pair, float]:
+    """Discrepancy of the pairs that are not left out."""
+    return comparison.compute(_without(missed, grams))
+
+
+def _without(missed: Mapping[Pair, float], values: Mapping[Pair, Value]) -> dict[Pair, Value]:
+    return {pair: value for pair, value in values.items() if pair not in missed}
 
 
 def _nearest_curve(explanation: Explanation, setting: DriveSetting) -> tuple[float, float, float]:
@@ -174,6 +217,19 @@ def _depends_on_sand(explanations: Sequence[Explanation]) -> bool:
     )
 
 
+def _follows_speed(explanations: Sequence[Explanation]) -> bool:
+    """Whether an explanation says how the vehicle speed's reading follows the speed in time."""
+    return any(
+        one.effect.requires.speed and _is_time_of_signal(one)
+        for explanation in explanations
+        for one in explanation.model.candidates
+    )
+
+
+def _is_time_of_signal(candidate: Candidate) -> bool:
+    return candidate.free_parameters[0].unit == "s" and not acts_in_contact(candidate.effect)
+
+
 def _longest_delay(explanations: Sequence[Explanation]) -> float:
     """Largest delay of a signal, or lead, that an explanation states, s."""
     return max(
@@ -181,7 +237,7 @@ def _longest_delay(explanations: Sequence[Explanation]) -> float:
             abs(values[0])
             for one in explanations
             for c, values in zip(one.model.candidates, one.model.values, strict=True)
-            if c.free_parameters[0].unit == "s" and not acts_in_contact(c.effect)
+            if _is_time_of_signal(c)
         ),
         default=0.0,
     )
@@ -221,20 +277,19 @@ def _list_pairs(comparison: Comparison, most: DriveSequence | None) -> tuple[Pai
     )
 
 
-def _describe_failure(
-    comparison: Comparison, limits: PlanLimits, most: DriveSequence | None
+def _describe_missed(
+    names: Sequence[str], limits: PlanLimits, missed: Mapping[Pair, float], most: int
 ) -> str:
-    """Why there is no plan."""
-    if most is None:
-        return "No plan: no manoeuvre is within the limits of effort, speed and duration."
-    values = comparison.compute(most.grams)
-    (a, b), least = min(values.items(), key=lambda item: item[1])
-    names = [one.name for one in comparison.explanations]
-    return (
-        f"No plan: within the limits no drive of up to {limits.duration_max:g} s tells {names[b]} "
-        f"from {names[a]}: the best one found refutes it with a probability of "
-        f"{100 * power_of(least):.0f} %."
-    )
+    """Which pairs no drive within the limits tells apart, the first so many."""
+    said: dict[frozenset[int], str] = {}
+    for (a, b), value in list(missed.items())[:most]:
+        said.setdefault(
+            frozenset((a, b)),
+            f"within the limits no drive of up to {limits.duration_max:g} s tells {names[b]} "
+            f"from {names[a]}: the best one found refutes it with a probability of "
+            f"{100 * power_of(value):.0f} %",
+        )
+    return f"{'; '.join(said.values())}."
 
 
 def _describe_plan(plan: DrivingPlan) -> str:
@@ -292,10 +347,11 @@ def _where(steps: Sequence[PlanStep], fit: FittedRival, *, of_rival: bool) -> st
                 best = weight
                 level = sign * float(observed.adhesion[part].mean()) - of_rival * mean
                 low, high = (float(x) for x in np.quantile(np.abs(observed.slip[part]), [0, 1]))
-                clause = (
-                    f"the adhesion used in step {number + 1} ({step.mode}) at slips of {low:.3f} "
-                    f"to {high:.3f} is {level:.4f} on average"
-                )
+                where = f"in step {number + 1} ({step.mode})"
+                clause = f"the adhesion used {where} at slips of {low:.3f} to {high:.3f}"
+                if high < LEAST_SLIP:
+                    clause = f"the adhesion of the axles that roll freely {where}"
+                clause += f" is {level:.4f} on average"
                 if not of_rival:
                     clause += f", {abs(mean):.4f} {'more' if mean > 0.0 else 'less'}"
     return clause

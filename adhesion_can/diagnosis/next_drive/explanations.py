@@ -75,7 +75,7 @@ def build_explanations(
         known = [selection.best, *selection.indistinguishable]
     else:
         known = [one for one in selection.singles if _gains(one, selection.plain)]
-    models = [one.fitted.model for one in known]
+    models = [one.fitted.model for one in known if not _is_at_bound(one.fitted.model)]
     if found.shape is not None:
         models += _rivals_of_shape(regression, found.shape, found.prepared.candidates)
     scored = _without_duplicates(_refit(regression, model) for model in (*models, *others))
@@ -88,6 +88,16 @@ def build_explanations(
         scored = [*scored[: MOST_EXPLANATIONS - 1], plain]
     surface = _last_surface(regression)
     return tuple(_explain(one.fitted, surface) for one in scored)
+
+
+def _is_at_bound(model: Model) -> bool:
+    """Whether a size is at the end of its range, where no cause is named."""
+    pairs = zip(model.candidates, model.values, strict=True)
+    return any(
+        parameter.is_at_bound(value)
+        for candidate, values in pairs
+        for parameter, value in zip(candidate.free_parameters, values, strict=True)
+    )
 
 
 def _gains(one: ScoredModel, plain: ScoredModel) -> bool:

@@ -31,8 +31,9 @@ SMOOTH_S = 0.4
 SETTLE_S = 0.8
 """Time after the begin of a step whose rows do not count, s: how the axles get to the slips of the
 step is the controller's matter."""
-ITERATIONS = 3
-"""Repetitions of the efforts, which effects of the slip work depend on."""
+ITERATIONS, LEAST_RESIDUAL = 10, 1e-7
+"""Most repetitions of the efforts, which effects of the slip work and errors of the vehicle speed
+with the effort depend on, and the adhesion that may be left of them."""
 SLOWEST = 1.0
 """Lowest predicted speed, m/s."""
 
@@ -208,11 +209,31 @@ def _build_drive(
 
 
 def _with_efforts(data: RegressionData, model: Model) -> RegressionData:
-    """The rows with the efforts of which a model leaves no residual."""
+    """The rows with the efforts of which a model leaves no residual.
+
+    The efforts stand among the signals as well: some instruments err with that of all axles.
+    """
     for _ in range(ITERATIONS):
         (drive,) = data.drives
+        drive = replace(drive, kinematics=_add_efforts(drive))
+        data = replace(data, drives=(drive,))
         found = evaluate_model(data, model.curves, model.active_effects)
-        load = drive.observe().load
-        effort = drive.effort - found.residual * load
+        if np.abs(found.residual).max(initial=0.0) < LEAST_RESIDUAL:
+            break
+        effort = drive.effort - found.residual * drive.observe().load
         data = replace(data, drives=(replace(drive, effort=effort),))
     return data
+
+
+def _add_efforts(drive: DriveData) -> SignalKinematics:
+    """Kinematics of the drive with the efforts of its rows among the signals."""
+    kinematics, none = drive.kinematics, np.empty((0, 2))
+    assert isinstance(kinematics, SignalKinematics)  # noqa: S101  built above
+    signals = {}
+    for axle in np.unique(drive.axle).tolist():
+        rows = drive.axle == axle
+        t_s = drive.t_s[rows]
+        grid = np.arange(t_s[0], t_s[-1] + STEP_S, STEP_S)
+        effort = np.interp(grid, t_s, drive.effort[rows])
+        signals[axle] = SmoothedSignal(grid, effort, np.gradient(effort, STEP_S), 0.0, none)
+    return kinematics.with_efforts(signals)

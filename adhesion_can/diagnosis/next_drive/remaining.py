@@ -4,7 +4,8 @@ The explanations were there before that drive, so that none is chosen by it and 
 each is fitted to all drives together, its effects common, the curves of the rails their own. One is
 refuted where its cross-validated sum of squares exceeds that of the best by more than chance
 allows: by the scatter of the blocks, or by that of the noise (Cox, J. R. Statist. Soc. B 24 (1962)
-406-424), since a short drive has few blocks.
+406-424), since a short drive has few blocks. What is left must withstand on all drives what every
+cause must withstand (`refutation`): the best of several wrong explanations is still wrong.
 """
 
 from collections.abc import Sequence
@@ -18,6 +19,7 @@ from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import LEVEL, is_worse, score_model
 from adhesion_can.diagnosis.inference.noise_averaging import INTERVAL
 from adhesion_can.diagnosis.next_drive.explanations import PLAIN, Explanation
+from adhesion_can.diagnosis.refutation.refute import describe_refutation
 from adhesion_can.diagnosis.regression.find_surface_changes import fit_start_curves
 from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
@@ -52,7 +54,7 @@ class RemainingExplanations:
         before: Recordings that left the explanations.
         by: Recordings that were to tell them apart.
         left: Names of the explanations that are left, the best first; () where the data contradict
-            all of them alike.
+            all of them.
         refuted: Explanations that are not.
         winner: Explanation that alone is left; None where several are, or the plain curve.
         p_value: Probability with which chance alone would part the best from the nearest refuted
@@ -78,7 +80,7 @@ class RemainingExplanations:
         names = (*self.left, *(one.name for one in self.refuted))
         begin = (
             f"Of the explanations that {', '.join(self.before)} left ({', '.join(names)}), "
-            f"{', '.join(self.by)} leaves {' and '.join(self.left)}"
+            f"{', '.join(self.by)} leaves {' and '.join(self.left) or 'none'}"
         )
         why = "; ".join(f"{one.name} is refuted, {one.reason}" for one in self.refuted)
         return f"{begin}: {why}." if why else f"{begin}: it refutes none."
@@ -130,13 +132,18 @@ def find_remaining(
                 f"it misses the data by {away:.1f} standard deviations of the noise more than "
                 f"{explanations[best].name}"
             )
-    left = [explanations[k].name for k in order if k not in refuted]
+    for k in order:
+        if k not in refuted:
+            reason = describe_refutation(regression, fits[k].model)
+            if reason:
+                refuted[k] = reason
+    left = [explanations[k] for k in order if k not in refuted]
     return RemainingExplanations(
         tuple(before),
         tuple(by),
-        tuple(left),
+        tuple(one.name for one in left),
         tuple(RefutedExplanation(explanations[k].name, why) for k, why in refuted.items()),
-        explanations[best] if len(left) == 1 and explanations[best].name != PLAIN else None,
+        left[0] if len(left) == 1 and left[0].name != PLAIN else None,
         float(scipy.stats.norm.sf(nearest)) if np.isfinite(nearest) else 1.0,
     )
 

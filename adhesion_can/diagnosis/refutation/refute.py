@@ -77,6 +77,15 @@ def drop_refuted(found: Findings) -> Findings:
     return drop_refuted(smaller)
 
 
+def describe_refutation(regression: WhitenedRegression, model: Model) -> str:
+    """What speaks most against a cause of a fitted model, a clause; '' where nothing does."""
+    if not model.candidates:
+        return ""
+    partitions = build_partitions(regression.data, regression.evaluate_corrected(model).slip)
+    trials = [_try(regression, model, place, partitions) for place in range(len(model.candidates))]
+    return max(trials, key=lambda trial: trial.badness).reason
+
+
 def refute_shape(shaped: Findings) -> RefutedCause | None:
     """The shape of the curve as a refuted cause; None where it is not refuted.
 

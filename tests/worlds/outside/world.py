@@ -52,6 +52,19 @@ def make_outside(
     """
     if kind in CARS:
         return make_car(kind, seed, Path(path), duration_s=duration_s)
+    return find_outside(kind, seed, path, duration_s=duration_s, fresh=fresh, label=label)[1]
+
+
+def find_outside(
+    kind: str, seed: int, path: Path, *, duration_s: float = 240.0, fresh: bool = False,
+    label: str | None = None,
+) -> tuple["OutsideWorld", Truth]:  # fmt: skip
+    """The world of `make_outside`, for further drives in it, and what it wrote.
+
+    Args:
+        kind: one of `OUTSIDE_KINDS`; the other arguments are those of `make_outside`.
+
+    """
     if kind not in OUTSIDE_KINDS:
         raise ValueError(
             f"no kind {kind!r}: outside:NAME, mech:EFFECT, beside:EFFECT+NAME, null:.."
@@ -59,7 +72,7 @@ def make_outside(
     for attempt in range(60):
         try:
             world = OutsideWorld(kind, seed, attempt, duration_s, label)
-            return world.written(world.names, Path(path), PAIR_EXCESS, fresh)
+            return world, world.written(world.names, Path(path), PAIR_EXCESS, fresh)
         except TooWeakError:
             continue
     raise RuntimeError(f"{kind}, seed {seed}: no drive of sixty lets it be felt")
