@@ -29,6 +29,8 @@ GAP_CYCLES = 3.0
 LAG_STEPS_S, LAG_REACH = (0.1, 0.02, 0.005), 10
 """Steps of the search for the lag of the vehicle speed behind the efforts, coarse to fine, s, and
 steps to either side."""
+CLEAR_PITCH = 0.1
+"""Share of what the impulse leaves of the speed's differences that a pitch must explain."""
 ABOUT_HALF = 0.55
 """Largest width of a window, relative to another one, that counts as half of it."""
 SAME_NOISE = 4.0
@@ -284,17 +286,23 @@ def predict_speed_from_efforts(
     total = np.sum([np.interp(t, effort.t_s, effort.value) for effort in efforts], axis=0)
     impulse = np.concatenate([[0.0], np.cumsum(np.diff(t) * (total[1:] + total[:-1]) / 2)])
     dv = _second_difference(v, step)
+    square = float(dv @ dv)
 
     def fit(lag: float) -> _LaggedImpulse:
         """Least-squares fit of impulse and pitch that come so much earlier than the speed, s."""
         late = np.stack([np.interp(t - lag, t, one) for one in (impulse, total * v)])
         design = np.stack([_second_difference(one, step) for one in late])
         gram, right = design @ design.T, design @ dv
+        per_mass = max(float(right[0] / gram[0, 0]), 0.0) if gram[0, 0] > 0.0 else 0.0
+        alone = _LaggedImpulse(per_mass**2 * float(gram[0, 0]), lag, per_mass * late[0])
         factors = solve_normal_equations(gram, right)
-        if factors[0] <= 0.0:
-            # No train is pulled backwards: the efforts are not this train's.
-            factors = np.zeros(2)
-        return _LaggedImpulse(float(right @ factors), lag, factors @ late)
+        explained = float(right @ factors)
+        # A pitch that is read into noise would stay in the speed, which nothing smooths out.
+        if factors[0] <= 0.0 or square - explained > (1.0 - CLEAR_PITCH) * (
+            square - alone.explained
+        ):
+            return alone
+        return _LaggedImpulse(explained, lag, factors @ late)
 
     best = fit(0.0)
     for reach in LAG_STEPS_S:
