@@ -47,6 +47,8 @@ few, and a part of them is held out."""
 CYCLE_S, STABLE_SHARE = 0.01, 0.8
 """Dead time of the creep speed control without delays, s, and share of its bandwidth below which it
 holds no slip beyond the peak."""
+OF_SPEED = frozenset({"speed_delay", "speed_error"})
+"""Effects of the vehicle speed's instrument that may follow the speed in time."""
 LEAD_S, TAIL_S = 1.0, 1.5
 """Coasting before and after the manoeuvres, s: smoothing needs signals around every row."""
 LEAST_BLOCKS = 3.5
@@ -220,7 +222,7 @@ def _depends_on_sand(explanations: Sequence[Explanation]) -> bool:
 def _follows_speed(explanations: Sequence[Explanation]) -> bool:
     """Whether an explanation says how the vehicle speed's reading follows the speed in time."""
     return any(
-        one.effect.requires.speed and _is_time_of_signal(one)
+        one.effect.id in OF_SPEED and _is_time_of_signal(one)
         for explanation in explanations
         for one in explanation.model.candidates
     )
