@@ -34,12 +34,14 @@ class ScoredModel:
         fitted: Fitted model.
         rmse: RMSE of the adhesion on the rows that are not held out, errors of the vehicle speed
             that all axles share taken off.
+        rmse_with_speed_errors: The same with these errors.
         sign_flip_p_value: P-value of the last effect by sign flips against the model without it.
 
     """
 
     fitted: FittedModel
     rmse: float
+    rmse_with_speed_errors: float
     sign_flip_p_value: float = 1.0
 
     @property
@@ -102,15 +104,20 @@ def score_model(
     regression: WhitenedRegression, fitted: FittedModel, sign_flip_p_value: float = 1.0
 ) -> ScoredModel:
     """A fitted model with its RMSE."""
-    residual = regression.without_speed_errors(regression.residual(fitted.model))
-    rmse = float(np.sqrt(np.mean(residual[regression.used] ** 2)))
-    return ScoredModel(fitted, rmse, sign_flip_p_value)
+    residual = regression.residual(fitted.model)
+    both = (regression.without_speed_errors(residual), residual)
+    rmse, with_errors = (float(np.sqrt(np.mean(one[regression.used] ** 2))) for one in both)
+    return ScoredModel(fitted, rmse, with_errors, sign_flip_p_value)
 
 
 def is_improvement(small: ScoredModel, large: ScoredModel, tested: float) -> bool:
     """Whether a larger model's gain is significant, with so many effects tested, and worth it."""
     least = SECOND_LEAST_GAIN if small.candidates else LEAST_GAIN
-    worth = large.rmse < (1.0 - least) * small.rmse
+    # An effect on the vehicle speed looks like an error of it, and others drown in such an error.
+    worth = (
+        large.rmse < (1.0 - least) * small.rmse
+        or large.rmse_with_speed_errors < (1.0 - least) * small.rmse_with_speed_errors
+    )
     worth &= large.fitted.cross_validated_square < (
         (1.0 - LEAST_WHITENED_GAIN) * small.fitted.cross_validated_square
     )
