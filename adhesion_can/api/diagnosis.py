@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from adhesion_can.api.configuration import ConfigurationLike, as_configuration
 from adhesion_can.api.inputs import RecordingLike, as_paths, describe_table, require_plausible
 from adhesion_can.arrays import Array
 from adhesion_can.config.configuration import Configuration
+from adhesion_can.diagnosis.cause_result import Witness
 from adhesion_can.diagnosis.diagnose import DiagnosisSettings, ShowProgress
 from adhesion_can.diagnosis.diagnose import diagnose as _diagnose
 from adhesion_can.diagnosis.drive.drive_data import DriveData
@@ -22,6 +24,7 @@ from adhesion_can.files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.offline.plausibility import Points, inspect_points, inspect_samples
 from adhesion_can.offline.rim_speed import inspect_rim_speeds, slips_of_traces
+from adhesion_can.offline.witness import compute_doubt_shares
 from adhesion_can.physics.driving_plan import PlanLimits
 from adhesion_can.physics.effects import ActiveEffect, build_instruments
 from adhesion_can.physics.effects.expression import ExpressionError
@@ -55,6 +58,7 @@ def diagnose(
     configuration: ConfigurationLike = None,
     formulas: Iterable[str] = (),
     next_drive: bool = False,
+    witness: bool = False,
     show: ShowProgress | None = None,
 ) -> Diagnosis:
     """What the simulation gets wrong, why, the extended model, and its gain on held-out data.
@@ -68,6 +72,8 @@ def diagnose(
             of a reading over its true value, with 'speed:' or 'effort:' in front.
         next_drive: Whether the drive is computed that would tell the remaining explanations apart,
             within `[limits]` of the configuration.
+        witness: Whether named causes must also remove the service's doubt on the longest recording;
+            a fifth of the time more.
         show: Callback with the work in progress and the share that is done.
 
     Returns:
@@ -84,7 +90,10 @@ def diagnose(
     progress = show or _show_nothing
     asked = read_formulas(formulas)
     loaded = load_inputs(files, config, progress)
-    return diagnose_inputs(loaded, progress, asked, limits=config.limits if next_drive else None)
+    limits = config.limits if next_drive else None
+    return diagnose_inputs(
+        loaded, progress, asked, limits=limits, witness=config if witness else None
+    )
 
 
 def _show_nothing(_work: str, _share: float) -> None:
@@ -311,6 +320,7 @@ def diagnose_inputs(
     *,
     effect_grams: bool = False,
     limits: PlanLimits | None = None,
+    witness: Configuration | None = None,
 ) -> Diagnosis:
     """Diagnosis of loaded inputs.
 
@@ -321,6 +331,8 @@ def diagnose_inputs(
         effect_grams: Whether the Gram matrices of the effects are wanted.
         limits: Limits of the drive that would tell the remaining explanations apart; None: none is
             computed.
+        witness: Configuration of the service whose doubt is the second witness of named causes;
+            None: no witness is asked.
 
     Raises:
         InputError: Not one row is usable, or a formula does not apply to them.
@@ -342,8 +354,37 @@ def diagnose_inputs(
             )
     drives, holdout = ([read.drive for read in part] for part in parts)
     settings = DiagnosisSettings(formulas=formulas, effect_grams=effect_grams, limits=limits)
-    found = _diagnose(drives, holdout, settings, show=show)
+    asked = None if witness is None else partial(ask_service, loaded, witness)
+    found = _diagnose(drives, holdout, settings, show=show, ask_witness=asked)
     return replace(found, input_files=tuple(one.input_file for one in loaded))
+
+
+def ask_service(
+    loaded: Sequence[LoadedInput], configuration: Configuration, found: Diagnosis
+) -> Witness | None:
+    """The service's doubt on the longest input, with the plain curve and with the extended model.
+
+    Args:
+        loaded: Inputs; held-out ones are not asked.
+        configuration: Messages, roles, vehicle and settings of the service.
+        found: Diagnosis with an extended model.
+
+    Returns:
+        Doubt before and after; None for tables and for recordings without a test.
+
+    """
+    used = [read for read in loaded if not read.input_file.held_out and len(read.drive)]
+    segment = found.longest_segment
+    if found.model is None or segment is None or not used or used[0].drive.table:
+        return None
+    longest = max(used, key=lambda read: float(np.ptp(read.drive.time_s)))
+    name = longest.input_file.name
+    own = [segment for segment in found.surfaces if segment.recording == name]
+    changes_us = [round(segment.from_s * 1e6) for segment in own[1:]]
+    start = (own[0] if own else segment).base.theta
+    path = longest.input_file.path
+    shares = compute_doubt_shares(path, configuration, found.model, start, changes_us)
+    return None if shares is None else Witness(name, shares.before, shares.after)
 
 
 def explain_empty(read: LoadedInput) -> str:

@@ -79,6 +79,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "[limits] of the configuration, and write it for --plan of control and simulate",
     )
     parser.add_argument(
+        "--witness",
+        action="store_true",
+        help="ask the service as a second witness of named causes: with the extended model its "
+        "doubt on the longest recording must go, or they are no causes",
+    )
+    parser.add_argument(
         "--formula",
         action="append",
         default=[],
@@ -101,7 +107,9 @@ def run(options: argparse.Namespace) -> int:
     with _progress() as show:
         loaded = load_inputs(input_files, config, show)
         limits = None if options.next_drive is None else config.limits
-        found = diagnose_inputs(loaded, show, formulas, limits=limits)
+        found = diagnose_inputs(
+            loaded, show, formulas, limits=limits, witness=config if options.witness else None
+        )
     command = build_command_line(options)
     problems = [problem for read in loaded for problem in read.problems]
     problems += [
@@ -147,7 +155,7 @@ def build_command_line(options: argparse.Namespace) -> str:
         value = getattr(options, name)
         if value is not None:
             arguments += [f"--{name.replace('_', '-')}", _quote_argument(value)]
-    arguments += [f"--{name}" for name in ("open", "lenient") if getattr(options, name)]
+    arguments += [f"--{name}" for name in ("witness", "open", "lenient") if getattr(options, name)]
     return shlex.join(arguments)
 
 

@@ -7,6 +7,12 @@ from typing import Any
 from adhesion_can.physics.effects.channel_factor import PREFIX
 from adhesion_can.physics.effects.formula import FORMULA
 
+LEAST_DOUBT = 0.5
+"""Share of the time from which a doubt of the plain curve decides something."""
+STAYS = 0.7
+"""Share of that doubt from which the one of the extended model has stayed; true causes leave at
+most 0.1, names that are physically the same 0.6 (decision 066)."""
+
 
 @dataclass(frozen=True, slots=True)
 class ParameterValue:
@@ -159,6 +165,32 @@ class EnvironmentSizes:
     def to_dict(self) -> dict[str, Any]:
         """Fields of `diagnosis.json`."""
         return asdict(self) | {"levels": [asdict(level) for level in self.levels]}
+
+
+@dataclass(frozen=True, slots=True)
+class Witness:
+    """The service's own doubt on the diagnosed recording, a second witness beside the regression.
+
+    Attributes:
+        recording: Name of the recording.
+        doubt_before: Share of the time in which the service doubts the plain curve, 0..1.
+        doubt_after: Share of the time in which it doubts the extended model, 0..1.
+
+    """
+
+    recording: str
+    doubt_before: float
+    doubt_after: float
+
+    @property
+    def stays(self) -> bool:
+        """Whether there is a doubt that the extended model does not remove."""
+        before, after = self.doubt_before, self.doubt_after
+        return before >= LEAST_DOUBT and after >= STAYS * before
+
+    def to_dict(self) -> dict[str, Any]:
+        """Fields of `diagnosis.json`."""
+        return asdict(self)
 
 
 @dataclass(frozen=True, slots=True)

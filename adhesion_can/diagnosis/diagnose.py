@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.diagnosis.build_diagnosis import build_diagnosis, build_empty_diagnosis
+from adhesion_can.diagnosis.cause_result import Witness
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.thinning import RATE_HZ, thin_drives
 from adhesion_can.diagnosis.evidence import Untested
@@ -66,6 +67,7 @@ from adhesion_can.diagnosis.next_drive.remaining import (
 )
 from adhesion_can.diagnosis.refutation.refute import (
     drop_refuted,
+    refute_by_witness,
     refute_shape,
     with_implausible_effects,
 )
@@ -87,6 +89,8 @@ from adhesion_can.physics.effects.formula import AnyFormula
 
 ShowProgress = Callable[[str, float], None]
 """Callback with the name of the work in progress and the share that is done."""
+AskWitness = Callable[[Diagnosis], Witness | None]
+"""Callback with a diagnosis that names causes; None where the drives allow no witness."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +129,7 @@ def diagnose(
     holdout: Sequence[DriveData] = (),
     settings: DiagnosisSettings | None = None,
     show: ShowProgress = _silent,
+    ask_witness: AskWitness | None = None,
 ) -> Diagnosis:
     """Diagnose recordings of one vehicle, or tables.
 
@@ -133,6 +138,7 @@ def diagnose(
         holdout: Drives for the gain alone; none: a part of `drives` is held out.
         settings: Levels, rates and seeds; None: the defaults.
         show: Callback for the progress.
+        ask_witness: Second witness of a diagnosis that names causes; None: there is none.
 
     """
     settings = settings or DiagnosisSettings()
@@ -169,18 +175,21 @@ def diagnose(
         found = shaped
     remaining = None if any(held_out) else _find_remaining(used, plain_found, settings, show)
     found, confirmed = _with_winner(found, confirmed, plain_found, remaining)
-    diagnosis = build_diagnosis(
-        used,
-        found,
-        confirmed,
-        [*untested, *find_untestable(used)],
-        other_drives=any(held_out),
-    )
+    untested, other_drives = [*untested, *find_untestable(used)], any(held_out)
+    diagnosis = build_diagnosis(used, found, confirmed, untested, other_drives=other_drives)
+    witness = None
+    if ask_witness is not None and diagnosis.causes:
+        show("second witness", 0.92)
+        witness = ask_witness(diagnosis)
+    if witness is not None and witness.stays:
+        found = refute_by_witness(found, plain_found, witness)
+        confirmed = confirm_on_hold_out(found, other_drives=other_drives)
+        diagnosis = build_diagnosis(used, found, confirmed, untested, other_drives=other_drives)
     if remaining is not None and remaining.refutes_plain and diagnosis.verdict is Verdict.NOTHING:
         diagnosis = replace(diagnosis, verdict=Verdict.UNEXPLAINED)
     diagnosis = _with_next_drive(diagnosis, found, confirmed, settings, show)
     show("done", 1.0)
-    return replace(diagnosis, effect_grams=grams, remaining=remaining)
+    return replace(diagnosis, effect_grams=grams, remaining=remaining, witness=witness)
 
 
 def _with_next_drive(

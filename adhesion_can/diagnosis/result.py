@@ -13,6 +13,7 @@ from adhesion_can.diagnosis.cause_result import (
     ClosestExplanation,
     EnvironmentSizes,
     NoiseResult,
+    Witness,
 )
 from adhesion_can.diagnosis.effect_grams import EffectGrams
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
@@ -237,6 +238,8 @@ class Diagnosis:
         explanations: Explanations that the data leave; () where they were not asked for.
         remaining: What a short drive leaves of the explanations of the long ones; None where there
             is none, or nothing to choose from.
+        witness: The service's doubt with the plain curve and with the extended model; None where no
+            cause is named, or no recording is long enough.
 
     """
 
@@ -266,6 +269,7 @@ class Diagnosis:
     next_drive: NextDrive | None = None
     explanations: "tuple[Explanation, ...]" = ()
     remaining: "RemainingExplanations | None" = None
+    witness: Witness | None = None
 
     @property
     def longest_segment(self) -> SegmentResult | None:
@@ -334,6 +338,7 @@ class Diagnosis:
             "closest": [one.to_dict() for one in self.closest],
             "environments": [one.to_dict() for one in self.environments],
             "noise": None if self.noise is None else self.noise.to_dict(),
+            "witness": None if self.witness is None else self.witness.to_dict(),
             "untested": [untested._asdict() for untested in self.untested],
             "channels": [asdict(channel) for channel in self.channels],
             "surfaces": [

@@ -3,7 +3,12 @@
 from collections.abc import Iterator, Sequence
 from math import isfinite
 
-from adhesion_can.diagnosis.cause_result import Cause, ClosestExplanation, EnvironmentSizes
+from adhesion_can.diagnosis.cause_result import (
+    LEAST_DOUBT,
+    Cause,
+    ClosestExplanation,
+    EnvironmentSizes,
+)
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence
 from adhesion_can.diagnosis.formatting import (
     LEAST_P,
@@ -44,6 +49,7 @@ def verdict_sentences(found: Diagnosis) -> list[str]:
     sentences = list(_verdict(found))
     if found.gain is not None:
         sentences.append(gain_sentence(found.gain, found))
+    sentences += _witness_sentence(found)
     return [*sentences, *_noise_sentence(found), *_what_is_left(found)]
 
 
@@ -71,6 +77,25 @@ def _noise_sentence(found: Diagnosis) -> Iterator[str]:
         f"{short(noise.floor)} remains with every known effect and channel: "
         f"{short(noise.ratio)} times as much. Something acts that is not in the library."
     )
+
+
+def _witness_sentence(found: Diagnosis) -> Iterator[str]:
+    """The service's doubt with and without the causes; none where nobody asked."""
+    witness = found.witness
+    if witness is None:
+        return
+    before, after = 100 * witness.doubt_before, 100 * witness.doubt_after
+    text = (
+        f"Second witness: the service doubts the plain curve in {before:.0f} % of the time of "
+        f"{witness.recording}, and the extended model in {after:.0f} %"
+    )
+    if witness.stays:
+        yield f"{text}: what was found is not the cause, or not all of it."
+    elif witness.doubt_before < LEAST_DOUBT:
+        yield f"{text}: too little doubt to speak for or against the causes."
+    else:
+        part = "" if 10 * witness.doubt_after <= witness.doubt_before else "a part of "
+        yield f"{text}: the causes explain {part}its doubt."
 
 
 def environment_rows(environments: Sequence[EnvironmentSizes]) -> list[tuple[str, ...]]:

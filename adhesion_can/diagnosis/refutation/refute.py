@@ -10,6 +10,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from math import inf
 
+from adhesion_can.diagnosis.cause_result import Witness
 from adhesion_can.diagnosis.formatting import measured, short, unit_text, value_and_unit
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import ScoredModel
@@ -105,6 +106,42 @@ def refute_shape(shaped: Findings) -> RefutedCause | None:
         return None
     family = shaped.shape.family.name
     return RefutedCause(CURVE_SHAPE, family, None, fitted, without, _describe_left(left.share))
+
+
+def refute_by_witness(found: Findings, plain_found: Findings, witness: Witness) -> Findings:
+    """The findings without the causes of which a doubt of the service is left.
+
+    Args:
+        found: Findings whose named causes are refuted.
+        plain_found: Findings with Burckhardt's curve, which stay where another shape is refuted.
+        witness: Doubt before and after.
+
+    """
+    reason = (
+        f"with it the service still doubts its model in {100 * witness.doubt_after:.0f} % of the "
+        f"time, {100 * witness.doubt_before:.0f} % without it, and with a true cause the doubt goes"
+    )
+    regression = found.prepared.regression.last_fit
+    fitted = fit_model(regression, found.selection.best.fitted.model)
+    refuted = [
+        RefutedCause(
+            candidate.effect.id,
+            candidate.effect.form,
+            place,
+            fitted,
+            fit_model(regression, remove_effect(fitted.model, place)[0]).model,
+            reason,
+            found.sizes_by_environment.get(candidate, ()),
+        )
+        for place, candidate in enumerate(fitted.model.candidates)
+    ]
+    if found.shape is not None:
+        same = fit_model(regression, found.shape.same.fitted.model).model
+        family = found.shape.family.name
+        refuted.append(RefutedCause(CURVE_SHAPE, family, None, fitted, same, reason))
+    rest = plain_found.selection
+    selection = replace(rest, best=rest.plain, indistinguishable=())
+    return replace(plain_found, selection=selection, refuted=(*found.refuted, *refuted))
 
 
 def with_implausible_effects(found: Findings) -> Findings:
