@@ -87,7 +87,7 @@ def _witness_sentence(found: Diagnosis) -> Iterator[str]:
     before, after = 100 * witness.doubt_before, 100 * witness.doubt_after
     text = (
         f"Second witness: the service doubts the plain curve in {before:.0f} % of the time of "
-        f"{witness.recording}, and the extended model in {after:.0f} %"
+        f"{witness.recording}, and the model with these causes in {after:.0f} %"
     )
     if witness.stays:
         yield f"{text}: what was found is not the cause, or not all of it."

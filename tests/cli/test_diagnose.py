@@ -61,7 +61,8 @@ def engine(monkeypatch):
     """Stands for the engine: says what it is told to, and keeps what it was asked."""
     asked = SimpleNamespace(answer=named(), drives=None, holdout=None, stages=[])
 
-    def diagnose(drives, holdout, settings, show):
+    def diagnose(drives, holdout, settings, show, ask_witness):
+        asked.ask_witness = ask_witness
         asked.drives, asked.holdout, asked.settings = list(drives), list(holdout), settings
         show("effects", 0.5)
         counts = {drive.name: len(drive) for drive in (*drives, *holdout)}
@@ -146,11 +147,18 @@ def test_the_command_that_is_told_repeats_it(logs, tmp_path):
     assert build_command_line(first) == command
 
 
+def test_the_service_is_asked_only_with_the_option(logs, engine):
+    assert diagnose(*logs) == 0
+    assert engine.ask_witness is None
+    assert diagnose(*logs, "--witness") == 0
+    assert engine.ask_witness is not None
+
+
 @pytest.mark.parametrize("name", ["-x.log", "a b.log", "it's.log", "$(x).log", "ä.log"])
 def test_the_command_survives_names_of_files(name):
     arguments = ["diagnose", f"./{name}", "o.log", "--holdout", f"./h{name}", "--json", "-"]
     arguments += ["--html", f"./{name}.html", "--png", f"./{name}.png", "--svg", f"./{name}.svg"]
-    first = build_parser().parse_args([*arguments, "--open", "--lenient"])
+    first = build_parser().parse_args([*arguments, "--open", "--lenient", "--witness"])
     again = build_parser().parse_args(shlex.split(build_command_line(first))[1:])
     assert vars(again) == vars(first)
 

@@ -80,7 +80,7 @@ def test_only_much_doubt_that_stays_counts(before, after, stays):
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     path = tmp_path_factory.mktemp("witness") / "drive.log"
-    make_world("sanding", 22, path, duration_s=120.0)
+    make_world("rail_cleaning", 21, path, duration_s=120.0)
     return path
 
 
@@ -96,10 +96,10 @@ class TestVerdict:
             return Witness("drive.log", 0.9, 0.8)
 
         found = diagnose_drives(drives, ask_witness=contradict)
-        assert asked == [["sanding"]]
+        assert asked == [["rail_cleaning"]]
         assert found.verdict is Verdict.UNEXPLAINED
         assert found.causes == ()
-        assert "sanding" in [one.effect for one in found.closest]
+        assert "rail_cleaning" in [one.effect for one in found.closest]
         assert "still doubts its model in 80 % of the time, 90 % without it" in (
             found.closest[0].refuted_by
         )
@@ -110,7 +110,7 @@ class TestVerdict:
         witness = found.to_dict()["witness"]
         assert witness["recording"] == "drive.log"
         assert witness["doubt_before"] >= 0.5 >= 0.1 >= witness["doubt_after"]
-        assert [cause.effect for cause in found.causes] == ["sanding"]
+        assert [cause.effect for cause in found.causes] == ["rail_cleaning"]
         (sentence,) = (s for s in verdict_sentences(found) if s.startswith("Second witness"))
         assert sentence.endswith("in 0 %: the causes explain its doubt.")
 
