@@ -255,7 +255,7 @@ def test_no_sweep_is_quicker_than_what_smooths_a_late_speed(window_s, quick, mon
         return build_catalogue(*given, **named)
 
     monkeypatch.setattr(compute_next_drive, "build_catalogue", build)
-    setting = replace(SETTING, speed_error=SpeedError(0.0012, window_s))
+    setting = replace(SETTING, speed_error=SpeedError(0.0012, window_s, 0.0012))
     late = explanation("speed_delay", 0.15)
     assert plan_drive((late, explanation()), setting, PlanLimits()).plan is not None
     assert asked["quick"] == quick
