@@ -234,7 +234,7 @@ def _shows_in_adhesion(
         compare_where_effort_is_noisy(regression, one.fitted.model) for one in (small, large)
     )
     if left is not None and still_left is not None:
-        return left > ABOVE_NOISE and still_left < (1.0 - SECOND_LEAST_GAIN) * left
+        return left > ABOVE_NOISE and still_left < (1.0 - LEAST_GAIN) * left
     # In units of the variance of the effort's and the wheel speed's noise together.
     by_speed = ((regression.speed_error_design * regression.scale[:, None]) ** 2).sum(axis=1)
     of_slip = (regression.slip_variance_share + by_speed) / (1.0 + by_speed)
