@@ -5,7 +5,7 @@ from typing import Any
 
 from adhesion_can.errors import PluginError
 
-MEND = "correct the distribution, or uninstall it"
+MEND = "fix the distribution, or uninstall it"
 
 
 @dataclass(frozen=True, slots=True)

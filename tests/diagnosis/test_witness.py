@@ -1,7 +1,7 @@
-"""The service as a second witness: its doubt goes with true causes, and stays with others.
+"""The service as a second witness: its doubt disappears with a true cause and remains with others.
 
 Rates on drives of 240 s, when this was written: none of 24 true causes left a doubt. Of ten wrong
-ones with a doubt before, refuted by the regression or not, six left it (decision 066).
+ones with a doubt before, refuted by the regression or not, six left it (decision 068).
 """
 
 from dataclasses import replace

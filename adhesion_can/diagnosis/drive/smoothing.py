@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.noise_memory import LastingNoise, fit_lasting_noise
-from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.sampling.traces import Trace
 
 SPEED_WINDOWS_S = (0.3, 0.6, 1.0, 1.5, 2.2, 3.0)
@@ -295,7 +294,7 @@ def predict_speed_from_efforts(
         gram, right = design @ design.T, design @ dv
         per_mass = max(float(right[0] / gram[0, 0]), 0.0) if gram[0, 0] > 0.0 else 0.0
         alone = _LaggedImpulse(per_mass**2 * float(gram[0, 0]), lag, per_mass * late[0])
-        factors = solve_normal_equations(gram, right)
+        factors = np.linalg.lstsq(gram, right, rcond=None)[0]
         explained = float(right @ factors)
         # A pitch that is read into noise would stay in the speed, which nothing smooths out.
         if factors[0] <= 0.0 or square - explained > (1.0 - CLEAR_PITCH) * (

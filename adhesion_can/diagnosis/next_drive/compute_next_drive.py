@@ -126,7 +126,7 @@ def plan_drive(
     sequence, most = search(comparison.compute)
     missed: dict[Pair, float] = {}
     best = most
-    # Some may be told apart where others cannot be: the hardest pair is left out, and so on.
+    # Where not every pair can be separated, drop the hardest one and try again.
     while sequence is None and best is not None and len(missed) < len(comparison.pairs):
         values = _without(missed, comparison.compute(best.grams))
         (a, b), least = min(values.items(), key=lambda item: item[1])
