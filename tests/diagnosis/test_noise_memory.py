@@ -45,8 +45,8 @@ def recovered(rng, white, lasting, memory_s):
 def test_both_parts_are_recovered(memory_s, white):
     """The median of 15 drives is within 15 % in size, and the memory within a factor of 1.6.
 
-    A memory of a second is hardly to be told from motion behind a window of three. A white part that
-    is not there is found as 0 in 15 of 16 medians, and as 0.0044 in one.
+    A memory of a second is hardly to be told from motion behind a window of three. A white part
+    that is not there is found as 0 in 15 of 16 medians, and as 0.0044 in one.
     """
     rng = np.random.default_rng(11)
     found = [recovered(rng, white, 0.04, memory_s) for _ in range(15)]
