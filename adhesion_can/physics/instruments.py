@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from adhesion_can.physics.instrument_laws import InstrumentLaw, LoadShift, Need
+from adhesion_can.physics.instrument_laws import InstrumentLaw, LoadShift, Need, Quantity
 from adhesion_can.physics.vehicle import Locomotive
 
 _NONE: Mapping[int, float] = MappingProxyType({})
@@ -50,6 +50,13 @@ class Instruments:
     def needs(self, need: Need) -> bool:
         """Whether a law needs something of the situation."""
         return any(need in law.needs for law in self.laws)
+
+    @property
+    def misread_speed(self) -> bool:
+        """Whether the vehicle speed has an error."""
+        if self.speed_error or self.speed_delay:
+            return True
+        return any(law.quantity is Quantity.SPEED for law in self.laws)
 
     @property
     def load_shifts(self) -> tuple[LoadShift, ...]:

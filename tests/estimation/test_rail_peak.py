@@ -181,7 +181,7 @@ def test_where_others_fit_better_and_burckhardt_as_well_all_of_them_count(capsys
     points = Path(__file__).parents[2] / "docs" / "gallery" / "eurosprinter_points.csv"
     assert main(["identify", str(points)]) == 0
     first = capsys.readouterr().out.splitlines()[0]
-    assert first.startswith("The form of the curve is not sure (the peak of Burckhardt's would be")
+    assert first.startswith("The form of the curve is uncertain (Burckhardt's curve would give")
     (rail,) = adhesion_can.identify(points).rails
     assert "burckhardt" in rail.plausible
     assert not rail.burckhardt_holds
@@ -209,7 +209,7 @@ def test_text_and_json_state_the_peak_of_the_rail(tmp_path, capsys):
     path, out = write_points(tmp_path / "t.csv", samples), tmp_path / "o.json"
     assert main(["identify", str(path), "--json", str(out)]) == 0
     first = capsys.readouterr().out.splitlines()[0]
-    assert first.startswith("Burckhardt's form does not hold (the peak of Burckhardt's would be")
+    assert first.startswith("Burckhardt's form does not hold (Burckhardt's curve would give")
     assert " at a slip of 0.0" in first
     assert "at 10.0 m/s, with errors common to all samples of 0.004 in slip and 2 %" in first
     document = json.loads(out.read_text())

@@ -34,7 +34,7 @@ from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep, Prediction
-from adhesion_can.physics.effects import acts_in_contact
+from adhesion_can.physics.effects import acts_in_contact, build_instruments
 from adhesion_can.physics.readings import Role
 
 Value = TypeVar("Value")
@@ -47,8 +47,6 @@ few, and a part of them is held out."""
 CYCLE_S, STABLE_SHARE = 0.01, 0.8
 """Dead time of the creep speed control without delays, s, and share of its bandwidth below which it
 holds no slip beyond the peak."""
-OF_SPEED = frozenset({"speed_delay", "speed_error"})
-"""Effects of the vehicle speed's instrument that may follow the speed in time."""
 LEAD_S, TAIL_S = 1.0, 1.5
 """Coasting before and after the manoeuvres, s: smoothing needs signals around every row."""
 LEAST_BLOCKS = 3.5
@@ -222,9 +220,10 @@ def _depends_on_sand(explanations: Sequence[Explanation]) -> bool:
 def _follows_speed(explanations: Sequence[Explanation]) -> bool:
     """Whether an explanation says how the vehicle speed's reading follows the speed in time."""
     return any(
-        one.effect.id in OF_SPEED and _is_time_of_signal(one)
-        for explanation in explanations
-        for one in explanation.model.candidates
+        _is_time_of_signal(candidate)
+        and build_instruments([candidate.active(values)]).misread_speed
+        for one in explanations
+        for candidate, values in zip(one.model.candidates, one.model.values, strict=True)
     )
 
 
