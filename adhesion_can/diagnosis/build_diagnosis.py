@@ -22,7 +22,6 @@ from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import ConfirmedFindings
 from adhesion_can.diagnosis.inference.equivalent_effects import find_equivalent_effects
 from adhesion_can.diagnosis.inference.findings import Findings
-from adhesion_can.diagnosis.inference.hold_out_gain import TAKEN_OFF, WHERE_IT_ACTS
 from adhesion_can.diagnosis.inference.one_speed import find_rivals_at_one_speed, is_at_one_speed
 from adhesion_can.diagnosis.parameter_values import effect_title, parameter_values
 from adhesion_can.diagnosis.peak_spread import compare_peaks, fit_other_forms
@@ -39,7 +38,7 @@ from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import Channel, build_channels
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
-from adhesion_can.diagnosis.result import Diagnosis, Gain, Verdict
+from adhesion_can.diagnosis.result import Diagnosis, Gain, GainMethod, Verdict
 from adhesion_can.diagnosis.sentences import (
     cause_sentence,
     channel_sentence,
@@ -165,7 +164,7 @@ def _measure_on_held_out(found: Findings, gain: Gain, model: ExtendedModel) -> G
     ends = np.cumsum([len(drive) for drive in regression.data.drives])[:-1]
     held = np.array([bool((own < 0).all()) for own in np.split(regression.block, ends)])
     part = evaluate_held_out(regression.data, held, model)
-    if TAKEN_OFF in gain.held_out or WHERE_IT_ACTS in gain.held_out:
+    if gain.method is not GainMethod.PLAIN:
         return replace(gain, as_written=part.as_written)
     return replace(
         gain,

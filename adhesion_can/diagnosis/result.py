@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
-from enum import StrEnum
+from enum import Flag, StrEnum, auto
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -77,6 +77,34 @@ class Comparison:
         return {"rmse": self.rmse, "percent": self.percent, "interval": list(self.interval)}
 
 
+class GainMethod(Flag):
+    """How a gain and its interval were computed, where not plainly over the units."""
+
+    PLAIN = 0
+    WITHOUT_SPEED_ERRORS = auto()
+    WHERE_IT_ACTS = auto()
+
+    @property
+    def note(self) -> str:
+        """What is said of it behind what was held out; '' for the plain gain."""
+        return "".join(_METHOD_NOTES[one] for one in self)
+
+    @property
+    def names(self) -> list[str]:
+        """As JSON has it."""
+        return [str(one.name).lower() for one in self]
+
+
+_METHOD_NOTES = {
+    GainMethod.WITHOUT_SPEED_ERRORS: (
+        "; errors of the vehicle speed that all axles share are taken off"
+    ),
+    GainMethod.WHERE_IT_ACTS: (
+        "; the interval is that of the gain on these data, where the models differ"
+    ),
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Gain:
     """Gain of the extended model on held-out data.
@@ -87,10 +115,11 @@ class Gain:
         noise_floor: RMSE of the adhesion that no model goes below.
         percent: Gain 100 (1 − after/before), %.
         interval: 95 % confidence interval of the gain, %.
-        held_out: Description of the data that were held out, a clause.
+        units: Description of the data that were held out, a clause.
         spans: Recording, begin and end of each held-out span, s on the recording's clock.
         as_written: The model as its file has it, where whole recordings were held out; there
             `rmse_after` is that with the curve refitted. None elsewhere.
+        method: How gain and interval were computed.
 
     """
 
@@ -99,9 +128,15 @@ class Gain:
     noise_floor: float
     percent: float
     interval: tuple[float, float]
-    held_out: str
+    units: str
     spans: tuple[tuple[str, float, float], ...]
     as_written: Comparison | None = None
+    method: GainMethod = GainMethod.PLAIN
+
+    @property
+    def held_out(self) -> str:
+        """Description of the data that were held out and of how they were used, a clause."""
+        return self.units + self.method.note
 
     @property
     def leaves_much(self) -> bool:
@@ -118,6 +153,7 @@ class Gain:
             "percent": self.percent,
             "interval": list(self.interval),
             "held_out": self.held_out,
+            "method": self.method.names,
             "spans": [[begin, end] for _, begin, end in self.spans],
             "recordings": [recording for recording, _, _ in self.spans],
             **(

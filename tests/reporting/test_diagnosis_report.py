@@ -26,7 +26,14 @@ from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
 from adhesion_can.diagnosis.formatting import measured
 from adhesion_can.diagnosis.next_drive.result import NextDrive
 from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
-from adhesion_can.diagnosis.result import Diagnosis, Gain, InputFile, SegmentResult, Verdict
+from adhesion_can.diagnosis.result import (
+    Diagnosis,
+    Gain,
+    GainMethod,
+    InputFile,
+    SegmentResult,
+    Verdict,
+)
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanStep
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
@@ -398,6 +405,7 @@ def test_json_has_the_values():
     assert cause["rivals"] == ["slow_drift"]
     assert document["gain"]["spans"] == [[40.0, 60.0], [120.0, 140.0]]
     assert document["gain"]["recordings"] == ["drive one.log"] * 2
+    assert document["gain"]["method"] == []
     assert document["base"]["c1"]["value"] == 0.31  # of the longest surface, not of the first
     assert document["extended"]["c1"]["value"] == 0.36
     assert document["extended"]["segments"][0]["lambda_m"]["std"] is None
@@ -409,6 +417,16 @@ def test_json_has_the_values():
     assert document["untested"] == [
         {"what": "humidity", "why": "no signal gives the relative humidity", "rejected": False}
     ]
+
+
+def test_a_gain_says_how_it_was_computed():
+    plain = named().gain
+    method = GainMethod.WHERE_IT_ACTS | GainMethod.WITHOUT_SPEED_ERRORS
+    document = replace(plain, method=method).to_dict()
+    assert document["method"] == ["without_speed_errors", "where_it_acts"]
+    assert document["held_out"].startswith(plain.held_out + "; errors of the vehicle speed")
+    assert document["held_out"].endswith("; the interval is that of the gain on these data, where "
+                                         "the models differ")  # fmt: skip
 
 
 def test_a_recording_that_was_kept_back_for_want_of_others_is_told_as_such():

@@ -7,7 +7,7 @@ or recordings), since rows within a unit are correlated.
 Two things hide a gain that is there. What acts in a few bends alone gains in few units, and the
 scatter over units is wide: then the interval is that of the gain on these very data. And where an
 error of the vehicle speed is larger than everything else, the gain of what acts beside it shows
-only once that error is taken off, in both models alike. What was held out says which it is.
+only once that error is taken off, in both models alike. `Gain.method` says which it is.
 """
 
 from collections.abc import Iterator
@@ -28,15 +28,12 @@ from adhesion_can.diagnosis.regression.model import (
     evaluate_model,
 )
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
-from adhesion_can.diagnosis.result import Gain
+from adhesion_can.diagnosis.result import Gain, GainMethod
 
 CONFIDENCE = 0.95
 """Confidence level of the interval."""
 LEAST_UNITS = 2.0
 """Least number of units in which a model acts, for their scatter to say something."""
-TAKEN_OFF = "; errors of the vehicle speed that all axles share are taken off"
-WHERE_IT_ACTS = "; the interval is that of the gain on these data, where the models differ"
-"""What is said of a gain without these errors, and of an interval by `interval_where_it_acts`."""
 LEAST_RECORDINGS = 3
 """Least number of held-out recordings for each one to be a unit of its own."""
 
@@ -104,13 +101,14 @@ def compute_hold_out_gain(
     units = group_hold_out(
         regression, result.rows, block_length_s=block_length_s, other_drives=other_drives
     )
-    results = [(result, "")]
+    results = [(result, GainMethod.PLAIN)]
     if regression.speed_error_design.shape[1]:
-        results.append((_take_speed_errors_off(regression, result), TAKEN_OFF))
+        less = _take_speed_errors_off(regression, result)
+        results.append((less, GainMethod.WITHOUT_SPEED_ERRORS))
     gains = [
         gain
-        for residuals, note in results
-        for gain in _compute_gains(residuals, units, noise_floor, note)
+        for residuals, method in results
+        for gain in _compute_gains(residuals, units, noise_floor, method)
     ]
     return next(filter(is_significant, gains), gains[0])
 
@@ -124,14 +122,14 @@ def _take_speed_errors_off(regression: WhitenedRegression, result: HoldOutResult
 
 
 def _compute_gains(
-    result: HoldOutResult, units: HoldOutUnits, noise_floor: float, note: str
+    result: HoldOutResult, units: HoldOutUnits, noise_floor: float, method: GainMethod
 ) -> Iterator[Gain]:
     """The gain with the interval over units, and with that on these very data."""
-    gain = compute_gain(result, units, noise_floor)
-    yield replace(gain, held_out=gain.held_out + note)
+    gain = replace(compute_gain(result, units, noise_floor), method=method)
+    yield gain
     interval = interval_where_it_acts(result.before, result.after, units.unit)
     if interval is not None:
-        yield replace(gain, interval=interval, held_out=gain.held_out + note + WHERE_IT_ACTS)
+        yield replace(gain, interval=interval, method=method | GainMethod.WHERE_IT_ACTS)
 
 
 def is_significant(gain: Gain) -> bool:
