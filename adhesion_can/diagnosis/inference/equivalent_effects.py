@@ -11,7 +11,7 @@ import numpy as np
 
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, score_model
-from adhesion_can.diagnosis.inference.select_effects import propose_effects
+from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import fit_model

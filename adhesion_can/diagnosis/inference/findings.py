@@ -16,12 +16,12 @@ from adhesion_can.diagnosis.inference.model_comparison import (
     ScoredModel,
     score_model,
 )
+from adhesion_can.diagnosis.inference.model_selection import ModelSelection
 from adhesion_can.diagnosis.inference.noise_averaging import (
     INTERVAL,
     averages_noise,
     without_short_delay,
 )
-from adhesion_can.diagnosis.inference.select_effects import ModelSelection
 from adhesion_can.diagnosis.inference.sensor_noise import (
     NoiseComparison,
     compare_with_sensors,

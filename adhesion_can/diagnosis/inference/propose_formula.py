@@ -17,6 +17,7 @@ from adhesion_can.diagnosis.inference.formula_candidates import (
     FormulaChannel,
     build_formulas,
 )
+from adhesion_can.diagnosis.inference.further_channels import drop_needless
 from adhesion_can.diagnosis.inference.model_comparison import (
     INDISTINGUISHABLE_SHARE,
     LEVEL,
@@ -26,7 +27,7 @@ from adhesion_can.diagnosis.inference.model_comparison import (
     is_improvement,
     score_model,
 )
-from adhesion_can.diagnosis.inference.select_effects import drop_needless, propose_effects
+from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind, build_channels
 from adhesion_can.diagnosis.regression.whitened_regression import fit_model

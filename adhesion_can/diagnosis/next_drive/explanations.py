@@ -13,7 +13,7 @@ from adhesion_can.diagnosis.inference.model_comparison import (
     is_worse,
     score_model,
 )
-from adhesion_can.diagnosis.inference.select_effects import propose_effects
+from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import Model
