@@ -22,6 +22,7 @@ import scipy
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.regression.gram_matrices import BlockGramMatrices
 from adhesion_can.diagnosis.regression.model import Model
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression
 
@@ -85,36 +86,79 @@ def compute_block_variance(
         row_square: Mean square of a row on which the ratios are based; None: that of this model.
 
     """
-    data = regression.data
     whitened = regression.whiten(regression.residual(model)[:, None])[:, 0]
     direction = np.sign(regression.evaluate_corrected(model).slip).astype(np.int64)
     rows = np.flatnonzero(regression.used & (whitened != 0.0) & (direction != 0))
-    cells = np.stack([regression.block_number, data.column("axle"), direction], axis=1)[rows]
-    names, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    cell = cell.ravel()
-    design = regression.whitened_speed_errors[rows]
-    sums = _sum_cells(whitened[rows], cell, len(names))
-    by_speed = np.zeros((len(names), design.shape[1]))
-    for k, column in enumerate(design.T):
-        by_speed[:, k] = _sum_cells(column, cell, len(names))
-    expected = count.astype(np.float64)
-    for block in np.unique(names[:, 0]):
-        own, members = names[:, 0] == block, cells[:, 0] == block
-        part = design[members]
-        gram = part.T @ part + np.eye(part.shape[1])
-        errors = np.linalg.solve(gram, part.T @ whitened[rows][members])
-        sums[own] -= by_speed[own] @ errors
-        expected[own] -= np.sum(by_speed[own] * np.linalg.solve(gram, by_speed[own].T).T, axis=1)
+    axle, block = regression.data.column("axle").astype(np.int64), regression.block[rows]
+    cells = _Cells.find(block, axle[rows], direction[rows])
+    whitened, design = whitened[rows], regression.whitened_speed_errors[rows]
+    by_speed, variance = _predict_shared(cells, block, design, whitened)
+    sums, expected = cells.sum(whitened) - by_speed, cells.rows - variance
     if row_square is None:
-        row_square = float(np.mean(whitened[rows] ** 2)) if len(rows) else 1.0
-    kept = (count >= LEAST_ROWS) & (expected > 1.0)
+        row_square = float(np.mean(whitened**2)) if len(rows) else 1.0
+    kept = (cells.rows >= LEAST_ROWS) & (expected > 1.0)
     ratio = sums[kept] ** 2 / np.maximum(expected[kept] * row_square, 1e-300)
-    return BlockVariance(ratio, names[kept, 0], row_square)
+    return BlockVariance(ratio, cells.block[kept], row_square)
 
 
-def _sum_cells(column: Array, cell: NDArray[np.int64], cells: int) -> Array:
-    """Sum of a column over the rows of each cell, shape (cells,)."""
-    return np.bincount(cell, column, minlength=cells).astype(np.float64)
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """Cells of rows: those of one axle, with one sign of the slip, in one block.
+
+    Attributes:
+        number: Number of each row's cell, shape (n,).
+        block: Block number of each cell, ascending; shape (cells,).
+        rows: Number of rows of each cell, shape (cells,).
+
+    """
+
+    number: NDArray[np.int64]
+    block: NDArray[np.int64]
+    rows: Array
+
+    @classmethod
+    def find(
+        cls, block: NDArray[np.int64], axle: NDArray[np.int64], direction: NDArray[np.int64]
+    ) -> "_Cells":
+        """Cells of rows with these blocks, axles and signs of the slip, shape (n,) each."""
+        names, number, rows = np.unique(
+            np.stack([block, axle, direction], axis=1),
+            axis=0,
+            return_inverse=True,
+            return_counts=True,
+        )
+        return cls(number.ravel(), names[:, 0], rows.astype(np.float64))
+
+    def sum(self, column: Array) -> Array:
+        """Sum of a column over the rows of each cell, shape (cells,)."""
+        return np.bincount(self.number, column, minlength=len(self.rows)).astype(np.float64)
+
+
+def _predict_shared(
+    cells: _Cells, block: NDArray[np.int64], design: Array, whitened: Array
+) -> tuple[Array, Array]:
+    """What errors of the vehicle speed are predicted to add to the sum of each cell.
+
+    Args:
+        cells: Cells of the rows.
+        block: Block number of each row, shape (n,).
+        design: Whitened design matrix of the errors, shape (n, q).
+        whitened: Whitened residual of each row, shape (n,).
+
+    Returns:
+        Predicted part of each cell's sum, and the variance that goes with it; shape (cells,) each.
+
+    """
+    columns = np.column_stack([design, whitened])
+    grams = BlockGramMatrices.from_columns(columns, block).matrices
+    information = grams[:, :-1, :-1] + np.eye(design.shape[1])
+    errors = np.linalg.solve(information, grams[:, :-1, -1:])
+    own = np.unique(cells.block, return_inverse=True)[1]
+    sums = np.zeros((len(cells.rows), design.shape[1], 1))
+    for k, column in enumerate(design.T):
+        sums[:, k, 0] = cells.sum(column)
+    variance = np.sum(sums * np.linalg.solve(information[own], sums), axis=(1, 2))
+    return np.sum(sums * errors[own], axis=(1, 2)), variance
 
 
 def compute_variance_left(
