@@ -286,20 +286,10 @@ def _estimate_slip_correction(
     data = regression.data
     evaluation = evaluate_model(data, model.curves)
     slope = _compute_curve_slope(data, model, evaluation)
-    by_speed = np.zeros(len(data))
     # A surface that is held out whole had no part in the saturated model, which is arbitrary there.
     known = np.isin(data.surface, data.surface[regression.used])
     residual = np.where(known, residual, evaluation.residual)
-    if regression.speed_error_design.shape[1]:
-        scaled_design = regression.speed_error_design * regression.scale[:, None]
-        scaled_residual = residual * regression.scale
-        order = np.argsort(regression.block_number, kind="stable")
-        starts = np.unique(regression.block_number[order], return_index=True)[1]
-        for rows in np.split(order, starts[1:]):
-            part = scaled_design[rows]
-            gram = part.T @ part + np.eye(part.shape[1])
-            errors = np.linalg.solve(gram, part.T @ scaled_residual[rows])
-            by_speed[rows] = regression.speed_error_design[rows] @ errors
+    by_speed = residual - regression.without_speed_errors(residual)
     safe = np.where(np.abs(slope) > 1e-3, slope, np.inf)
     by_wheel = regression.slip_variance_share * (residual - by_speed) / safe
     # A residual of s·δ means that the slip reads low by δ.
