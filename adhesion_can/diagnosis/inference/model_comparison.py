@@ -130,12 +130,19 @@ def is_worse(best: ScoredModel, other: ScoredModel) -> bool:
     limit = (1.0 + INDISTINGUISHABLE_SHARE) * best.fitted.cross_validated_square
     if other.fitted.cross_validated_square <= limit:
         return False
-    differences = other.fitted.cross_validated_squares - best.fitted.cross_validated_squares
+    return worse_p_value(best.fitted, other.fitted) < LEVEL
+
+
+def worse_p_value(best: FittedModel, other: FittedModel) -> float:
+    """One-sided p-value of another model's larger sum of squares, by a paired t test of blocks."""
+    differences = other.cross_validated_squares - best.cross_validated_squares
     blocks = len(differences)
     if blocks < 2:
-        return False
+        return 1.0
     std_error = float(differences.std(ddof=1)) / np.sqrt(blocks)
-    return bool(differences.mean() > scipy.stats.t.ppf(1.0 - LEVEL, blocks - 1) * std_error)
+    if std_error == 0.0:
+        return 0.0 if differences.mean() > 0.0 else 1.0
+    return float(scipy.stats.t.sf(differences.mean() / std_error, blocks - 1))
 
 
 def gain_p_value(small: FittedModel, large: FittedModel) -> float:

@@ -10,13 +10,19 @@ cause must withstand (`refutation`): the best of several wrong explanations is s
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
+from adhesion_can.diagnosis.formatting import p_equation
 from adhesion_can.diagnosis.inference.findings import Findings
-from adhesion_can.diagnosis.inference.model_comparison import LEVEL, is_worse, score_model
+from adhesion_can.diagnosis.inference.model_comparison import (
+    LEVEL,
+    is_worse,
+    score_model,
+    worse_p_value,
+)
 from adhesion_can.diagnosis.inference.noise_averaging import INTERVAL
 from adhesion_can.diagnosis.next_drive.explanations import PLAIN, Explanation
 from adhesion_can.diagnosis.refutation.refute import describe_refutation
@@ -58,7 +64,7 @@ class RemainingExplanations:
         refuted: Explanations that are not.
         winner: Explanation that alone is left; None where several are, or the plain curve.
         p_value: Probability with which chance alone would part the best from the nearest refuted
-            one as clearly.
+            one as clearly, by the test that refuted that one.
 
     """
 
@@ -77,12 +83,18 @@ class RemainingExplanations:
     @property
     def sentence(self) -> str:
         """What is left, for a reader."""
-        names = (*self.left, *(one.name for one in self.refuted))
-        begin = (
-            f"Of the explanations that {', '.join(self.before)} left ({', '.join(names)}), "
-            f"{', '.join(self.by)} leaves {' and '.join(self.left) or 'none'}"
-        )
+        names = ", ".join((*self.left, *(one.name for one in self.refuted)))
+        before, by = ", ".join(self.before), ", ".join(self.by)
         why = "; ".join(f"{one.name} is refuted, {one.reason}" for one in self.refuted)
+        if not self.left:
+            return (
+                f"With {by} none of the explanations is left that {before} left ({names}): {why}. "
+                "What acts is something else, or acts in another form than they say."
+            )
+        begin = (
+            f"Of the explanations that {before} left ({names}), {by} leaves "
+            f"{' and '.join(self.left)}"
+        )
         return f"{begin}: {why}." if why else f"{begin}: it refutes none."
 
     def to_dict(self) -> dict[str, Any]:
@@ -120,18 +132,14 @@ def find_remaining(
         if k not in standing and len(fits) > 1:
             refuted[k] = "its size is 0 within its error"
     best = next(iter(standing), order[0])
-    nearest = np.inf
+    p_values = []
     for k in standing:
         if k == best:
             continue
-        away = _distance(regression, fits[best], fits[k])
-        scored = [score_model(regression, fits[place]) for place in (best, k)]
-        if is_worse(*scored) or away > float(scipy.stats.norm.ppf(1.0 - LEVEL)):
-            nearest = min(nearest, away)
-            refuted[k] = (
-                f"it misses the data by {away:.1f} standard deviations of the noise more than "
-                f"{explanations[best].name}"
-            )
+        test = _compare(regression, fits[best], fits[k], explanations[best].name)
+        if test is not None:
+            p_values.append(test.p_value)
+            refuted[k] = test.reason
     for k in order:
         if k not in refuted:
             reason = describe_refutation(regression, fits[k].model)
@@ -144,7 +152,7 @@ def find_remaining(
         tuple(one.name for one in left),
         tuple(RefutedExplanation(explanations[k].name, why) for k, why in refuted.items()),
         left[0] if len(left) == 1 and left[0].name != PLAIN else None,
-        float(scipy.stats.norm.sf(nearest)) if np.isfinite(nearest) else 1.0,
+        max(p_values, default=1.0),
     )
 
 
@@ -189,6 +197,42 @@ def _is_sizeless(fitted: FittedModel) -> bool:
         if abs(values[0]) <= INTERVAL * std:
             return True
     return False
+
+
+class _Refutation(NamedTuple):
+    """The test by which an explanation is worse than the best one.
+
+    Attributes:
+        reason: By how much it is worse, a clause.
+        p_value: P-value of that.
+
+    """
+
+    reason: str
+    p_value: float
+
+
+def _compare(
+    regression: WhitenedRegression, best: FittedModel, other: FittedModel, best_name: str
+) -> _Refutation | None:
+    """The test that refutes an explanation beside the best one; None where it may be as good."""
+    away = _distance(regression, best, other)
+    by_noise = float(scipy.stats.norm.sf(away))
+    if by_noise < LEVEL:
+        return _Refutation(
+            f"it misses the data by {away:.1f} standard deviations of the noise more than "
+            f"{best_name}",
+            by_noise,
+        )
+    if not is_worse(score_model(regression, best), score_model(regression, other)):
+        return None
+    more = 100.0 * (other.cross_validated_square / best.cross_validated_square - 1.0)
+    by_blocks = worse_p_value(best, other)
+    return _Refutation(
+        f"its sum of squares is {more:.1f} % above that of {best_name}, and the scatter of the "
+        f"blocks does not explain that ({p_equation(by_blocks)})",
+        by_blocks,
+    )
 
 
 def _distance(regression: WhitenedRegression, best: FittedModel, other: FittedModel) -> float:
