@@ -227,6 +227,19 @@ def test_the_sentence_says_what_to_drive_and_what_each_predicts():
     assert found.plan.duration_s <= 60.0
 
 
+def test_the_sentence_says_what_was_assumed():
+    setting = replace(SETTING, resistance=TrainResistance(1.65e6, 0.0, 0.0, is_known=False))
+    found = plan_drive((BIAS, SCALE), setting, PlanLimits())
+    assert "The resistance of the train is taken as 0, since" in found.sentence
+    falling = SegmentCurves.from_parameters(BURCKHARDT, np.array([[0.4, 1.2, 0.3]]))
+    one = replace(BIAS, model=replace(BIAS.model, curves=falling))
+    plan = plan_drive((one, SCALE), SETTING, PlanLimits())
+    assert plan.plan is not None
+    assert plan.plan.curve == pytest.approx((0.4, 1.5, 0.3))
+    assert "gets c2 = 1.5 in place of 1.2" in plan.sentence
+    assert plan_drive((BIAS, SCALE), SETTING, PlanLimits()).sentence.endswith(".")
+
+
 def test_limits_hold_in_the_plan():
     limits = PlanLimits(slip_max=0.05, braking=False, single_axles=False, effort_max=110e3)
     plan = plan_drive((BIAS, SCALE), SETTING, limits).plan

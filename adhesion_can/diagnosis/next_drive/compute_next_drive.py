@@ -94,7 +94,8 @@ def plan_drive(
     if len(explanations) < 2:
         return NextDrive(names, None, _describe_too_few(names))
     comparison = Comparison(explanations, setting)
-    c1, c2, c3 = _nearest_curve(explanations[0], setting)
+    nearest = _nearest_curve(explanations[0], setting)
+    c1, c2, c3 = curve = _with_peak(nearest)
     peak_slip = float(np.log(c1 * c2 / c3) / c2) if c3 > 0.0 else limits.slip_max
     speed = float(np.clip(setting.speed, limits.speed_min, limits.speed_max))
     share = CYCLE_S / (CYCLE_S + _longest_delay(explanations))
@@ -145,7 +146,7 @@ def plan_drive(
     plan = DrivingPlan(
         steps=steps,
         start_speed=round(speed, 1),
-        curve=(c1, c2, c3),
+        curve=curve,
         limits=limits,
         purpose=f"which holds: {', or '.join(names)}",
         predictions=predictions,
@@ -159,6 +160,8 @@ def plan_drive(
     if missed:
         said = _describe_missed(names, limits, missed, len(missed))
         sentence += f" What this drive does not do: {said}"
+    notes = [note for note in (setting.assumption, _describe_curve(nearest, curve)) if note]
+    sentence = " ".join([sentence, *notes])
     return NextDrive(names, plan, sentence, pairs)
 
 
@@ -195,15 +198,24 @@ def _without(missed: Mapping[Pair, float], values: Mapping[Pair, Value]) -> dict
 
 
 def _nearest_curve(explanation: Explanation, setting: DriveSetting) -> tuple[float, float, float]:
-    """(c1, c2, c3) of the expected curve, for the controller."""
+    """(c1, c2, c3) of Burckhardt's curve nearest to the one that an explanation expects."""
     curves = explanation.model.curves
     values = curves.parameters[0]
     if curves.family is BURCKHARDT:
         c1, c2, c3 = map(float, values)
-    else:
-        conditions = Conditions(setting.speed, float(setting.load.mean()))
-        c1, c2, c3 = find_nearest_burckhardt(curves.family, values, conditions)
-    # A fit without a fall has no peak; the controller needs none, the plan a bound for its slips.
+        return c1, c2, c3
+    conditions = Conditions(setting.speed, float(setting.load.mean()))
+    return find_nearest_burckhardt(curves.family, values, conditions)
+
+
+def _with_peak(curve: tuple[float, float, float]) -> tuple[float, float, float]:
+    """A curve (c1, c2, c3) that the controller can work with.
+
+    A rise beyond the peak, c3 < 0, is taken as none: there is no peak, the controller needs none,
+    and the plan bounds the slips. Where the curve falls almost from the start, c1·c2 < 2·c3, c2 is
+    raised to 2·c3/c1, so that its slope at slip 0 is at least that of its fall.
+    """
+    c1, c2, c3 = curve
     c3 = max(c3, 0.0)
     return c1, max(c2, 2.0 * c3 / c1), c3
 
@@ -291,6 +303,16 @@ def _describe_missed(
             f"{100 * power_of(value):.0f} %",
         )
     return f"{'; '.join(said.values())}."
+
+
+def _describe_curve(nearest: tuple[float, float, float], curve: tuple[float, float, float]) -> str:
+    """How the controller's curve differs from the fitted one, a sentence; '' where it does not."""
+    if curve[1] == nearest[1]:
+        return ""
+    return (
+        f"The curve that was fitted falls almost from slip 0; the controller gets c2 = "
+        f"{curve[1]:.3g} in place of {nearest[1]:.3g}."
+    )
 
 
 def _describe_plan(plan: DrivingPlan) -> str:

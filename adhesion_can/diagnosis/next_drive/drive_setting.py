@@ -1,4 +1,8 @@
-"""What a planned drive is predicted with: vehicle, train, sensors and noise of the last drive."""
+"""What a planned drive is predicted with: vehicle, train, sensors and noise of the longest drive.
+
+The longest, by its rows, tells most of loads and resistance; the last one may have been a short one
+that was made to decide.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,12 +31,14 @@ class TrainResistance:
         mass: Mass of locomotive and train, kg.
         offset: Acceleration at speed 0, m/s².
         slope: Change of the acceleration with the speed, 1/s; not above 0.
+        is_known: Whether the drive shows it; else offset and slope are 0 for want of better.
 
     """
 
     mass: float
     offset: float
     slope: float
+    is_known: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +49,7 @@ class DriveSetting:
         vehicle: Configured vehicle.
         load: Mean load of each axle, N; shape (axles,).
         resistance: Acceleration of the train without effort.
-        speed: Mean speed of the last drive, m/s.
+        speed: Median speed of the longest drive, m/s.
         covariates: Mean of each further channel.
         wheel_std: Standard deviation of the rims' measured speeds, m/s.
         speed_error: Error of the vehicle speed that all axles share.
@@ -65,6 +71,16 @@ class DriveSetting:
     cycle_s: float
     block_length_s: float
 
+    @property
+    def assumption(self) -> str:
+        """What is assumed since the drive does not show it, a sentence; '' for nothing."""
+        if self.resistance.is_known:
+            return ""
+        return (
+            "The resistance of the train is taken as 0, since no three seconds of the drive that "
+            "follow each other have all axles: on grades the speeds will differ from the plan's."
+        )
+
 
 def build_drive_setting(
     regression: WhitenedRegression, fitted: FittedModel, block_length_s: float
@@ -78,9 +94,9 @@ def build_drive_setting(
 
     """
     drives = [d for d in regression.data.drives if isinstance(d.kinematics, SignalKinematics)]
-    if not drives or not len(drives[-1]):
+    drive = max(drives, key=len, default=None)
+    if drive is None or not len(drive):
         return None
-    drive = max(drives, key=len)
     kinematics = drive.kinematics
     assert isinstance(kinematics, SignalKinematics)  # noqa: S101  chosen above
     vehicle, observed = kinematics.vehicle, drive.observe()
@@ -121,7 +137,10 @@ def _find_noise(regression: WhitenedRegression, fitted: FittedModel) -> float:
 
 
 def _fit_resistance(drive: DriveData, speed: Array, vehicle: Locomotive) -> TrainResistance:
-    """Acceleration without effort from the balance of the train, second by second."""
+    """Acceleration without effort from the balance of the train, second by second.
+
+    It needs a second with one before and one after it, in all of which every axle has rows.
+    """
     second = np.floor(drive.t_s / BIN_S).astype(np.int64)
     count = int(second.max()) + 1
     force, axles = np.zeros(count), np.zeros(count)
@@ -135,7 +154,7 @@ def _fit_resistance(drive: DriveData, speed: Array, vehicle: Locomotive) -> Trai
     inner = np.flatnonzero(whole[2:] & whole[1:-1] & whole[:-2]) + 1
     mass = vehicle.train_mass
     if not len(inner):
-        return TrainResistance(mass, 0.0, 0.0)
+        return TrainResistance(mass, 0.0, 0.0, is_known=False)
     rest = (mean[inner + 1] - mean[inner - 1]) / (2.0 * BIN_S) - force[inner] / mass
     slope = 0.0
     v = mean[inner]
