@@ -4,7 +4,6 @@ import numpy as np
 
 from tests.worlds.drive_profile import AXLES, RADIUS
 from tests.worlds.mechanism import Change, Scene
-from tests.worlds.outside.contact_mechanisms import SHAPE
 from tests.worlds.outside.registry import mechanism
 from tests.worlds.outside.track_mechanisms import places, wheel_angle
 from tests.worlds.rail import Floats, curve, peak
@@ -132,7 +131,7 @@ def _over(force: Floats, bare: Floats) -> Floats:
     sizes=(0.7, 1.0, 1.3),
     unit="swing over the creep",
     channel="slip",
-    same=MEAN_CURVE | SHAPE,
+    same=MEAN_CURVE,
     second=True,
 )
 def torsional_chatter(scene: Scene, size: float, _rng: np.random.Generator) -> Change:
