@@ -10,7 +10,7 @@ import pytest
 from tests.worlds import SINGLES
 from tests.worlds.outside.car import CARS
 from tests.worlds.outside.families import FAMILIES
-from tests.worlds.outside.kinds import ASIDE, BESIDE, MECH, MEMORY, OPEN
+from tests.worlds.outside.kinds import ASIDE, BESIDE, MECH, MEMORY, OPEN, SECOND
 from tests.worlds.outside.registry import MECHANISMS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -124,18 +124,22 @@ def test_worlds_by_others_are_drawn_only_where_they_are_asked_for(hunting):
     def kinds(*only):
         return [task.kind for task in hunting.plan.build_tasks(7, 1, only)]
 
-    assert not set(kinds()) & {*OPEN, *ASIDE, *MECH, *MEMORY, *CARS, *BESIDE}
+    assert not set(kinds()) & {*OPEN, *ASIDE, *SECOND, *MECH, *MEMORY, *CARS, *BESIDE}
     assert kinds("outside:open") == list(OPEN)
     assert kinds("outside:aside") == list(ASIDE)
     assert len(ASIDE) == 12
+    assert kinds("outside:second") == list(SECOND)
+    assert kinds(SECOND[0]) == [SECOND[0]]
     assert kinds("outside") == [*OPEN, *ASIDE]
     assert kinds("memory", "car") == [*MEMORY, *CARS]
     assert len(kinds("beside")) == 8
     assert set(kinds("beside")) <= set(BESIDE)
     assert kinds(ASIDE[0]) == [ASIDE[0]]
     # What is set aside does not come in by another door.
-    hidden = {kind.partition(":")[2] for kind in ASIDE}
+    hidden = {kind.partition(":")[2] for kind in (*ASIDE, *SECOND)}
     assert not hidden & {kind.rpartition("+")[2] for kind in BESIDE}
+    everything = {kind for form in hunting.plan.FORMS for kind in hunting.plan.GROUPS[form]}
+    assert not hidden & {kind.rpartition(":")[2] for kind in everything}
     hunting.plan.check_kinds(["outside", "beside", MECH[0], CARS[0]])
     with pytest.raises(ValueError, match="no kind 'outside:none'"):
         hunting.plan.check_kinds(["outside:none"])
@@ -143,16 +147,19 @@ def test_worlds_by_others_are_drawn_only_where_they_are_asked_for(hunting):
 
 def test_false_names_stand_beside_their_targets(hunting):
     judge, tables = hunting.judge.judge_record, hunting.tables
-    rows = [judge(record(kind, [], "unexplained")) for kind in (*OPEN, *ASIDE, *MEMORY)]
+    rows = [judge(record(kind, [], "unexplained")) for kind in (*OPEN, *ASIDE, *SECOND, *MEMORY)]
     rows.append(judge(record("car:scales", [], "nothing_found")))
     rows.append(judge(record(OPEN[0], [cause("humidity")])))
     found = {t.what: t for t in tables.targets(rows)}
     assert found["outside:open: false names"].figure.startswith(f"{1 / (len(OPEN) + 1):.1%} (1 of")
     assert found["outside:open: false names"].wanted == "at most 3%"
     assert found["outside:aside: false names"].verdict == "met"
+    assert found["outside:second: false names"].figure.startswith(f"0.0% (0 of {len(SECOND)}")
+    assert found["outside:second: false names"].wanted == "at most 3%"
     assert found["null:memory-10: false names"].wanted == "at most 2%"
     assert found["multi-body car: never called noise"].verdict == "FAILED"
     assert "humidity 1" in tables.confusion(rows)
+    assert f"| {SECOND[0]} " in tables.confusion(rows)
     loud = [judge(record(OPEN[0], [], verdict)) for verdict in ("nothing_found", "unexplained")]
     loud = [replace(row, excess=0.2) for row in loud] + [replace(loud[0], excess=0.01)]
     found = {t.what: t for t in tables.targets(loud)}

@@ -28,8 +28,8 @@ def parse_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     add("--only", nargs="+", default=[], metavar="KIND",
         help="effects, pair:A+B, null:.., out:.., contact:NAME, contact:NAME+A, points:NAME, or "
         "single, law, pair, null, out, contact, contact+, points; worlds by others: outside, "
-        "outside:open, outside:aside, mech, beside, memory, car; forms of drives: short, table, "
-        "drives")  # fmt: skip
+        "outside:open, outside:aside, outside:second, mech, beside, memory, car; forms of drives: "
+        "short, table, drives")  # fmt: skip
     add("--jobs", type=int, default=2, metavar="N", help="drives at a time (default 2)")
     add("--seed", type=int, metavar="N",
         help="of the first round (default: fresh, or that of the hunt to go on with)")  # fmt: skip

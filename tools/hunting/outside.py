@@ -16,7 +16,8 @@ from tests.worlds.outside.registry import MECHANISMS
 
 Record = dict[str, Any]
 Answer = tuple[str, tuple[str, ...]]
-OUTSIDE_GROUPS = ("outside:open", "outside:aside", "memory", "mech", "beside", "car")
+MECHANISM_GROUPS = ("outside:open", "outside:aside", "outside:second")
+OUTSIDE_GROUPS = (*MECHANISM_GROUPS, "memory", "mech", "beside", "car")
 FUNCTIONS = {"exp", "log", "sqrt", "tanh", "abs", "min", "max", "lag"}
 """Words of a formula that are neither a channel nor a constant."""
 SIZE_SHARE, SIZE_STDS = 0.20, 3.0

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from judge import JudgedRecord
+from outside import MECHANISM_GROUPS, OUTSIDE_GROUPS
 from shares import Target, markdown_table, share
 from work import NO_WORLD
 
@@ -18,10 +19,10 @@ def outside_targets(rows: Sequence[JudgedRecord]) -> list[Target]:
     """Targets of the worlds by others; none where there are no such drives."""
     by_group = {
         group: [r for r in rows if r.group == group and r.answer != (NO_WORLD,)]
-        for group in ("outside:open", "outside:aside", "memory", "mech", "beside", "car")
+        for group in OUTSIDE_GROUPS
     }
     result = []
-    for group in ("outside:open", "outside:aside"):
+    for group in MECHANISM_GROUPS:
         if own := by_group[group]:
             loud = [r for r in own if r.excess is not None and r.excess >= LOUD]
             title = f"{group}: not called noise where it raises the RMSE by 10 % and more"
@@ -66,8 +67,7 @@ def outside_outcomes(rows: Sequence[JudgedRecord]) -> list[str]:
     family = ("named", "wrong size", "size unknown", "rival", "with others", "wrong", *silent)
     beside = ("kept", "kept with a false one", "lost", "wrong", "failed")
     return [
-        outcome_table(rows, "outside:open", ("same", "wrong", *silent)),
-        outcome_table(rows, "outside:aside", ("same", "wrong", *silent)),
+        *(outcome_table(rows, group, ("same", "wrong", *silent)) for group in MECHANISM_GROUPS),
         outcome_table(rows, "mech", family),
         outcome_table(rows, "beside", beside),
         outcome_table(rows, "memory", ("nothing", "unexplained", "wrong", "failed")),

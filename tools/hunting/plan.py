@@ -21,7 +21,15 @@ from tests.worlds import (
     SINGLES,
 )
 from tests.worlds.outside.car import CARS
-from tests.worlds.outside.kinds import ASIDE, BESIDE, MECH, MEMORY, OPEN, OUTSIDE_KINDS
+from tests.worlds.outside.kinds import (
+    ASIDE,
+    BESIDE,
+    MECH,
+    MEMORY,
+    OPEN,
+    OUTSIDE_KINDS,
+    SECOND,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 PAIRS_A_ROUND = 10
@@ -40,6 +48,7 @@ GROUPS = {
     "outside": (*OPEN, *ASIDE),
     "outside:open": OPEN,
     "outside:aside": ASIDE,
+    "outside:second": SECOND,
     "mech": MECH,
     "beside": BESIDE,
     "memory": MEMORY,
@@ -49,8 +58,12 @@ FORM_KINDS = (*SINGLES, *OPEN, *MEMORY)
 FORMS = ("short", "table", "drives")
 """Drives of 30 s, tables of samples, two drives of one world: `short:KIND` and so on."""
 GROUPS |= {form: tuple(f"{form}:{kind}" for kind in FORM_KINDS) for form in FORMS}
-BY_OTHERS = ("outside", "outside:open", "outside:aside", "mech", "beside", "memory", "car", *FORMS)
-"""Groups that a hunt draws only where it is asked for them: half of the first is set aside."""
+BY_OTHERS = (
+    "outside", "outside:open", "outside:aside", "outside:second", "mech", "beside", "memory", "car",
+    *FORMS,
+)  # fmt: skip
+"""Groups that a hunt draws only where it is asked for them: half of the first is set aside, and the
+second set, which is in no other group."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +80,8 @@ def find_group(kind: str) -> str:
     if head == "contact" and "+" in kind:
         return "contact+"
     if head == "outside":
-        return "outside:aside" if kind in ASIDE else "outside:open"
+        named = {"outside:aside": ASIDE, "outside:second": SECOND}
+        return next((group for group, own in named.items() if kind in own), "outside:open")
     if kind in MEMORY:
         return "memory"
     return head if head in GROUPS else "single"
@@ -113,7 +127,7 @@ def build_tasks(seed: int, rounds: int, only: Sequence[str]) -> list[Task]:
         everything = [*SINGLES, *LAWS, *sampled, *NULLS, *OUTSIDE, *CONTACTS]
         everything += [*(CONTACT_EFFECTS[k] for k in contacts), *POINTS]
         beside = rng.choice(len(BESIDE), BESIDE_A_ROUND, replace=False)
-        everything += [*OPEN, *ASIDE, *MECH, *(BESIDE[k] for k in beside), *MEMORY, *CARS]
+        everything += [*OPEN, *ASIDE, *SECOND, *MECH, *(BESIDE[k] for k in beside), *MEMORY, *CARS]
         for form in FORMS:
             drawn = rng.choice(len(FORM_KINDS), FORMS_A_ROUND, replace=False)
             everything += [GROUPS[form][k] for k in drawn]

@@ -11,24 +11,30 @@ from tests.worlds.outside import (
     contact_mechanisms,
     drivetrain_mechanisms,
     instrument_mechanisms,
+    second_contact,
+    second_drivetrain,
+    second_instruments,
     track_mechanisms,
     vehicle_mechanisms,
 )
 from tests.worlds.outside.families import FAMILIES
 from tests.worlds.outside.registry import MECHANISMS, set_aside
 
-__all__ = ["ASIDE", "BESIDE", "MECH", "MEMORY", "OPEN", "OUTSIDE_KINDS"]
+__all__ = ["ASIDE", "BESIDE", "MECH", "MEMORY", "OPEN", "OUTSIDE_KINDS", "SECOND"]
 
 assert all((
     contact_mechanisms, drivetrain_mechanisms, instrument_mechanisms, track_mechanisms,
-    vehicle_mechanisms,
+    vehicle_mechanisms, second_contact, second_drivetrain, second_instruments,
 ))  # fmt: skip
 
-NAMES = tuple(MECHANISMS)
+SECOND_NAMES = tuple(name for name, one in MECHANISMS.items() if one.second)
+NAMES = tuple(name for name in MECHANISMS if name not in SECOND_NAMES)
+"""Of the first set: what is added later does not change which of them are set aside."""
 ASIDE_NAMES = set_aside(list(NAMES))
 OPEN_NAMES = tuple(name for name in NAMES if name not in ASIDE_NAMES)
 OPEN = tuple(f"outside:{name}" for name in OPEN_NAMES)
 ASIDE = tuple(f"outside:{name}" for name in ASIDE_NAMES)
+SECOND = tuple(f"outside:{name}" for name in SECOND_NAMES)
 MECH = tuple(f"mech:{effect}" for effect in FAMILIES)
 BESIDE = tuple(
     f"beside:{effect}+{name}"
@@ -39,4 +45,4 @@ BESIDE = tuple(
 """Open mechanisms only: those set aside are looked at once."""
 MEMORIES = (0.0, 0.2, 1.0, 10.0)
 MEMORY = tuple(f"null:memory-{memory:g}" for memory in MEMORIES)
-OUTSIDE_KINDS = (*OPEN, *ASIDE, *MECH, *BESIDE, *MEMORY)
+OUTSIDE_KINDS = (*OPEN, *ASIDE, *SECOND, *MECH, *BESIDE, *MEMORY)

@@ -1,7 +1,8 @@
 """Mechanisms that no library has: how one is written down, and which of them are set aside.
 
-Twelve are set aside by a rule that knows nothing but the names: those with the smallest SHA-256.
-What a diagnosis answers on them is looked at once, when nothing is tuned any more.
+Of the first set twelve are set aside by a rule that knows nothing but the names: those with the
+smallest SHA-256. The second set, written later, is set aside as a whole. What a diagnosis answers
+on either is looked at once, when nothing is tuned any more.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,6 +31,7 @@ class Mechanism:
             formula in it, is no false name.
         same: Effects of the library that are physically the same, each with the reason. To name
             one of them is no false name.
+        second: Whether it is of the second set.
 
     """
 
@@ -39,6 +41,7 @@ class Mechanism:
     unit: str
     channel: str | None = None
     same: Mapping[str, str] = field(default_factory=dict)
+    second: bool = False
 
     @property
     def acceptable(self) -> frozenset[str]:
@@ -61,12 +64,13 @@ def mechanism(
     unit: str,
     channel: str | None = None,
     same: Mapping[str, str] | None = None,
+    second: bool = False,
 ) -> Callable[[MechanismLaw], MechanismLaw]:
     """Enter a law among the mechanisms under the name of its function."""
 
     def entered(law: MechanismLaw) -> MechanismLaw:
         name = law.__name__
-        MECHANISMS[name] = Mechanism(name, law, sizes, unit, channel, same or {})
+        MECHANISMS[name] = Mechanism(name, law, sizes, unit, channel, same or {}, second)
         return law
 
     return entered
