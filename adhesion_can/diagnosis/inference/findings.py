@@ -157,6 +157,19 @@ class Findings:
             by_channel = (best.rmse**2 - remaining**2) / plain.rmse**2
         return explained >= LEAST_EXPLAINED * (explained + by_channel)
 
+    @cached_property
+    def share_of_excess(self) -> float:
+        """Share that the selected model has in what the sensors' noise does not explain.
+
+        1 where it leaves nothing for certain.
+        """
+        best, plain = self.selection.best, self.baseline
+        if not self.noise.leaves_more:
+            return 1.0
+        explained = plain.rmse**2 - best.rmse**2
+        left = best.rmse**2 * (1.0 - 1.0 / self.noise.left**2)
+        return max(explained, 0.0) / max(explained + left, left)
+
     @property
     def without_sizeless_effects(self) -> "Findings":
         """The findings without effects whose 95 % interval holds 0, on the rows of the last fit.

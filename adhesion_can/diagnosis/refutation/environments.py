@@ -2,8 +2,8 @@
 
 A quantity that takes many values is cut into thirds, one with a few values is taken as it is. The
 quantities are those through which a mechanism could act that is not the named one: speed, load,
-creep, time, the total effort, the slip work of the last seconds, the heat of the motors, every
-covariate; and axle, bogie and direction of the force.
+creep and its rate of change, time, the total effort, the slip work of the last seconds, the heat
+of the motors, every covariate; and axle, bogie and direction of the force.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,6 +22,8 @@ from adhesion_can.physics.effects import LagStates
 
 WORK_TIME_S, HEAT_TIME_S = 2.0, 60.0
 """Memory of the slip work, and of the squared effort that heats a motor, s."""
+RATE_TIME_S = 1.0
+"""Time over which the rate of change of the slip is taken, s."""
 FEW_VALUES = 12
 """Number of values up to which each value is an environment."""
 THIRDS = (1 / 3, 2 / 3)
@@ -74,10 +76,25 @@ def _quantities(drive: DriveData, slip: Array) -> Mapping[str, Array]:
         found["axle_load"] = observed.load
     if not drive.independent:
         found["time"] = drive.time_s
+        found["slip_rate"] = _compute_rate(drive, slip)
         found |= _memories(drive, observed)
     if isinstance(drive.kinematics, SignalKinematics):
         found["total_effort"] = drive.kinematics.total_effort
     return found | {name: np.abs(values) for name, values in drive.covariates.items()}
+
+
+def _compute_rate(drive: DriveData, slip: Array) -> Array:
+    """Size of the mean rate of change of the slip about each row, 1/s, axle by axle."""
+    rate = np.zeros(len(slip))
+    for axle in np.unique(drive.axle):
+        rows = np.flatnonzero(drive.axle == axle)
+        t_s = drive.t_s[rows]
+        first = np.searchsorted(t_s, t_s - RATE_TIME_S / 2)
+        last = np.searchsorted(t_s, t_s + RATE_TIME_S / 2, side="right") - 1
+        # A row that has no other one near changes by nothing.
+        duration = np.where(last > first, t_s[last] - t_s[first], np.inf)
+        rate[rows] = np.abs(slip[rows[last]] - slip[rows[first]]) / duration
+    return rate
 
 
 def _memories(drive: DriveData, observed: ContactObservation) -> Mapping[str, Array]:

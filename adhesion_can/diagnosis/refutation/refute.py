@@ -2,7 +2,10 @@
 
 A cause is refuted where it leaves too much in blocks of time (`block_variance`), where its size is
 not one size (`invariance`), or where a parameter is at the end of its range. The worst cause is
-removed, the others are fitted again, and so on: that keeps a true cause beside an unknown one.
+removed, the others are fitted again, and so on: that keeps a true cause beside an unknown one. In
+the end the causes together must explain some of what the sensors' noise does not: beside a large
+error of another origin a small gain has no name. And another shape of the curve, which bends to
+whatever is left, has none unless noise alone is left.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,11 +27,17 @@ from adhesion_can.diagnosis.refutation.invariance import (
 from adhesion_can.diagnosis.refutation.refuted_cause import RefutedCause
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model, remove_effect
-from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.diagnosis.regression.whitened_regression import (
+    FittedModel,
+    WhitenedRegression,
+    fit_model,
+)
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 
 AT_BOUND = 1.0
 """Badness of a cause with a parameter at the end of its range."""
+LEAST_OF_EXCESS = 0.25
+"""Share that the causes must have in what the sensors' noise does not explain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +72,11 @@ def drop_refuted(found: Findings) -> Findings:
     worst = max(trials, key=lambda trial: trial.badness)
     if not worst.badness:
         sizes = {model.candidates[trial.place]: trial.sizes for trial in trials}
-        return replace(found, sizes_by_environment=sizes)
+        found = replace(found, sizes_by_environment=sizes)
+        if found.share_of_excess >= LEAST_OF_EXCESS:
+            return found
+        reason = _describe_excess(found)
+        return _refute_all(found, fitted, [trial.without for trial in trials], reason)
     candidate = model.candidates[worst.place]
     refuted = RefutedCause(
         candidate.effect.id,
@@ -102,10 +115,16 @@ def refute_shape(shaped: Findings) -> RefutedCause | None:
     fitted = fit_model(regression, shaped.selection.best.fitted.model)
     without = fit_model(regression, shaped.shape.same.fitted.model).model
     left = compute_variance_left(regression, fitted.model, without)
-    if not left.refutes:
+    if left.refutes:
+        reason = _describe_left(left.share)
+    elif shaped.noise.is_exceeded:
+        reason = (
+            f"with it what is left is {shaped.noise.usual:.2f} times what the sensors' noise "
+            "explains, and a curve bends to whatever is left"
+        )
+    else:
         return None
-    family = shaped.shape.family.name
-    return RefutedCause(CURVE_SHAPE, family, None, fitted, without, _describe_left(left.share))
+    return RefutedCause(CURVE_SHAPE, shaped.shape.family.name, None, fitted, without, reason)
 
 
 def refute_by_witness(found: Findings, plain_found: Findings, witness: Witness) -> Findings:
@@ -123,25 +142,48 @@ def refute_by_witness(found: Findings, plain_found: Findings, witness: Witness) 
     )
     regression = found.prepared.regression.last_fit
     fitted = fit_model(regression, found.selection.best.fitted.model)
+    without = [
+        fit_model(regression, remove_effect(fitted.model, place)[0]).model
+        for place in range(len(fitted.model.candidates))
+    ]
+    refuted = _refute_all(found, fitted, without, reason).refuted
+    if found.shape is not None:
+        same = fit_model(regression, found.shape.same.fitted.model).model
+        family = found.shape.family.name
+        refuted = (*refuted, RefutedCause(CURVE_SHAPE, family, None, fitted, same, reason))
+    rest = plain_found.selection
+    selection = replace(rest, best=rest.plain, indistinguishable=())
+    return replace(plain_found, selection=selection, refuted=refuted)
+
+
+def _refute_all(
+    found: Findings, fitted: FittedModel, without: Sequence[Model], reason: str
+) -> Findings:
+    """The findings without any effect: all of the selected model's are refuted for one reason.
+
+    Args:
+        found: Findings.
+        fitted: The selected model, fitted to all rows.
+        without: Model without each of its effects, fitted to the same rows.
+        reason: Reason, a clause.
+
+    """
     refuted = [
         RefutedCause(
             candidate.effect.id,
             candidate.effect.form,
             place,
             fitted,
-            fit_model(regression, remove_effect(fitted.model, place)[0]).model,
+            smaller,
             reason,
             found.sizes_by_environment.get(candidate, ()),
         )
-        for place, candidate in enumerate(fitted.model.candidates)
+        for place, (candidate, smaller) in enumerate(
+            zip(fitted.model.candidates, without, strict=True)
+        )
     ]
-    if found.shape is not None:
-        same = fit_model(regression, found.shape.same.fitted.model).model
-        family = found.shape.family.name
-        refuted.append(RefutedCause(CURVE_SHAPE, family, None, fitted, same, reason))
-    rest = plain_found.selection
-    selection = replace(rest, best=rest.plain, indistinguishable=())
-    return replace(plain_found, selection=selection, refuted=(*found.refuted, *refuted))
+    selection = replace(found.selection, best=found.selection.plain, indistinguishable=())
+    return replace(found, selection=selection, refuted=(*found.refuted, *refuted))
 
 
 def with_implausible_effects(found: Findings) -> Findings:
@@ -218,6 +260,13 @@ def _find_reasons(
         if parameter.is_at_bound(value):
             end = value_and_unit(value, parameter.unit)
             yield AT_BOUND, f"its {parameter.name} is at the end of its range, {end}"
+
+
+def _describe_excess(found: Findings) -> str:
+    return (
+        f"what it explains is {100 * found.share_of_excess:.0f} % of what the sensors' noise does "
+        f"not explain, and a cause has at least {100 * LEAST_OF_EXCESS:.0f} %"
+    )
 
 
 def _describe_left(share: float) -> str:
