@@ -36,7 +36,7 @@ from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 
 AT_BOUND = 1.0
 """Badness of a cause with a parameter at the end of its range."""
-LEAST_OF_EXCESS = 0.25
+LEAST_OF_EXCESS = 0.1
 """Share that the causes must have in what the sensors' noise does not explain."""
 
 
