@@ -5,9 +5,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
 
-NORMAL_95 = 1.959964
-"""Standard deviations on either side of a 95 % interval."""
-
 
 def html_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """HTML table with a caption.

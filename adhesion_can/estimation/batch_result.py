@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from adhesion_can.estimation.compare_directions import Directions
+from adhesion_can.normal_quantiles import NORMAL_95
 from adhesion_can.physics.estimate import Estimate
-from adhesion_can.result_text import NORMAL_95, TimeScale, html_table, plus_minus
+from adhesion_can.result_text import TimeScale, html_table, plus_minus
 
 if TYPE_CHECKING:
     from adhesion_can.estimation.curve_result import CurveComparison

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from adhesion_can.diagnosis.cause_result import EnvironmentSizes
 from adhesion_can.diagnosis.formatting import unit_text, value_and_unit
+from adhesion_can.normal_quantiles import NORMAL_95
 from adhesion_can.reporting.charts import BLUE, DARK, ORANGE, Trace
 from adhesion_can.reporting.page import Figure
-from adhesion_can.result_text import NORMAL_95
 
 ROW_HEIGHT, MARGINS_HEIGHT = 19, 110
 """Height of an environment and of the margins, px."""

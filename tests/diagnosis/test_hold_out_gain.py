@@ -14,6 +14,7 @@ from adhesion_can.diagnosis.inference.hold_out_gain import (
     gain_interval,
     interval_where_it_acts,
 )
+from adhesion_can.diagnosis.inference.split_hold_out import split_by_length, split_hold_out
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model, RegressionData
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
@@ -164,6 +165,28 @@ def humid_table(rng, n=3000):
     slip = 0.11 * np.sin(2 * np.pi * t / 7.0)
     mu = (1 - 0.006 * (humidity - 60)) * burckhardt(slip) + 0.01 * rng.standard_normal(n)
     return build_table_drive(slip, mu, t, covariates={"relative_humidity_percent": humidity}), t
+
+
+def table_of(duration_s, step_s):
+    t = np.arange(0.0, duration_s, step_s)
+    slip = 0.11 * np.sin(2 * np.pi * t / 7.0)
+    return build_table_drive(slip, burckhardt(slip), t)
+
+
+def test_a_drive_is_short_by_its_time_and_not_by_its_rows():
+    slow, quick, short = table_of(200.0, 0.2), table_of(200.0, 0.05), table_of(60.0, 0.02)
+    assert len(slow) < len(short) < len(quick)
+    assert split_by_length([slow, quick, short]) == ([slow, quick], [short])
+    block = np.split(split_hold_out([slow, short], [False, False], 4.0), [len(slow)])
+    held = [np.mean(own < 0) for own in block]
+    assert held == pytest.approx([1 / 3, 1 / 2], abs=0.05)
+
+
+def test_a_pause_is_no_time_of_a_drive():
+    t = np.arange(0.0, 60.0, 0.05)
+    slip = 0.11 * np.sin(2 * np.pi * t / 7.0)
+    paused = build_table_drive(slip, burckhardt(slip), np.where(t < 30.0, t, t + 500.0))
+    assert split_by_length([paused, table_of(200.0, 0.05)])[1] == [paused]
 
 
 @pytest.mark.parametrize("other_drives", [False, True])

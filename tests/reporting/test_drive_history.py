@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from adhesion_can.normal_quantiles import NORMAL_95
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
@@ -12,7 +13,6 @@ from adhesion_can.reporting.charts import band, domains, runs
 from adhesion_can.reporting.drive.history import DOUBTS, MOST_BINS, HistoryRecorder
 from adhesion_can.reporting.drive.recorder import DriveRecorder
 from adhesion_can.reporting.drive.surfaces import A_BIN, MOST_CLOUDS, SLIP_BINS
-from adhesion_can.result_text import NORMAL_95
 from adhesion_can.service.outputs import Outputs, Setpoint
 
 CYCLE_US = 20_000

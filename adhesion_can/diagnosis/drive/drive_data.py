@@ -22,7 +22,7 @@ from adhesion_can.diagnosis.drive.kinematics import (
     TableKinematics,
 )
 from adhesion_can.physics.channels import UserChannel
-from adhesion_can.physics.effects.lag_states import LagStates, RememberedLagStates
+from adhesion_can.physics.effects.lag_states import PAUSE_S, LagStates, RememberedLagStates
 from adhesion_can.physics.instrument_laws import Need, Situation, TrueValues, remove_errors
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.kinematics import adhesion_coefficient, creep_speed
@@ -120,6 +120,12 @@ class DriveData:
     def time_s(self) -> Array:
         """Time of each row since the first one, s; shape (n,)."""
         return self.t_s if self.clock_s is None else self.clock_s
+
+    @property
+    def driven_s(self) -> float:
+        """Time that the rows cover, s: pauses do not count, nor do points that stand alone."""
+        steps = np.diff(np.unique(self.t_s))
+        return float(steps[steps <= PAUSE_S].sum())
 
     def observe(self, instruments: Instruments = PERFECT) -> ContactObservation:
         """Slip ratio and adhesion of every row by eq. 1-3, for instruments with given errors.

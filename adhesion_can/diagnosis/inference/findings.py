@@ -18,7 +18,6 @@ from adhesion_can.diagnosis.inference.model_comparison import (
 )
 from adhesion_can.diagnosis.inference.model_selection import ModelSelection
 from adhesion_can.diagnosis.inference.noise_averaging import (
-    INTERVAL,
     averages_noise,
     without_short_delay,
 )
@@ -39,6 +38,7 @@ from adhesion_can.diagnosis.regression.model import (
 )
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
+from adhesion_can.normal_quantiles import NORMAL_95
 from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.effects.channel_factor import PREFIX
 
@@ -185,7 +185,7 @@ class Findings:
             for fitted in fits
             for place in range(len(best.candidates))
         )
-        if size > INTERVAL:
+        if size > NORMAL_95:
             return self
         return self.without_effect(least).without_sizeless_effects
 

@@ -17,6 +17,7 @@ from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, score
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.normal_quantiles import NORMAL_95
 from adhesion_can.physics.effects import (
     Change,
     Contact,
@@ -29,8 +30,6 @@ from adhesion_can.physics.effects.base import Observability, Requirements
 
 LEAST_DELAY = 0.5
 """Least delay of a signal that is named, in cycles of the slowest one."""
-INTERVAL = 1.96
-"""Half the width of a 95 % interval, in standard deviations."""
 BACKWARD = 0.3
 """Share of a lag's gain from which the same lag backwards in time makes it an average of noise."""
 
@@ -163,7 +162,7 @@ def without_short_delay(
     short = [
         place
         for place, size in sizes.items()
-        if size - INTERVAL * std[model.first_parameter(place)] < least
+        if size - NORMAL_95 * std[model.first_parameter(place)] < least
     ]
     if not short:
         return None

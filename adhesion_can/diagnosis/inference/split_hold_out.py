@@ -16,7 +16,7 @@ from adhesion_can.diagnosis.inference.candidates import LEAST_ROWS
 from adhesion_can.diagnosis.regression.gram_matrices import number_blocks
 
 SHORT = 0.75
-"""Length of a drive over that of the longest one below which it is not held out whole: it says
+"""Driven time of a drive over that of the longest one below which it is not held out whole: it says
 little of the others, and may have been made to decide between rivals."""
 SHORT_EVERY = 2
 """Of such a drive every second block is held out: it has few, and a gain needs some."""
@@ -44,9 +44,21 @@ def choose_held_out_drives(drives: Sequence[DriveData], given: Sequence[DriveDat
 
 def split_by_length(drives: Sequence[DriveData]) -> tuple[list[DriveData], list[DriveData]]:
     """Drives of like length, and those that are much shorter than the longest."""
-    least = SHORT * max(map(len, drives), default=0)
-    long = [drive for drive in drives if len(drive) >= least]
-    return long, [drive for drive in drives if len(drive) < least]
+    pairs = list(zip(drives, _are_short(drives), strict=True))
+    long, short = ([drive for drive, is_short in pairs if is_short is one] for one in (False, True))
+    return long, short
+
+
+def _are_short(drives: Sequence[DriveData]) -> list[bool]:
+    """Whether each drive is much shorter than the longest, by its time.
+
+    Points that stand alone have no time between them: where there are some, rows count.
+    """
+    lengths = [drive.driven_s for drive in drives]
+    if not all(lengths):
+        lengths = [float(len(drive)) for drive in drives]
+    least = SHORT * max(lengths, default=0.0)
+    return [length < least for length in lengths]
 
 
 def held_blocks(drives: int) -> int:
@@ -78,9 +90,9 @@ def split_hold_out(
     out = []
     numbers = number_blocks_of_drives(drives, block_length_s)
     width = held_blocks(len(drives))
-    least = SHORT * max(map(len, drives), default=0)
-    for drive, whole, number in zip(drives, held_out, numbers, strict=True):
-        every = HELD_EVERY if len(drive) >= least else SHORT_EVERY
+    parts = zip(drives, held_out, numbers, _are_short(drives), strict=True)
+    for drive, whole, number, is_short in parts:
+        every = SHORT_EVERY if is_short else HELD_EVERY
         held = np.full(len(number), whole)
         if not any(held_out) and not drive.independent and len(number):
             held = ((number - number.min()) // width) % every == 1

@@ -74,7 +74,7 @@ def compute_next_drive(
     if setting is None:
         return NextDrive((), None, f"No plan: {describe_setting(regression.data.drives)}.")
     # A longer one would not be taken for a drive that decides.
-    longest_s = max(float(np.ptp(drive.t_s)) for drive in regression.data.drives)
+    longest_s = max(drive.driven_s for drive in regression.data.drives)
     longest_s = min(limits.duration_max, float(np.floor(SHORT * longest_s)))
     return plan_drive(explanations, setting, replace(limits, duration_max=longest_s))
 

@@ -23,7 +23,6 @@ from adhesion_can.diagnosis.inference.model_comparison import (
     score_model,
     worse_p_value,
 )
-from adhesion_can.diagnosis.inference.noise_averaging import INTERVAL
 from adhesion_can.diagnosis.next_drive.explanations import PLAIN, Explanation
 from adhesion_can.diagnosis.refutation.refute import describe_refutation
 from adhesion_can.diagnosis.regression.find_surface_changes import fit_start_curves
@@ -36,6 +35,7 @@ from adhesion_can.diagnosis.regression.whitened_regression import (
     WhitenedRegression,
     fit_model,
 )
+from adhesion_can.normal_quantiles import NORMAL_95
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +194,7 @@ def _is_sizeless(fitted: FittedModel) -> bool:
     for place, values in enumerate(model.values):
         first = model.first_parameter(place)
         std = float(np.sqrt(max(fitted.covariance[first, first], 0.0)))
-        if abs(values[0]) <= INTERVAL * std:
+        if abs(values[0]) <= NORMAL_95 * std:
             return True
     return False
 

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from math import inf
+from typing import NamedTuple
 
 from adhesion_can.diagnosis.cause_result import Witness
 from adhesion_can.diagnosis.formatting import measured, short, unit_text, value_and_unit
@@ -40,24 +41,49 @@ LEAST_OF_EXCESS = 0.1
 """Share that the causes must have in what the sensors' noise does not explain."""
 
 
+class _Reason(NamedTuple):
+    """What speaks against a cause.
+
+    Attributes:
+        badness: How bad it is: the share that is left, the relative spread of the sizes, or
+            `AT_BOUND`.
+        text: Reason in one clause, with figures.
+
+    """
+
+    badness: float
+    text: str
+
+
+_NO_REASON = _Reason(0.0, "")
+
+
 @dataclass(frozen=True, eq=False)
 class _Trial:
     """What speaks against one cause of a model.
 
     Attributes:
         place: Place of the effect among the model's.
-        badness: How bad the worst of the reasons is; 0 where there is none.
-        reason: That reason, a clause; '' where there is none.
+        reasons: Reasons against it; () where there is none.
         without: Model without the cause, fitted to the same rows.
         sizes: Size of the cause by environment, the largest spread first.
 
     """
 
     place: int
-    badness: float
-    reason: str
+    reasons: tuple[_Reason, ...]
     without: Model
     sizes: tuple[SizesByEnvironment, ...]
+
+    @property
+    def worst_reason(self) -> _Reason:
+        """The worst of the reasons; that without badness where there is none."""
+        return max(self.reasons, key=lambda reason: reason.badness, default=_NO_REASON)
+
+    @property
+    def badness(self) -> float:
+        """How bad the worst of the reasons is; 0 where there is none."""
+        return self.worst_reason.badness
 
 
 def drop_refuted(found: Findings) -> Findings:
@@ -67,10 +93,9 @@ def drop_refuted(found: Findings) -> Findings:
     regression = found.prepared.regression.last_fit
     fitted = fit_model(regression, found.selection.best.fitted.model)
     model = fitted.model
-    partitions = build_partitions(regression.data, regression.evaluate_corrected(model).slip)
-    trials = [_try(regression, model, place, partitions) for place in range(len(model.candidates))]
+    trials = _try_all(regression, model)
     worst = max(trials, key=lambda trial: trial.badness)
-    if not worst.badness:
+    if not worst.reasons:
         sizes = {model.candidates[trial.place]: trial.sizes for trial in trials}
         found = replace(found, sizes_by_environment=sizes)
         if found.share_of_excess >= LEAST_OF_EXCESS:
@@ -84,7 +109,7 @@ def drop_refuted(found: Findings) -> Findings:
         worst.place,
         fitted,
         worst.without,
-        worst.reason,
+        worst.worst_reason.text,
         worst.sizes,
     )
     smaller = replace(found.without_effect(worst.place), refuted=(*found.refuted, refuted))
@@ -95,9 +120,7 @@ def describe_refutation(regression: WhitenedRegression, model: Model) -> str:
     """What speaks most against a cause of a fitted model, a clause; '' where nothing does."""
     if not model.candidates:
         return ""
-    partitions = build_partitions(regression.data, regression.evaluate_corrected(model).slip)
-    trials = [_try(regression, model, place, partitions) for place in range(len(model.candidates))]
-    return max(trials, key=lambda trial: trial.badness).reason
+    return max(_try_all(regression, model), key=lambda trial: trial.badness).worst_reason.text
 
 
 def refute_shape(shaped: Findings) -> RefutedCause | None:
@@ -230,15 +253,20 @@ def _describe_implausible(scored: ScoredModel) -> str:
     return f"its {size.name} would be about {fitted}, and no such vehicle has {more} than {limit}"
 
 
+def _try_all(regression: WhitenedRegression, model: Model) -> list[_Trial]:
+    """What speaks against each cause of a fitted model."""
+    partitions = build_partitions(regression.data, regression.evaluate_corrected(model).slip)
+    return [_try(regression, model, place, partitions) for place in range(len(model.candidates))]
+
+
 def _try(
     regression: WhitenedRegression, model: Model, place: int, partitions: Sequence[Partition]
 ) -> _Trial:
     """Everything that may refute one cause of a fitted model."""
     without = fit_model(regression, remove_effect(model, place)[0]).model
     sizes = tuple(compute_sizes(regression, model, place, partitions))
-    reasons = dict(_find_reasons(regression, model, place, without, sizes))
-    badness = max(reasons, default=0.0)
-    return _Trial(place, badness, reasons.get(badness, ""), without, sizes)
+    reasons = tuple(_find_reasons(regression, model, place, without, sizes))
+    return _Trial(place, reasons, without, sizes)
 
 
 def _find_reasons(
@@ -247,19 +275,20 @@ def _find_reasons(
     place: int,
     without: Model,
     sizes: Sequence[SizesByEnvironment],
-) -> Iterator[tuple[float, str]]:
-    """Reasons against a cause, with their badness."""
+) -> Iterator[_Reason]:
+    """Reasons against a cause."""
     left = compute_variance_left(regression, model, without)
     if left.refutes:
-        yield left.share, _describe_left(left.share)
+        yield _Reason(left.share, _describe_left(left.share))
     refuting = find_refuting(sizes)
     if refuting is not None:
-        yield refuting.spread, _describe_sizes(model.candidates[place], refuting)
+        yield _Reason(refuting.spread, _describe_sizes(model.candidates[place], refuting))
     pairs = zip(model.candidates[place].free_parameters, model.values[place], strict=True)
     for parameter, value in pairs:
         if parameter.is_at_bound(value):
             end = value_and_unit(value, parameter.unit)
-            yield AT_BOUND, f"its {parameter.name} is at the end of its range, {end}"
+            text = f"its {parameter.name} is at the end of its range, {end}"
+            yield _Reason(AT_BOUND, text)
 
 
 def _describe_excess(found: Findings) -> str:

@@ -10,6 +10,7 @@ from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUnce
 from adhesion_can.estimation.families.comparison import FamilyComparison
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.tracker.tracker import Tracker
+from adhesion_can.normal_quantiles import NORMAL_90
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.burckhardt import peak as burckhardt_peak
 from adhesion_can.physics.curves import Conditions
@@ -197,13 +198,13 @@ class DoubtingTracker(Stateful):
 
 def _interval(middle: float, std: float) -> tuple[float, float]:
     """90 % interval of a normal distribution."""
-    return middle - 1.645 * std, middle + 1.645 * std
+    return middle - NORMAL_90 * std, middle + NORMAL_90 * std
 
 
 def _widened_interval(
     interval: tuple[float, float], middle: float, scale: float, further_std: float
 ) -> tuple[float, float]:
     """90 % interval scaled about the estimate, and widened by an independent error."""
-    more = 1.645 * further_std
+    more = NORMAL_90 * further_std
     below, above = scale * (middle - interval[0]), scale * (interval[1] - middle)
     return middle - hypot(below, more), middle + hypot(above, more)

@@ -25,6 +25,7 @@ from adhesion_can.estimation.extended.current_curve import (
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.estimation.extended.switch_times import switches_of
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.normal_quantiles import NORMAL_90
 from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.effects import LagStates, compute_change
 from adhesion_can.physics.estimate import Estimate, Identifiable
@@ -308,7 +309,7 @@ def _scaled_interval(
     interval: tuple[float, float], middle: float, by: float, further_std: float
 ) -> tuple[float, float]:
     """90 % interval scaled about 0 and widened by an independent error."""
-    more = 1.645 * further_std
+    more = NORMAL_90 * further_std
     low, high = by * (middle - interval[0]), by * (interval[1] - middle)
     if not more:
         return by * interval[0], by * interval[1]

@@ -30,6 +30,7 @@ from adhesion_can.estimation.tracker.layout import (
 )
 from adhesion_can.estimation.tracker.prior import Prior, from_shape_coordinates
 from adhesion_can.estimation.tracker.proposal import propose
+from adhesion_can.normal_quantiles import NORMAL_90
 from adhesion_can.physics.burckhardt import peak
 from adhesion_can.values import Value
 
@@ -244,5 +245,5 @@ def widened_interval(
 ) -> tuple[float, float]:
     """Interval from the 5 to the 95 % quantile, widened by an independent error."""
     low, middle, high = quantiles
-    more = 1.645 * extra_std
+    more = NORMAL_90 * extra_std
     return middle - hypot(middle - low, more), middle + hypot(high - middle, more)

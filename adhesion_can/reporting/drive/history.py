@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.normal_quantiles import NORMAL_95
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.status import Status
-from adhesion_can.result_text import NORMAL_95
 from adhesion_can.service.outputs import Outputs
 
 WIDTH_US = 20_000

@@ -13,12 +13,12 @@ from adhesion_can.monitoring.snapshot import (
     ServiceView,
     Snapshot,
 )
+from adhesion_can.normal_quantiles import NORMAL_95
 from adhesion_can.physics.burckhardt import adhesion, adhesion_slope
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.terminal.boxes import boxed
 from adhesion_can.reporting.terminal.canvas import DOTS_ACROSS, Canvas, nice_ceiling
 from adhesion_can.reporting.terminal.words import STATUS_LETTERS, STATUS_STYLES
-from adhesion_can.result_text import NORMAL_95
 
 LABEL = 6
 """Width of the labels of an upright axis, cells, with the axis."""
