@@ -137,7 +137,7 @@ def plan_drive(
         if missed:
             reason = _describe_missed(names, limits, missed, 1)
         return NextDrive(names, None, f"No plan: {reason}", _list_pairs(comparison, most))
-    steps = (lead, *_join_coasting(sequence.steps), tail)
+    steps = _join_alike((lead, *sequence.steps, tail))
     fits = comparison.refit(steps, DriveStart(0.0, speed))
     predictions = tuple(
         Prediction(one.name, text)
@@ -256,13 +256,14 @@ def _longest_delay(explanations: Sequence[Explanation]) -> float:
     )
 
 
-def _join_coasting(steps: Sequence[PlanStep]) -> tuple[PlanStep, ...]:
-    """Steps of which neighbours that are alike are one step."""
+def _join_alike(steps: Sequence[PlanStep]) -> tuple[PlanStep, ...]:
+    """Steps of which neighbours that hold the same slip, or coast, are one step."""
     out: list[PlanStep] = []
     for step in steps:
         last = out[-1] if out else None
-        if last is not None and last.mode == "coast" == step.mode and last.sand == step.sand:
-            out[-1] = PlanStep(last.duration_s + step.duration_s, "coast", sand=step.sand)
+        holds = step.slip[0] == step.slip[1] and not step.period_s
+        if last is not None and holds and step == replace(last, duration_s=step.duration_s):
+            out[-1] = replace(last, duration_s=last.duration_s + step.duration_s)
         else:
             out.append(step)
     return tuple(out)
