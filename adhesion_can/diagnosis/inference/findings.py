@@ -55,14 +55,6 @@ OSCILLATION_SIZE = 0.3
 """Size of an oscillation in the adhesion, relative to the noise floor, from which it matters."""
 
 
-def _size_in_deviations(fitted: FittedModel, place: int) -> float:
-    """Size of an effect, without its sign, in its standard deviations; inf where that is 0."""
-    model, first = fitted.model, fitted.model.first_parameter(place)
-    std = float(np.sqrt(max(fitted.covariance[first, first], 0.0)))
-    size = abs(model.values[place][0])
-    return size / std if std else (np.inf if size else 0.0)
-
-
 @dataclass(frozen=True, eq=False)
 class Findings:
     """Results of steps 2 to 6.
@@ -181,7 +173,7 @@ class Findings:
             return self
         fits = best.fitted, fit_model(regression.last_fit, best.fitted.model)
         size, least = min(
-            (_size_in_deviations(fitted, place), place)
+            (fitted.size_in_deviations(place), place)
             for fitted in fits
             for place in range(len(best.candidates))
         )

@@ -190,13 +190,8 @@ def _fit(regression: WhitenedRegression, prepared: PreparedRegression, model: Mo
 
 def _is_sizeless(fitted: FittedModel) -> bool:
     """Whether the 95 % interval of an effect's size holds 0."""
-    model = fitted.model
-    for place, values in enumerate(model.values):
-        first = model.first_parameter(place)
-        std = float(np.sqrt(max(fitted.covariance[first, first], 0.0)))
-        if abs(values[0]) <= NORMAL_95 * std:
-            return True
-    return False
+    places = range(len(fitted.model.candidates))
+    return any(fitted.size_in_deviations(place) <= NORMAL_95 for place in places)
 
 
 class _Refutation(NamedTuple):

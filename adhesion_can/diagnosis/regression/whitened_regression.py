@@ -265,6 +265,13 @@ class FittedModel:
     covariance: Array
     free: NDArray[np.bool_]
 
+    def size_in_deviations(self, place: int) -> float:
+        """Size of an effect, without its sign, in its standard deviations; inf where that is 0."""
+        first = self.model.first_parameter(place)
+        std = float(np.sqrt(max(self.covariance[first, first], 0.0)))
+        size = abs(self.model.values[place][0])
+        return size / std if std else (inf if size else 0.0)
+
     @property
     def cross_validated_square(self) -> float:
         """Sum over the blocks of `cross_validated_squares`."""

@@ -20,6 +20,7 @@ from adhesion_can.physics.effects import (
     Requirements,
     compute_change,
 )
+from adhesion_can.physics.effects.lag_states import LagRequest
 from adhesion_can.physics.estimate import Estimate
 
 POINTS = 96
@@ -43,19 +44,11 @@ class LatestLagStates(SlipLags):
         super().__init__()
         self.states: dict[tuple[str, int], float] = {}
 
-    def follow(
-        self,
-        name: str,
-        axle: Array,
-        time_s: Array,
-        target: Array,
-        rate: Array | float,
-        start: float | None = None,
-    ) -> Array:
+    def _respond(self, asked: LagRequest) -> Array:
         """Response of a lag to its targets, as `LagStates.follow` defines it."""
-        x = super().follow(name, axle, time_s, target, rate, start)
-        for number, state in zip(axle.tolist(), x.tolist(), strict=True):
-            self.states[name, int(number)] = state
+        x = super()._respond(asked)
+        for number, state in zip(asked.axle.tolist(), x.tolist(), strict=True):
+            self.states[asked.name, int(number)] = state
         return x
 
 
@@ -74,21 +67,13 @@ class SteadyLagStates(LagStates):
         super().__init__()
         self._latest = states
 
-    def follow(
-        self,
-        name: str,
-        axle: Array,
-        time_s: Array,
-        target: Array,
-        rate: Array | float,
-        start: float | None = None,
-    ) -> Array:
+    def _respond(self, asked: LagRequest) -> Array:
         """Response of a lag to its targets, as `LagStates.follow` defines it."""
-        del time_s, rate
-        if start is None:
-            return target
-        numbers, index = np.unique(axle, return_inverse=True)
-        states = np.array([self._latest.get((name, int(number)), start) for number in numbers])
+        if asked.start is None:
+            return asked.target
+        numbers, index = np.unique(asked.axle, return_inverse=True)
+        names = [(asked.name, int(number)) for number in numbers]
+        states = np.array([self._latest.get(name, asked.start) for name in names])
         return np.asarray(states[index])
 
 

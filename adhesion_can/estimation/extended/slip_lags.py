@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.effects import LagStates
+from adhesion_can.physics.effects.lag_states import LagRequest
 from adhesion_can.physics.samples import Samples
 
 CYCLES = 64
@@ -48,19 +49,12 @@ class SlipLags(LagStates):
         self._slip = slip
         self._found = []
 
-    def follow(
-        self,
-        name: str,
-        axle: Array,
-        time_s: Array,
-        target: Array,
-        rate: Array | float,
-        start: float | None = None,
-    ) -> Array:
+    def _respond(self, asked: LagRequest) -> Array:
         """Response of a lag to its targets, as `LagStates.follow` defines it."""
-        x = super().follow(name, axle, time_s, target, rate, start)
-        if target is self._slip:
-            self._found.append(_SlipLag(name, np.broadcast_to(rate, np.shape(target))))
+        x = super()._respond(asked)
+        if asked.target is self._slip:
+            rate = np.broadcast_to(asked.rate, np.shape(asked.target))
+            self._found.append(_SlipLag(asked.name, rate))
             self._slip = x
         return x
 
@@ -79,7 +73,8 @@ class SlipLags(LagStates):
         cycle_s = self._cycle.add(samples.t_us[samples.axle == samples.axle[0]])
         frame_s = self._frame.add(samples.speed_us)
         for lag in self._found:
-            speed = super().follow(f"{lag.name} of speed", axle, time_s, speed, lag.rate)
+            name = f"{lag.name} of speed"
+            speed = super()._respond(LagRequest(name, axle, time_s, speed, lag.rate))
             private = private * noise_gain(lag.rate * cycle_s)
             common = common * noise_gain(lag.rate * frame_s)
         return replace(samples, speed=speed, slip_var=private, slip_common_var=common)

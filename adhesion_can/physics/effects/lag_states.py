@@ -9,7 +9,7 @@ from collections import OrderedDict
 from copy import copy as shallow_copy
 from itertools import pairwise
 from math import expm1, inf
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -23,6 +23,27 @@ REMEMBERED = 32
 """Number of responses that are kept."""
 _RANGE = 300.0
 """Largest exponent of a running sum; its exponential stays finite, and so do products with it."""
+
+
+class LagRequest(NamedTuple):
+    """What a lag follows, as `LagStates.follow` is asked.
+
+    Attributes:
+        name: Name of the lag.
+        axle: Number of each row's axle, shape (n,).
+        time_s: Time of each row, s, ascending for each axle; shape (n,).
+        target: Value that is followed, in any unit; shape (n,).
+        rate: Rate of the lag, 1/s, not negative; shape (n,) or one number.
+        start: Value at an axle's first row and after a pause; None: the target there.
+
+    """
+
+    name: str
+    axle: Array
+    time_s: Array
+    target: Array
+    rate: Array | float
+    start: float | None = None
 
 
 class LagStates:
@@ -63,9 +84,14 @@ class LagStates:
             Lagging value x, in the unit of the target; shape (n,).
 
         """
+        return self._respond(LagRequest(name, axle, time_s, target, rate, start))
+
+    def _respond(self, asked: LagRequest) -> Array:
+        """Response as in `follow`; what a subclass does otherwise or besides."""
+        name, axle, time_s, target, rate, start = asked
         rates = np.broadcast_to(np.asarray(rate, dtype=np.float64), np.shape(target))
         if len(target) <= self.few:
-            return self._one_by_one(name, axle, time_s, target, rates, start)
+            return self._one_by_one(asked, rates)
         x = np.empty(len(target))
         for number in np.unique(axle):
             rows = np.flatnonzero(axle == number)
@@ -96,16 +122,9 @@ class LagStates:
         vars(other).update(_states=dict(self._states))
         return other
 
-    def _one_by_one(
-        self,
-        name: str,
-        axle: Array,
-        time_s: Array,
-        target: Array,
-        rates: Array,
-        start: float | None,
-    ) -> Array:
+    def _one_by_one(self, asked: LagRequest, rates: Array) -> Array:
         """Response as in `follow`, row by row."""
+        name, axle, time_s, target, _, start = asked
         x = []
         columns = (column.tolist() for column in (axle, time_s, target, rates))
         for number, time, wanted, rate in zip(*columns, strict=True):
@@ -152,20 +171,13 @@ class RememberedLagStates(LagStates):
         super().__init__(pause_s)
         self._known: OrderedDict[tuple[object, ...], Array] = OrderedDict()
 
-    def follow(
-        self,
-        name: str,
-        axle: Array,
-        time_s: Array,
-        target: Array,
-        rate: Array | float,
-        start: float | None = None,
-    ) -> Array:
-        """Response as in `LagStates.follow`, from the first row on."""
-        key = (name, start, target.tobytes(), np.asarray(rate, dtype=np.float64).tobytes())
+    def _respond(self, asked: LagRequest) -> Array:
+        """Response as in `follow`, from the first row on."""
+        rate = np.asarray(asked.rate, dtype=np.float64)
+        key = (asked.name, asked.start, asked.target.tobytes(), rate.tobytes())
         found = self._known.get(key)
         if found is None:
-            found = LagStates(self._pause_s).follow(name, axle, time_s, target, rate, start)
+            found = LagStates(self._pause_s).follow(*asked)
             found.flags.writeable = False
             self._known[key] = found
             if len(self._known) > REMEMBERED:
