@@ -12,6 +12,7 @@ from adhesion_can.diagnosis.inference.curve_shape import ShapeFinding
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.hold_out_gain import compute_hold_out_gain, is_significant
+from adhesion_can.diagnosis.inference.model_comparison import LEAST_GAIN
 from adhesion_can.diagnosis.refutation.refuted_cause import RefutedCause
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model
@@ -23,6 +24,8 @@ from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 CLEAR_GAIN = 5.0
 """Gain of another shape, %, that counts although its interval holds 0: some parts of a drive show
 nothing of a shape, which widens the interval."""
+
+NOT_CONFIRMED = "it showed in the data that decided, and does not hold on those that were held out"
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,10 +120,18 @@ def _confirm(found: Findings, *, other_drives: bool) -> ConfirmedFindings:
             return ConfirmedFindings((), None, own, (_reject(CURVE_SHAPE),))
     if found.named or found.shape is not None:
         gain = _compute_gain(found, plain, best, None, other_drives=other_drives)
-        if is_significant(gain) or (found.shape is not None and gain.percent >= CLEAR_GAIN):
+        is_clear = found.shape is not None and gain.percent >= CLEAR_GAIN
+        is_worth = gain.percent >= 100.0 * LEAST_GAIN
+        if is_clear or (is_significant(gain) and is_worth):
             return ConfirmedFindings(found.named, None, gain, (), found.shape)
-        rejected += [_reject(CURVE_SHAPE)] * (found.shape is not None)
-        rejected += [_reject(candidate.effect.id) for candidate in found.named]
+        why = NOT_CONFIRMED
+        if is_significant(gain):
+            why = (
+                f"it gains {gain.percent:.2g} % on the data that were held out, too little to be "
+                "worth a name"
+            )
+        rejected += [_reject(CURVE_SHAPE, why)] * (found.shape is not None)
+        rejected += [_reject(candidate.effect.id, why) for candidate in found.named]
     channel = found.unexplained_channel
     if channel is not None:
         gain = _compute_gain(found, plain, plain, channel, other_drives=other_drives)
@@ -150,6 +161,5 @@ def _compute_gain(
     )
 
 
-def _reject(what: str) -> Untested:
-    why = "it showed in the data that decided, and does not hold on those that were held out"
+def _reject(what: str, why: str = NOT_CONFIRMED) -> Untested:
     return Untested(what, why, rejected=True)
