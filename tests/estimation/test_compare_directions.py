@@ -7,6 +7,8 @@ from adhesion_can import identify
 from adhesion_can.result_text import TimeScale
 
 SEEDS = range(20)
+FEW = range(3)
+"""Seeds where the families of curves are judged as well: seconds each, all of them are slow."""
 
 
 def contact(seed, rows=4000, top=0.1, mu=0.35, noise=0.01):
@@ -19,8 +21,9 @@ def contact(seed, rows=4000, top=0.1, mu=0.35, noise=0.01):
 
 
 @pytest.mark.parametrize("noise", [0.003, 0.03, 0.1])
-def test_one_curve_is_identified_whatever_the_noise(noise):
-    found = [identify(*contact(seed, noise=noise)[:2]).segments[0] for seed in SEEDS]
+@pytest.mark.parametrize("seeds", [FEW, pytest.param(SEEDS, marks=pytest.mark.slow)], ids=len)
+def test_one_curve_is_identified_whatever_the_noise(noise, seeds):
+    found = [identify(*contact(seed, noise=noise)[:2]).segments[0] for seed in seeds]
     assert all(one.directions.agree for one in found)
     assert all(one.estimate.identifiable.mu_max for one in found)
 
@@ -50,9 +53,10 @@ def test_slips_without_a_force_are_no_fall_beyond_a_peak():
         assert "opposite signs" in one.sentence(TimeScale())
 
 
-def test_a_mild_asymmetry_leaves_the_peak_identified():
+@pytest.mark.parametrize("seeds", [FEW, pytest.param(SEEDS, marks=pytest.mark.slow)], ids=len)
+def test_a_mild_asymmetry_leaves_the_peak_identified(seeds):
     # The library's own effect of typical size.
-    for seed in SEEDS:
+    for seed in seeds:
         slip, adhesion, _ = contact(seed)
         (one,) = identify(slip, np.where(slip < 0, 0.9, 1.0) * adhesion).segments
         assert one.directions.agree
