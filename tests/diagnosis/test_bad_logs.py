@@ -239,10 +239,7 @@ STILL = {
     "wheel of one axle": axle(PLAIN, "wheel_speed", 3, 15.0),
 }
 QUICK = ("wheels all along", "no effort at all")
-REFUSED = {
-    "efforts all along": "slip and force have opposite signs",
-    "wheel of one axle": "axle 3: without adhesion the rim runs at",
-}
+REFUSED = {"wheel of one axle": "axle 3: without adhesion the rim runs at"}
 """Signals that cannot be what they are said to be, and what is said of them."""
 
 

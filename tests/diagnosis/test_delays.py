@@ -47,8 +47,9 @@ def test_the_signal_that_is_late_or_early_is_named(tmp_path, late, by):
     for seed in range(3):
         found = diagnose_files(braking_car(tmp_path / "t.csv", seed, late, by))
         causes = {cause.effect: cause for cause in found.causes}
+        # Where the forces tell little, an early wheel and a late vehicle speed are one answer.
+        named += any(EFFECT[late] in (cause.effect, *cause.rivals) for cause in found.causes)
         if EFFECT[late] in causes:
-            named += 1
             cause = causes[EFFECT[late]]
             sizes.append(cause.parameters[0].value)
             assert ("early" if by < 0 else "late") in cause.title
