@@ -5,7 +5,7 @@ from typing import Any
 
 from adhesion_can.errors import PluginError
 
-MEND = "fix the distribution, or uninstall it"
+MEND = "repair or uninstall the distribution that provides it"
 
 
 @dataclass(frozen=True, slots=True)

@@ -146,7 +146,7 @@ def _predict_shared(
         whitened: Whitened residual of each row, shape (n,).
 
     Returns:
-        Predicted part of each cell's sum, and the variance that goes with it; shape (cells,) each.
+        Predicted part of the sum of each cell, and its variance; shape (cells,) each.
 
     """
     columns = np.column_stack([design, whitened])
