@@ -158,9 +158,9 @@ class Findings:
         best, plain = self.selection.best, self.baseline
         if not self.noise.leaves_more:
             return 1.0
-        explained = plain.rmse**2 - best.rmse**2
+        explained = max(plain.rmse**2 - best.rmse**2, 0.0)
         left = best.rmse**2 * (1.0 - 1.0 / self.noise.left**2)
-        return max(explained, 0.0) / max(explained + left, left)
+        return explained / (explained + left)
 
     @property
     def without_sizeless_effects(self) -> "Findings":
