@@ -1,0 +1,89 @@
+"""What is left judges the names: beside a large error of another origin a small gain has none."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from adhesion_can import diagnose, simulate
+from adhesion_can.diagnosis.inference import confirm_on_hold_out
+from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.sensor_noise import NoiseComparison
+from adhesion_can.diagnosis.refutation import environments, refute
+
+
+def share(plain, best, left, *, leaves_more=True):
+    """Share of the excess at two RMSE and a ratio of what is left and the sensors' noise."""
+    found = SimpleNamespace(
+        selection=SimpleNamespace(best=SimpleNamespace(rmse=best)),
+        baseline=SimpleNamespace(rmse=plain),
+        noise=SimpleNamespace(left=left, leaves_more=leaves_more),
+    )
+    return Findings.share_of_excess.func(found)
+
+
+@pytest.mark.parametrize(
+    ("plain", "best", "left", "wanted"),
+    [
+        (2.0, 1.5, 1.5, 1.75 / 3.0),  # noise of variance 1, 1.25 left, 1.75 explained
+        (1.0, 1.0, 2.0, 0.0),
+        (1.0, 1.1, 2.0, 0.0),
+        (10.0, 0.1, 2.0, 1.0),
+    ],
+)
+def test_share_of_what_the_sensors_do_not_explain(plain, best, left, wanted):
+    assert share(plain, best, left) == pytest.approx(wanted, abs=1e-3)
+
+
+def test_where_nothing_exceeds_the_noise_any_gain_is_all():
+    assert share(1.0, 0.999, 1.1, leaves_more=False) == 1.0
+
+
+@pytest.fixture(scope="module")
+def worn(tmp_path_factory):
+    """A drive with a larger wheel at axle 2."""
+    path = tmp_path_factory.mktemp("worn") / "worn.log"
+    return simulate("sweep", 120.0, 1, effects=["wheel_radius=0.01,axle=2"]).write(path)
+
+
+def test_a_cause_is_named_where_noise_is_left(worn):
+    assert [cause.effect for cause in diagnose(worn).causes] == ["wheel_radius"]
+
+
+def test_a_cause_with_too_small_a_share_is_the_closest(worn, monkeypatch):
+    monkeypatch.setattr(refute, "LEAST_OF_EXCESS", 2.0)
+    found = diagnose(worn)
+    assert found.causes == ()
+    (closest,) = (one for one in found.closest if one.effect == "wheel_radius")
+    assert "of what the sensors' noise does not explain" in closest.refuted_by
+    assert found.verdict.value == "unexplained"
+
+
+def test_a_cause_that_gains_too_little_elsewhere_has_no_name(worn, monkeypatch):
+    monkeypatch.setattr(confirm_on_hold_out, "LEAST_GAIN", 1.0)
+    found = diagnose(worn)
+    assert found.causes == ()
+    (why,) = (one.why for one in found.untested if one.what == "wheel_radius" and one.rejected)
+    assert "too little to be worth a name" in why
+
+
+def test_a_shape_has_no_name_beside_more_than_noise(tmp_path, monkeypatch):
+    log = simulate("polach-wet", 60.0, 1).write(tmp_path / "a.log")
+    assert [cause.effect for cause in diagnose(log).causes] == ["curve_shape"]
+    monkeypatch.setattr(NoiseComparison, "is_exceeded", property(lambda _self: True))
+    found = diagnose(log)
+    assert "curve_shape" not in [cause.effect for cause in found.causes]
+    assert "a curve bends to whatever is left" in " ".join(one.refuted_by for one in found.closest)
+
+
+def test_the_rate_of_the_slip_is_that_of_each_axle():
+    t_s = np.tile(np.arange(0.0, 10.0, 0.1), 2)
+    axle = np.repeat([1, 2], 100)
+    slip = np.where(axle == 1, 0.02, -0.05) * t_s
+    rate = environments._compute_rate(SimpleNamespace(axle=axle, t_s=t_s), slip)
+    assert rate == pytest.approx(np.where(axle == 1, 0.02, 0.05))
+
+
+def test_a_row_without_another_one_near_changes_by_nothing():
+    drive = SimpleNamespace(axle=np.ones(3), t_s=np.array([0.0, 5.0, 10.0]))
+    assert environments._compute_rate(drive, np.array([0.0, 0.1, 0.0])).tolist() == [0.0] * 3
