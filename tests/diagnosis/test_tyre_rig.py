@@ -43,15 +43,16 @@ def test_straight_running_names_the_load(realdata, tmp_path):
 
 
 @pytest.mark.slow
-def test_all_rows_show_lateral_slip(realdata, tmp_path):
+def test_with_all_rows_the_load_and_the_lateral_slip_come_closest(realdata, tmp_path):
+    """The tyre leans and runs at an angle: a contact that is not the library's gets no name."""
     path, *_ = rows_of(realdata)
     answer = diagnosed(tmp_path, path)
     assert answer.status == 0
-    lateral = {"slip_angle_deg", "inclination_deg"}
-    assert "curve_creep" in answer.named_or_rivals or answer.document["channel"] in lateral
-    assert "load_dependence" in answer.named
-    gain = answer.document["gain"]
-    assert gain["rmse_after"] < 0.6 * gain["rmse_before"]
+    assert answer.verdict == "unexplained"
+    assert answer.document["noise"]["ratio"] > 10
+    closest = [one["effect"] for one in answer.document["closest"]]
+    assert set(closest[:2]) == {"load_dependence", "curve_creep"}
+    assert all(one["refuted_by"] for one in answer.document["closest"])
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DELAY_MAX, DriveData
-from adhesion_can.diagnosis.drive.kinematics import SignalKinematics, SmoothedSignals, integrate
+from adhesion_can.diagnosis.drive.kinematics import SignalKinematics, SmoothedSignals
+from adhesion_can.diagnosis.drive.measured_load import LEAST_LOAD_SHARE, MeasuredLoad
 from adhesion_can.diagnosis.drive.smoothing import (
     EFFORT_WINDOWS_S,
     SPEED_WINDOWS_S,
     WHEEL_WINDOWS_S,
     SmoothedSignal,
     high_pass,
+    integrate,
     is_covered,
     predict_speed_from_efforts,
     smooth_signal,
@@ -27,8 +29,6 @@ from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.noise import estimate_signal, pool
 from adhesion_can.sampling.traces import Trace
 
-LEAST_LOAD_SHARE = 0.1
-"""Share of the static load below which a measured load is implausible."""
 LEAST_LOADS_AVAILABLE = 0.5
 """Share of an axle's load readings that must be available for the load to count as measured."""
 MOST_MISSING = 0.05
@@ -136,7 +136,9 @@ def _collect_signals(
     for axle in axles.wheels:
         load = traces.get((Role.AXLE_LOAD, axle))
         if load is not None and np.isfinite(load.value).mean() > LEAST_LOADS_AVAILABLE:
-            loads[axle] = _available_readings(load, origin)
+            stamps, values = _available_readings(load, origin)
+            least = LEAST_LOAD_SHARE * vehicle.axle_load[axle - 1]
+            loads[axle] = MeasuredLoad(stamps, values, values >= least)
     fast = {axle: high_pass(traces[Role.WHEEL_SPEED, axle], origin) for axle in axles.wheels}
     direction = _direction_changes(traces.get((Role.DIRECTION, 0)), origin)
     noise = pool([estimate_signal(traces[Role.TRACTIVE_EFFORT, axle]) for axle in axles.wheels])
@@ -184,8 +186,7 @@ def _find_usable_rows(
     fast = slowest >= v_min
     slip = slip_ratio(np.interp(t, wheel.t_s, wheel.value), v, signals.radius[axle - 1], v_min)
     inside = np.abs(slip) <= slip_max
-    static = signals.vehicle.axle_load[axle - 1]
-    loaded = signals.compute_load(axle, t) >= LEAST_LOAD_SHARE * static
+    loaded = signals.is_load_known(axle, t)
     lost["axle load implausibly low"] += int((known & fast & inside & ~loaded).sum())
     lost["at a gap or an end of the signals"] += int((~known).sum())
     lost["below v_min"] += int((known & ~fast).sum())

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.drive.measured_load import LEAST_LOAD_SHARE, MeasuredLoad
 from adhesion_can.diagnosis.drive.shift_rows import shift_rows
-from adhesion_can.diagnosis.drive.smoothing import SmoothedSignal
+from adhesion_can.diagnosis.drive.smoothing import SmoothedSignal, integrate
 from adhesion_can.diagnosis.drive.turn_swing import TurnSwing, find_turn_swing
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.noise import NoiseEstimate
@@ -76,7 +77,7 @@ class SmoothedSignals:
     Attributes:
         wheels: Smoothed wheel speeds by axle, rad/s.
         speed: Smoothed vehicle speed, m/s.
-        loads: Measured axle loads by axle: stamps, s, and loads, N.
+        loads: Measured axle loads by axle.
         effort: Smoothed tractive efforts by axle, N; they give the load transfer where loads are
             not measured.
         vehicle: Configured vehicle.
@@ -90,7 +91,7 @@ class SmoothedSignals:
 
     wheels: Mapping[int, SmoothedSignal]
     speed: SmoothedSignal
-    loads: Mapping[int, tuple[Array, Array]]
+    loads: Mapping[int, MeasuredLoad]
     effort: Mapping[int, SmoothedSignal]
     vehicle: Locomotive
     high_pass: Mapping[int, list[tuple[Array, Array]]] = field(default_factory=dict)
@@ -103,9 +104,12 @@ class SmoothedSignals:
         return np.array(self.vehicle.wheel_radius)
 
     def compute_load(self, axle: int, t_s: Array) -> Array:
-        """Load of an axle, N: measured, or static with the load transfer of the efforts."""
+        """Load of an axle, N: measured, or static with the load transfer of the efforts.
+
+        It is never below the least plausible one: rows there are left out (`is_load_known`).
+        """
         if axle in self.loads:
-            return np.interp(t_s, *self.loads[axle])
+            return self.loads[axle].interpolate(t_s)
         static = self.vehicle.axle_load[axle - 1]
         geometry = self.vehicle.geometry
         if geometry is None or len(self.effort) < self.vehicle.axles:
@@ -114,7 +118,15 @@ class SmoothedSignals:
         transferred = np.zeros(len(t_s))
         for other, smooth in self.effort.items():
             transferred += share[other - 1] * np.interp(t_s, smooth.t_s, smooth.value)
-        return static + self.compute_direction(t_s) * transferred
+        load = static + self.compute_direction(t_s) * transferred
+        return np.asarray(np.maximum(load, LEAST_LOAD_SHARE * static))
+
+    def is_load_known(self, axle: int, t_s: Array) -> NDArray[np.bool_]:
+        """Whether the load of an axle is plausible at given times, shape (n,)."""
+        if axle in self.loads:
+            return self.loads[axle].is_known(t_s)
+        least = LEAST_LOAD_SHARE * self.vehicle.axle_load[axle - 1]
+        return np.asarray(self.compute_load(axle, t_s) > least)
 
     def compute_direction(self, t_s: Array) -> Array:
         """Direction of travel at given times, 1 or −1; shape (n,)."""
@@ -122,12 +134,6 @@ class SmoothedSignals:
             return np.ones(len(t_s))
         stamps, sign = self.direction_changes
         return np.asarray(sign[np.maximum(np.searchsorted(stamps, t_s, side="right") - 1, 0)])
-
-
-def integrate(signal: SmoothedSignal) -> Array:
-    """Integral of a signal over time since its first reading, by the trapezoidal rule, (n,)."""
-    mean = (signal.value[1:] + signal.value[:-1]) / 2
-    return np.concatenate([[0.0], np.cumsum(np.diff(signal.t_s) * mean)])
 
 
 class SignalKinematics:

@@ -4,7 +4,7 @@ The width of the window is chosen by the prediction error: by leave-one-out cros
 the noise is white, by Mallows' criterion where it may have a memory.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +28,8 @@ GAP_CYCLES = 3.0
 LAG_STEPS_S, LAG_REACH = (0.1, 0.02, 0.005), 10
 """Steps of the search for the lag of the vehicle speed behind the efforts, coarse to fine, s, and
 steps to either side."""
+LAGS_FORGOTTEN = 5.0
+"""Time constants in which a first-order lag forgets its input."""
 CLEAR_PITCH = 0.1
 """Share of what the impulse leaves of the speed's differences that a pitch must explain."""
 ABOUT_HALF = 0.55
@@ -265,6 +267,8 @@ def predict_speed_from_efforts(
     A train is heavy: its speed is this prediction and a slower part, which alone needs smoothing.
     Mass and lag are estimated by least squares on differences over a second: were a late speed not
     met by a late impulse, the difference would be fast, and smoothing would take a part of it off.
+    The same holds of a speed that its instrument smooths, which a late impulse meets at its bends
+    alone. So the lag is a delay or a time constant, whichever explains more.
 
     Args:
         trace: Vehicle speed, m/s.
@@ -283,13 +287,14 @@ def predict_speed_from_efforts(
     if len(t) <= 2 * step:
         return None
     total = np.sum([np.interp(t, effort.t_s, effort.value) for effort in efforts], axis=0)
-    impulse = np.concatenate([[0.0], np.cumsum(np.diff(t) * (total[1:] + total[:-1]) / 2)])
+    # Integrated at their own stamps: the efforts go on in a gap of the speed.
+    impulse = np.sum([np.interp(t, one.t_s, integrate(one)) for one in efforts], axis=0)
     dv = _second_difference(v, step)
     square = float(dv @ dv)
 
-    def fit(lag: float) -> _LaggedImpulse:
+    def fit(lag: float, lagged: Callable[[Array, Array, float], Array]) -> _LaggedImpulse:
         """Least-squares fit of impulse and pitch that come so much earlier than the speed, s."""
-        late = np.stack([np.interp(t - lag, t, one) for one in (impulse, total * v)])
+        late = np.stack([lagged(t, one, lag) for one in (impulse, total * v)])
         design = np.stack([_second_difference(one, step) for one in late])
         gram, right = design @ design.T, design @ dv
         per_mass = max(float(right[0] / gram[0, 0]), 0.0) if gram[0, 0] > 0.0 else 0.0
@@ -303,11 +308,52 @@ def predict_speed_from_efforts(
             return alone
         return _LaggedImpulse(explained, lag, factors @ late)
 
-    best = fit(0.0)
-    for reach in LAG_STEPS_S:
-        around = [fit(best.lag + k * reach) for k in range(-LAG_REACH, LAG_REACH + 1)]
-        best = max([best, *around], key=lambda one: one.explained)
-    return best.speed
+    def search(lagged: Callable[[Array, Array, float], Array]) -> _LaggedImpulse:
+        best = fit(0.0, lagged)
+        for reach in LAG_STEPS_S:
+            around = (best.lag + k * reach for k in range(-LAG_REACH, LAG_REACH + 1))
+            best = max([best, *(fit(lag, lagged) for lag in around)], key=_explained)
+        return best
+
+    return max(search(_delayed), search(_low_passed), key=_explained).speed
+
+
+def _explained(fit: _LaggedImpulse) -> float:
+    return fit.explained
+
+
+def _delayed(t_s: Array, values: Array, lag: float) -> Array:
+    """Values that come late by a lag, s."""
+    return np.interp(t_s - lag, t_s, values)
+
+
+def _low_passed(t_s: Array, values: Array, time_s: float) -> Array:
+    """Values behind a first-order lag of a time constant, s; at 0 and below, the values.
+
+    Gaps are straight lines; behind one that the lag forgets it is at rest.
+    """
+    if time_s <= 0.0:
+        return values
+    cycle = float(np.median(np.diff(t_s)))
+    pole = float(np.exp(-cycle / time_s))
+    # The exact response to straight lines between the readings has two taps.
+    late = time_s / cycle * (1.0 - pole)
+    taps = [1.0 - late, late - pole]
+    found = np.empty(len(values))
+    forgotten = np.flatnonzero(np.diff(t_s) > LAGS_FORGOTTEN * time_s) + 1
+    for run in np.split(np.arange(len(t_s)), forgotten):
+        even = t_s[run[0]] + cycle * np.arange((t_s[run[-1]] - t_s[run[0]]) / cycle + 1.0)
+        given = np.interp(even, t_s[run], values[run])
+        at_rest = np.array([given[0] * (1.0 - taps[0])])
+        lagged, _ = scipy.signal.lfilter(taps, [1.0, -pole], given, zi=at_rest)
+        found[run] = np.interp(t_s[run], even, lagged)
+    return found
+
+
+def integrate(signal: SmoothedSignal) -> Array:
+    """Integral of a signal over time since its first reading, by the trapezoidal rule, (n,)."""
+    mean = (signal.value[1:] + signal.value[:-1]) / 2
+    return np.concatenate([[0.0], np.cumsum(np.diff(signal.t_s) * mean)])
 
 
 def _second_difference(x: Array, step: int) -> Array:

@@ -372,7 +372,13 @@ def _where(steps: Sequence[PlanStep], fit: FittedRival, *, of_rival: bool) -> st
                 level = sign * float(observed.adhesion[part].mean()) - of_rival * mean
                 low, high = (float(x) for x in np.quantile(np.abs(observed.slip[part]), [0, 1]))
                 where = f"in step {number + 1} ({step.mode})"
-                clause = f"the adhesion used {where} at slips of {low:.3f} to {high:.3f}"
+                slips = [f"{low:.3f}", f"{high:.3f}"]
+                at = (
+                    f"slips of {' to '.join(slips)}"
+                    if len(set(slips)) > 1
+                    else f"a slip of {low:.3f}"
+                )
+                clause = f"the adhesion used {where} at {at}"
                 if high < LEAST_SLIP:
                     clause = f"the adhesion of the axles that roll freely {where}"
                 clause += f" is {level:.4f} on average"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.kinematics import SignalKinematics, SmoothedSignals
+from adhesion_can.diagnosis.drive.measured_load import MeasuredLoad
 from adhesion_can.diagnosis.drive.smoothing import SmoothedSignal
 from adhesion_can.diagnosis.next_drive.drive_setting import DriveSetting
 from adhesion_can.diagnosis.next_drive.explanations import Explanation
@@ -181,7 +182,7 @@ def _build_drive(
     signals = SmoothedSignals(
         wheels,
         smooth(speed, error.std)._replace(window_s=error.window_s),
-        {axle: (time_s, np.full(len(time_s), setting.load[axle - 1])) for axle in wheels},
+        {axle: MeasuredLoad.constant(time_s, setting.load[axle - 1]) for axle in wheels},
         {},
         vehicle,
     )
