@@ -19,6 +19,9 @@ from adhesion_can.physics.vehicle import Locomotive
 if TYPE_CHECKING:  # the effects import the instruments
     from adhesion_can.physics.effects.lag_states import LagStates
 
+LEAST_GAIN = 0.05
+"""Least share of a true value that a reading is taken to have: of nothing no value can be told."""
+
 
 class Quantity(Enum):
     """Kind of reading that a law makes wrong."""
@@ -185,17 +188,20 @@ class LoadShift:
 def total_error(
     laws: Iterable[InstrumentLaw], quantity: Quantity, situation: Situation, lags: "LagStates"
 ) -> ReadingError:
-    """Error of one kind of reading by several laws: their errors add up."""
-    relative: Array | float = 0.0
+    """Error of one kind of reading by several laws: their gains multiply, and their zeros add up.
+
+    No gain is below `LEAST_GAIN`, whatever a law says.
+    """
+    gain: Array | float = 1.0
     absolute: Array | float = 0.0
     rate: Array | float = 0.0
     for law in laws:
         if law.quantity is quantity:
             one = law.error(situation, lags)
-            relative = relative + one.relative
+            rate = rate * (1.0 + one.relative) + gain * one.relative_rate
+            gain = gain * (1.0 + one.relative)
             absolute = absolute + one.absolute
-            rate = rate + one.relative_rate
-    return ReadingError(relative, absolute, rate)
+    return ReadingError(np.maximum(gain, LEAST_GAIN) - 1.0, absolute, rate)
 
 
 class TrueValues(NamedTuple):

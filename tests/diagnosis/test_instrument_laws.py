@@ -19,10 +19,12 @@ KINDS = (
     ("speed_error:pitch=0.05", {"error": 0.05}),
     ("speed_error:offset=1.5", {"offset": 1.5}),
     ("speed_error:curvature=2", {"offset": 2.0}),
+    ("speed_error:low_pass=0.35", {"time": 0.35}),
     ("speed_error:low_pass=0.5", {"time": 0.5}),
     ("curving_resistance=4", {"size": 4.0}),
     ("brake_blending:constant=0.2", {"share": 0.2}),
     ("brake_blending:fade=0.3", {"share": 0.3, "fade": 15.0}),
+    ("brake_blending:fade=1.2,fade=12", {"share": 1.2, "fade": 12.0}),
     ("wheel_once_per_turn=0.006,phase=2,axle=3", {"amplitude": 0.006, "phase": 2.0, "axle": 3.0}),
 )
 ALIKE = ("brake_blending:constant", "effort_gain:time")

@@ -8,13 +8,17 @@ import numpy as np
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
 from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.effects.law_effect import LawEffect
-from adhesion_can.physics.instrument_laws import Need, Quantity, ReadingError, Situation
+from adhesion_can.physics.instrument_laws import LEAST_GAIN, Need, Quantity, ReadingError, Situation
 from adhesion_can.physics.parameter import Parameter
 
 
 @dataclass(frozen=True, slots=True)
 class BlendingLaw:
-    """Share of the braking force that is missing, all of it at rest and none at a speed."""
+    """Share of the braking force that is missing: none from a speed on, most of it at rest.
+
+    Below the speed it is on a straight line. Where the motors fade out before the vehicle stands,
+    the line meets a share of 1 at that speed, and is above 1 at rest.
+    """
 
     share: float
     fade: float = inf
@@ -26,13 +30,13 @@ class BlendingLaw:
         """Error of the readings."""
         brakes = situation.effort < 0.0
         left = np.maximum(1.0 - situation.speed / max(self.fade, 1e-3), 0.0)
-        return ReadingError(-self.share * np.where(brakes, left, 0.0))
+        missing = np.minimum(self.share * left, 1.0)
+        return ReadingError(np.where(brakes, -missing, 0.0))
 
 
 _ID = "brake_blending"
 _TITLE = "a friction brake takes a share of the braking force, which the effort does not contain"
 _LITERATURE = "Wende, Fahrdynamik des Schienenverkehrs, 2003, on blended electric and air brakes"
-_SHARE = Parameter("share", "1", 0.2, 0.0, 0.95, "share of the friction brake")
 _REQUIRES = Requirements(braking=True)
 _ASYMMETRY = Separation(
     "traction_braking_asymmetry",
@@ -45,7 +49,9 @@ BRAKE_BLENDING = LawEffect(
     id=_ID,
     form="constant",
     title=_TITLE,
-    parameters=(_SHARE,),
+    parameters=(
+        Parameter("share", "1", 0.2, 0.0, 1.0 - LEAST_GAIN, "share of the friction brake"),
+    ),
     literature=_LITERATURE,
     requires=_REQUIRES,
     observability=Observability(
@@ -63,7 +69,7 @@ FADING_BRAKE_BLENDING = LawEffect(
     form="fade",
     title=_TITLE,
     parameters=(
-        _SHARE,
+        Parameter("share", "1", 0.2, 0.0, 2.0, "share of the friction brake at rest"),
         Parameter(
             "fade", "m/s", 15.0, 2.0, 60.0, "speed from which the motors brake alone", starts=(1.0,)
         ),
@@ -80,4 +86,8 @@ FADING_BRAKE_BLENDING = LawEffect(
     ),
     law=BlendingLaw,
 )
-"""F measured = (1 − share (1 − v / fade)) F in braking below a speed: the motors fade out."""
+"""F measured = (1 − share (1 − v / fade)) F in braking below a speed: the motors fade out.
+
+A share above 1 is that of motors that give nothing below fade (1 − 1 / share): electric brakes end
+at some 3 m/s.
+"""
