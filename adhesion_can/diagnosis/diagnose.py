@@ -173,9 +173,12 @@ def diagnose(
         untested = [*untested, *rejected]
     elif shaped is not None:
         found = shaped
-    remaining = None if any(held_out) else _find_remaining(used, plain_found, settings, show)
-    found, confirmed = _with_winner(found, confirmed, plain_found, remaining)
     untested, other_drives = [*untested, *find_untestable(used)], any(held_out)
+    deciding = [drive for drive, held in zip(used, held_out, strict=True) if not held]
+    remaining = _find_remaining(deciding, plain_found, settings, show)
+    found, confirmed = _with_winner(
+        found, confirmed, plain_found, remaining, other_drives=other_drives
+    )
     diagnosis = build_diagnosis(used, found, confirmed, untested, other_drives=other_drives)
     witness = None
     if ask_witness is not None and diagnosis.causes:
@@ -216,6 +219,8 @@ def _with_winner(
     confirmed: ConfirmedFindings,
     plain_found: Findings,
     remaining: RemainingExplanations | None,
+    *,
+    other_drives: bool,
 ) -> tuple[Findings, ConfirmedFindings]:
     """Findings with the explanation that alone is left, where it holds on the held-out data.
 
@@ -224,13 +229,14 @@ def _with_winner(
         confirmed: What of them holds on the held-out data.
         plain_found: Findings on all drives with Burckhardt's curve.
         remaining: What a drive left of the explanations; None: there was no such drive.
+        other_drives: Whether whole recordings were held out.
 
     """
     winner = None if remaining is None else select_winner(plain_found, remaining)
     if winner is None or set(winner.selection.best.candidates) == set(confirmed.named):
         return found, confirmed
     winner = drop_refuted(winner)
-    of_winner = confirm_on_hold_out(winner, other_drives=False)
+    of_winner = confirm_on_hold_out(winner, other_drives=other_drives)
     return (winner, of_winner) if of_winner.named else (found, confirmed)
 
 

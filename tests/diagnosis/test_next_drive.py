@@ -324,3 +324,24 @@ def test_from_a_drive_with_rivals_to_the_one_that_is_left(tmp_path, effect, dura
     assert after.remaining.left == (name,)
     assert f"second.log leaves {name}" in after.remaining.sentence
     assert after.to_dict()["remaining"]["left"] == [name]
+
+
+@pytest.mark.slow
+def test_of_two_long_recordings_one_is_held_out_and_the_explanations_are_compared(tmp_path):
+    """A short drive was no use where there were two long ones."""
+    effects = ["effort_delay=0.02"]
+    long = [
+        simulate("dry", duration_s, seed, effects=effects).write(tmp_path / f"{seed}.log")
+        for seed, duration_s in ((1, 120.0), (2, 110.0))
+    ]
+    before = diagnose(long, next_drive=True)
+    assert before.next_drive is not None
+    write_plan(before.next_drive.plan, tmp_path / "plan.toml")
+    plan = read_plan(tmp_path / "plan.toml")
+    short = simulate("dry", None, 3, effects=effects, plan=plan).write(tmp_path / "short.log")
+    for given, held_out in (([*long, short], []), ([long[0], short], [long[1]])):
+        after = diagnose(given, holdout=held_out)
+        assert after.held_out_files == {"2.log"}
+        assert (after.remaining.before, after.remaining.by) == (("1.log",), ("short.log",))
+        assert [name.split()[0] for name in after.remaining.left] == ["effort_delay"]
+        assert [cause.effect for cause in after.causes] == ["effort_delay"]

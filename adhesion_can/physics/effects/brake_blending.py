@@ -16,19 +16,22 @@ from adhesion_can.physics.parameter import Parameter
 class BlendingLaw:
     """Share of the braking force that is missing: none from a speed on, most of it at rest.
 
-    Below the speed it is on a straight line. Where the motors fade out before the vehicle stands,
-    the line meets a share of 1 at that speed, and is above 1 at rest.
+    The vehicle brakes where the effort of all axles does, or that of the axle where not all are
+    known. Below the speed the share is on a straight line. Where the motors fade out before the
+    vehicle stands, the line meets a share of 1 at that speed, and is above 1 at rest.
     """
 
     share: float
     fade: float = inf
     quantity: Quantity = Quantity.EFFORT
-    needs: frozenset[Need] = frozenset()
+    needs: frozenset[Need] = frozenset({Need.EFFORTS})
     covariates: tuple[str, ...] = ()
 
     def error(self, situation: Situation, _lags: LagStates) -> ReadingError:
         """Error of the readings."""
-        brakes = situation.effort < 0.0
+        # One axle's reading near 0 has the sign of its noise, which would be taken for a brake.
+        total = situation.total_effort
+        brakes = np.where(np.isfinite(total), total, situation.effort) < 0.0
         left = np.maximum(1.0 - situation.speed / max(self.fade, 1e-3), 0.0)
         missing = np.minimum(self.share * left, 1.0)
         return ReadingError(np.where(brakes, -missing, 0.0))
