@@ -51,9 +51,9 @@ from adhesion_can.version import __version__
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Holds the adhesion curve and the configured vehicle against recordings or "
-        "tables of samples: what they get wrong, the cause where the data identify it, a model "
-        "extended by it, and what that gains on data that were held out."
+        "Compares the adhesion curve and the configured vehicle with recordings or tables of "
+        "samples: where they are wrong, the cause where the data identify it, a model extended by "
+        "it, and what that gains on data that were held out."
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
     parser.add_argument(
@@ -62,7 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=[],
         metavar="LOG|TABLE",
-        help="measure the gain on these alone (default: on blocks of the inputs)",
+        help="measure the gain on these alone (default: on blocks of the inputs, or on a third of "
+        "several recordings of like length)",
     )
     add_report(parser)
     parser.add_argument(

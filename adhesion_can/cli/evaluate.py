@@ -31,7 +31,7 @@ from adhesion_can.reporting.text import console
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Holds an extended model against recordings or tables: as its file has it, and with its "
+        "Compares an extended model with recordings or tables: as its file has it, and with its "
         "curve refitted, beside the plain curve, for each recording and each surface."
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")

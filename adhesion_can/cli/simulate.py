@@ -73,8 +73,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--plan",
         type=Path,
         metavar="PLAN.toml",
-        help="begin at the plan's speed; with --closed-loop --log a controller drives it here, in "
-        "simulated time, on a bus 'control --plan' does",
+        help="begin at the plan's speed; needs --closed-loop. With --log a controller drives the "
+        "plan here, in simulated time; on a bus 'control --plan' drives it",
     )
     parser.add_argument("--load-transfer", action="store_true", help="axle loads move under effort")
     parser.add_argument(
@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
     config = configuration(options)
     plan = None if options.plan is None else read_plan(options.plan)
     if plan is not None and not options.closed_loop:
-        raise InputError("--plan", "the drive obeys nobody", "say --closed-loop as well")
+        raise InputError("--plan", "nothing would drive the plan", "add --closed-loop")
     settings = _settings(options, config, plan)
     on_bus = "interface" in options or "channel" in options
     if options.log is None:

@@ -11,7 +11,7 @@ LEAST_DOUBT = 0.5
 """Share of the time from which a doubt of the plain curve decides something."""
 STAYS = 0.7
 """Share of that doubt from which the one of the extended model has stayed; true causes leave at
-most 0.1, names that are physically the same 0.6 (decision 068)."""
+most 0.1 (decision 068)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,7 @@ def test_simulate_drives_a_plan_as_long_as_it_lasts(tmp_path, plan):
 def test_a_plan_needs_a_drive_that_obeys(tmp_path, plan, capsys):
     out = tmp_path / "out.log"
     arguments = ("simulate", "--scenario", "dry", "--plan", plan, "--log", out)
-    assert "say --closed-loop as well" in fails(capsys, *arguments)
+    assert "add --closed-loop" in fails(capsys, *arguments)
     assert not out.exists()
 
 

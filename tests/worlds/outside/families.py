@@ -154,7 +154,8 @@ def speed_error(rng: np.random.Generator) -> Drawn:
     """The instrument of the vehicle's speed errs by a law.
 
     Law: 'step': v' = v (1 + e) from a moment on; 'pitch': v' = v cos(α + δ) / cos α with α = 45
-    degrees and the tilt δ = −e F / ΣN, F the whole effort: v (1 + e F / ΣN) to first order;
+    degrees and the tilt δ = −e F / ΣN, F the whole effort towards axle 1: v (1 + e F / ΣN) to
+    first order;
     'offset': v' = v (1 + b κ), b m beside the middle of the track; 'low_pass': T dv'/dt + v' = v.
     'error' is e, 'offset' b in m, 'time' that moment or T in s.
 
@@ -178,7 +179,9 @@ def speed_error(rng: np.random.Generator) -> Drawn:
         if form == "step":
             return Change(speed=profile.v * (1 + size * (profile.t >= moment)))
         if form == "pitch":
-            tilt = -size * scene.effort.sum(axis=1) / (AXLES * STATIC_LOAD)
+            # The body tilts the other way when it is pushed the other way.
+            along = 1.0 if scene.vehicle.forward else -1.0
+            tilt = -size * along * scene.effort.sum(axis=1) / (AXLES * STATIC_LOAD)
             angle = np.pi / 4
             return Change(speed=profile.v * np.cos(angle + tilt) / np.cos(angle))
         if form == "offset":
