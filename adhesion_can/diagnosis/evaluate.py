@@ -243,6 +243,11 @@ def require_effects_apply(model: ExtendedModel, drive: DriveData) -> None:
             )  # fmt: skip
         if requires.wheel_speed and drive.table:
             raise InputError(drive.name, f"{what} needs the wheel speeds", "give the recording")
+        if requires.all_efforts and drive.kinematics.efforts is None:
+            raise InputError(
+                drive.name, f"{what} needs the efforts of all axles",
+                "give a recording that has them, or take the effect out of the model",
+            )  # fmt: skip
         for needed, there, column in (
             (requires.speed, drive.has_speed, "speed_mps"),
             (requires.load, drive.has_load, "normal_load_N"),

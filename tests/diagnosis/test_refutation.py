@@ -13,14 +13,17 @@ from adhesion_can.diagnosis.refutation.block_variance import (
     compute_block_variance,
     compute_variance_left,
 )
-from adhesion_can.diagnosis.refutation.environments import build_partitions
+from adhesion_can.diagnosis.refutation.environments import Partition, build_partitions
 from adhesion_can.diagnosis.refutation.invariance import (
     _cochran,
+    _pseudo_inverse,
+    _SplitEffect,
     _spread,
     compute_sizes,
     find_refuting,
 )
 from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.gram_matrices import BlockGramMatrices
 from adhesion_can.diagnosis.regression.model import Model, RegressionData, remove_effect
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
@@ -199,11 +202,42 @@ def test_cochrans_q_is_uniform_where_sizes_agree():
     rng = np.random.default_rng(7)
     values = []
     for _ in range(400):
-        root = rng.standard_normal((8, 8))
-        covariance = root @ root.T + 0.1 * np.eye(8)
-        sizes = np.array([3.0, -1.0] * 4) + np.linalg.cholesky(covariance) @ rng.standard_normal(8)
-        values.append(_cochran(sizes.reshape(4, 2), covariance, 10_000))
+        root = rng.standard_normal((5, 5))
+        covariance = root @ root.T + 0.1 * np.eye(5)
+        sizes = 3.0 + np.linalg.cholesky(covariance) @ rng.standard_normal(5)
+        values.append(_cochran(sizes, covariance, 10_000))
     assert scipy.stats.kstest(values, "uniform").statistic < 0.085
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-3, 1e6, 1e12])
+def test_no_p_value_depends_on_a_unit(unit):
+    """In 1/J beside s, information of 1e14 and of 1, a pseudo-inverse dropped one of the two."""
+    rng = np.random.default_rng(9)
+    root = rng.standard_normal((4, 4))
+    covariance = root @ root.T + 0.1 * np.eye(4)
+    sizes = np.array([1.0, 3.0, -2.0, 6.0])
+    expected = _cochran(sizes, covariance, 60)
+    assert _cochran(unit * sizes, unit**2 * covariance, 60) == pytest.approx(expected, rel=1e-6)
+    mixed = np.array([[4.0, 0.5], [0.5, 1.0]]) * np.outer([unit, 1.0], [unit, 1.0])
+    assert (_pseudo_inverse(mixed) @ mixed).diagonal() == pytest.approx(1.0, rel=1e-6)
+
+
+def test_a_parameter_answers_for_its_own_differences_alone():
+    """A gain that varies by chance beside a time that differs for certain, by a quarter."""
+    split = _SplitEffect(
+        Partition("parts", ("a", "b", "c"), np.zeros(1, dtype=int)),
+        BlockGramMatrices(np.zeros((60, 2, 2)), np.zeros(60)), 1, 2,
+    )  # fmt: skip
+    gain, time = effect_by_id("adhesion_recovery").parameters
+    gains, times = np.array([0.05, 0.2, 0.4]), np.array([1.5, 2.0, 2.5])
+    of_gain = split._of_parameter(0, gain, 0.2, gains, 0.12**2 * np.eye(3))
+    of_time = split._of_parameter(1, time, 2.0, times, 0.08**2 * np.eye(3))
+    assert of_gain.p_value > 0.05
+    assert of_gain.spread > 0.3
+    assert of_time.p_value < 1e-6
+    assert of_time.spread < 0.3
+    assert not of_gain.refutes
+    assert not of_time.refutes
 
 
 def test_the_spread_is_that_between_environments():

@@ -87,8 +87,8 @@ def compute_hold_out_gain(
 
     Args:
         regression: Regression on which both models were fitted.
-        plain: Model without effects.
-        extended: Model with effects.
+        plain: Smaller model; with effects where a further one is judged beside them.
+        extended: Larger model.
         channel: Residual channel that is added to the extended model; None: none.
         other_drives: Whether whole recordings were held out.
         noise_floor: RMSE of the adhesion that no model goes below.
@@ -153,8 +153,8 @@ def compute_leave_one_out_gain(
 
     Args:
         regression: Regression on independent points.
-        plain: Model without effects.
-        extended: Model with effects.
+        plain: Smaller model; with effects where a further one is judged beside them.
+        extended: Larger model.
         channel: Residual channel that is added to the extended model; None: none.
         noise_floor: RMSE of the adhesion that no model goes below.
 
@@ -214,8 +214,8 @@ def evaluate_hold_out(
 
     Args:
         regression: Regression on which both models were fitted.
-        plain: Model without effects.
-        extended: Model with effects.
+        plain: Smaller model; with effects where a further one is judged beside them.
+        extended: Larger model.
         channel: Residual channel that is added to the extended model; None: none.
         other_drives: Whether whole recordings were held out. Their surfaces are their own, so both
             models get curves fitted to them; the effects stay as they were fitted.
@@ -223,8 +223,10 @@ def evaluate_hold_out(
     """
     data, held_out = regression.data, regression.held_out
     if other_drives:
-        plain = fit_model(held_out, Model(plain.curves)).model
-        extended = fit_model(held_out, Model(extended.curves, fixed=extended.active_effects)).model
+        plain, extended = (
+            fit_model(held_out, Model(one.curves, fixed=one.active_effects)).model
+            for one in (plain, extended)
+        )
     rows = np.flatnonzero(held_out.used)
     effects = extended.active_effects
     before = evaluate_model(data, plain.curves, plain.active_effects).residual

@@ -111,7 +111,11 @@ def score_model(
 
 
 def is_improvement(small: ScoredModel, large: ScoredModel, tested: float) -> bool:
-    """Whether a larger model's gain is significant, with so many effects tested, and worth it."""
+    """Whether a larger model's gain is significant, with so many effects tested, and worth it.
+
+    The sign flips of the larger model's last effect count where the smaller one is what that effect
+    was added to: beside another model they tested something else.
+    """
     least = SECOND_LEAST_GAIN if small.candidates else LEAST_GAIN
     # An effect on the vehicle speed looks like an error of it, and others drown in such an error.
     worth = (
@@ -122,7 +126,10 @@ def is_improvement(small: ScoredModel, large: ScoredModel, tested: float) -> boo
         (1.0 - LEAST_WHITENED_GAIN) * small.fitted.cross_validated_square
     )
     by_blocks = gain_p_value(small.fitted, large.fitted) * tested
-    return bool(worth and 2.0 * min(large.sign_flip_p_value, by_blocks) <= LEVEL)
+    families = [one.fitted.model.curves.family for one in (small, large)]
+    was_tested = small.candidates == large.candidates[:-1] and families[0] is families[1]
+    by_signs = large.sign_flip_p_value if was_tested else 1.0
+    return bool(worth and 2.0 * min(by_signs, by_blocks) <= LEVEL)
 
 
 def is_worse(best: ScoredModel, other: ScoredModel) -> bool:

@@ -60,6 +60,12 @@ def propose_effects(
     ]
     known = regression.evaluate_corrected(model)
     signatures = [regression.compute_signature(model, *start, known) for start in starts]
+    # A user's formula may have no value at some of its starts: it is searched from the others.
+    there = [bool(np.isfinite(one).all()) for one in signatures]
+    starts = [one for one, is_there in zip(starts, there, strict=True) if is_there]
+    signatures = [one for one, is_there in zip(signatures, there, strict=True) if is_there]
+    if not starts:
+        return []
     columns = regression.build_columns(model)
     white = regression.whiten(np.column_stack(signatures))
     grams = regression.compute_grams(np.column_stack([columns[:, :-1], white, columns[:, -1]]))

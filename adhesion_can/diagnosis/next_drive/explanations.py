@@ -114,7 +114,7 @@ def _rivals_of_shape(
     for rival in shape.rivals:
         own = [candidate for candidate in candidates if candidate.effect.id == rival]
         if own:
-            found.append(propose_effects(regression, start, own)[0].model)
+            found += [one.model for one in propose_effects(regression, start, own)[:1]]
     return found
 
 

@@ -11,7 +11,7 @@ differ for certain.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -150,24 +150,32 @@ class _SplitEffect:
         kept = np.repeat(informed, m)
         estimates = (np.tile(np.array(values), len(informed)) + change)[kept].reshape(-1, m)
         covariance = covariance[np.ix_(kept, kept)]
-        p_value = _cochran(estimates, covariance, len(self.grams.rows))
-        variances = covariance.diagonal().reshape(-1, m)
-        spreads = [
-            _spread(estimates[:, j], variances[:, j], _own_size(values[j], parameters[j]))
-            if j == 0 or _is_within(estimates[:, j], parameters[j])
-            else 0.0
+        found = [
+            self._of_parameter(j, parameters[j], values[j], estimates[:, j], covariance[j::m, j::m])
             for j in range(m)
+            if j == 0 or _is_within(estimates[:, j], parameters[j])
         ]
-        varying = int(np.argmax(spreads))
+        # Each parameter answers for itself: one that varies by chance is not refuted by another.
+        counted = [
+            replace(one, p_value=min(1.0, tests * len(found) * one.p_value)) for one in found
+        ]
+        varying = max(counted, key=lambda one: (one.refutes, one.spread))
         labels = zip(self.partition.labels, informed, strict=True)
+        return replace(varying, labels=tuple(label for label, is_informed in labels if is_informed))
+
+    def _of_parameter(
+        self, place: int, parameter: Parameter, value: float, estimates: Array, covariance: Array
+    ) -> SizesByEnvironment:
+        """One parameter in the environments, without their labels; nothing else is counted."""
+        variances = covariance.diagonal()
         return SizesByEnvironment(
             self.partition.name,
-            varying,
-            tuple(label for label, is_informed in labels if is_informed),
-            estimates[:, varying],
-            np.sqrt(variances[:, varying]),
-            min(1.0, tests * p_value),
-            spreads[varying],
+            place,
+            (),
+            estimates,
+            np.sqrt(variances),
+            _cochran(estimates, covariance, len(self.grams.rows)),
+            _spread(estimates, variances, _own_size(value, parameter)),
         )
 
     def _covariance(self, projected: Array, information: Array) -> Array:
@@ -177,7 +185,7 @@ class _SplitEffect:
         rest = self.grams.project_out(range(size - 1), [size - 1])[:, 0]
         scores = np.einsum("bij,j->bi", self.grams.matrices, rest) @ projected
         blocks = len(scores)
-        inverse = np.linalg.pinv(information, hermitian=True)
+        inverse = _pseudo_inverse(information)
         robust = inverse @ (scores.T @ scores) @ inverse * (blocks / max(blocks - 1, 1))
         square = float(rest @ self.grams.total @ rest)
         freedom = max(float(self.grams.rows.sum()) - p - projected.shape[1], 1.0)
@@ -226,20 +234,24 @@ def _cochran(estimates: Array, covariance: Array, blocks: int) -> float:
     """P-value of Cochran's Q for correlated estimates, by the F distribution.
 
     Args:
-        estimates: Parameters by environment, shape (k, m).
-        covariance: Their covariance, shape (k m, k m).
+        estimates: A parameter by environment, shape (k,).
+        covariance: Its covariance, shape (k, k).
         blocks: Number of blocks from which the covariance comes.
 
     """
-    k, m = estimates.shape
-    weight = np.linalg.pinv(covariance, hermitian=True)
-    design = np.tile(np.eye(m), (k, 1))
-    flat = estimates.ravel()
-    mean = np.linalg.lstsq(design.T @ weight @ design, design.T @ weight @ flat, rcond=None)[0]
-    rest = flat - design @ mean
-    freedom = (k - 1) * m
+    weight = _pseudo_inverse(covariance)
+    rest = estimates - float(weight.sum(axis=0) @ estimates) / max(float(weight.sum()), 1e-300)
+    freedom = len(estimates) - 1
     statistic = float(rest @ weight @ rest) / freedom
     return float(scipy.stats.f.sf(statistic, freedom, max(blocks - freedom - 1, 1)))
+
+
+def _pseudo_inverse(matrix: Array) -> Array:
+    """Pseudo-inverse of a symmetric matrix, whatever the units of its columns."""
+    diagonal = matrix.diagonal()
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    units = np.outer(scale, scale)
+    return np.asarray(np.linalg.pinv(matrix / units, hermitian=True) / units)
 
 
 def _spread(sizes: Array, variances: Array, size: float) -> float:

@@ -339,10 +339,13 @@ def fit_model(
             step[free] = _gauss_newton_step(gram[:-1, :-1][np.ix_(free, free)], right, damping)
             tried = model.with_parameters(model.parameter_vector + step)
             tried_grams = regression.compute_grams(regression.build_columns(tried))
-            tried_free = _free_parameters(tried, tried_grams)
-            remaining = _explained_square(tried_grams, tried_free)
-            cornered = (free & ~tried_free).any() and tried_grams.square > grams.square
-            lower = remaining < explained and not cornered
+            lower = False
+            # A law may have no value there, as a logarithm has none below 0: the step is too long.
+            if np.isfinite(tried_grams.total).all():
+                tried_free = _free_parameters(tried, tried_grams)
+                remaining = _explained_square(tried_grams, tried_free)
+                cornered = (free & ~tried_free).any() and tried_grams.square > grams.square
+                lower = remaining < explained and not cornered
             if lower or damping > LARGEST_DAMPING:
                 break
             damping, refused = max(10.0 * damping, 1e-2), True
