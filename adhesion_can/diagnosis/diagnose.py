@@ -85,6 +85,7 @@ from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.physics.driving_plan import PlanLimits
+from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 from adhesion_can.physics.effects.formula import AnyFormula
 
 ShowProgress = Callable[[str, float], None]
@@ -170,7 +171,8 @@ def diagnose(
             confirmed.rejected,
             confirm_on_hold_out(found, other_drives=any(held_out)),
         )
-        untested = [*untested, *rejected]
+        # What else was found or refuted beside that shape counts no longer.
+        untested += [one for one in rejected if one.what == CURVE_SHAPE]
     elif shaped is not None:
         found = shaped
     untested, other_drives = [*untested, *find_untestable(used)], any(held_out)

@@ -268,7 +268,8 @@ def compare(residuals: ModelResiduals, of_model: Array, rows: NDArray[np.bool_])
     before, after = residuals.plain[rows], of_model[rows]
     rmse_before, rmse = (float(np.sqrt(np.mean(one**2))) for one in (before, after))
     interval = gain_interval(before, after, residuals.unit[rows])
-    return Comparison(rmse, 100.0 * (1.0 - rmse / max(rmse_before, 1e-300)), interval)
+    percent = 100.0 * (1.0 - rmse / max(rmse_before, 1e-300))
+    return Comparison(rmse, percent, interval, rmse_before)
 
 
 def _part(

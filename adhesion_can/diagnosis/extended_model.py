@@ -65,7 +65,7 @@ def build_spline(residual_channel: ResidualChannel) -> Empirical | None:
 def refit_with_spline(prepared: PreparedRegression, model: Model, spline: Empirical) -> Model:
     """The model of the curves fitted anew, with a given spline."""
     curves = Model(model.curves, fixed=(ActiveEffect(spline, ()),))
-    return fit_model(prepared.regression.all_data, curves).model
+    return fit_model(prepared.regression.last_fit, curves).model
 
 
 @dataclass(frozen=True, eq=False)

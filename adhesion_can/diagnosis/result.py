@@ -65,12 +65,14 @@ class Comparison:
         rmse: RMSE of the model.
         percent: Gain over the plain curve, %.
         interval: 95 % interval of the gain, %; infinite where there are too few spans.
+        plain: RMSE of the plain curve.
 
     """
 
     rmse: float
     percent: float
     interval: tuple[float, float]
+    plain: float
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -120,6 +122,7 @@ class Gain:
         as_written: The model as its file has it, where whole recordings were held out; there
             `rmse_after` is that with the curve refitted. None elsewhere.
         method: How gain and interval were computed.
+        whole: Whether whole recordings were held out.
 
     """
 
@@ -132,6 +135,7 @@ class Gain:
     spans: tuple[tuple[str, float, float], ...]
     as_written: Comparison | None = None
     method: GainMethod = GainMethod.PLAIN
+    whole: bool = False
 
     @property
     def held_out(self) -> str:
@@ -161,7 +165,7 @@ class Gain:
                 if written is None
                 else {
                     "as_written": {
-                        "rmse_before": self.rmse_before,
+                        "rmse_before": written.plain,
                         "rmse_after": written.rmse,
                         "noise_floor": self.noise_floor,
                         "percent": written.percent,
@@ -354,7 +358,7 @@ class Diagnosis:
     def held_out_files(self) -> set[str]:
         """Names of the files that were held out whole, by the user or by the diagnosis."""
         named = {file.name for file in self.input_files if file.held_out}
-        if named or self.gain is None or len(self.input_files) < 2:
+        if named or self.gain is None or not self.gain.whole:
             return named
         return {recording for recording, _, _ in self.gain.spans}
 

@@ -134,8 +134,11 @@ def saturation_sentences(sensors: Sequence[SaturatedSensor]) -> list[str]:
         axles = ", ".join(str(one.axle) for one in own)
         most = max(one.effort for one in own)
         shares = [100 * one.share for one in own]
+        one, other = (f"{share:.1f}" for share in (min(shares), max(shares)))
+        share = one if one == other else f"{one} to {other}"
+        whose = f"axle {axles}" if len(own) == 1 else f"axles {axles}"
         out.append(
-            f"The tractive effort in {recording} is cut off at {most / 1e3:.2f} kN: so stand "
-            f"{min(shares):.1f} to {max(shares):.1f} % of the readings (axle {axles})."
+            f"The tractive effort in {recording} is cut off at {most / 1e3:.2f} kN: {share} % of "
+            f"the readings of {whose} are at this limit."
         )
     return out

@@ -58,12 +58,10 @@ COAST = PlanStep(3.0, "coast")
 def explanation(effect=None, *values, std=0.05, axle=0):
     """An explanation whose sizes are known to a share."""
     if effect is None:
-        return Explanation(PLAIN, "nothing acts beyond the curve", Model(CURVE), np.zeros((0, 0)))
+        return Explanation(PLAIN, Model(CURVE), np.zeros((0, 0)))
     candidate = Candidate(effect_by_id(effect), axle)
     information = np.diag([1.0 / (std * abs(value)) ** 2 for value in values])
-    return Explanation(
-        candidate.name, "it acts", Model(CURVE, (candidate,), (tuple(values),)), information
-    )
+    return Explanation(candidate.name, Model(CURVE, (candidate,), (tuple(values),)), information)
 
 
 BIAS, SCALE = explanation("effort_bias", 8000.0), explanation("speed_scale", 0.01)
@@ -87,7 +85,7 @@ def test_every_effect_of_the_library_can_be_planned_with(effect):
     candidate = Candidate(effect, 2 if any(p.axle for p in effect.parameters) else 0)
     values = tuple(p.typical for p in candidate.free_parameters)
     model, information = Model(CURVE, (candidate,), (values,)), np.eye(len(values))
-    one = Explanation(candidate.name, "it acts", model, information)
+    one = Explanation(candidate.name, model, information)
     setting = replace(SETTING, covariates=dict.fromkeys(effect.requires.covariates, 0.1))
     drive = predict_drive((TRACTION, BRAKING), START, setting, one)
     found = evaluate_model(drive.data, model.curves, model.active_effects)
@@ -109,7 +107,7 @@ def test_the_prediction_agrees_with_the_simulated_locomotive():
         rows.append((simulation.now_us / 1e6, *(plant.force / plant.load)))
     rows = np.array(rows)
     curves = SegmentCurves.from_parameters(BURCKHARDT, np.array([surface_by_name("dry").theta]))
-    one = Explanation(FALL.name, "", Model(curves, *vars_of(FALL)), FALL.information)
+    one = Explanation(FALL.name, Model(curves, *vars_of(FALL)), FALL.information)
     drive = predict_drive(plan.steps, DriveStart(0.0, 12.0), SETTING, one)
     (data,) = drive.data.drives
     observed = data.observe().adhesion

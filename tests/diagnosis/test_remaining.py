@@ -17,7 +17,7 @@ from tests.diagnosis.test_refutation import fitted, sweeps
 
 def explain(regression, *effects):
     model = fitted(regression, *effects)
-    return Explanation(" with ".join(effects) or PLAIN, "", model, np.zeros((0, 0)))
+    return Explanation(" with ".join(effects) or PLAIN, model, np.zeros((0, 0)))
 
 
 @pytest.fixture(scope="module")

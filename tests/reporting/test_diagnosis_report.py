@@ -431,7 +431,7 @@ def test_a_gain_says_how_it_was_computed():
 
 def test_a_recording_that_was_kept_back_for_want_of_others_is_told_as_such():
     two = [replace(source, held_out=False) for source in SOURCES]
-    gain = replace(named().gain, spans=(("other.log", 0.0, 100.0),))
+    gain = replace(named().gain, spans=(("other.log", 0.0, 100.0),), whole=True)
     found = replace(named(), gain=gain)
     assert [one["held_out"] for one in of_files(found, two).to_dict()["inputs"]] == [False, True]
     cells = rendered(found, two).texts("td")

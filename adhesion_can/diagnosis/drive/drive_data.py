@@ -177,7 +177,9 @@ class DriveData:
             travel=self.kinematics.travel,
             efforts=self.kinematics.efforts if instruments.needs(Need.EFFORTS) else None,
             wheel_angle=(
-                self.kinematics.wheel_angle if instruments.needs(Need.WHEEL_ANGLE) else None
+                self.kinematics.wheel_angle(instruments.effort_lag)
+                if instruments.needs(Need.WHEEL_ANGLE)
+                else None
             ),
             acceleration=(
                 self.kinematics.acceleration(*delays) if instruments.needs(Need.SEQUENCE) else None

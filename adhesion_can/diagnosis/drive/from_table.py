@@ -63,6 +63,8 @@ def build_drive_data_from_table(
     order = np.lexsort((t_s, number))
     rows, t_s, number = rows.select(order), t_s[order], number[order]
     covariates = {n: c for n, c in rows.covariates.items() if np.isfinite(c).all()}
+    for column in set(rows.covariates) - set(covariates):
+        lost[f"channel {column}"] = int((~np.isfinite(rows.covariates[column])).sum())
     columns = np.stack([(1.0 + rows.slip) * rows.speed, rows.speed, rows.load])
     return DriveData(
         name=name,
@@ -110,16 +112,34 @@ def _arbitrary_times(rows: int) -> Array:
 
 
 def _monotonic_times(t_s: Array, segment: NDArray[np.int64], axle: NDArray[np.int64]) -> Array:
-    """Increasing times, s: rows of an axle that do not follow each other are set well apart."""
-    monotonic = np.empty(len(t_s))
+    """Times that increase for each axle, s, the same clock for all of them.
+
+    Where the clock of an axle goes back, or its segment changes, a new stretch begins. Stretches,
+    and what a pause of all axles parts, are set well apart.
+    """
+    stretch, longest = np.zeros(len(t_s), dtype=np.int64), 0.0
+    repeated = np.zeros(len(t_s))
     for number in np.unique(axle):
         rows = np.flatnonzero(axle == number)
         step = np.diff(t_s[rows], prepend=t_s[rows[:1]])
         new = np.diff(segment[rows], prepend=segment[rows[:1]]) != 0
-        cut = new | (step < 0) | (step > _longest_step(step))
+        stretch[rows] = np.cumsum(new | (step < 0))
+        longest = max(longest, _longest_step(step))
         # Rows of one stamp follow each other all the same.
-        monotonic[rows] = np.cumsum(np.where(cut, SEPARATION_S, np.maximum(step, SAME_STAMP_S)))
-    return monotonic
+        repeats = (step == 0.0) & ~new
+        repeats[:1] = False
+        place = np.arange(len(rows))
+        repeated[rows] = place - np.maximum.accumulate(np.where(repeats, 0, place))
+    monotonic, offset = np.empty(len(t_s)), 0.0
+    for number in np.unique(stretch):
+        rows = np.flatnonzero(stretch == number)
+        stamps, place = np.unique(t_s[rows], return_inverse=True)
+        step = np.diff(stamps, prepend=stamps[:1])
+        time = offset + np.cumsum(np.where(step > longest, SEPARATION_S, step))
+        monotonic[rows] = time[place]
+        offset = float(time[-1]) + SEPARATION_S
+    # A little late, so that the rounding of stamps at the border of two blocks decides nothing.
+    return np.asarray(monotonic + SAME_STAMP_S * (1.0 + repeated))
 
 
 def _longest_step(step: Array) -> float:
@@ -132,4 +152,6 @@ def _travelled_distance(t_s: Array, speed: Array, axle: NDArray[np.int64]) -> Ar
     """Distance travelled along each axle's rows, m; shape (n,)."""
     step = np.diff(t_s, prepend=t_s[:1])
     follows = (step >= 0) & (step <= _longest_step(step)) & (np.diff(axle, prepend=axle[:1]) == 0)
-    return np.cumsum(np.where(follows, step * speed, 0.0))
+    travelled = np.cumsum(np.where(follows, step * speed, 0.0))
+    new = np.diff(axle, prepend=axle[:1] - 1) != 0
+    return np.asarray(travelled - travelled[new][np.cumsum(new) - 1])

@@ -197,12 +197,17 @@ class SignalKinematics:
         return np.stack(list(at), axis=1)
 
     @cached_property
-    def wheel_angle(self) -> Array:
-        """Angle that the row's wheel has turned since its first reading, rad; shape (n,)."""
+    def _turned(self) -> Mapping[int, Array]:
+        """Angle that each wheel has turned since its first reading, rad, by axle."""
+        return {axle: integrate(wheel) for axle, wheel in self._signals.wheels.items()}
+
+    def wheel_angle(self, effort_delay: float) -> Array:
+        """Angle that the row's wheel had turned when the effort was measured, rad; shape (n,)."""
         angle = np.empty(len(self._t_s))
         for axle, wheel in self._signals.wheels.items():
             rows = self._axles == axle
-            angle[rows] = np.interp(self._t_s[rows], wheel.t_s, integrate(wheel))
+            at = self._t_s[rows] - effort_delay
+            angle[rows] = np.interp(at, wheel.t_s, self._turned[axle])
         return angle
 
     def acceleration(self, speed_delay: float, effort_delay: float) -> Array:
@@ -213,7 +218,7 @@ class SignalKinematics:
     def once_per_turn(self, axle: int) -> TurnSwing:
         """What an axle's wheel speed shows once a turn."""
         wheel = self._signals.wheels[axle]
-        return find_turn_swing(wheel.t_s, wheel.value, integrate(wheel))
+        return find_turn_swing(wheel.t_s, wheel.value, self._turned[axle])
 
     def select_rows(self, kept: RowSelection) -> "SignalKinematics":
         """Kinematics at some of the rows."""
@@ -264,7 +269,6 @@ class TableKinematics:
     vehicle: Locomotive | None = None
     travel: Array | float = 1.0
     efforts: Array | None = None
-    wheel_angle: Array | None = None
 
     def __init__(self, axles: NDArray[np.int64], t_s: Array, columns: Array) -> None:
         self._axles, self._t_s, self._columns = axles, t_s, columns
@@ -274,6 +278,10 @@ class TableKinematics:
     def cycle_s(self) -> float:
         """Time between two rows of an axle, s, median."""
         return median_step(self._t_s, self._axles)
+
+    def wheel_angle(self, _effort_delay: float) -> Array | None:
+        """None: a table has no wheels that turn."""
+        return None
 
     def acceleration(self, _speed_delay: float, _effort_delay: float) -> Array | None:
         """None: a table has speeds at its rows alone."""

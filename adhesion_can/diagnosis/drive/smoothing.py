@@ -25,9 +25,9 @@ HIGH_PASS_WINDOW_S = 0.4
 """Width of the window of the high-pass filter, s."""
 GAP_CYCLES = 3.0
 """Time between two readings, in cycles of the signal, from which it is a gap."""
-LAG_STEPS_S, LAG_REACH = (0.1, 0.02, 0.005), 10
-"""Steps of the search for the lag of the vehicle speed behind the efforts, coarse to fine, s, and
-steps to either side."""
+DELAY_STEPS_S, LOW_PASS_STEPS_S, LAG_REACH = (0.1, 0.02, 0.005), (0.3, 0.04, 0.005), 10
+"""Steps of the search for the lag of the vehicle speed behind the efforts, coarse to fine, s, for a
+delay and for a time constant, and steps to either side."""
 LAGS_FORGOTTEN = 5.0
 """Time constants in which a first-order lag forgets its input."""
 CLEAR_PITCH = 0.1
@@ -308,14 +308,17 @@ def predict_speed_from_efforts(
             return alone
         return _LaggedImpulse(explained, lag, factors @ late)
 
-    def search(lagged: Callable[[Array, Array, float], Array]) -> _LaggedImpulse:
+    def search(
+        lagged: Callable[[Array, Array, float], Array], steps_s: Sequence[float]
+    ) -> _LaggedImpulse:
         best = fit(0.0, lagged)
-        for reach in LAG_STEPS_S:
+        for reach in steps_s:
             around = (best.lag + k * reach for k in range(-LAG_REACH, LAG_REACH + 1))
             best = max([best, *(fit(lag, lagged) for lag in around)], key=_explained)
         return best
 
-    return max(search(_delayed), search(_low_passed), key=_explained).speed
+    delayed = search(_delayed, DELAY_STEPS_S)
+    return max(delayed, search(_low_passed, LOW_PASS_STEPS_S), key=_explained).speed
 
 
 def _explained(fit: _LaggedImpulse) -> float:

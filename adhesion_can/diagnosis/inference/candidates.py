@@ -7,6 +7,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.kinematics import median_step
 from adhesion_can.diagnosis.evidence import Untested
@@ -140,6 +141,19 @@ def _derived_force(effect: Effect, drives: Sequence[DriveData]) -> str:
     return ""
 
 
+def _join_overlapping(series: NDArray[np.int64], time_s: Array) -> NDArray[np.int64]:
+    """Numbers of series, those at the same time joined: axles of one test are one level of time."""
+    count = int(series.max()) + 1
+    first, last = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(first, series, time_s)
+    np.maximum.at(last, series, time_s)
+    order = np.argsort(first, kind="stable")
+    behind = first[order][1:] > np.maximum.accumulate(last[order])[:-1]
+    joined = np.empty(count, dtype=np.int64)
+    joined[order] = np.concatenate([[0], np.cumsum(behind)])
+    return joined[series]
+
+
 def _few_series(drives: Sequence[DriveData]) -> str:
     """Why the series of a table cannot show a drift; '' where they can.
 
@@ -152,6 +166,7 @@ def _few_series(drives: Sequence[DriveData]) -> str:
             return ""
         new = np.abs(np.diff(drive.t_s, prepend=drive.t_s[:1])) > PAUSE_S
         series = np.cumsum(new | (np.diff(drive.axle, prepend=drive.axle[:1]) != 0))
+        series = _join_overlapping(series, drive.time_s)
         rows, time_s = np.bincount(series), drive.time_s
         mean = np.bincount(series, time_s) / np.maximum(rows, 1)
         total += len(drive) * float(np.var(time_s))

@@ -36,7 +36,8 @@ def build_channel_candidates(
     for name in sorted(set(brought) - of_library):
         lacking = next((d.name for d in drives if name not in d.covariates), None)
         if lacking is not None:
-            untested.append(Untested(PREFIX + name, f"{lacking} has no such column"))
+            why = f"{lacking} does not have it, or misses too many of its values"
+            untested.append(Untested(PREFIX + name, why))
             continue
         values = np.concatenate([drive.covariates[name] for drive in drives])
         why = _why_no_cause(values, drives)

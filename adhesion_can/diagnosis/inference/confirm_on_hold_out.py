@@ -1,7 +1,9 @@
 """Step 7, confirm on hold-out: only what predicts the held-out data better becomes a finding.
 
-Held-out data select nothing. But a finding whose gain on them may be none is dropped. A cause that
-was refuted and gains on them all the same says that something is there that has no cause.
+No cause is selected on held-out data. Blocks that are held out have a part in what removes one, or
+parts rivals; recordings that are held out whole have none. A finding whose gain on them may be none
+is dropped. A cause that was refuted and gains on them all the same says that something is there
+that has no cause.
 """
 
 from collections.abc import Iterator

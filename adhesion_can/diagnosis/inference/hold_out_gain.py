@@ -64,6 +64,7 @@ class HoldOutUnits:
         spans: Recording, begin and end of each span of units, s on the recording's clock.
         stratum: Number of the drive of each held-out row, where parts of each drive were held out;
             None: all are drawn alike. Shape (m,).
+        whole: Whether they are parts of recordings that were held out whole.
 
     """
 
@@ -71,6 +72,7 @@ class HoldOutUnits:
     description: str
     spans: tuple[tuple[str, float, float], ...]
     stratum: NDArray[np.int64] | None = None
+    whole: bool = False
 
 
 def compute_hold_out_gain(
@@ -287,7 +289,7 @@ def group_hold_out(
             f"{100 * share:.0f} % of the rows"
         )
     stratum = np.zeros_like(drive_number) if other_drives else drive_number
-    return HoldOutUnits(number, description, tuple(spans), stratum)
+    return HoldOutUnits(number, description, tuple(spans), stratum, other_drives)
 
 
 def compute_gain(result: HoldOutResult, units: HoldOutUnits, noise_floor: float) -> Gain:
@@ -305,7 +307,10 @@ def compute_gain(result: HoldOutResult, units: HoldOutUnits, noise_floor: float)
     if not np.array_equal(result.before, result.after):
         percent = 100.0 * (1.0 - after / max(before, 1e-300))
         interval = gain_interval(result.before, result.after, units.unit, units.stratum)
-    return Gain(before, after, noise_floor, percent, interval, units.description, units.spans)
+    return Gain(
+        before, after, noise_floor, percent, interval, units.description, units.spans,
+        whole=units.whole,
+    )  # fmt: skip
 
 
 def gain_interval(

@@ -53,6 +53,7 @@ def fit_pairs(
 
     """
     ranked: list[tuple[float, EffectProposal]] = []
+    from_best: dict[frozenset[str], EffectProposal] = {}
     for one in singles[:PAIRED_SINGLES]:
         others = [c for c in candidates if one.admits(c)]
         own = 1.0 - one.fitted.cross_validated_square / plain_square
@@ -61,11 +62,15 @@ def fit_pairs(
             for proposal in propose_effects(regression, one.fitted.model, others)[:PARTNERS]
             if proposal.gain > LEAST_WHITENED_GAIN
         ]
-    ranked.sort(key=lambda pair: -pair[0])
-    chosen: dict[frozenset[str], EffectProposal] = {}
+    # Of a pair that two singles propose, the better one: what is added to it is what was tested.
     for _, proposal in ranked:
-        chosen.setdefault(frozenset(c.name for c in proposal.model.candidates), proposal)
-    return race(regression, list(chosen.values())[: 2 * PARTNERS])
+        from_best.setdefault(_names(proposal), proposal)
+    chosen = dict.fromkeys(_names(one) for _, one in sorted(ranked, key=lambda pair: -pair[0]))
+    return race(regression, [from_best[names] for names in list(chosen)[: 2 * PARTNERS]])
+
+
+def _names(proposal: EffectProposal) -> frozenset[str]:
+    return frozenset(candidate.name for candidate in proposal.model.candidates)
 
 
 def fit_members(

@@ -74,6 +74,8 @@ def _with_phases(candidates: Sequence[Candidate], drive: DriveData) -> tuple[lis
         largest = max(largest, swing.amplitude)
     if found:
         return found, ""
+    if largest == 0.0:
+        return [], "the recording is too short to show a swing once a turn, or no wheel turns"
     return [], f"no wheel speed swings once a turn by more than {100.0 * largest:.2g} %"
 
 

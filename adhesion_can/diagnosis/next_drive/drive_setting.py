@@ -150,7 +150,7 @@ def _fit_resistance(drive: DriveData, speed: Array, vehicle: Locomotive) -> Trai
         force += np.bincount(second[rows], drive.effort[rows], count) / np.maximum(number, 1)
         axles += number > 0
     mean = np.bincount(second, speed, count) / np.maximum(np.bincount(second, minlength=count), 1)
-    whole = axles == axles.max()
+    whole = axles == vehicle.axles
     inner = np.flatnonzero(whole[2:] & whole[1:-1] & whole[:-2]) + 1
     mass = vehicle.train_mass
     if not len(inner):

@@ -37,22 +37,15 @@ class Explanation:
 
     Attributes:
         name: Ids of its effects with forms and axles; `PLAIN` for none.
-        sentence: What happens if it holds, a clause.
-        model: Effects with their estimates, and the curve of the rail that was driven last.
+        model: Effects with their estimates, and the curve of the rail with most rows.
         information: Information that the data hold about the effects' free parameters, the curve's
             eliminated, reciprocal squares of their units; shape (k, k).
 
     """
 
     name: str
-    sentence: str
     model: Model
     information: Array
-
-    @property
-    def ids(self) -> frozenset[str]:
-        """Effect ids."""
-        return frozenset(candidate.effect.id for candidate in self.model.candidates)
 
 
 def build_explanations(
@@ -86,7 +79,7 @@ def build_explanations(
     if not is_confirmed and scored:
         plain = _refit(regression, found.baseline.fitted.model)
         scored = [*scored[: MOST_EXPLANATIONS - 1], plain]
-    surface = _last_surface(regression)
+    surface = _largest_surface(regression)
     return tuple(_explain(one.fitted, surface) for one in scored)
 
 
@@ -131,7 +124,7 @@ def _without_duplicates(models: Iterable[ScoredModel]) -> list[ScoredModel]:
     return list(best.values())
 
 
-def _last_surface(regression: WhitenedRegression) -> int:
+def _largest_surface(regression: WhitenedRegression) -> int:
     """Number of the surface with most rows."""
     used = regression.data.surface[regression.used]
     return int(np.argmax(np.bincount(used))) if len(used) else 0
@@ -139,16 +132,11 @@ def _last_surface(regression: WhitenedRegression) -> int:
 
 def _explain(fitted: FittedModel, surface: int) -> Explanation:
     model = fitted.model
-    pairs = list(zip(model.candidates, model.values, strict=True))
     family = model.curves.family
     shape = [] if family is BURCKHARDT else [f"{CURVE_SHAPE} {family.name}"]
     name = " with ".join([*shape, *(c.name for c in model.candidates)]) or PLAIN
-    sentence = " and ".join(
-        (values[0] < 0.0 and c.effect.observability.below) or c.effect.title for c, values in pairs
-    )
     alone = replace(model, curves=model.curves.select(surface))
-    nothing = "the curve has another form" if shape else "nothing acts beyond the curve"
-    return Explanation(name, sentence or nothing, alone, _information(fitted))
+    return Explanation(name, alone, _information(fitted))
 
 
 def _information(fitted: FittedModel) -> Array:

@@ -119,9 +119,10 @@ def _divide(name: str, values: Array) -> Partition | None:
     if len(levels) <= FEW_VALUES:
         labels = tuple(f"{label} {short(float(level))} {unit}".strip() for level in levels)
         return Partition(name, labels, np.searchsorted(levels, values))
+    counts = np.unique(values, return_counts=True)[1]
+    if counts.max() > len(values) / 3:
+        return _divide_at(name, values, float(levels[np.argmax(counts)]), label, unit)
     low, high = (float(edge) for edge in np.quantile(values, THIRDS))
-    if not low < high:
-        return None
     low_text, high_text = (f"{short(edge)} {unit}".strip() for edge in (low, high))
     labels = (
         f"{label} below {low_text}",
@@ -129,6 +130,14 @@ def _divide(name: str, values: Array) -> Partition | None:
         f"{label} above {high_text}",
     )
     return Partition(name, labels, np.searchsorted([low, high], values).astype(np.int64))
+
+
+def _divide_at(name: str, values: Array, usual: float, label: str, unit: str) -> Partition:
+    """Partition at a value that most rows have, as a curvature of 0: below, there and above."""
+    text = f"{short(usual)} {unit}".strip()
+    named = (f"{label} below {text}", f"{label} {text}", f"{label} above {text}")
+    there, number = np.unique(np.sign(values - usual), return_inverse=True)
+    return Partition(name, tuple(named[int(sign) + 1] for sign in there), number)
 
 
 _UNITS: Mapping[str, str] = {
