@@ -87,6 +87,21 @@ def test_effects_that_are_not_there_do_not_gain(named, capsys):
     assert "is not certain" in capsys.readouterr().out
 
 
+def test_a_table_has_no_efforts_of_all_axles_for_a_load_transfer(named, tmp_path, capsys):
+    """It ended in a traceback of the eigenvalues."""
+    folder, log = named[0], tmp_path / "a.log"
+    options = ["--scenario", "sweep", "--duration", "120", "--effect", "load_transfer:geometry=1"]
+    assert main(["simulate", *options, "--log", str(log)]) == 0
+    model = tmp_path / "m.toml"
+    assert main(["diagnose", str(log), "--extended", str(model)]) == 0
+    assert 'id = "load_transfer"' in model.read_text()
+    capsys.readouterr()
+    assert main(["evaluate", str(table(folder / "e.csv", 4)), "--model", str(model)]) == 2
+    err = capsys.readouterr().err
+    assert "load_transfer of the model needs the efforts of all axles" in err
+    assert len(err.splitlines()) == 1
+
+
 def test_a_missing_channel_is_an_error_with_its_name(named, tmp_path, capsys):
     folder, _ = named
     path = write_table(tmp_path / "t.csv", {"time_s": [0.0, 1.0], "slip": [0.1, 0.2],

@@ -216,9 +216,13 @@ def test_an_estimator_that_says_nothing_in_a_sequence_is_named(done):
 @pytest.mark.timeout(300)
 def test_ctrl_c_ends_it_and_its_workers_without_a_word(tmp_path):
     run = [sys.executable, "-m", "adhesion_can.cli.main", "experiment", "3", "--out", str(tmp_path)]
-    with subprocess.Popen(
+    # Started in the background, these tests may ignore Ctrl-C; the command must not inherit that.
+    inherited = signal.signal(signal.SIGINT, signal.default_int_handler)
+    process = subprocess.Popen(
         run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as process:
+    )
+    signal.signal(signal.SIGINT, inherited)
+    with process:
         workers = Path(f"/proc/{process.pid}/task/{process.pid}/children")
         while not workers.read_text():
             time.sleep(0.1)

@@ -8,7 +8,7 @@ import pytest
 
 from adhesion_can.cli.main import main
 from adhesion_can.config.model_file import read_model
-from tests.diagnosis.diagnosis_helpers import diagnosed
+from tests.diagnosis.diagnosis_helpers import diagnosed, sweeps, write_table
 from tests.worlds.mechanisms import KINDS, make_mechanism, write_mechanism
 
 SIZE = 0.06
@@ -111,6 +111,19 @@ def test_beside_a_formula_of_the_users_none_is_proposed(tmp_path):
     formulas = [c["form"] for c in answer.document["causes"] if c["effect"] == "formula"]
     assert len(formulas) <= 1
     assert "salt" in answer.out
+
+
+@pytest.mark.parametrize("start", ["5", "15"])
+def test_a_formula_without_a_value_at_other_constants_is_searched_where_it_has_one(tmp_path, start):
+    """A logarithm of wind - b has none from the least wind on: it ended in a traceback."""
+    rng = np.random.default_rng(30)
+    drive = sweeps(rng, 3000)
+    wind = rng.uniform(16.0, 30.0, 3000)
+    drive["adhesion"] *= 1.0 + 0.1 * np.log(wind - 12.0)
+    path = write_table(tmp_path / "t.csv", {**drive, "wind": wind})
+    text = f"1 + a * log(wind - b) where a=0.1, b={start}"
+    answer = diagnosed(tmp_path, path, "--formula", text)
+    assert answer.status == 0, answer.err
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adhesion_can.diagnosis.drive.from_table import _monotonic_times
 from adhesion_can.diagnosis.regression.model import compute_factor
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.formula import formula_of
@@ -222,3 +223,64 @@ def test_hardly_any_rows(rows):
     made = drive(columns(1, rows), np.arange(rows) * 0.01)
     assert len(made) == rows
     assert len(made.observe().slip) == rows
+
+
+# --- several axles
+
+
+def test_axles_of_one_clock_are_at_the_same_time_in_every_block():
+    """A pause of one axle alone moved its rows to the blocks of other times."""
+    given = columns(n=2 * N)
+    t_s = np.tile(np.arange(N) * 0.05, 2)
+    axle = np.repeat([1, 2], N)
+    there = np.ones(2 * N, dtype=bool)
+    there[N + 200 : N + 400] = False  # axle 2 for 10 s
+    made = drive({name: values[there] for name, values in given.items()}, t_s[there], axle[there])
+    times = [made.t_s[made.axle == number] for number in (1, 2)]
+    row = [made.covariates["row"][made.axle == number] for number in (1, 2)]
+    of_first = dict(zip(row[0].tolist(), times[0].tolist(), strict=True))
+    kept = np.flatnonzero(there) % N
+    assert len(times[1]) == N - 200
+    for place, time in zip(kept[N:], times[1], strict=True):
+        assert time == pytest.approx(of_first[float(place)], abs=1e-9)
+
+
+def test_an_axle_that_was_measured_later_shares_no_time_with_the_first():
+    given = columns(n=2 * N)
+    t_s = np.concatenate([np.arange(N) * 0.05, 3600.0 + np.arange(N) * 0.05])
+    made = drive(given, t_s, np.repeat([1, 2], N))
+    first, second = (made.t_s[made.axle == number] for number in (1, 2))
+    assert second.min() > first.max() + 1.0
+
+
+def test_each_axle_travels_from_its_own_start():
+    given = columns(n=2 * N)
+    made = drive(given, np.tile(np.arange(N) * 0.05, 2), np.repeat([1, 2], N))
+    first, second = (made.position[made.axle == number] for number in (1, 2))
+    assert first[0] == second[0] == 0.0
+    assert second[-1] == pytest.approx(first[-1], rel=0.1)
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 3), st.integers(0, 40)), min_size=2, max_size=60),
+    st.booleans(),
+)
+def test_times_of_each_axle_rise_whatever_the_clock_does(rows, in_order):
+    axle = np.array([number for number, _ in rows])
+    t_s = np.array([0.5 * stamp for _, stamp in rows])
+    if in_order:
+        t_s.sort()
+    made = _monotonic_times(t_s, np.zeros(len(rows), dtype=np.int64), axle)
+    for number in np.unique(axle):
+        own = made[axle == number]
+        assert (np.diff(own) > 0.0).all()
+
+
+def test_a_column_with_an_empty_cell_is_said_to_be_incomplete():
+    wind = np.full(N, 5.0)
+    wind[7] = np.nan
+    made = build_table_drive(
+        columns()["slip"], columns()["adhesion"], np.arange(N) * 0.05, covariates={"wind": wind}
+    )
+    assert "wind" not in made.covariates
+    assert made.lost["channel wind"] == 1

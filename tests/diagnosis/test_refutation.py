@@ -13,7 +13,7 @@ from adhesion_can.diagnosis.refutation.block_variance import (
     compute_block_variance,
     compute_variance_left,
 )
-from adhesion_can.diagnosis.refutation.environments import Partition, build_partitions
+from adhesion_can.diagnosis.refutation.environments import Partition, _divide, build_partitions
 from adhesion_can.diagnosis.refutation.invariance import (
     _cochran,
     _pseudo_inverse,
@@ -195,6 +195,19 @@ def test_every_partition_covers_all_rows_and_names_its_environments():
         assert one.number.max() == len(one.labels) - 1
         assert len(one.number) == len(regression.data)
         assert len(set(one.labels)) == len(one.labels)
+
+
+def test_a_channel_that_is_mostly_0_is_divided_at_0():
+    rng = np.random.default_rng(10)
+    values = np.where(rng.random(900) < 0.7, 0.0, rng.normal(size=900))
+    made = _divide("curvature_per_m", values)
+    assert [label.split()[-3:] for label in made.labels] == [
+        ["below", "0", "1/m"], ["curvature", "0", "1/m"], ["above", "0", "1/m"],
+    ]  # fmt: skip
+    assert (made.number == np.sign(values) + 1).all()
+    one_side = _divide("curvature_per_m", np.abs(values))
+    assert len(one_side.labels) == 2
+    assert (one_side.number == (values != 0)).all()
 
 
 def test_cochrans_q_is_uniform_where_sizes_agree():
