@@ -33,6 +33,7 @@ from adhesion_can.diagnosis.inference.compute_effect_grams import compute_effect
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import (
     ConfirmedFindings,
     confirm_on_hold_out,
+    drop_uncertain,
 )
 from adhesion_can.diagnosis.inference.curve_shape import (
     choose_families,
@@ -165,6 +166,9 @@ def diagnose(
         grams = compute_effect_grams(found.prepared, found.selection.plain.rmse)
     # Step 7
     show("gain", 0.85)
+    if shaped is None:
+        found, dropped = drop_uncertain(found, other_drives=any(held_out))
+        untested = [*untested, *dropped]
     confirmed = confirm_on_hold_out(shaped or found, other_drives=any(held_out))
     if shaped is not None and confirmed.shape is None:
         rejected, confirmed = (

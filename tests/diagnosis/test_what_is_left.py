@@ -87,3 +87,46 @@ def test_the_rate_of_the_slip_is_that_of_each_axle():
 def test_a_row_without_another_one_near_changes_by_nothing():
     drive = SimpleNamespace(axle=np.ones(3), t_s=np.array([0.0, 5.0, 10.0]))
     assert environments._compute_rate(drive, np.array([0.0, 0.1, 0.0])).tolist() == [0.0] * 3
+
+
+class Named:
+    """Findings with effects of which each gains so much beside the others, with its interval."""
+
+    def __init__(self, gains):
+        self.named = tuple(gains)
+        candidates = tuple(SimpleNamespace(effect=SimpleNamespace(id=name)) for name in gains)
+        model = SimpleNamespace(candidates=candidates, gains=gains)
+        self.selection = SimpleNamespace(best=SimpleNamespace(fitted=SimpleNamespace(model=model)))
+        self.prepared = SimpleNamespace(regression=None)
+
+    def without_effect(self, place):
+        gains = self.selection.best.fitted.model.gains
+        return Named({name: gains[name] for k, name in enumerate(gains) if k != place})
+
+
+@pytest.mark.parametrize(
+    ("gains", "left"),
+    [
+        ({"a": (5.0, 9.0), "b": (1.0, 3.0)}, {"a", "b"}),
+        ({"a": (5.0, 9.0), "b": (-1.0, 30.0)}, {"a"}),
+        ({"a": (-4.0, 9.0), "b": (-1.0, 3.0), "c": (2.0, 3.0)}, {"c"}),
+        ({"a": (-4.0, 9.0)}, {"a"}),  # alone it is judged with the plain curve
+        ({}, set()),
+    ],
+)
+def test_each_of_several_causes_gains_beside_the_others(gains, left, monkeypatch):
+    def gain_of(_found, without, _best, _channel, **_how):
+        return SimpleNamespace(interval=without, percent=sum(without) / 2)
+
+    def remove(model, place):
+        return (model.gains[model.candidates[place].effect.id],)
+
+    monkeypatch.setattr(confirm_on_hold_out, "_compute_gain", gain_of)
+    monkeypatch.setattr(confirm_on_hold_out, "remove_effect", remove)
+    fit = SimpleNamespace
+    monkeypatch.setattr(confirm_on_hold_out, "fit_model", lambda _rows, one: fit(model=one))
+    monkeypatch.setattr(confirm_on_hold_out, "is_significant", lambda one: one.interval[0] > 0.0)
+    kept, rejected = confirm_on_hold_out.drop_uncertain(Named(gains), other_drives=False)
+    assert set(kept.named) == left
+    assert {one.what for one in rejected} == set(gains) - left
+    assert all(one.rejected and "beside the other causes" in one.why for one in rejected)

@@ -17,7 +17,7 @@ from adhesion_can.diagnosis.inference.hold_out_gain import compute_hold_out_gain
 from adhesion_can.diagnosis.inference.model_comparison import LEAST_GAIN
 from adhesion_can.diagnosis.refutation.refuted_cause import RefutedCause
 from adhesion_can.diagnosis.regression.candidate import Candidate
-from adhesion_can.diagnosis.regression.model import Model
+from adhesion_can.diagnosis.regression.model import Model, remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import fit_model
 from adhesion_can.diagnosis.result import Gain
 from adhesion_can.diagnosis.sentences import name_with_wave
@@ -28,6 +28,8 @@ CLEAR_GAIN = 5.0
 nothing of a shape, which widens the interval."""
 
 NOT_CONFIRMED = "it showed in the data that decided, and does not hold on those that were held out"
+
+NOT_BESIDE = "beside the other causes it gains nothing for certain on the data that were held out"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +66,30 @@ class ConfirmedFindings:
     rejected: tuple[Untested, ...]
     shape: ShapeFinding | None = None
     closest: tuple[ClosestCause, ...] = ()
+
+
+def drop_uncertain(found: Findings, *, other_drives: bool) -> tuple[Findings, tuple[Untested, ...]]:
+    """The findings without effects that gain nothing for certain beside the others, and which.
+
+    Together with a true cause, a second one that fits a little noise gains as well.
+
+    Args:
+        found: Findings of steps 2 to 6.
+        other_drives: Whether whole recordings were held out.
+
+    """
+    best, regression = found.selection.best.fitted.model, found.prepared.regression
+    if len(found.named) < 2:
+        return found, ()
+    gains = []
+    for place in range(len(best.candidates)):
+        without = fit_model(regression, remove_effect(best, place)[0]).model
+        gains.append(_compute_gain(found, without, best, None, other_drives=other_drives))
+    least = min(range(len(gains)), key=lambda place: gains[place].interval[0])
+    if is_significant(gains[least]):
+        return found, ()
+    smaller, rejected = drop_uncertain(found.without_effect(least), other_drives=other_drives)
+    return smaller, (_reject(best.candidates[least].effect.id, NOT_BESIDE), *rejected)
 
 
 def confirm_on_hold_out(found: Findings, *, other_drives: bool) -> ConfirmedFindings:
