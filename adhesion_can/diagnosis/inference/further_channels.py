@@ -72,7 +72,9 @@ def drop_needless(
         if not needless:
             return best, smaller
         least = min(needless, key=lambda one: one.fitted.cross_validated_square)
-        best = replace(least, sign_flip_p_value=best.sign_flip_p_value)
+        # What was tested beside a needless effect holds without it.
+        by_signs = best.sign_flips.get(frozenset(best.candidates) - {last}, 1.0)
+        best = replace(least, sign_flips={frozenset(least.candidates) - {last}: by_signs})
         smaller = _fit_smaller(regression, best)
 
 

@@ -5,7 +5,8 @@ favoured by its size. The differences between two models over the blocks are tes
 test and by Wilcoxon's signed-rank test (Biometrics 1 (1945)).
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
@@ -35,14 +36,15 @@ class ScoredModel:
         rmse: RMSE of the adhesion on the rows that are not held out, errors of the vehicle speed
             that all axles share taken off.
         rmse_with_speed_errors: The same with these errors.
-        sign_flip_p_value: P-value of the last effect by sign flips against the model without it.
+        sign_flips: P-value by sign flips of what the model adds to one with given effects, by these
+            effects.
 
     """
 
     fitted: FittedModel
     rmse: float
     rmse_with_speed_errors: float
-    sign_flip_p_value: float = 1.0
+    sign_flips: Mapping[frozenset[Candidate], float] = field(default_factory=dict)
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -101,20 +103,22 @@ class ScoredModel:
 
 
 def score_model(
-    regression: WhitenedRegression, fitted: FittedModel, sign_flip_p_value: float = 1.0
+    regression: WhitenedRegression,
+    fitted: FittedModel,
+    sign_flips: Mapping[frozenset[Candidate], float] | None = None,
 ) -> ScoredModel:
-    """A fitted model with its RMSE."""
+    """A fitted model with its RMSE, and its p-values by sign flips where there are some."""
     residual = regression.residual(fitted.model)
     both = (regression.without_speed_errors(residual), residual)
     rmse, with_errors = (float(np.sqrt(np.mean(one[regression.used] ** 2))) for one in both)
-    return ScoredModel(fitted, rmse, with_errors, sign_flip_p_value)
+    return ScoredModel(fitted, rmse, with_errors, sign_flips or {})
 
 
 def is_improvement(small: ScoredModel, large: ScoredModel, tested: float) -> bool:
     """Whether a larger model's gain is significant, with so many effects tested, and worth it.
 
-    The sign flips of the larger model's last effect count where the smaller one is what that effect
-    was added to: beside another model they tested something else.
+    Sign flips count where they tested what the larger model adds to the smaller one: beside another
+    model they tested something else.
     """
     least = SECOND_LEAST_GAIN if small.candidates else LEAST_GAIN
     # An effect on the vehicle speed looks like an error of it, and others drown in such an error.
@@ -126,9 +130,8 @@ def is_improvement(small: ScoredModel, large: ScoredModel, tested: float) -> boo
         (1.0 - LEAST_WHITENED_GAIN) * small.fitted.cross_validated_square
     )
     by_blocks = gain_p_value(small.fitted, large.fitted) * tested
-    families = [one.fitted.model.curves.family for one in (small, large)]
-    was_tested = small.candidates == large.candidates[:-1] and families[0] is families[1]
-    by_signs = large.sign_flip_p_value if was_tested else 1.0
+    same_family = small.fitted.model.curves.family is large.fitted.model.curves.family
+    by_signs = large.sign_flips.get(frozenset(small.candidates), 1.0) if same_family else 1.0
     return bool(worth and 2.0 * min(by_signs, by_blocks) <= LEVEL)
 
 

@@ -87,6 +87,7 @@ class ModelSelection:
                 for one in smaller
             ),
         ]
-        if self.best.candidates[-1] == candidate:
-            values.append(self.best.sign_flip_p_value)
+        others = frozenset(self.best.candidates) - {candidate}
+        if others in self.best.sign_flips:
+            values.append(self.best.sign_flips[others])
         return min(1.0, len(values) * min(values))

@@ -1,6 +1,6 @@
 """Which effects promise most beside a model: each of them added to it, with a linearised size."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -32,6 +32,11 @@ class EffectProposal:
     gain: float
     p_value: float
 
+    @property
+    def sign_flips(self) -> Mapping[frozenset[Candidate], float]:
+        """The p-value by the effects to which the last one is added."""
+        return {frozenset(self.model.candidates[:-1]): self.p_value}
+
 
 class _Start(NamedTuple):
     """A candidate, its start values, and the size of the chord of its signature."""
@@ -59,13 +64,12 @@ def propose_effects(
         for chord in candidate.chord_sizes
     ]
     known = regression.evaluate_corrected(model)
-    signatures = [regression.compute_signature(model, *start, known) for start in starts]
+    tried = ((start, regression.compute_signature(model, *start, known)) for start in starts)
     # A user's formula may have no value at some of its starts: it is searched from the others.
-    there = [bool(np.isfinite(one).all()) for one in signatures]
-    starts = [one for one, is_there in zip(starts, there, strict=True) if is_there]
-    signatures = [one for one, is_there in zip(signatures, there, strict=True) if is_there]
-    if not starts:
+    there = [(start, signature) for start, signature in tried if np.isfinite(signature).all()]
+    if not there:
         return []
+    starts, signatures = (list(column) for column in zip(*there, strict=True))
     columns = regression.build_columns(model)
     white = regression.whiten(np.column_stack(signatures))
     grams = regression.compute_grams(np.column_stack([columns[:, :-1], white, columns[:, -1]]))

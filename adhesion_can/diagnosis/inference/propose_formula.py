@@ -196,7 +196,7 @@ def _fit_formulas(
             continue
         forms[form] = forms.get(form, 0) + 1
         fitted = fit_model(regression, proposal.model)
-        fits.append(score_model(regression, fitted, proposal.p_value))
+        fits.append(score_model(regression, fitted, proposal.sign_flips))
     return fits
 
 

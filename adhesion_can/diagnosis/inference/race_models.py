@@ -1,6 +1,7 @@
 """Race of the most promising models with one effect and with two, fitted in full."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import inf
 
 from adhesion_can.diagnosis.inference.model_comparison import (
@@ -53,7 +54,6 @@ def fit_pairs(
 
     """
     ranked: list[tuple[float, EffectProposal]] = []
-    from_best: dict[frozenset[str], EffectProposal] = {}
     for one in singles[:PAIRED_SINGLES]:
         others = [c for c in candidates if one.admits(c)]
         own = 1.0 - one.fitted.cross_validated_square / plain_square
@@ -62,15 +62,16 @@ def fit_pairs(
             for proposal in propose_effects(regression, one.fitted.model, others)[:PARTNERS]
             if proposal.gain > LEAST_WHITENED_GAIN
         ]
-    # Of a pair that two singles propose, the better one: what is added to it is what was tested.
+    ranked.sort(key=lambda pair: -pair[0])
+    chosen: dict[frozenset[Candidate], EffectProposal] = {}
+    # A pair that two singles propose starts from the more promising, and was tested beside both.
+    sign_flips: dict[frozenset[Candidate], dict[frozenset[Candidate], float]] = {}
     for _, proposal in ranked:
-        from_best.setdefault(_names(proposal), proposal)
-    chosen = dict.fromkeys(_names(one) for _, one in sorted(ranked, key=lambda pair: -pair[0]))
-    return race(regression, [from_best[names] for names in list(chosen)[: 2 * PARTNERS]])
-
-
-def _names(proposal: EffectProposal) -> frozenset[str]:
-    return frozenset(candidate.name for candidate in proposal.model.candidates)
+        pair = frozenset(proposal.model.candidates)
+        chosen.setdefault(pair, proposal)
+        sign_flips.setdefault(pair, {}).update(proposal.sign_flips)
+    fits = race(regression, list(chosen.values())[: 2 * PARTNERS])
+    return [replace(one, sign_flips=sign_flips[frozenset(one.candidates)]) for one in fits]
 
 
 def fit_members(
@@ -111,5 +112,5 @@ def race(regression: WhitenedRegression, proposals: Sequence[EffectProposal]) ->
     for proposal in proposals:
         fitted = fit_model(regression, proposal.model, hopeless=FAR_BEHIND * best)
         best = min(best, fitted.grams.square)
-        fits.append(score_model(regression, fitted, proposal.p_value))
+        fits.append(score_model(regression, fitted, proposal.sign_flips))
     return sorted(fits, key=lambda one: one.fitted.cross_validated_square)
