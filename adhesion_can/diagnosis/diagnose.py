@@ -166,20 +166,19 @@ def diagnose(
         grams = compute_effect_grams(found.prepared, found.selection.plain.rmse)
     # Step 7
     show("gain", 0.85)
+    other_drives = any(held_out)
     if shaped is None:
-        found, dropped = drop_uncertain(found, other_drives=any(held_out))
-        untested = [*untested, *dropped]
-    confirmed = confirm_on_hold_out(shaped or found, other_drives=any(held_out))
+        found, dropped = drop_uncertain(found, other_drives=other_drives)
+        untested += dropped
+    confirmed = confirm_on_hold_out(shaped or found, other_drives=other_drives)
     if shaped is not None and confirmed.shape is None:
-        rejected, confirmed = (
-            confirmed.rejected,
-            confirm_on_hold_out(found, other_drives=any(held_out)),
-        )
+        rejected = confirmed.rejected
+        confirmed = confirm_on_hold_out(found, other_drives=other_drives)
         # What else was found or refuted beside that shape counts no longer.
         untested += [one for one in rejected if one.what == CURVE_SHAPE]
     elif shaped is not None:
         found = shaped
-    untested, other_drives = [*untested, *find_untestable(used)], any(held_out)
+    untested += find_untestable(used)
     deciding = [drive for drive, held in zip(used, held_out, strict=True) if not held]
     remaining = _find_remaining(deciding, plain_found, settings, show)
     found, confirmed = _with_winner(

@@ -19,7 +19,7 @@ from adhesion_can.physics.vehicle import Locomotive
 if TYPE_CHECKING:  # the effects import the instruments
     from adhesion_can.physics.effects.lag_states import LagStates
 
-LEAST_GAIN = 0.05
+LEAST_SENSOR_GAIN = 0.05
 """Least share of a true value that a reading is taken to have: of nothing no value can be told."""
 
 
@@ -190,7 +190,7 @@ def total_error(
 ) -> ReadingError:
     """Error of one kind of reading by several laws: their gains multiply, and their zeros add up.
 
-    No gain is below `LEAST_GAIN`, whatever a law says.
+    No gain is below `LEAST_SENSOR_GAIN`, whatever a law says.
     """
     gain: Array | float = 1.0
     absolute: Array | float = 0.0
@@ -201,7 +201,7 @@ def total_error(
             rate = rate * (1.0 + one.relative) + gain * one.relative_rate
             gain = gain * (1.0 + one.relative)
             absolute = absolute + one.absolute
-    return ReadingError(np.maximum(gain, LEAST_GAIN) - 1.0, absolute, rate)
+    return ReadingError(np.maximum(gain, LEAST_SENSOR_GAIN) - 1.0, absolute, rate)
 
 
 class TrueValues(NamedTuple):

@@ -8,7 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adhesion_can.physics.effects.lag_states import LagStates
-from adhesion_can.physics.instrument_laws import LEAST_GAIN, Quantity, ReadingError, total_error
+from adhesion_can.physics.instrument_laws import (
+    LEAST_SENSOR_GAIN,
+    Quantity,
+    ReadingError,
+    total_error,
+)
 
 NO_SITUATION = None
 
@@ -35,13 +40,13 @@ def total(*laws):
 @given(st.lists(st.floats(-0.3, 0.3), max_size=3))
 def test_gains_in_a_chain_multiply(errors):
     gain = 1.0 + total(*(Law(one) for one in errors)).relative
-    assert gain == pytest.approx(max(np.prod([1.0 + one for one in errors]), LEAST_GAIN))
+    assert gain == pytest.approx(max(np.prod([1.0 + one for one in errors]), LEAST_SENSOR_GAIN))
 
 
 @given(st.lists(st.floats(-3.0, 3.0), max_size=4))
 def test_no_reading_loses_its_whole_value(errors):
     """A drift of −0.002/s beside a brake of 0.6 was a gain of 0 after 200 s."""
-    assert 1.0 + total(*(Law(one) for one in errors)).relative >= LEAST_GAIN - 1e-12
+    assert 1.0 + total(*(Law(one) for one in errors)).relative >= LEAST_SENSOR_GAIN - 1e-12
 
 
 def test_zeros_add_up_and_other_quantities_do_not_count():

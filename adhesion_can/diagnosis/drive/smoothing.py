@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.noise_memory import LastingNoise, fit_lasting_noise
+from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.sampling.traces import Trace
 
 SPEED_WINDOWS_S = (0.3, 0.6, 1.0, 1.5, 2.2, 3.0)
@@ -337,20 +338,8 @@ def _low_passed(t_s: Array, values: Array, time_s: float) -> Array:
     """
     if time_s <= 0.0:
         return values
-    cycle = float(np.median(np.diff(t_s)))
-    pole = float(np.exp(-cycle / time_s))
-    # The exact response to straight lines between the readings has two taps.
-    late = time_s / cycle * (1.0 - pole)
-    taps = [1.0 - late, late - pole]
-    found = np.empty(len(values))
-    forgotten = np.flatnonzero(np.diff(t_s) > LAGS_FORGOTTEN * time_s) + 1
-    for run in np.split(np.arange(len(t_s)), forgotten):
-        even = t_s[run[0]] + cycle * np.arange((t_s[run[-1]] - t_s[run[0]]) / cycle + 1.0)
-        given = np.interp(even, t_s[run], values[run])
-        at_rest = np.array([given[0] * (1.0 - taps[0])])
-        lagged, _ = scipy.signal.lfilter(taps, [1.0, -pole], given, zi=at_rest)
-        found[run] = np.interp(t_s[run], even, lagged)
-    return found
+    lags = LagStates(pause_s=LAGS_FORGOTTEN * time_s)
+    return lags.follow("speed", np.zeros(len(t_s)), t_s, values, 1.0 / time_s)
 
 
 def integrate(signal: SmoothedSignal) -> Array:

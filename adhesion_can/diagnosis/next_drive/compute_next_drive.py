@@ -372,12 +372,8 @@ def _where(steps: Sequence[PlanStep], fit: FittedRival, *, of_rival: bool) -> st
                 level = sign * float(observed.adhesion[part].mean()) - of_rival * mean
                 low, high = (float(x) for x in np.quantile(np.abs(observed.slip[part]), [0, 1]))
                 where = f"in step {number + 1} ({step.mode})"
-                slips = [f"{low:.3f}", f"{high:.3f}"]
-                at = (
-                    f"slips of {' to '.join(slips)}"
-                    if len(set(slips)) > 1
-                    else f"a slip of {low:.3f}"
-                )
+                one, other = f"{low:.3f}", f"{high:.3f}"
+                at = f"a slip of {one}" if one == other else f"slips of {one} to {other}"
                 clause = f"the adhesion used {where} at {at}"
                 if high < LEAST_SLIP:
                     clause = f"the adhesion of the axles that roll freely {where}"

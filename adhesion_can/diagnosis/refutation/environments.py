@@ -112,14 +112,13 @@ def _memories(drive: DriveData, observed: ContactObservation) -> Mapping[str, Ar
 
 def _divide(name: str, values: Array) -> Partition | None:
     """Partition by a quantity; None where it has one value."""
-    levels = np.unique(values)
+    levels, counts = np.unique(values, return_counts=True)
     if len(levels) < 2:
         return None
     label, unit = _label(name), unit_text(_UNITS.get(name, channel_unit(name)))
     if len(levels) <= FEW_VALUES:
         labels = tuple(f"{label} {short(float(level))} {unit}".strip() for level in levels)
         return Partition(name, labels, np.searchsorted(levels, values))
-    counts = np.unique(values, return_counts=True)[1]
     if counts.max() > len(values) / 3:
         return _divide_at(name, values, float(levels[np.argmax(counts)]), label, unit)
     low, high = (float(edge) for edge in np.quantile(values, THIRDS))

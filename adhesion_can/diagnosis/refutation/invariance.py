@@ -185,7 +185,7 @@ class _SplitEffect:
         rest = self.grams.project_out(range(size - 1), [size - 1])[:, 0]
         scores = np.einsum("bij,j->bi", self.grams.matrices, rest) @ projected
         blocks = len(scores)
-        inverse = _pseudo_inverse(information)
+        inverse = solve_normal_equations(information, np.eye(len(information)))
         robust = inverse @ (scores.T @ scores) @ inverse * (blocks / max(blocks - 1, 1))
         square = float(rest @ self.grams.total @ rest)
         freedom = max(float(self.grams.rows.sum()) - p - projected.shape[1], 1.0)
@@ -239,19 +239,11 @@ def _cochran(estimates: Array, covariance: Array, blocks: int) -> float:
         blocks: Number of blocks from which the covariance comes.
 
     """
-    weight = _pseudo_inverse(covariance)
+    weight = solve_normal_equations(covariance, np.eye(len(covariance)))
     rest = estimates - float(weight.sum(axis=0) @ estimates) / max(float(weight.sum()), 1e-300)
     freedom = len(estimates) - 1
     statistic = float(rest @ weight @ rest) / freedom
     return float(scipy.stats.f.sf(statistic, freedom, max(blocks - freedom - 1, 1)))
-
-
-def _pseudo_inverse(matrix: Array) -> Array:
-    """Pseudo-inverse of a symmetric matrix, whatever the units of its columns."""
-    diagonal = matrix.diagonal()
-    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    units = np.outer(scale, scale)
-    return np.asarray(np.linalg.pinv(matrix / units, hermitian=True) / units)
 
 
 def _spread(sizes: Array, variances: Array, size: float) -> float:

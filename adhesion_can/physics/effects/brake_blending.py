@@ -8,7 +8,13 @@ import numpy as np
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
 from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.effects.law_effect import LawEffect
-from adhesion_can.physics.instrument_laws import LEAST_GAIN, Need, Quantity, ReadingError, Situation
+from adhesion_can.physics.instrument_laws import (
+    LEAST_SENSOR_GAIN,
+    Need,
+    Quantity,
+    ReadingError,
+    Situation,
+)
 from adhesion_can.physics.parameter import Parameter
 
 
@@ -53,7 +59,7 @@ BRAKE_BLENDING = LawEffect(
     form="constant",
     title=_TITLE,
     parameters=(
-        Parameter("share", "1", 0.2, 0.0, 1.0 - LEAST_GAIN, "share of the friction brake"),
+        Parameter("share", "1", 0.2, 0.0, 1.0 - LEAST_SENSOR_GAIN, "share of the friction brake"),
     ),
     literature=_LITERATURE,
     requires=_REQUIRES,
