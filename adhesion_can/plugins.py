@@ -5,7 +5,7 @@ from typing import Any
 
 from adhesion_can.errors import PluginError
 
-MEND = "repair or uninstall the distribution that provides it"
+MEND = "fix or uninstall the package that provides it"
 
 
 @dataclass(frozen=True, slots=True)

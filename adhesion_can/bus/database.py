@@ -154,7 +154,7 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
         reason = " ".join(str(error).split())[:200]
         mend = _GIVE_DATABASE
         if "in message" in reason and not lenient:
-            mend = "correct the message, or pass --lenient to skip it"
+            mend = "fix the message, or pass --lenient to skip it"
         raise DatabaseError(str(path), f"not a CAN database ({reason})", mend) from error
     except (ValueError, UnicodeError, KeyError, TypeError) as error:
         reason = " ".join(str(error).split())[:200]

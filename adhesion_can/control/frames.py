@@ -252,7 +252,7 @@ def build_follower(configuration: Configuration, plan: DrivingPlan) -> PlanFollo
     try:
         return PlanFollower(configuration.vehicle, plan, settings)
     except ValueError as error:
-        mend = "correct [vehicle], or compute the plan from this configuration"
+        mend = "fix [vehicle], or compute the plan from this configuration"
         raise ConfigError(configuration.where, str(error), mend) from None
 
 
@@ -275,7 +275,7 @@ def build_reference(
     try:
         return CreepController(configuration.vehicle, _at_cycle(settings, cycle_s))
     except ValueError as error:
-        mend = "correct [vehicle]: the controller needs it"
+        mend = "fix [vehicle]: the controller needs it"
         raise ConfigError(configuration.where, str(error), mend) from None
 
 
