@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from adhesion_can.physics.effects.base import (
     Change,
     Contact,
@@ -50,7 +52,8 @@ class CreepRelaxation:
         """Change of the contacts."""
         if values[0] == 0.0:
             return Change(contact.slip)
-        rate = contact.speed / max(values[0], _SHORTEST)
+        # A way, in either direction: a speed that an error of its sensor turned is no growth.
+        rate = np.abs(contact.speed) / max(values[0], _SHORTEST)
         return Change(
             lags.follow(self.id, contact.axle, contact.lag_time_s, contact.slip, rate),
         )
