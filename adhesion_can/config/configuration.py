@@ -274,11 +274,18 @@ class Configuration:
         estimator = (
             make_default(settings, self.vehicle.axles) if make is make_default else make(settings)
         )
-        if self.model is None or not self.model.online:
+        limits = self.estimators.identifiability
+        if self.model is not None and self.model.online:
+            from adhesion_can.estimation.extended.estimator import (  # noqa: PLC0415
+                ExtendedEstimator,
+            )
+
+            estimator = ExtendedEstimator(estimator, self.model, self.vehicle.axles, limits)
+        plausibility = self.estimators.plausibility
+        if not plausibility.enabled:
             return estimator
-        from adhesion_can.estimation.extended.estimator import (  # noqa: PLC0415
-            ExtendedEstimator,
+        from adhesion_can.estimation.plausibility.estimator import (  # noqa: PLC0415
+            WatchedEstimator,
         )
 
-        limits = self.estimators.identifiability
-        return ExtendedEstimator(estimator, self.model, self.vehicle.axles, limits)
+        return WatchedEstimator(estimator, self.vehicle, plausibility, limits.slip_max)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.objection import Objection
 from adhesion_can.result_text import html_table, plus_minus
 from adhesion_can.values import Value
 
@@ -77,6 +78,9 @@ class Estimate(Value):
             NOT_AVAILABLE where an estimator does not look for any.
         family: Name of the curve family that is the most probable one; c1, c2 and c3 are those of
             the nearest Burckhardt curve. None where an estimator has Burckhardt's alone.
+        objection: Why nobody vouches for the estimate, where that is so.
+        used_us: Stamp of the latest sample that was used, µs; None where none was, or it is not
+            known.
 
     """
 
@@ -98,6 +102,8 @@ class Estimate(Value):
     lambda_m_interval: tuple[float, float] = (-inf, inf)
     doubt: Doubt = Doubt.NOT_AVAILABLE
     family: str | None = None
+    objection: Objection = Objection.NONE
+    used_us: int | None = None
 
     @property
     def theta(self) -> CurveParameters:

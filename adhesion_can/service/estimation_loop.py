@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.extended.estimator import ExtendedEstimator
+from adhesion_can.estimation.plausibility.estimator import WatchedEstimator
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
@@ -71,6 +72,8 @@ class EstimationLoop:
     def left_out(self) -> dict[str, int]:
         """Number of samples to which the extended model could not be applied, by reason."""
         estimator = self._estimator
+        if isinstance(estimator, WatchedEstimator):
+            estimator = estimator.inner
         return dict(estimator.left_out) if isinstance(estimator, ExtendedEstimator) else {}
 
     def update(self, samples: Samples, t_us: int) -> bool:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from adhesion_can.config import ServiceSettings
 from adhesion_can.physics.estimate import CHANGED, Estimate
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 
@@ -180,14 +181,17 @@ class StatusMachine:
             self._stale_since_us = t_us
         changed_us, sample_us = self._changed_at_us, self._last_sample_us
         changing = changed_us is not None and t_us - changed_us <= self._change_us
+        if estimate is not None and estimate.used_us is not None:
+            sample_us = estimate.used_us
         silent = sample_us is None or t_us - sample_us > self._sample_age_us
+        objected = estimate is not None and estimate.objection is not Objection.NONE
         identifiable = estimate is not None and estimate.identifiable.both
         return select_status(
             Conditions(
                 fault=t_us < self._fault_until_us,
                 stale=stale,
                 no_estimate=estimate is None,
-                surface_change=changing and not speed_derived,
+                surface_change=changing and not speed_derived and not objected,
                 low_excitation=not identifiable or speed_derived or silent,
             )
         )

@@ -1,0 +1,94 @@
+"""Whether samples agree with a curve again, after an objection to them."""
+
+from collections import deque
+from math import inf, isfinite, sqrt
+
+import numpy as np
+
+from adhesion_can.arrays import Array
+from adhesion_can.physics.burckhardt import CurveParameters
+from adhesion_can.physics.samples import Samples
+from adhesion_can.values import Stateful
+
+UPDATES = 40
+"""Number of latest updates that have to agree."""
+SLIP_SHARE, LEVEL_SHARE = 0.08, 0.02
+"""Offset of the slips as a share of λ_m, and of the adhesion as a share of μ_max, up to which
+samples agree; the offset of the slips with two of its standard deviations."""
+COASTING = 0.02
+"""Adhesion below which wheels run as the vehicle does on every rail."""
+COASTING_SLIP = 0.002
+"""Mean slip up to which they do."""
+
+
+class Agreement(Stateful):
+    """Compares samples with the curve from before an objection, and with none in coasting."""
+
+    def __init__(self) -> None:
+        self._theta: CurveParameters | None = None
+        self._slip_limit = self._level_limit = 0.0
+        self._sums: deque[Array] = deque(maxlen=UPDATES)
+        self._coasted: deque[float] = deque(maxlen=UPDATES)
+
+    def begin(self, theta: CurveParameters | None, lambda_m: float, mu_max: float) -> None:
+        """Begin anew.
+
+        Args:
+            theta: The curve from before, (c1, c2, c3); None where none was known.
+            lambda_m: Slip ratio of its peak, 1.
+            mu_max: Height of its peak, 1.
+
+        """
+        self._theta = theta
+        known = isfinite(lambda_m)
+        self._slip_limit = SLIP_SHARE * lambda_m if known else 0.0
+        self._level_limit = LEVEL_SHARE * mu_max if known else 0.0
+        self._sums.clear()
+        self._coasted.clear()
+
+    def add(self, samples: Samples) -> bool:
+        """Whether the samples of the latest updates agree, with these.
+
+        Args:
+            samples: Samples of an update, at least one.
+
+        """
+        slip, adhesion = samples.slip, samples.adhesion
+        usable = np.isfinite(slip) & np.isfinite(adhesion) & (np.abs(slip) < 1.0)
+        if not usable.any():
+            self._sums.clear()
+            self._coasted.clear()
+            return False
+        slip, adhesion = slip[usable], adhesion[usable]
+        if float(np.abs(adhesion).max()) < COASTING:
+            self._coasted.append(float(slip.mean()))
+        else:
+            self._coasted.clear()
+        if len(self._coasted) == UPDATES:
+            return abs(sum(self._coasted)) < COASTING_SLIP * UPDATES
+        return self._theta is not None and self._agrees(slip, adhesion, self._theta)
+
+    def _agrees(self, slip: Array, adhesion: Array, theta: CurveParameters) -> bool:
+        c1, c2, c3 = theta
+        size, sign = np.abs(slip), np.copysign(1.0, slip)
+        fall = np.exp(-c2 * size)
+        residual = adhesion - sign * (c1 * (1.0 - fall) - c3 * size)
+        slope = c1 * c2 * fall - c3
+        self._sums.append(
+            np.array(
+                [
+                    len(slip),
+                    slope @ slope,
+                    slope @ residual,
+                    residual @ sign,
+                    residual @ residual,
+                ]
+            )
+        )
+        if len(self._sums) < UPDATES:
+            return False
+        count, square, product, level, rest = np.sum(self._sums, axis=0).tolist()
+        offset = product / square if square > 0.0 else inf
+        # The scatter within the window, whatever its mean; errors that last are part of it.
+        std = sqrt(max(rest / count, 0.0) / square) if square > 0.0 else inf
+        return abs(offset) + 2.0 * std < self._slip_limit and abs(level / count) < self._level_limit

@@ -1,0 +1,110 @@
+"""Stage in front of any estimator that watches its samples and vouches for its estimate, or not."""
+
+from collections import deque
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+
+from adhesion_can.estimation.estimator import Estimator
+from adhesion_can.estimation.plausibility.settings import PlausibilitySettings
+from adhesion_can.estimation.plausibility.watch import PlausibilityWatch
+from adhesion_can.estimation.tracker.points import is_usable, is_valid
+from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.objection import Objection
+from adhesion_can.physics.samples import NO_SAMPLES, Samples
+from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.values import Stateful
+
+RECENT_US = 1_000_000
+"""Time over which it is counted how many samples were left out, µs."""
+MOST_LEFT_OUT = 0.5
+"""Share of the samples that are beyond the model from which there is an objection."""
+
+
+class WatchedEstimator(Stateful):
+    """Estimator whose samples are watched.
+
+    Samples that the watch suspects do not reach the estimator. An estimate with an objection has no
+    known standard deviation.
+
+    Args:
+        inner: Estimator of the curve.
+        vehicle: Vehicle that the samples come from.
+        settings: Limits of the watch.
+        slip_max: Largest |λ| of a usable sample.
+
+    """
+
+    def __init__(
+        self,
+        inner: Estimator,
+        vehicle: Locomotive,
+        settings: PlausibilitySettings,
+        slip_max: float,
+    ) -> None:
+        self.inner = inner
+        self._watch = PlausibilityWatch(vehicle, settings)
+        self._ceiling = settings.mu_ceiling
+        self._slip_max = slip_max
+        self._counts: deque[tuple[int, int, int]] = deque()
+        """Stamp of an update, number of its samples, and of those beyond the model."""
+        self._used_us: int | None = None
+        self._objection = Objection.NONE
+        self._given: Estimate | None = None
+        """Latest estimate of `inner`."""
+        self._current: Estimate | None = None
+
+    def update(self, samples: Samples, now_us: int) -> Estimate | None:
+        """Process samples, as `Estimator.update` defines it."""
+        fed = samples
+        if len(samples):
+            self._objection = self._watch.add(samples, self._given)
+            if self._watch.suspects:
+                fed = NO_SAMPLES
+            self._count(samples, fed)
+        given = self.inner.update(fed, now_us)
+        if given is None:
+            self._current = None
+        elif given is not self._given or len(samples):
+            self._current = self._vouched(given)
+        self._given = given
+        return self._current
+
+    def _count(self, samples: Samples, fed: Samples) -> None:
+        """Count what is left out, and note when a sample was used."""
+        valid = is_valid(samples, self._slip_max)
+        t_us = samples.t_us.item(-1)
+        self._counts.append((t_us, len(samples), len(samples) - int(np.count_nonzero(valid))))
+        while self._counts[0][0] < t_us - RECENT_US:
+            self._counts.popleft()
+        if len(fed) and is_usable(fed, self._slip_max).any():
+            self._used_us = t_us
+
+    def _vouched(self, estimate: Estimate) -> Estimate:
+        """The estimate with the objections to it."""
+        objection = self._objection
+        if objection is Objection.NONE:
+            objection = self._further_objection(estimate)
+        if objection is Objection.NONE:
+            return replace(estimate, used_us=self._used_us)
+        return replace(
+            estimate,
+            used_us=self._used_us,
+            objection=objection,
+            mu_max_std=inf,
+            lambda_m_std=inf,
+            identifiable=Identifiable(mu_max=False, lambda_m=False),
+            mu_max_interval=(-inf, inf),
+            lambda_m_interval=(-inf, inf),
+        )
+
+    def _further_objection(self, estimate: Estimate) -> Objection:
+        """Objection by the estimate itself, or by what was left out of it."""
+        if estimate.mu_max > self._ceiling:
+            return Objection.BEYOND_CEILING
+        total = sum([count for _, count, _ in self._counts])
+        left_out = sum([beyond for _, _, beyond in self._counts])
+        if left_out > MOST_LEFT_OUT * total:
+            return Objection.SLIPS_BEYOND_MODEL
+        return Objection.NONE
