@@ -20,7 +20,7 @@ from tests.faults.sensors import SILENT, SPEED_S, Readings, draw_noise, read
 from tests.faults.wire import frames, pack, queues
 
 ONSET_S, CHANGE_AFTER_S, LASTS_S = (13.0, 16.0), 5.0, 4.0
-END_S = 31.0
+END_S = 28.0
 OVER_ROWS = 10
 """Rows of 20 ms over which an error is taken together."""
 
