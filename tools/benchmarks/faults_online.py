@@ -1,0 +1,140 @@
+"""Physical faults of a drive, played through the core: how long is it sure and wrong?
+
+Each kind of `tests/faults` at its typical and its double size, in drives of a simulator of its own;
+a fault stays, and 5 s later the rail turns wet, or it ends after 4 s. The judge reads setpoints and
+the truth. Targets: TRACKING and wrong in at most 1 % of the time from 0.5 s after the error has
+become big enough to matter, except what cannot be seen in principle.
+"""
+
+import argparse
+import json
+import os
+import sys
+from dataclasses import asdict
+from functools import partial
+from math import inf, isfinite
+
+import numpy as np
+from _report import Report, over_cores
+from _rows import add_seed_and_jobs, positive
+
+from tests.faults.catalogue import KINDS
+from tests.faults.play import cases, play
+
+MOST_WRONG = 0.01
+HEAD = (
+    f"{'kind':28}{'size':>10} {'fault':6}{'before':>7}{'tracks':>7}{'wrong':>7}{'late':>7}"
+    f"{'long':>6}{'leaves':>7}{'back':>6}{'mu':>7}{'slip':>7}{'most':>6}"
+)
+MEANING = """
+shares in % and times in s, the worst of all rounds:
+  before  TRACKING in the 5 s before the fault (least)
+  tracks  TRACKING from the error on (mean)
+  wrong   TRACKING and wrong from the error on; late: from 0.5 s after it
+  long    longest stretch of late
+  leaves  time from the error until TRACKING was left; - never
+  back    time from the end of the fault until TRACKING came back; - never
+  mu      relative error of the largest adhesion where it was wrong, %; slip: of its slip ratio
+  most    largest adhesion that was sent with TRACKING
+  (seen)  no; only a ceiling bounds it
+"""
+
+
+def played(task):
+    """A case of the catalogue, as a plain object."""
+    name, seed, number = task
+    one = play(name, cases(name, seed)[number])
+    return {
+        "kind": name,
+        "size": one.case.size,
+        "unit": KINDS[name].unit,
+        "stays": not isfinite(one.case.until_s),
+        "seed": seed,
+        "onset_s": one.case.onset_s,
+        "error_s": one.error_s,
+        "is_big": one.is_big,
+        "largest": one.largest,
+        **asdict(one.verdict),
+    }
+
+
+def row(rows):
+    """A line of the table, and whether it keeps the promise."""
+    first = rows[0]
+    kind = KINDS[first["kind"]]
+    late = max(one["wrong_late"] for one in rows)
+    worst = {
+        name: max((one[name] for one in rows), key=abs) for name in ("worst_mu", "worst_slip")
+    }
+    fault = "event" if kind.event else "stays" if first["stays"] else "ends"
+    kept = late <= MOST_WRONG
+    word = "" if kept else "  cannot be seen" if kind.unseen else "  WRONG"
+    text = (
+        f"{first['kind']:28}{first['size']:>10g} {fault:6}"
+        f"{100 * min(one['before'] for one in rows):7.0f}"
+        f"{100 * np.mean([one['tracking'] for one in rows]):7.0f}"
+        f"{100 * max(one['wrong'] for one in rows):7.1f}{100 * late:7.1f}"
+        f"{max(one['longest_s'] for one in rows):6.1f}"
+        f"{_time([one['leaves_s'] for one in rows]):>7}{_time([one['back_s'] for one in rows]):>6}"
+        f"{100 * worst['worst_mu']:+7.0f}{100 * worst['worst_slip']:+7.0f}"
+        f"{max(one['largest'] for one in rows):6.2f}{word}"
+    )
+    return text, kept or kind.unseen
+
+
+def _time(values):
+    """The longest time; - where it never came."""
+    longest = max(inf if value is None else value for value in values)
+    return "" if np.isnan(longest) else "-" if longest == inf else f"{longest:.1f}"
+
+
+def _kinds(text):
+    chosen = text.split(",")
+    for name in chosen:
+        if name not in KINDS:
+            raise argparse.ArgumentTypeError(f"no kind {name!r}; there are: {', '.join(KINDS)}")
+    return chosen
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="tools/bench faults-online", epilog=MEANING)
+    parser.formatter_class = partial(argparse.RawDescriptionHelpFormatter, width=100)
+    parser.add_argument(
+        "--kinds", type=_kinds, default=list(KINDS), metavar="KIND,..", help="these (default all)"
+    )
+    parser.add_argument(
+        "--rounds", type=positive(int), default=1, metavar="N", help="drives a case (default 1)"
+    )
+    parser.add_argument("--json", metavar="FILE", help="a line a drive; added to what is there")
+    add_seed_and_jobs(parser)
+    options = parser.parse_args()
+    tasks = [
+        (name, options.seed + round_, number)
+        for round_ in range(options.rounds)
+        for name in options.kinds
+        for number in range(len(cases(name, options.seed)))
+    ]
+    results = over_cores(played, tasks, min(options.jobs, os.cpu_count() or 1), "drives")
+    if options.json:
+        with open(options.json, "a", encoding="utf-8") as file:
+            file.writelines(json.dumps(one) + "\n" for one in results)
+    report = Report()
+    print(HEAD)
+    broken = 0
+    for name in options.kinds:
+        for number in range(len(cases(name, options.seed))):
+            rows = [
+                result
+                for task, result in zip(tasks, results, strict=True)
+                if task[0] == name and task[2] == number
+            ]
+            text, kept = row(rows)
+            print(text)
+            broken += not kept
+    sys.stdout.write(MEANING)
+    report.check("cases TRACKING and wrong for too long", str(broken), "0", met=broken == 0)
+    report.summarise()
+
+
+if __name__ == "__main__":
+    main()
