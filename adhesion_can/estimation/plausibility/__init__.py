@@ -1,3 +1,1 @@
-"""Plausibility of the readings, between signals and from one cycle to the next, in front of any
-estimator.
-"""
+"""Plausibility of the readings, between signals and over time, in front of any estimator."""

@@ -1,6 +1,7 @@
 """Stage in front of any estimator that watches its samples and vouches for its estimate, or not."""
 
 from collections import deque
+from copy import deepcopy
 from dataclasses import replace
 from math import inf
 
@@ -25,7 +26,7 @@ MOST_LEFT_OUT = 0.5
 class WatchedEstimator(Stateful):
     """Estimator whose samples are watched.
 
-    Samples that the watch suspects do not reach the estimator. An estimate with an objection has no
+    After a jump the samples do not reach the estimator. An estimate with an objection has no
     known standard deviation.
 
     Args:
@@ -49,6 +50,8 @@ class WatchedEstimator(Stateful):
         self._slip_max = slip_max
         self._counts: deque[tuple[int, int, int]] = deque()
         """Stamp of an update, number of its samples, and of those beyond the model."""
+        self._kept: Estimator | None = None
+        """The estimator from before a step of the efforts whose answer is awaited."""
         self._used_us: int | None = None
         self._objection = Objection.NONE
         self._given: Estimate | None = None
@@ -59,9 +62,17 @@ class WatchedEstimator(Stateful):
         """Process samples, as `Estimator.update` defines it."""
         fed = samples
         if len(samples):
+            waited = self._watch.waits
             self._objection = self._watch.add(samples, self._given)
-            if self._watch.suspects:
+            if self._watch.waits and not waited:
+                self._kept = deepcopy(self.inner)
+            if self._watch.jump is not Objection.NONE:
                 fed = NO_SAMPLES
+                if self._kept is not None:
+                    # As it was before the step, of which it has learned meanwhile.
+                    self.inner = self._kept
+            if not self._watch.waits:
+                self._kept = None
             self._count(samples, fed)
         given = self.inner.update(fed, now_us)
         if given is None:
