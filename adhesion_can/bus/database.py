@@ -15,6 +15,7 @@ from cantools.database.errors import Error as CantoolsError
 from adhesion_can.bus.database_text import require_small_ranges
 from adhesion_can.bus.lenient_database import load_without_faulty_messages
 from adhesion_can.errors import DatabaseError, suggest
+from adhesion_can.files import read_small_file
 
 INPUT_MESSAGES = (
     "WheelSpeeds1", "WheelSpeeds2", "VehicleSpeed", "TractiveEffort1", "TractiveEffort2",
@@ -136,7 +137,9 @@ def _load_packaged() -> CanDatabase:
 
 def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
     """A database from its file; errors as in `load_database`."""
-    content = _content(path)
+    # It is read twice, and what a device gives may have no end: a file alone will do.
+    mend = f"check the path ({path.absolute()}); that of a configuration's [bus] is beside it"
+    content = read_small_file(path, LARGEST_FILE, kind=DatabaseError, mend=mend)
     if path.suffix.lower() not in DATABASE_SUFFIXES:
         raise DatabaseError(str(path), "no CAN database by its name", _GIVE_DATABASE)
     require_small_ranges(content, str(path))
@@ -183,29 +186,6 @@ def _require_messages(db: Database, path: Path) -> None:
                 raise DatabaseError(
                     f"{path}: {message.name}", f"its {what} is {number}", "write 0 or more"
                 )
-
-
-def _content(path: Path) -> bytes:
-    """Bytes of a database's file; errors as in `load_database`."""
-    try:
-        if path.exists() and not (path.is_file() or path.is_dir()):
-            # It is read twice, and what a device gives may have no end.
-            raise DatabaseError(
-                str(path), "is a pipe or a device, not a file", "write it to a file first"
-            )
-        with path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
-    except OSError as error:
-        raise DatabaseError(
-            str(path),
-            f"{error.strerror or 'cannot be read'} ({path.absolute()})",
-            "check the path; that of a configuration's [bus] is beside the configuration",
-        ) from error
-    if len(content) > LARGEST_FILE:
-        raise DatabaseError(
-            str(path), f"larger than {LARGEST_FILE >> 20} MiB", "check that it is the right file"
-        )
-    return content
 
 
 def _encoding(content: bytes) -> str | None:

@@ -138,15 +138,15 @@ def bus_is_configured() -> bool:
         return False
 
 
-def write_json(target: str | None, document: dict[str, Any]) -> None:
-    """Write a result to the target of --json; None for no output."""
+def write_json(target: str | None, document: dict[str, Any], *, own_name: bool = False) -> None:
+    """Write a result to the target of --json; None for no output; `own_name` as of a whole file."""
     if target is None:
         return
     text = json.dumps(finite(document), indent=2, allow_nan=False) + "\n"
     if target == "-":
         sys.stdout.write(text)
     else:
-        with whole_file(Path(target)) as file:
+        with whole_file(Path(target), own_name=own_name) as file:
             file.write(text)
 
 
@@ -235,11 +235,7 @@ def require_outputs(
             raise InputError(where, "its folder does not exist", "make the folder first")
         if place in taken and not (option == renewed and place == config):
             raise InputError(where, f"is {taken[place]}", "name another file")
-        part = _place(path.with_name(f"{path.name}.part"), where)
-        if part in taken:
-            what = f"is written as {path.name}.part first, which is {taken[part]}"
-            raise InputError(where, what, "name another file")
-        taken[place] = taken[part] = f"the file of {option} too"
+        taken[place] = f"the file of {option} too"
         if option in _CANDUMP_OPTIONS:
             require_text_name(path, where)
 

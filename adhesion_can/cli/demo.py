@@ -117,9 +117,9 @@ def run(options: argparse.Namespace) -> int:
     bench.run(_view(options, bench))
     found = phases(bench.simulation.truth(), bench.rows)
     document = {**bench.simulation.truth(), **provenance(config)}
-    write_json(str(options.out / "truth.json"), document)
+    write_json(str(options.out / "truth.json"), document, own_name=True)
     summary = {"phases": [phase.as_json() for phase in found], **provenance(config)}
-    write_json(str(options.out / "demo.json"), summary)
+    write_json(str(options.out / "demo.json"), summary, own_name=True)
     write_json(options.json, summary)
     written = [missing]
     if not missing:
@@ -206,7 +206,11 @@ class _Bench:
             self.core, ReconnectingBus(self._open, self.core.ids), clock=self._clock
         )
         thread = threading.Thread(target=self._guarded, args=(service.run,), name="service")
-        with whole_file(self._log) as file, self._open() as recorder_bus, self._open() as bus:
+        with (
+            whole_file(self._log, own_name=True) as file,
+            self._open() as recorder_bus,
+            self._open() as bus,
+        ):
             recorder = _Recorder(file.write)
             thread.start()
             try:

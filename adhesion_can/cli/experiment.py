@@ -116,8 +116,8 @@ def run(options: argparse.Namespace) -> int:
     outcomes = _run_all(experiment, options, names)
     provenance = _provenance(options)
     numbers = document(outcomes, provenance)
-    write_json(str(out.with_suffix(".json")), numbers)
-    with whole_file(out.with_suffix(".csv")) as file:
+    write_json(str(out.with_suffix(".json")), numbers, own_name=True)
+    with whole_file(out.with_suffix(".csv"), own_name=True) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(CSV_COLUMNS)
         writer.writerows(csv_rows(outcomes))

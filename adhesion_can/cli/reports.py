@@ -89,7 +89,7 @@ def write_report(made: Page, options: argparse.Namespace, html: Path | None = No
     if path is None and options.open:
         path = Path(tempfile.mkdtemp(prefix="adhesion-can-")) / f"{options.command}.html"
     if path is not None:
-        write_page(made, path)
+        write_page(made, path, own_name=html is not None)
         lines.append(f"written: {path}")
     for name in PICTURES:
         target = getattr(options, name)

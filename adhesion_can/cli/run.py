@@ -4,7 +4,6 @@ import argparse
 import os
 import signal
 import sys
-import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -30,22 +29,17 @@ from adhesion_can.cli.extras_of_run import listening_address, read_secoc, serve_
 from adhesion_can.cli.narrator import FORMATS, Narrator
 from adhesion_can.cli.silence import SilenceWatch, bus_name
 from adhesion_can.config import Configuration
-from adhesion_can.errors import InputError
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.counters import read_counters
+from adhesion_can.service.file_lock import file_lock
 from adhesion_can.service.frame_log import FrameLog
-from adhesion_can.service.kept_state import (
-    LARGEST_TEXT,
-    KeptState,
-    StateError,
-    fingerprint,
-    state_from_text,
-)
+from adhesion_can.service.kept_state import KeptState
 from adhesion_can.service.live import LiveService
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from adhesion_can.service.service_manager import ServiceManager
+from adhesion_can.service.state_file import read_state
 from adhesion_can.service.state_keeper import StateKeeper
 
 SHOWN_MESSAGES = 3
@@ -109,17 +103,18 @@ def run(options: argparse.Namespace) -> int:
     require_outputs(options, written, read)
     narrator = Narrator(sys.stderr, options.log_format)
     observers = [narrator.print_setpoint]
-    keeper = None
-    if options.state:
-        state = _read_state(config, options.state, narrator.warn)
-        config = _resumed(config, state)
-        keeper = StateKeeper(options.state, state, config.service.state_interval_s, narrator.warn)
-        observers.append(keeper.observe)
     manager = ServiceManager(os.environ)
-    core = ServiceCore(config, on_setpoint=partial(_tell_all, observers))
     with ExitStack() as stack:
-        if keeper is not None:
+        if options.state:
+            stack.enter_context(file_lock(options.state, f"--state {options.state}"))
+            state = read_state(config, options.state, narrator.warn)
+            config = _resumed(config, state)
+            keeper = StateKeeper(
+                options.state, state, config.service.state_interval_s, narrator.warn
+            )
             stack.callback(keeper.close)
+            observers.append(keeper.observe)
+        core = ServiceCore(config, on_setpoint=partial(_tell_all, observers))
         bus = ReconnectingBus(
             bus_opener(options), core.ids, narrator.warn, wait_for_it=options.wait
         )
@@ -200,34 +195,6 @@ def _look_around(manager: ServiceManager, silence: SilenceWatch, service: LiveSe
     """What is done at each turn of the loop."""
     manager.alive()
     silence.look(heard=service.counts.received > 0)
-
-
-def _read_state(config: Configuration, path: Path, notify: Callable[[str], None]) -> KeptState:
-    """Kept state; an empty one where there is none, or where it is refused.
-
-    A file that is refused stays beside the new one, with the suffix .refused.
-
-    Raises:
-        InputError: The file cannot be read or moved.
-
-    """
-    empty = KeptState(fingerprint(config))
-    if not path.exists():
-        return empty
-    try:
-        with path.open(encoding="utf-8", errors="replace") as file:
-            text = file.read(LARGEST_TEXT + 1)
-        now_us = time.time_ns() // 1000
-        return state_from_text(text, empty.vehicle, now_us, config.service.state_age_s)
-    except StateError as error:
-        refused = path.with_name(path.name + ".refused")
-        path.replace(refused)
-        notify(f"--state {path} is not used: {error}; begins cold, it is {refused.name} now")
-        return empty
-    except OSError as error:
-        raise InputError(
-            f"--state {path}", error.strerror or "cannot be read", "name another file"
-        ) from error
 
 
 def _resumed(config: Configuration, state: KeptState) -> Configuration:

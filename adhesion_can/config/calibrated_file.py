@@ -13,6 +13,8 @@ from adhesion_can.bus.database import packaged_path
 from adhesion_can.bus.roles import SignalChoice
 from adhesion_can.config.calibrated_radii import rim_axles
 from adhesion_can.config.configuration import Configuration
+from adhesion_can.config.toml_tables import LARGEST_FILE
+from adhesion_can.files import read_small_file
 from adhesion_can.physics.readings import Role
 
 MARK = "calibrated:"
@@ -56,7 +58,7 @@ def with_correction(
         correction: Changes to write.
 
     """
-    text = "" if source is None else source.read_bytes().decode("utf-8")
+    text = "" if source is None else read_small_file(source, LARGEST_FILE).decode("utf-8")
     document = tomlkit.parse(text)
     _name_database(document, configuration, target)
     at_rim = rim_axles(configuration)

@@ -15,6 +15,7 @@ from types import UnionType
 from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 from adhesion_can.errors import ConfigError
+from adhesion_can.files import read_small_file
 
 LARGEST_FILE = 4 << 20
 """Size of a file that is read, bytes; a configuration of 64 axles has 50 KiB."""
@@ -46,25 +47,14 @@ def load_toml(path: Path) -> TomlFile:
         ConfigError: The file cannot be read, or is not TOML.
 
     """
+    content = read_small_file(path, LARGEST_FILE, kind=ConfigError)
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
-        if len(content) > LARGEST_FILE:
-            raise ConfigError(
-                str(path),
-                f"larger than {LARGEST_FILE >> 20} MiB",
-                "check that it is the right file",
-            )
         text = content.decode("utf-8")
         _require_short_keys(text, str(path))
         document = tomllib.loads(text)
     except RecursionError as error:
         raise ConfigError(
             str(path), "values nested too deeply", "no key of ours has lists within lists of lists"
-        ) from error
-    except OSError as error:
-        raise ConfigError(
-            str(path), error.strerror or "cannot be read", "check the path"
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(

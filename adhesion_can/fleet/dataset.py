@@ -5,7 +5,6 @@ on a disk, by one PUT in an object store. That of `units` comes last, and says t
 complete.
 """
 
-import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from adhesion_can.errors import InputError
+from adhesion_can.files import whole_file
 from adhesion_can.fleet.places import Place, open_place
 from adhesion_can.fleet.rows import Row
 from adhesion_can.fleet.schema import TABLES, UNITS
@@ -211,10 +211,5 @@ def put(place: Place, path: str, data: bytes) -> None:
         return
     final = Path(path)
     final.parent.mkdir(parents=True, exist_ok=True)
-    part = final.with_name(f"{final.name}.{os.getpid()}.part")
-    try:
-        part.write_bytes(data)
-        part.replace(final)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+    with whole_file(final, "wb", own_name=True) as file:
+        file.write(data)

@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from io import StringIO
 from math import isfinite
 from pathlib import Path
 from sys import intern
@@ -12,11 +13,14 @@ from typing import Any
 from urllib.parse import unquote
 
 from adhesion_can.errors import InputError, suggest
+from adhesion_can.files import read_small_file
 from adhesion_can.fleet.places import is_url, open_place
 from adhesion_can.recordings.formats import PYTHON_CAN
 
 COLUMNS = ("path", "vehicle", "config", "line", "latitude", "longitude")
 """Columns of a manifest; the first two are needed."""
+LARGEST_MANIFEST = 256 << 20
+"""Size of a manifest that is read, bytes; a million units have 100 MiB."""
 _SUFFIXES = PYTHON_CAN | {".log", ".parquet", ".mat"}
 """Suffixes of the files of a folder that are taken."""
 _PATTERN = re.compile(r"[*?\[]")
@@ -90,14 +94,14 @@ def read_manifest(path: Path) -> list[Unit]:
         InputError: The manifest or one of its rows cannot be used.
 
     """
+    where, mend = f"--units {path}", "name a CSV file in UTF-8"
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, restkey="", restval="")
-            _require_heading(reader.fieldnames or (), str(path))
-            rows = [(reader.line_num, row) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or f"cannot be read as CSV ({error})"
-        raise InputError(f"--units {path}", reason, "name a CSV file in UTF-8") from error
+        text = read_small_file(path, LARGEST_MANIFEST, where=where, mend=mend).decode("utf-8-sig")
+        reader = csv.DictReader(StringIO(text, newline=""), restkey="", restval="")
+        _require_heading(reader.fieldnames or (), str(path))
+        rows = [(reader.line_num, row) for row in reader]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(where, f"cannot be read as CSV ({error})", mend) from error
     found: dict[str, Unit] = {}
     for number, row in rows:
         where = f"--units {path}, line {number}"

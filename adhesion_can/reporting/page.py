@@ -180,15 +180,20 @@ def render(page: Page, where: str = "page") -> str:
     )
 
 
-def write_page(page: Page, path: Path) -> None:
+def write_page(page: Page, path: Path, *, own_name: bool = False) -> None:
     """Write the page.
+
+    Args:
+        page: Page.
+        path: Path of the file.
+        own_name: Whether the name is ours rather than the user's, as of a whole file.
 
     Raises:
         InputError: The extra is not installed, or the file cannot be written.
 
     """
     text = render(page, str(path))
-    with whole_file(path) as file:
+    with whole_file(path, own_name=own_name) as file:
         file.write(text)
 
 

@@ -70,7 +70,7 @@ def write_pictures(page: Page, path: Path) -> list[Path]:
     form = path.suffix[1:].lower()
     for number, figure in enumerate(page.figures, start=1):
         target = path if number == 1 else path.with_stem(f"{path.stem}-{number}")
-        with mpl.rc_context(settings), whole_file(target, "wb") as file:
+        with mpl.rc_context(settings), whole_file(target, "wb", own_name=number > 1) as file:
             drawn = _draw(figure)
             metadata = {"Date": None} if form == "svg" else {}
             drawn.savefig(file, format=form, dpi=DPI, bbox_inches="tight", metadata=metadata)

@@ -1,5 +1,6 @@
 """The service's own log: frames as they took effect, in files that are whole when they end."""
 
+import os
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -8,6 +9,9 @@ from typing import Any, Self
 
 from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
+
+READER_WAIT_S = 5.0
+"""Time for which a start waits for the reader of a log that is a pipe, s."""
 
 
 class FrameLog:
@@ -69,7 +73,14 @@ class FrameLog:
             self._stack.__exit__(kind, error, traceback)
 
     def _begin(self, path: Path) -> None:
-        self._file = self._stack.enter_context(whole_file(path, keep_part=True))
+        # Later files have names of ours.
+        out = whole_file(
+            path,
+            keep_part=True,
+            own_name=path != self._path,
+            reader_wait_s=READER_WAIT_S,
+        )
+        self._file = self._stack.enter_context(out)
 
     def _begin_next(self) -> None:
         self._end()
@@ -77,7 +88,7 @@ class FrameLog:
         packed = self._path.suffix == ".gz"
         suffix = "".join(self._path.suffixes[-2:] if packed else self._path.suffixes[-1:])
         stem = self._path.name.removesuffix(suffix)
-        while path.exists():
+        while os.path.lexists(path):
             path = self._path.with_name(f"{stem}.{number}{suffix}")
             number += 1
         try:

@@ -7,10 +7,13 @@ from pathlib import Path
 
 from adhesion_can.bus.secoc import KEY_BYTES, MOST_TRIPS
 from adhesion_can.errors import InputError
-from adhesion_can.files import whole_file
+from adhesion_can.files import read_small_file, regular_file, whole_file
+from adhesion_can.service.file_lock import file_lock
 
 _MOST_BYTES = 256
 """Length beyond which a file is none of these, bytes."""
+_LOCK_WAIT_S = 10.0
+"""Time for which other starts with the same counter are waited for, s; each takes milliseconds."""
 
 
 def read_key(path: Path) -> bytes:
@@ -21,16 +24,10 @@ def read_key(path: Path) -> bytes:
 
     """
     where = f"--secoc-key {path}"
-    try:
-        # What is checked is what is read: another file cannot take its place in between.
-        with path.open("rb") as file:
-            status = os.fstat(file.fileno())
-            text = file.read(_MOST_BYTES + 1)
-    except OSError as error:
-        reason = error.strerror or "cannot be read"
-        raise InputError(where, reason, "name another file") from error
-    if not stat.S_ISREG(status.st_mode):
-        raise InputError(where, "is no regular file", "name another file")
+    # What is checked is what is read: another file cannot take its place in between.
+    with regular_file(path, where=where, mend="name another file") as file:
+        status = os.fstat(file.fileno())
+        text = file.read(_MOST_BYTES + 1)
     if status.st_uid not in (0, os.geteuid()):
         raise InputError(where, "belongs to another user", "take it over with chown")
     if status.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
@@ -45,7 +42,7 @@ def read_key(path: Path) -> bytes:
 
 
 class TripFile:
-    """Trip counter in a file, written before it is used.
+    """Trip counter in a file, written before it is used, and under a lock.
 
     Args:
         path: Path of the file; where there is none, the counter begins at 1.
@@ -62,30 +59,18 @@ class TripFile:
             InputError: The file is damaged, cannot be written, or the counter is used up.
 
         """
-        trip = self._read() + 1
-        if trip > MOST_TRIPS:
-            raise InputError(str(self._path), "the counter is used up", "take another key")
-        with whole_file(self._path) as file:
-            file.write(f"{trip}\n")
-            file.flush()
-            os.fsync(file.fileno())
-        # The new name has to last as well.
-        folder = os.open(self._path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        with file_lock(self._path, str(self._path), wait_s=_LOCK_WAIT_S):
+            trip = self._read() + 1
+            if trip > MOST_TRIPS:
+                raise InputError(str(self._path), "the counter is used up", "take another key")
+            with whole_file(self._path, durable=True) as file:
+                file.write(f"{trip}\n")
         return trip
 
     def _read(self) -> int:
-        try:
-            with self._path.open("rb") as file:
-                text = file.read(_MOST_BYTES + 1)
-        except FileNotFoundError:
+        if not self._path.exists():
             return 0
-        except OSError as error:
-            reason = error.strerror or "cannot be read"
-            raise InputError(str(self._path), reason, "name another file") from error
+        text = read_small_file(self._path, _MOST_BYTES, mend="name another file")
         if re.fullmatch(rb"[0-9]{1,10}\s*", text) is None:
             raise InputError(
                 str(self._path),

@@ -1,6 +1,5 @@
 """Writing of the state while the service runs, in a thread: a slow disk makes no setpoint late."""
 
-import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -83,10 +82,8 @@ class StateKeeper:
 
     def _write(self, state: KeptState) -> None:
         try:
-            with whole_file(self._path) as file:
+            with whole_file(self._path, durable=True) as file:
                 file.write(state_to_text(state))
-                file.flush()
-                os.fsync(file.fileno())
         except (InputError, OSError) as error:
             if not self._failed:
                 self._notify(f"--state: {error}; tried again at each interval")

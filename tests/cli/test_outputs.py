@@ -35,7 +35,6 @@ def files(drive, tmp_path, monkeypatch):
     shutil.copy(packaged_path(), tmp_path / "own.dbc")
     (tmp_path / "c.toml").write_text('[bus]\ndatabase = "own.dbc"\n')
     (tmp_path / "m.toml").write_text("")
-    shutil.copy(drive, tmp_path / "run.log.part")
     (tmp_path / "folder").mkdir()
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -62,8 +61,6 @@ REFUSED = [
     ("replay drive.log --frames soft.log", INPUT),
     ("replay soft.log --frames folder/../drive.log", INPUT),
     ("replay drive.log --frames a.log --json ./a.log", "is the file of --frames too"),
-    ("replay drive.log --frames a --json a.part", "is the file of --frames too"),
-    ("replay run.log.part --frames run.log", "is written as run.log.part first, which is one of"),
     ("replay drive.log --config c.toml --json c.toml", INPUT),
     ("replay drive.log --config c.toml --json own.dbc", INPUT),
     ("replay drive.log --dbc own.dbc --frames own.dbc", INPUT),
@@ -126,7 +123,6 @@ def test_a_model_is_an_input_too(files, capsys):
 def test_a_name_that_is_too_long_is_told_in_one_line(files, capsys, command, option):
     name = "x" * 300 + ".csv"
     assert "File name too long" in fails(capsys, *command, option, name)
-    assert "File name too long" in fails(capsys, *command, option, "y" * 248 + ".csv")
     other = () if command[0] != "convert" else ("--out", "a.csv")
     assert "File name too long" in fails(capsys, command[0], name, *other)
     assert {path.name for path in files.iterdir()} == {*state(files), "folder"}
@@ -158,7 +154,7 @@ def test_a_span_that_is_none_is_told_before_the_work(files, capsys, monkeypatch,
 def test_a_sigterm_leaves_nothing_half_written(tmp_path):
     arguments = ["simulate", "--scenario", "dry", "--duration", "100000", "--log", "a.log"]
     with subprocess.Popen([*COMMAND, *arguments], cwd=tmp_path, stderr=subprocess.PIPE) as process:
-        wait_for(tmp_path / "a.log.part")
+        wait_for(tmp_path, ".a.log.*.part")
         process.terminate()
         _, err = process.communicate(timeout=60)
     assert process.returncode == 128 + signal.SIGTERM
@@ -188,17 +184,17 @@ def test_a_sigterm_ends_a_conversion(drive, tmp_path, suffix):
 def test_a_sigterm_ends_the_workers_of_an_experiment(tmp_path):
     arguments = ["experiment", "3", "--runs", "40", "--jobs", "2", "--out", "x"]
     with subprocess.Popen([*COMMAND, *arguments], cwd=tmp_path, stderr=subprocess.PIPE) as process:
-        wait_for(tmp_path / "x")
+        wait_for(tmp_path, "x")
         time.sleep(3.0)  # somewhere in the work, which takes minutes
         process.terminate()
         process.communicate(timeout=100)  # ends when the workers have closed stderr, too
     assert process.returncode == 128 + signal.SIGTERM
 
 
-def wait_for(path):
+def wait_for(folder, pattern):
     """Until a folder is there, or a file that something was written to: it is surely open."""
     until = time.monotonic() + 60
-    while not (path.exists() and path.stat().st_size):
+    while not any(path.stat().st_size for path in folder.glob(pattern)):
         assert time.monotonic() < until
         time.sleep(0.02)
 

@@ -2,6 +2,8 @@
 
 import os
 import stat
+import subprocess
+import sys
 from argparse import Namespace
 from pathlib import Path
 
@@ -89,7 +91,7 @@ def test_what_is_no_key_is_refused(key, text):
 
 
 def test_a_device_is_no_key():
-    with pytest.raises(InputError, match="is no regular file"):
+    with pytest.raises(InputError, match="is a pipe or a device, not a file"):
         read_key(Path(os.devnull))
 
 
@@ -97,7 +99,7 @@ def test_a_trip_is_on_the_disk_before_it_is_used(tmp_path):
     path = tmp_path / "trip"
     assert [TripFile(path).next_trip() for _ in range(3)] == [1, 2, 3]
     assert path.read_text() == "3\n"
-    assert [one.name for one in tmp_path.iterdir()] == ["trip"]
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["trip", "trip.lock"]
 
 
 @pytest.mark.parametrize("text", ["", "x", "-1", "1.5", "1" * 11, "1\n2"])
@@ -164,3 +166,42 @@ def test_each_start_takes_a_trip(capsys, key, tmp_path):
         status, said = run(capsys, "--secoc-key", key, "--secoc-trip", trip, "--fd")
         assert (status, trip.read_text()) == (0, f"{number}\n"), said
     assert KEY.hex() not in said
+
+
+STARTS = """
+import sys, time
+from pathlib import Path
+from adhesion_can.service.secoc_files import TripFile
+print("ready", flush=True)
+sys.stdin.readline()
+for _ in range(50):
+    print(TripFile(Path(sys.argv[1])).next_trip(), flush=True)
+"""
+
+
+def test_no_two_starts_get_the_same_trip(tmp_path):
+    path = tmp_path / "trip"
+    words = [sys.executable, "-c", STARTS, str(path)]
+    pipe = subprocess.PIPE
+    services = [
+        subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=pipe, text=True) for _ in range(4)
+    ]
+    for service in services:
+        assert service.stdout.readline() == "ready\n"
+    for service in services:
+        service.stdin.write("go\n")
+        service.stdin.flush()
+    said = [service.communicate(timeout=500) for service in services]
+    assert [err for _, err in said] == [""] * 4
+    trips = [[int(line) for line in out.split()] for out, _ in said]
+    assert all(own == sorted(own) for own in trips)
+    assert sorted(trip for own in trips for trip in own) == list(range(1, 201))
+    assert path.read_text() == "200\n"
+
+
+def test_a_trip_behind_a_link_is_counted_where_it_is(tmp_path):
+    (tmp_path / "there").mkdir()
+    path = tmp_path / "trip"
+    path.symlink_to(tmp_path / "there" / "real")
+    assert [TripFile(path).next_trip(), TripFile(tmp_path / "there" / "real").next_trip()] == [1, 2]
+    assert path.is_symlink()

@@ -2,14 +2,14 @@
 
 import sys
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from adhesion_can.files import OutputFile
 from adhesion_can.reporting.export.arrow_fields import TEXT, TIME_NS, TIME_S
 from adhesion_can.reporting.export.layout import SECOND, Column, Frames, Group, Rows, in_order
 
@@ -33,7 +33,6 @@ class ArrowLong:
     """
 
     def __init__(self, path: Path | None, origin: Mapping[str, str], *, as_file: bool) -> None:
-        self._path = path
         self._as_file = as_file
         texts = [pa.field(name, TEXT, nullable=False) for name in _TEXTS]
         value = pa.field("value", pa.float64(), nullable=False)
@@ -41,11 +40,10 @@ class ArrowLong:
         self._schema = pa.schema(columns, metadata=dict(origin))
         self._names = {name: _Names() for name in _TEXTS}
         self._rounded = 0
-        self._part = None if path is None else path.with_name(path.name + ".part")
-        self._whole = None if path is None else path.with_name(path.name + ".part2")
+        self._out = None if path is None else OutputFile(path, random_access=as_file)
         # Not closed here where it is stdout.
-        self._file: Any = sys.stdout.buffer if self._part is None else self._part.open("wb")
-        self._stream = pa.ipc.new_stream(self._file, self._schema, options=_options())
+        file = sys.stdout.buffer if self._out is None else self._out.file
+        self._stream = pa.ipc.new_stream(file, self._schema, options=_options())
 
     def begin(self, t_ns: int) -> None:
         """Do nothing: the rows keep the stamps of the recording."""
@@ -86,25 +84,22 @@ class ArrowLong:
     def close(self) -> None:
         """Finish the stream; a file then gets its name."""
         self._stream.close()
-        if self._path is None or self._part is None or self._whole is None:
-            self._file.flush()
+        if self._out is None:
+            sys.stdout.buffer.flush()
             return
-        self._file.close()
         if self._as_file:
-            self._write_file(self._part, self._whole)
-            self._whole.replace(self._path)
-            self._part.unlink()
-        else:
-            self._part.replace(self._path)
+            aside = self._out.set_aside()
+            try:
+                with aside.read_again() as part:
+                    self._write_file(part, self._out.file)
+            finally:
+                aside.remove()
+        self._out.finish()
 
     def abandon(self) -> None:
         """Delete what has been written so far."""
-        if self._part is None or self._whole is None:
-            return
-        for end in (self._file.close, self._part.unlink, self._whole.unlink):
-            # The error that led here is the one to be raised.
-            with suppress(OSError):
-                end()
+        if self._out is not None:
+            self._out.abandon()
 
     def _codes(self, group: Group) -> list[NDArray[np.int32]]:
         """Codes of a group's fields for each of the texts, shape (k,) or (1,)."""
@@ -129,13 +124,12 @@ class ArrowLong:
                 self._rounded += _count_beyond(column)
         return values
 
-    def _write_file(self, part: Path, whole: Path) -> None:
+    def _write_file(self, part: BinaryIO, whole: BinaryIO) -> None:
         """Write the stream once more, with dictionaries that hold for all of it from the begin."""
         finished = {name: self._names[name].texts() for name in _TEXTS}
         with (
-            pa.memory_map(str(part)) as source,
-            pa.ipc.open_stream(source) as stream,
-            pa.ipc.new_file(str(whole), self._schema, options=_options()) as file,
+            pa.ipc.open_stream(part) as stream,
+            pa.ipc.new_file(whole, self._schema, options=_options()) as file,
         ):
             for batch in stream:
                 arrays = [

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -23,19 +23,21 @@ class ArrowMessageFile:
     """A Parquet or Arrow file with the rows of one message.
 
     Args:
-        path: Path of the file.
+        file: File.
         group: Message.
         origin: Version, inputs and the like, by name, for the file's metadata.
         suffix: '.parquet' or '.arrow'.
 
     """
 
-    def __init__(self, path: Path, group: Group, origin: Mapping[str, str], suffix: str) -> None:
+    def __init__(
+        self, file: BinaryIO, group: Group, origin: Mapping[str, str], suffix: str
+    ) -> None:
         about = {"message": group.name, "channel": group.channel, "comment": group.comment}
         columns = [arrow_field(field.name, field) for field in group.fields]
         self._group = group
         self._schema = pa.schema([TIME_S, TIME_NS, *columns], metadata={**origin, **about})
-        self._writer = (_arrow if suffix == ".arrow" else _parquet)(path, self._schema)
+        self._writer = (_arrow if suffix == ".arrow" else _parquet)(file, self._schema)
         self._rows: list[Rows] = []
         self.held = 0
 
@@ -58,7 +60,7 @@ class ArrowMessageFile:
             self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
 
     def close(self) -> None:
-        """Finish the file."""
+        """Write what is left; the file stays open."""
         try:
             self.flush()
         finally:
@@ -76,14 +78,14 @@ def _joined(columns: list[Column]) -> Column:
     return Column(values, np.concatenate(masks))
 
 
-def _parquet(path: Path, schema: Any) -> Any:
+def _parquet(file: BinaryIO, schema: Any) -> Any:
     # Dictionaries of scaled values take twice the time of all the rest, and save nothing that
     # bytes split by their place do not.
     encoding = {
         field.name: "BYTE_STREAM_SPLIT" for field in schema if pa.types.is_floating(field.type)
     }
     return parquet.ParquetWriter(
-        path,
+        file,
         schema,
         compression="zstd",
         compression_level=_LEVEL,
@@ -92,13 +94,13 @@ def _parquet(path: Path, schema: Any) -> Any:
     )
 
 
-def _arrow(path: Path, schema: Any) -> Any:
+def _arrow(file: BinaryIO, schema: Any) -> Any:
     options = pa.ipc.IpcWriteOptions(compression=pa.Codec("zstd", compression_level=_LEVEL))
-    return pa.ipc.new_file(str(path), schema, options=options)
+    return pa.ipc.new_file(file, schema, options=options)
 
 
 def open_folder(path: Path, suffix: str, origin: Mapping[str, str]) -> MessageFolder:
     """Begin a folder of Parquet or Arrow files; a `FolderOpener`."""
     return MessageFolder(
-        path, suffix, lambda part, group: ArrowMessageFile(part, group, origin, suffix), origin
+        path, suffix, lambda file, group: ArrowMessageFile(file, group, origin, suffix), origin
     )

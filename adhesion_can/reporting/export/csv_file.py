@@ -8,11 +8,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from itertools import repeat
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from adhesion_can.files import Temporary
 from adhesion_can.reporting.export.growing_table import GrowingTable
 from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count
 from adhesion_can.reporting.export.message_folder import MessageFolder
@@ -38,31 +39,34 @@ class CsvFormat:
         self.by_message = by_message
         self.decimals = decimals
 
-    def open(self, path: Path, groups: Sequence[Group]) -> "CsvPartFile":
+    def open(self, file: BinaryIO, groups: Sequence[Group]) -> "CsvPartFile":
         """Begin a file with the columns of some groups."""
-        return CsvPartFile(path, groups, self)
+        return CsvPartFile(file, groups, self)
 
-    def join(self, parts: Sequence[tuple[Path, int]], path: Path, groups: Sequence[Group]) -> None:
+    def join(
+        self, parts: Sequence[tuple[Temporary, int]], file: BinaryIO, groups: Sequence[Group]
+    ) -> None:
         """Write one file of several: their lines get the commas that they lack."""
-        opener: Any = gzip.open if self.compressed else Path.open
         with ExitStack() as stack:
-            out = self.create(path, stack)
+            out = self.pack(file, stack)
             out.write(self.header(groups))
             for part, held in parts:
                 missing = sum(len(group.fields) for group in groups[held:])
                 end = b"," * missing + b"\n"
-                with opener(part, "rb") as source:
+                with ExitStack() as reading:
+                    source: Any = reading.enter_context(part.read_again())
+                    if self.compressed:
+                        source = reading.enter_context(gzip.open(source))
                     source.readline()
                     while chunk := source.read(_CHUNK):
                         out.write(chunk.replace(b"\n", end) if missing else chunk)
 
-    def create(self, path: Path, stack: ExitStack) -> IO[bytes]:
-        """A new file, compressed where that is wanted."""
-        raw = stack.enter_context(path.open("wb"))
+    def pack(self, file: BinaryIO, stack: ExitStack) -> BinaryIO:
+        """The file, compressed where that is wanted until the stack is closed."""
         if not self.compressed:
-            return raw
-        packed = gzip.GzipFile("", "wb", compresslevel=_LEVEL, fileobj=raw, mtime=0)
-        return cast(IO[bytes], stack.enter_context(packed))
+            return file
+        packed = gzip.GzipFile("", "wb", compresslevel=_LEVEL, fileobj=file, mtime=0)
+        return cast(BinaryIO, stack.enter_context(packed))
 
     def header(self, groups: Sequence[Group]) -> bytes:
         """First line of the file, with the names of the columns."""
@@ -76,7 +80,7 @@ class CsvFormat:
 class CsvPartFile:
     """A CSV file of a fixed set of columns."""
 
-    def __init__(self, path: Path, groups: Sequence[Group], table_format: CsvFormat) -> None:
+    def __init__(self, file: BinaryIO, groups: Sequence[Group], table_format: CsvFormat) -> None:
         self._format = table_format
         self._before: dict[str, int] = {}
         self._width = 0
@@ -85,7 +89,7 @@ class CsvPartFile:
             self._width += len(group.fields)
         self._texts = FloatTexts()
         self._stack = ExitStack()
-        self._file = table_format.create(path, self._stack)
+        self._file = table_format.pack(file, self._stack)
         self._file.write(table_format.header(groups))
 
     def write(self, rows: Sequence[Rows]) -> None:
@@ -96,7 +100,7 @@ class CsvPartFile:
         self._file.write("".join((*lines.tolist(),)).encode())
 
     def close(self) -> None:
-        """Finish the file."""
+        """Write what is left; the file stays open."""
         self._stack.close()
 
     def _lines(self, rows: Rows) -> Iterable[str]:
@@ -131,16 +135,16 @@ class CsvMessageFile:
     """A CSV file with the rows of one message.
 
     Args:
-        path: Path of the file.
+        file: File.
         group: Message.
 
     """
 
     held = 0
 
-    def __init__(self, path: Path, group: Group) -> None:
+    def __init__(self, file: BinaryIO, group: Group) -> None:
         plain = CsvFormat(compressed=False, by_message=False, decimals=9)
-        self._file = CsvPartFile(path, (group,), plain)
+        self._file = CsvPartFile(file, (group,), plain)
 
     def write(self, rows: Rows) -> None:
         """Append rows."""
@@ -150,7 +154,7 @@ class CsvMessageFile:
         """Do nothing: rows are written as they come."""
 
     def close(self) -> None:
-        """Finish the file."""
+        """Write what is left; the file stays open."""
         self._file.close()
 
 

@@ -3,28 +3,31 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Protocol
+from typing import BinaryIO, Protocol
 
+from adhesion_can.files import OutputFile, Temporary
 from adhesion_can.reporting.export.layout import Frames, Group, Rows
 
 
 class PartFile(Protocol):
-    """A file of a fixed set of columns."""
+    """Rows of a fixed set of columns on their way into a file."""
 
     def write(self, rows: Sequence[Rows]) -> None:
         """Append rows of the part's own groups."""
 
     def close(self) -> None:
-        """Finish the file."""
+        """Write what is left; the file stays open."""
 
 
 class TableFormat(Protocol):
     """How a format writes a table."""
 
-    def open(self, path: Path, groups: Sequence[Group]) -> PartFile:
+    def open(self, file: BinaryIO, groups: Sequence[Group]) -> PartFile:
         """Begin a file with the columns of some groups."""
 
-    def join(self, parts: Sequence[tuple[Path, int]], path: Path, groups: Sequence[Group]) -> None:
+    def join(
+        self, parts: Sequence[tuple[Temporary, int]], file: BinaryIO, groups: Sequence[Group]
+    ) -> None:
         """Write one file of several, each with the columns of the first so many groups."""
 
 
@@ -43,14 +46,20 @@ class GrowingTable:
     """
 
     def __init__(self, path: Path, table_format: TableFormat, groups: Sequence[Group] = ()) -> None:
-        self._path = path
         self._format = table_format
         self._groups = {group.name: group for group in groups}
-        self._parts: list[tuple[Path, int]] = []
-        self._joined = path.with_name(path.name + ".part")
+        self._out = OutputFile(path, random_access=True)
+        self._parts: list[tuple[Temporary, int]] = []
+        """Parts in front of the one that is written, each with its number of groups."""
         self._part: PartFile | None = None
+        self._width = 0
+        """Number of groups of the part that is written."""
         if groups:
-            self._begin()
+            try:
+                self._begin()
+            except BaseException:
+                self.abandon()
+                raise
 
     def begin(self, t_ns: int) -> None:
         """Do nothing: the table keeps the stamps of the recording."""
@@ -72,38 +81,39 @@ class GrowingTable:
 
     def close(self) -> None:
         """Finish the table, which then gets its name."""
-        if not self._parts:
+        if self._part is None:
             self._begin()
-        self._end()
-        last = self._parts[0][0]
-        if len(self._parts) > 1:
-            last = self._joined
-            self._format.join(self._parts, last, list(self._groups.values()))
-        last.replace(self._path)
-        for path in self._made():
-            path.unlink(missing_ok=True)
+        if self._parts:
+            self._set_aside()
+            self._format.join(self._parts, self._out.file, list(self._groups.values()))
+        else:
+            self._end()
+        self._out.finish()
+        self._remove_parts()
 
     def abandon(self) -> None:
         """Delete what has been written so far."""
         # The file is deleted, so its end may be missing; on a full disk it cannot be written.
         with suppress(OSError):
             self._end()
-        for path in self._made():
-            # The error that led here is the one to be raised.
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
+        self._out.abandon()
+        self._remove_parts()
 
     def _begin(self) -> None:
+        if self._part is not None:
+            self._set_aside()
+        self._width = len(self._groups)
+        self._part = self._format.open(self._out.file, list(self._groups.values()))
+
+    def _set_aside(self) -> None:
         self._end()
-        path = self._path.with_name(f"{self._path.name}.part{len(self._parts) + 1}")
-        self._parts.append((path, len(self._groups)))
-        self._part = self._format.open(path, list(self._groups.values()))
+        self._parts.append((self._out.set_aside(), self._width))
 
     def _end(self) -> None:
         part, self._part = self._part, None
         if part is not None:
             part.close()
 
-    def _made(self) -> list[Path]:
-        """Paths of all temporary files; some may be gone by now."""
-        return [*(part for part, _ in self._parts), self._joined]
+    def _remove_parts(self) -> None:
+        for part, _ in self._parts:
+            part.remove()

@@ -3,7 +3,6 @@
 import json
 from base64 import b64encode
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
+from adhesion_can.files import OutputFile
 from adhesion_can.reporting.export.layout import Field, Frames, Group, Rows
 from adhesion_can.reporting.export.number_texts import FloatTexts
 from adhesion_can.version import __version__
@@ -45,10 +45,8 @@ class McapFile:
     """
 
     def __init__(self, path: Path, origin: Mapping[str, str]) -> None:
-        self._path = path
-        self._part = path.with_name(path.name + ".part")
-        self._file = self._part.open("wb")
-        self._writer: Any = Writer(self._file, _CHUNK, CompressionType.ZSTD)
+        self._out = OutputFile(path, random_access=True)
+        self._writer: Any = Writer(self._out.file, _CHUNK, CompressionType.ZSTD)
         self._writer.start(library=f"adhesion-can {__version__}")
         self._writer.add_metadata("origin", dict(origin))
         self._channel: dict[tuple[str, str], int] = {}
@@ -87,15 +85,11 @@ class McapFile:
     def close(self) -> None:
         """Finish the file, which then gets its name."""
         self._writer.finish()
-        self._file.close()
-        self._part.replace(self._path)
+        self._out.finish()
 
     def abandon(self) -> None:
         """Delete what has been written so far."""
-        # The error that led here is the one to be raised.
-        for end in (self._file.close, self._part.unlink):
-            with suppress(OSError):
-                end()
+        self._out.abandon()
 
     def _add(self, channel: int, t_ns: int, data: bytes) -> None:
         if t_ns < 0:

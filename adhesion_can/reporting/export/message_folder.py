@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import BinaryIO, Protocol
 
 from adhesion_can.errors import InputError
-from adhesion_can.files import whole_file
+from adhesion_can.files import Temporary, read_small_file, whole_file
 from adhesion_can.reporting.export.layout import Frames, Group, Rows
 
 LIST = "convert.json"
@@ -17,6 +17,8 @@ LIST = "convert.json"
 
 _TIMES = ("time_s", "time_ns")
 
+_LARGEST_LIST = 16 << 20
+"""Size of a list of files that is read, bytes."""
 _CELLS = 1 << 24
 """Largest number of cells of all files that are held in memory."""
 
@@ -34,7 +36,7 @@ class MessageFile(Protocol):
         """Write what is held."""
 
     def close(self) -> None:
-        """Finish the file."""
+        """Write what is left; the file stays open."""
 
 
 @dataclass
@@ -43,14 +45,14 @@ class _Entry:
 
     Attributes:
         group: Message, and its bus.
-        part: Path while the file is written.
-        file: File.
+        part: File under its temporary name.
+        file: Rows on their way into it.
         rows: Number of rows.
 
     """
 
     group: Group
-    part: Path
+    part: Temporary
     file: MessageFile
     rows: int = 0
 
@@ -76,7 +78,7 @@ class MessageFolder:
         self,
         path: Path,
         suffix: str,
-        open_file: Callable[[Path, Group], MessageFile],
+        open_file: Callable[[BinaryIO, Group], MessageFile],
         origin: Mapping[str, str],
     ) -> None:
         self._path = path
@@ -113,7 +115,7 @@ class MessageFolder:
         # Listed before they are there: what stops the command here is mended by the next run.
         self._write_list({**dict.fromkeys(self._earlier), **named})
         for name, entry in named.items():
-            entry.part.replace(self._path / name)
+            entry.part.rename(self._path / name)
         for name in self._earlier:
             if name not in named:
                 (self._path / name).unlink(missing_ok=True)
@@ -125,8 +127,7 @@ class MessageFolder:
             # The error that led here is the one to be raised.
             with suppress(OSError):
                 entry.file.close()
-            with suppress(OSError):
-                entry.part.unlink(missing_ok=True)
+            entry.part.remove()
         if self._is_new:
             with suppress(OSError):
                 self._path.rmdir()
@@ -134,8 +135,13 @@ class MessageFolder:
     def _entry(self, group: Group) -> _Entry:
         key = group.name, group.channel
         if key not in self._entries:
-            part = self._path / f".{len(self._entries) + 1}{self._suffix}.part"
-            self._entries[key] = _Entry(group, part, self._open_file(part, _dense(group)))
+            part = Temporary(self._path / f"{len(self._entries) + 1}{self._suffix}")
+            try:
+                file = self._open_file(part.file, _dense(group))
+            except BaseException:
+                part.remove()
+                raise
+            self._entries[key] = _Entry(group, part, file)
         return self._entries[key]
 
     def _named(self) -> dict[str, _Entry]:
@@ -167,7 +173,7 @@ class MessageFolder:
             }
             for name, entry in files.items()
         ]
-        with whole_file(self._path / LIST) as file:
+        with whole_file(self._path / LIST, own_name=True) as file:
             json.dump({**self._origin, "files": listed}, file, indent=2, ensure_ascii=False)
 
 
@@ -182,14 +188,14 @@ def listed_files(path: Path) -> list[str]:
     if not path.exists():
         return []
     mend = "name a new folder, or empty this one"
-    try:
-        document = json.loads((path / LIST).read_text(encoding="utf-8"))
-        names = [str(one["file"]) for one in document["files"]]
-    except FileNotFoundError:
+    if not (path / LIST).exists():
         # Hidden ones are what a killed run left, or what a desktop puts everywhere.
         if any(not file.name.startswith(".") for file in path.iterdir()):
-            raise InputError(str(path), "holds files that convert did not write", mend) from None
+            raise InputError(str(path), "holds files that convert did not write", mend)
         return []
+    try:
+        document = json.loads(read_small_file(path / LIST, _LARGEST_LIST, mend=mend))
+        names = [str(one["file"]) for one in document["files"]]
     except (ValueError, LookupError, TypeError) as error:
         raise InputError(str(path / LIST), "is no list of convert", mend) from error
     # A list that somebody changed must not delete what is elsewhere.

@@ -10,6 +10,7 @@ from asammdf import MDF, Signal, Source
 from asammdf.blocks import v4_constants as mdf4
 from numpy.typing import NDArray
 
+from adhesion_can.files import OutputFile
 from adhesion_can.reporting.export.layout import (
     SECOND,
     Column,
@@ -48,9 +49,7 @@ class Mf4File:
     """
 
     def __init__(self, path: Path, origin: Mapping[str, str], groups: Sequence[Group]) -> None:
-        self._path = path
-        self._part = path.with_name(path.name + ".part")
-        self._file = self._part.open("wb")
+        self._out = OutputFile(path, random_access=True)
         self._bus = not groups
         self._start_ns: int | None = None
         self._number: dict[str, int] = {}
@@ -100,18 +99,18 @@ class Mf4File:
         header: Any = self._mdf.header
         header.time_flags = 0  # UTC
         header.abs_time = self._start_ns or 0
-        self._mdf.save(self._file, compression=_DEFLATE)
+        file: Any = self._out.file
+        self._mdf.save(file, compression=_DEFLATE)
         self._mdf.close()
-        self._file.close()
-        self._part.replace(self._path)
+        self._out.finish()
 
     def abandon(self) -> None:
         """Delete what has been written so far."""
         # On a full disk what is still to be written cannot be, and need not; and what led here is
         # the error to be raised.
-        for end in (self._mdf.close, self._file.close, self._part.unlink):
-            with suppress(OSError):
-                end()
+        with suppress(OSError):
+            self._mdf.close()
+        self._out.abandon()
 
     def _append(self, rows: Rows, time_s: NDArray[np.float64]) -> None:
         group = rows.group

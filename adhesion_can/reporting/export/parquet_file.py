@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import parquet
 
+from adhesion_can.files import Temporary
 from adhesion_can.reporting.export.arrow_fields import TEXT, TIME_NS, TIME_S, arrow_field
 from adhesion_can.reporting.export.growing_table import GrowingTable
 from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count, in_order
@@ -34,16 +35,18 @@ class ParquetFormat:
         self.by_message = by_message
         self.origin = dict(origin)
 
-    def open(self, path: Path, groups: Sequence[Group]) -> "ParquetPartFile":
+    def open(self, file: BinaryIO, groups: Sequence[Group]) -> "ParquetPartFile":
         """Begin a file with the columns of some groups."""
-        return ParquetPartFile(path, groups, self)
+        return ParquetPartFile(file, groups, self)
 
-    def join(self, parts: Sequence[tuple[Path, int]], path: Path, groups: Sequence[Group]) -> None:
+    def join(
+        self, parts: Sequence[tuple[Temporary, int]], file: BinaryIO, groups: Sequence[Group]
+    ) -> None:
         """Write one file of several: the columns that a part lacks are null in it."""
         schema = self.schema(groups)
-        with _writer(path, schema) as writer:
+        with _writer(file, schema) as writer:
             for part, _ in parts:
-                with parquet.ParquetFile(part) as source:
+                with part.read_again() as held, parquet.ParquetFile(held) as source:
                     for number in range(source.num_row_groups):
                         table = source.read_row_group(number)
                         writer.write_table(_widened(table, schema))
@@ -62,7 +65,9 @@ class ParquetFormat:
 class ParquetPartFile:
     """A Parquet file of a fixed set of columns."""
 
-    def __init__(self, path: Path, groups: Sequence[Group], table_format: ParquetFormat) -> None:
+    def __init__(
+        self, file: BinaryIO, groups: Sequence[Group], table_format: ParquetFormat
+    ) -> None:
         self._groups = groups
         self._format = table_format
         self._schema = table_format.schema(groups)
@@ -71,7 +76,7 @@ class ParquetPartFile:
         self._limit = max(1024, min(_ROWS, _CELLS // len(self._schema)))
         self._held: list[Any] = []
         self._held_rows = 0
-        self._writer = _writer(path, self._schema)
+        self._writer = _writer(file, self._schema)
 
     def write(self, rows: Sequence[Rows]) -> None:
         """Append rows."""
@@ -86,7 +91,7 @@ class ParquetPartFile:
                 self._flush()
 
     def close(self) -> None:
-        """Finish the file."""
+        """Write what is left; the file stays open."""
         try:
             self._flush()
         finally:
@@ -112,11 +117,11 @@ class ParquetPartFile:
         return pa.Table.from_arrays(columns, schema=self._schema)
 
 
-def _writer(path: Path, schema: Any) -> Any:
+def _writer(file: BinaryIO, schema: Any) -> Any:
     # Stamps do not repeat as the values of signals do.
     values = [name for name in schema.names if name not in ("time_s", "time_ns")]
     deltas = {"time_ns": "DELTA_BINARY_PACKED"} if "time_ns" in schema.names else None
-    return parquet.ParquetWriter(path, schema, use_dictionary=values, column_encoding=deltas)
+    return parquet.ParquetWriter(file, schema, use_dictionary=values, column_encoding=deltas)
 
 
 def _arrays(group: Group, rows: Rows | None, size: int) -> Iterator[Any]:
