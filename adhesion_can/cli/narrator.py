@@ -8,6 +8,7 @@ from typing import Any, TextIO
 from pythonjsonlogger.json import JsonFormatter
 
 from adhesion_can.physics.doubt import Doubt, doubt_sentence
+from adhesion_can.physics.objection import Objection, objection_sentence
 from adhesion_can.physics.status import Status
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.outputs import Outputs
@@ -57,6 +58,7 @@ class Narrator:
         self._status: Status | None = None
         self._printed_us = 0
         self._doubt = Doubt.NONE
+        self._objection = Objection.NONE
 
     def print(self, line: str) -> None:
         """Tell what was done."""
@@ -67,9 +69,19 @@ class Narrator:
         self._write(logging.WARNING, line)
 
     def print_setpoint(self, t_us: int, outputs: Outputs) -> None:
-        """Tell a new status or doubt at a due time, µs."""
+        """Tell a new status, objection or doubt at a due time, µs."""
         self._print_status(t_us, outputs)
+        self._print_objection(t_us, outputs.objection)
         self._print_doubt(t_us, outputs.doubt)
+
+    def _print_objection(self, t_us: int, objection: Objection) -> None:
+        if objection is self._objection or not self._has_room():
+            return
+        self._objection = objection
+        sentence = objection_sentence(objection)
+        level = logging.WARNING if sentence else logging.INFO
+        fields = {"bus_time_s": t_us / 1e6, "objection": objection.name}
+        self._tell(level, f"{t_us / 1e6:.2f} {sentence or 'the readings agree again'}", fields)
 
     def _print_doubt(self, t_us: int, doubt: Doubt) -> None:
         # 'Not available' in between neither confirms the last doubt nor takes it away.

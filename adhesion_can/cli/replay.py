@@ -41,6 +41,7 @@ from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
 from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.objection import WORDINGS, Objection
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.recordings.candump import format_frame
@@ -210,19 +211,29 @@ def _sample_writer(
 
 
 class _SetpointCounts:
-    """Numbers of setpoints by status and by doubt."""
+    """Numbers of setpoints by status, by doubt and by objection."""
 
     def __init__(self) -> None:
         self.by_status: Counter[Status] = Counter()
         self.by_doubt: Counter[Doubt] = Counter()
+        self.by_objection: Counter[Objection] = Counter()
 
     def add(self, outputs: Outputs) -> None:
         self.by_status[outputs.status] += 1
         self.by_doubt[outputs.doubt] += 1
+        self.by_objection[outputs.objection] += 1
 
     def share(self, count: int) -> str:
         """Share of a number of setpoints in all of them, as text."""
         return f"{100 * count / (self.by_status.total() or 1):.1f} %"
+
+    def describe_objections(self) -> list[str]:
+        """Line for each objection to the readings, with its share of the time."""
+        return [
+            f"{self.share(count)} of the time {WORDINGS[one].what}: {WORDINGS[one].mend}"
+            for one, count in self.by_objection.most_common()
+            if one in WORDINGS
+        ]
 
     def describe_doubts(self) -> list[str]:
         """Line with the share of the time with doubt and what it was about; none without doubt."""
@@ -276,6 +287,9 @@ def _document(
         "setpoints_by_doubt": {
             doubt.json_name: n for doubt, n in setpoints.by_doubt.items() if doubt.json_name
         },
+        "setpoints_by_objection": {
+            one.json_name: n for one, n in setpoints.by_objection.items() if one.json_name
+        },
         "last": None if core.estimate is None else core.estimate.to_dict(),
     }
 
@@ -301,7 +315,8 @@ def _print(
             f"lambda_m {plus_minus(e.lambda_m, e.lambda_m_std)}, "
             f"c1 {e.c1:.4f}, c2 {e.c2:.2f}, c3 {e.c3:.4f}"
         )
-    notes = (*setpoints.describe_doubts(), *problems, *receiver.stuck_sentences, *core.faults)
+    objections, doubts = setpoints.describe_objections(), setpoints.describe_doubts()
+    notes = (*objections, *doubts, *problems, *receiver.stuck_sentences, *core.faults)
     for line in (*notes, *left_out_lines(core.left_out_samples)):
         out.print(line, markup=False)
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Objection(IntEnum):
-    """What the readings cannot be, or why the estimate took in none of them; the gravest first."""
+    """What the readings cannot be."""
 
     NONE = 0
     SPEED_JUMP = 1
@@ -17,7 +17,6 @@ class Objection(IntEnum):
     LOADS_OFF = 6
     BEYOND_CEILING = 7
     SLIPS_BEYOND_MODEL = 8
-    COASTING = 9
 
     @property
     def json_name(self) -> str | None:
@@ -64,9 +63,6 @@ WORDINGS: Mapping[Objection, Wording] = {
     Objection.SLIPS_BEYOND_MODEL: Wording(
         "the slips are beyond the model at all axles: wheels that are locked or spin, or a sensor",
         "check wheel and vehicle speed",
-    ),
-    Objection.COASTING: Wording(
-        "the train coasts: nothing is seen of the curve", "ends with effort"
     ),
 }
 """Words for each objection."""

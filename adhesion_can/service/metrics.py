@@ -20,6 +20,7 @@ from prometheus_client.registry import Collector
 
 from adhesion_can.bus.rejection import REJECTIONS
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 from adhesion_can.service.counters import COUNTERS
 from adhesion_can.service.lateness import BOUNDS_US
@@ -77,6 +78,11 @@ class ServiceCollector(Collector):
         )
         yield StateSetMetricFamily(
             f"{PREFIX}doubt", "doubt", {one.name: one is outputs.doubt for one in Doubt}
+        )
+        yield StateSetMetricFamily(
+            f"{PREFIX}objection",
+            "objection to the readings",
+            {one.name: one is outputs.objection for one in Objection},
         )
         for name, meaning, read in GAUGES:
             if (number := read(outputs)) is not None:

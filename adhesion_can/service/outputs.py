@@ -10,6 +10,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.physics.burckhardt import slip_at_share
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.status import Status
 from adhesion_can.service.states import VALUES, Values
@@ -45,6 +46,7 @@ class Outputs:
         doubt: Condition that the residual depends on, where the curve cannot explain it.
         family: Name of the most probable curve family; None where none are compared.
         speed: Vehicle speed, m/s; None where it is not available.
+        objection: What the readings cannot be, where that is why nobody vouches for the peak.
 
     """
 
@@ -58,6 +60,7 @@ class Outputs:
     doubt: Doubt = Doubt.NOT_AVAILABLE
     family: str | None = None
     speed: float | None = None
+    objection: Objection = Objection.NONE
 
 
 @lru_cache(maxsize=8)
@@ -105,6 +108,7 @@ def build_outputs(
         doubt=estimate.doubt,
         family=estimate.family,
         speed=speed,
+        objection=estimate.objection,
     )
 
 

@@ -91,4 +91,5 @@ class Agreement(Stateful):
         offset = product / square if square > 0.0 else inf
         # The scatter within the window, whatever its mean; errors that last are part of it.
         std = sqrt(max(rest / count, 0.0) / square) if square > 0.0 else inf
-        return abs(offset) + 2.0 * std < self._slip_limit and abs(level / count) < self._level_limit
+        agrees = abs(offset) + 2.0 * std < self._slip_limit
+        return bool(agrees and abs(level / count) < self._level_limit)
