@@ -220,7 +220,8 @@ def test_the_file_is_written_once_an_interval_and_sooner_for_a_new_surface(tmp_p
 
     begin_us = drive(25.0, DRY, NOW_US, NOW_US)
     drive(5.0, WET, begin_us, begin_us)
-    keeper.close()
+    keeper.end()
+    assert keeper.wait()
     assert written == [0.0, 10.0, 20.0, 25.0]
     assert read(path.read_text()).curves == (DRY, WET)
 
@@ -236,7 +237,8 @@ def test_a_disk_that_takes_nothing_is_told_once_and_does_no_harm(tmp_path):
             while not notices and time.monotonic() < deadline:
                 time.sleep(0.01)
             path.parent.mkdir()
-    keeper.close()
+    keeper.end()
+    assert keeper.wait()
     assert sum("tried again" in line for line in notices) == 1
     assert "written again" in notices[-1]
     assert read(path.read_text()).curves == (DRY,)

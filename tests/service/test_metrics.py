@@ -19,7 +19,8 @@ from adhesion_can.recordings.python_can_messages import to_message
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.counters import COUNTERS, read_counters
 from adhesion_can.service.lateness import BOUNDS_US, Lateness
-from adhesion_can.service.metrics import MetricsServer, ServiceCollector
+from adhesion_can.service.metrics import ServiceCollector
+from adhesion_can.service.metrics_server import MetricsServer
 from tests.service.test_core import KNOWN, FixedEstimator
 from tests.service.test_live import Running, opened, send_drive, wall_clock
 
