@@ -29,18 +29,14 @@ def is_stream(path: Path) -> bool:
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
 
 
-def open_stream(path: Path, reader_s: float = READER_S) -> int:
+def open_stream(path: Path) -> int:
     """Descriptor of a pipe or a device, for writing.
-
-    Args:
-        path: Path of the pipe or device.
-        reader_s: Longest time to wait for the reader of a pipe, s.
 
     Raises:
         InputError: Nobody reads the pipe, or it cannot be opened.
 
     """
-    end_s = time.monotonic() + reader_s
+    end_s = time.monotonic() + READER_S
     while True:
         try:
             descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)

@@ -304,7 +304,9 @@ class LiveService:
                 self._missed[number] = self._missed.get(number, 0) + 1
                 continue
             if not self._dry_run:
-                self._hand_over(frame)
+                sent_us = self._hand_over(frame)
+                if sent_us is not None and number == self._setpoint_id:
+                    self.lateness.add(max(sent_us - frame.t_us, 0))
             # Behind the sending, which it would hold up.
             self._log_frame(frame)
 
@@ -313,18 +315,22 @@ class LiveService:
         missed = self._missed.get(frame.arbitration_id, 0)
         return missed > 0 and (missed + 1) % COUNTS == 0
 
-    def _hand_over(self, frame: Frame) -> None:
-        """Send a frame of ours, and count where the bus does not take it."""
+    def _hand_over(self, frame: Frame) -> int | None:
+        """Send a frame of ours, and count where the bus does not take it.
+
+        Returns:
+            Time at which it was sent, µs; None where the bus did not take it.
+
+        """
         number = frame.arbitration_id
         sent = self._secure(frame)
-        if self.bus.send(to_message(sent)):
-            self._missed[number] = 0
-            sent_us = self.clock()
-            if number == self._setpoint_id:
-                self.lateness.add(max(sent_us - frame.t_us, 0))
-            self._echoes.add_sent(sent, sent_us)
-        else:
+        if not self.bus.send(to_message(sent)):
             self._missed[number] = self._missed.get(number, 0) + 1
+            return None
+        self._missed[number] = 0
+        sent_us = self.clock()
+        self._echoes.add_sent(sent, sent_us)
+        return sent_us
 
     def _log(self, line: str) -> None:
         if self._write_log is not None:
