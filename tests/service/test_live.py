@@ -273,7 +273,8 @@ def test_a_bus_that_goes_down_is_opened_again_and_the_core_goes_on():
     assert attempts[1] - attempts[0] >= PAUSES_S[1]
     assert attempts[2] - attempts[1] >= PAUSES_S[2] > PAUSES_S[1] > 0.1
     assert second.sent  # STALE_INPUT goes out on the new bus
-    notices = [line for line in live.notices if "another clock" not in line]
+    # Of a busy machine, and of the clock of the stamps, there is more to tell.
+    notices = [line for line in live.notices if line.startswith("the bus is")]
     assert [line.split("(")[0] for line in notices] == ["the bus is gone ", "the bus is back"]
 
 
