@@ -3,6 +3,7 @@
 import argparse
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -172,9 +173,12 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
         "last": None if core.estimate is None else core.estimate.to_dict(),
     }
     document |= provenance(config)
-    json_written = done_within(
-        longest_end_s(options.json), lambda: write_json(options.json, document)
-    )
+
+    def write() -> None:
+        write_json(options.json, document)
+        sys.stdout.flush()
+
+    json_written = done_within(longest_end_s(options.json), write)
     if not json_written:
         narrator.warn(f"--json {options.json}: was not taken by the end")
     if talk(options):

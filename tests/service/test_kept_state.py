@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from math import inf
@@ -242,6 +243,28 @@ def test_a_disk_that_takes_nothing_is_told_once_and_does_no_harm(tmp_path):
     assert sum("tried again" in line for line in notices) == 1
     assert "written again" in notices[-1]
     assert read(path.read_text()).curves == (DRY,)
+
+
+def test_a_disk_that_stands_still_holds_neither_the_loop_nor_the_end_up(tmp_path, monkeypatch):
+    may_go, notices, path = threading.Event(), [], tmp_path / "state.json"
+    keeper = StateKeeper(path, KeptState("vehicle"), 1.0, notices.append)
+    write = keeper._write
+
+    def written_late(state):
+        may_go.wait(60.0)
+        write(state)
+
+    monkeypatch.setattr(keeper, "_write", written_late)
+    monkeypatch.setattr("adhesion_can.service.state_keeper.DISK_END_S", 0.01)
+    for cycle in range(1000):
+        keeper.observe(NOW_US + 20_000 * cycle, SENT)
+    keeper.end()
+    assert not keeper.wait()
+    assert "did not take it by the end" in notices[0]
+    may_go.set()
+    monkeypatch.setattr("adhesion_can.service.state_keeper.DISK_END_S", 60.0)
+    assert keeper.wait()
+    assert read(path.read_text()) == keeper.state
 
 
 WRITER = """
