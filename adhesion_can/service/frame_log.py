@@ -16,7 +16,7 @@ from adhesion_can.service.behind import DISK_END_S, STREAM_END_S, Behind
 
 WAITING_LINES = 1 << 16
 """Largest number of lines that wait to be written: half a minute of the packaged message set."""
-GATHER_S = 0.02
+GATHER_S = 0.05
 """Time for which lines gather before they are written together, s."""
 
 
