@@ -8,7 +8,7 @@ from can.util import CAN_FD_DLC
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.errors import InputError
-from adhesion_can.service.frame_log import FrameLog
+from adhesion_can.service.frame_log import LogBehind
 from adhesion_can.service.live import LiveService
 
 
@@ -61,7 +61,7 @@ def listening_address(text: str) -> tuple[str, int]:
 
 
 def serve_metrics(
-    stack: ExitStack, listen_at: tuple[str, int], service: LiveService, log: FrameLog | None
+    stack: ExitStack, listen_at: tuple[str, int], service: LiveService, log: LogBehind | None
 ) -> str:
     """Answer Prometheus until the stack is closed; returns the address.
 
@@ -72,7 +72,8 @@ def serve_metrics(
     host, port = listen_at
     where = f"--metrics {host}:{port}"
     try:
-        from adhesion_can.service.metrics import MetricsServer, ServiceCollector  # noqa: PLC0415
+        from adhesion_can.service.metrics import ServiceCollector  # noqa: PLC0415
+        from adhesion_can.service.metrics_server import MetricsServer  # noqa: PLC0415
     except ImportError as error:
         raise InputError(
             where,

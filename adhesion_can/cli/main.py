@@ -8,6 +8,7 @@ import argparse
 import errno
 import gc
 import os
+import select
 import shlex
 import signal
 import sys
@@ -146,7 +147,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options = build_parser().parse_args(arguments)
     except AdhesionCanError as error:  # of an installed extension that a help text names
-        print(f"adhesion-can: {error}", file=sys.stderr)
+        _tell(f"adhesion-can: {error}")
         return 2
     words = sys.argv[1:] if arguments is None else arguments
     options.command_line = shlex.join(["adhesion-can", *map(str, words)])
@@ -159,7 +160,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             status: int = options.run(options)
             sys.stdout.flush()
     except AdhesionCanError as error:
-        print(f"adhesion-can {options.command}: {error}", file=sys.stderr)
+        _tell(f"adhesion-can {options.command}: {error}")
         return 2
     except BrokenPipeError:
         _drop_stdout()  # the reader has gone (| head)
@@ -170,11 +171,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         _drop_stdout()
         reason = f"stdout: {error.strerror}; make room, or write elsewhere"
-        print(f"adhesion-can {options.command}: {reason}", file=sys.stderr)
+        _tell(f"adhesion-can {options.command}: {reason}")
         return 2
     except KeyboardInterrupt:
         return 130
     return status
+
+
+def _tell(line: str) -> None:
+    """Print a line on stderr, unless whoever reads it takes nothing for half a second."""
+    try:
+        takes_it = bool(select.select([], [sys.stderr], [], 0.5)[1])
+    except (OSError, ValueError):
+        takes_it = True  # nothing that one can wait for, such as a file in memory
+    if takes_it:
+        print(line, file=sys.stderr)
 
 
 @contextmanager

@@ -31,11 +31,17 @@ class Narrator:
         file: Stream to write to.
         form: 'text', or 'json' for one JSON object a line.
         clock: Monotonic clock, s.
+        is_taken: Function that tells whether the stream takes another line; where it does not,
+            lines are left out as beyond the rate.
 
     """
 
     def __init__(
-        self, file: TextIO, form: str = "text", clock: Callable[[], float] = time.monotonic
+        self,
+        file: TextIO,
+        form: str = "text",
+        clock: Callable[[], float] = time.monotonic,
+        is_taken: Callable[[], bool] = lambda: True,
     ) -> None:
         handler = logging.StreamHandler(file)
         if form == "json":
@@ -53,6 +59,7 @@ class Narrator:
         self._logger.addHandler(handler)
         self._lives = form == "text" and file.isatty()
         self._clock = clock
+        self._is_taken = is_taken
         self._room, self._counted_s = float(BURST), clock()
         self._left_out = 0
         self._status: Status | None = None
@@ -128,7 +135,7 @@ class Narrator:
         now_s = self._clock()
         self._room = min(self._room + (now_s - self._counted_s) * LINES_PER_S, float(BURST))
         self._counted_s = now_s
-        return self._room >= 1.0
+        return self._room >= 1.0 and self._is_taken()
 
     def _tell(self, level: int, line: str, fields: dict[str, Any] | None = None) -> None:
         self._room -= 1.0

@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import FrameType
+from typing import TextIO, cast
 
 import numpy as np
 
@@ -28,19 +29,21 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.extras_of_run import listening_address, read_secoc, serve_metrics
 from adhesion_can.cli.narrator import FORMATS, Narrator
 from adhesion_can.cli.silence import SilenceWatch, bus_name
+from adhesion_can.cli.stderr_behind import stderr_behind
 from adhesion_can.config import Configuration
 from adhesion_can.reporting.provenance import provenance
+from adhesion_can.service.behind import done_within
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.counters import read_counters
 from adhesion_can.service.file_lock import file_lock
-from adhesion_can.service.frame_log import FrameLog
+from adhesion_can.service.frame_log import LogBehind
 from adhesion_can.service.kept_state import KeptState
 from adhesion_can.service.live import LiveService
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from adhesion_can.service.service_manager import ServiceManager
 from adhesion_can.service.state_file import read_state
-from adhesion_can.service.state_keeper import StateKeeper
+from adhesion_can.service.written_behind import WrittenBehind, longest_end_s
 
 SHOWN_MESSAGES = 3
 """Number of messages that are named where nothing is received."""
@@ -92,6 +95,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    with stderr_behind() as stderr:
+        narrator = Narrator(
+            cast(TextIO, stderr), options.log_format, is_taken=lambda: stderr.has_room
+        )
+        all_written = _serve(options, narrator, has_terminal=stderr.isatty())
+    if not (all_written and stderr.has_ended):
+        # Who takes nothing was waited for; the interpreter would wait for ever at its own end.
+        os._exit(0)
+    return 0
+
+
+def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: bool) -> bool:
+    """Serve until the end; returns whether everything was written by then."""
     config = configuration(options)
     written = {
         "--log": options.log,
@@ -101,25 +117,24 @@ def run(options: argparse.Namespace) -> int:
     }
     read = [path for path in (config.database.path, options.secoc_key) if path is not None]
     require_outputs(options, written, read)
-    narrator = Narrator(sys.stderr, options.log_format)
     observers = [narrator.print_setpoint]
-    manager = ServiceManager(os.environ)
     with ExitStack() as stack:
+        # The lock goes last: whoever waits for it must not find a state that is still written.
         if options.state:
             stack.enter_context(file_lock(options.state, f"--state {options.state}"))
+        outputs = stack.enter_context(WrittenBehind(narrator.warn))
+        if options.state:
             state = read_state(config, options.state, narrator.warn)
             config = _resumed(config, state)
-            keeper = StateKeeper(
-                options.state, state, config.service.state_interval_s, narrator.warn
-            )
-            stack.callback(keeper.close)
+            keeper = outputs.keep(options.state, state, config.service.state_interval_s)
             observers.append(keeper.observe)
+        manager = ServiceManager(os.environ)
         core = ServiceCore(config, on_setpoint=partial(_tell_all, observers))
         bus = ReconnectingBus(
             bus_opener(options), core.ids, narrator.warn, wait_for_it=options.wait
         )
         stack.callback(bus.shutdown)
-        log = stack.enter_context(FrameLog(options.log, narrator.warn)) if options.log else None
+        log = outputs.log(options.log) if options.log else None
         name = bus_name(options, bus.channel_info)
         silence = _watch_for_silence(config, name, narrator.warn)
         service = LiveService(
@@ -131,24 +146,10 @@ def run(options: argparse.Namespace) -> int:
             notify=narrator.warn,
             each_turn=lambda: _look_around(manager, silence, service),
         )
-
         if options.metrics is not None:
             address = serve_metrics(stack, options.metrics, service, log)
             narrator.print(f"metrics at {address}")
-
-        def stop(_: int, __: FrameType | None) -> None:
-            service.stop()
-
-        def hang_up(_: int, __: FrameType | None) -> None:
-            # Of a terminal that is closed it means an end; of a service manager, another log.
-            if sys.stderr.isatty():
-                service.stop()
-            elif log is not None:
-                log.request_next()
-
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, stop)
-        signal.signal(signal.SIGHUP, hang_up)
+        _obey_signals(service, log, has_terminal=has_terminal)
         # Said last: who waits for it may send a signal at once.
         narrator.print(f"listening on {name}; Ctrl-C ends")
         manager.ready(f"listening on {name}")
@@ -168,14 +169,43 @@ def run(options: argparse.Namespace) -> int:
         "faults": core.faults,
         "last": None if core.estimate is None else core.estimate.to_dict(),
     }
-    write_json(options.json, {**document, **provenance(config)})
+    document |= provenance(config)
+
+    def write() -> None:
+        write_json(options.json, document)
+        sys.stdout.flush()
+
+    json_written = done_within(longest_end_s(options.json), write)
+    if not json_written:
+        narrator.warn(f"--json {options.json}: was not taken by the end")
     if talk(options):
         narrator.print(
             f"{counters['received']} frames received, {core.receiver.rejected} rejected, "
             f"{counters['frames_lost']} lost, {counters['sent']} sent, "
             f"{counters['send_errors']} not taken by the bus; {counters['samples']} samples"
         )
-    return 0
+    return outputs.all_ended and json_written
+
+
+def _obey_signals(service: LiveService, log: LogBehind | None, *, has_terminal: bool) -> None:
+    """Have signals end the service with its last frames, or begin another log."""
+
+    def stop(_: int, __: FrameType | None) -> None:
+        service.stop()
+
+    def hang_up(_: int, __: FrameType | None) -> None:
+        # Of a terminal that is closed it means an end; of a service manager, another log.
+        if has_terminal:
+            service.stop()
+        elif log is not None:
+            log.request_next()
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
+        signal.signal(number, stop)
+    signal.signal(signal.SIGHUP, hang_up)
+    for number in (signal.SIGUSR1, signal.SIGUSR2):
+        # They mean nothing here; by default each ends the process without last frames.
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _watch_for_silence(

@@ -100,7 +100,10 @@ class ServiceCore:
         self._ready: Frame | None = None
         """Setpoint of the next due time, if nothing else comes before it."""
         self._now_us = 0
-        self._stopped = False
+        self._has_begun = False
+        """Whether anything was ever sent."""
+        self._stopped_us: int | None = None
+        """Time of the stop, µs; None where it was not stopped, or has started again."""
 
     def feed(self, frame: Frame) -> list[Frame]:
         """Process one frame; returns the frames due at or before its stamp.
@@ -213,10 +216,12 @@ class ServiceCore:
         """Bring the core to a time, µs, and take back what was sent; returns the frames.
 
         The last frame of every message says 'not available', with status INIT. Nothing is due until
-        the next input, with which the service starts anew.
+        the next input, with which the service starts anew. Another stop at the same time says it
+        once more; a core that has sent nothing since has nothing to take back.
         """
         frames = self.advance(t_us)
-        if not self.schedule.started:
+        is_silent = self._stopped_us is not None and self._stopped_us != self._now_us
+        if is_silent or not self._has_begun:
             return frames
         self.outputs = Outputs()
         health = partial(self._health, lambda: (self.receiver.rejected, self.receiver.lost))
@@ -224,14 +229,15 @@ class ServiceCore:
             frames += self.messages.compose(name, self._now_us, self.outputs, health)
         # The last estimate can still be asked for.
         self.schedule.stop()
-        self._stopped = True
+        self._stopped_us = self._now_us
         return frames
 
     def start(self, t0_us: int) -> None:
         """Begin to send, with the first accepted input at T0, µs; after a stop, anew."""
-        if self._stopped:
+        if self._stopped_us is not None:
             self._forget()
-            self._stopped = False
+            self._stopped_us = None
+        self._has_begun = True
         self.schedule.start(t0_us)
 
     def second_sender(self, t_us: int) -> None:

@@ -1,4 +1,7 @@
-"""The service's own log: frames as they took effect, in files that are whole when they end."""
+"""The service's own log: frames as they took effect, in files that are whole when they end.
+
+`FrameLog` writes, and waits where a disk or a reader is slow; `LogBehind` does so behind the loop.
+"""
 
 import os
 from collections.abc import Callable
@@ -9,16 +12,25 @@ from typing import Any, Self
 
 from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
+from adhesion_can.pipes import is_stream, text_stream
+from adhesion_can.service.behind import DISK_END_S, STREAM_END_S, Behind
 
-READER_WAIT_S = 5.0
-"""Time for which a start waits for the reader of a log that is a pipe, s."""
+WAITING_LINES = 1 << 16
+"""Largest number of lines that wait to be written: half a minute of the packaged message set."""
+GATHER_S = 0.05
+"""Time for which lines gather before they are written together, s."""
+
+
+class _Unfinished(Exception):  # noqa: N818  no error: it keeps a part as a part
+    """The service failed; its log is kept as far as it was written."""
 
 
 class FrameLog:
     """Log in one file after the other: a.log, a.1.log, a.2.log, in the order of time.
 
     A disk that takes no more ends the file, and never the service. What was written of it stays
-    beside, with the suffix .part; the next file may be asked for when there is room again.
+    beside, with the suffix .part; the next file may be asked for when there is room again. A pipe
+    or a device is written to as it is, and opened again where another file is asked for.
 
     Args:
         path: Path of the first file. Later ones take the first free numbers.
@@ -43,19 +55,27 @@ class FrameLog:
         """Ask for another file from the next line on; safe from a signal handler."""
         self._wants_next = True
 
-    def write(self, line: str) -> None:
-        """Write a line, with its end."""
+    def write(self, lines: str) -> None:
+        """Write lines, with their ends."""
         if self._wants_next:
             self._wants_next = False
             self._begin_next()
         if self._file is None:
-            self.lost += 1
+            self.lost += lines.count("\n")
             return
         try:
-            self._file.write(line)
+            self._file.write(lines)
         except OSError as error:
-            self.lost += 1
+            self.lost += lines.count("\n")
             self._end(error)
+
+    def close(self, *, failed: bool = False) -> None:
+        """End the file; after a failure what was written stays as a part."""
+        if not failed:
+            self._end()
+        elif self._file is not None:
+            unfinished = _Unfinished()
+            self._stack.__exit__(_Unfinished, unfinished, None)
 
     def __enter__(self) -> Self:
         return self
@@ -66,21 +86,17 @@ class FrameLog:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """End the file; after an exception what was written stays as a part."""
-        if error is None:
-            self._end()
-        else:
-            self._stack.__exit__(kind, error, traceback)
+        self.close(failed=error is not None)
 
     def _begin(self, path: Path) -> None:
         # Later files have names of ours.
-        out = whole_file(
-            path,
-            keep_part=True,
-            own_name=path != self._path,
-            reader_wait_s=READER_WAIT_S,
+        own_name = path != self._path
+        opened = (
+            text_stream(path)
+            if is_stream(path)
+            else whole_file(path, keep_part=True, own_name=own_name)
         )
-        self._file = self._stack.enter_context(out)
+        self._file = self._stack.enter_context(opened)
 
     def _begin_next(self) -> None:
         self._end()
@@ -88,7 +104,7 @@ class FrameLog:
         packed = self._path.suffix == ".gz"
         suffix = "".join(self._path.suffixes[-2:] if packed else self._path.suffixes[-1:])
         stem = self._path.name.removesuffix(suffix)
-        while os.path.lexists(path):
+        while os.path.lexists(path) and not is_stream(path):
             path = self._path.with_name(f"{stem}.{number}{suffix}")
             number += 1
         try:
@@ -116,3 +132,64 @@ class FrameLog:
                 f"--log: {reason}; it ends here, what was written stays in *.part; SIGHUP begins "
                 "another one"
             )
+
+
+class LogBehind:
+    """Writes a log in a thread of its own: no disk and no reader holds the loop up.
+
+    Where neither takes what comes, lines are lost, which is told, and a comment in the log stands
+    where they are missing.
+
+    Args:
+        path: Path of the first file.
+        notify: Callback with a line for the operator; called in both threads.
+
+    Raises:
+        InputError: The first file cannot be written, or is a pipe that nobody reads.
+
+    """
+
+    def __init__(self, path: Path, notify: Callable[[str], None]) -> None:
+        self._log = FrameLog(path, notify)
+        self._notify = notify
+        self._end_s = STREAM_END_S if is_stream(path) else DISK_END_S
+        self._lines: Behind[str] = Behind(
+            "log",
+            lambda lines: self._log.write("".join(lines)),
+            capacity=WAITING_LINES,
+            pause_s=GATHER_S,
+            finish=lambda failed: self._log.close(failed=failed),
+            fills=self._tell_hole,
+            flows=self._mark_hole,
+        )
+
+    @property
+    def lost(self) -> int:
+        """Number of lines that were not written."""
+        return self._log.lost + self._lines.lost
+
+    def write(self, line: str) -> None:
+        """Have a line written, with its end; never waits."""
+        self._lines.put(line)
+
+    def request_next(self) -> None:
+        """Ask for another file; safe from a signal handler."""
+        self._log.request_next()
+
+    def end(self, *, failed: bool = False) -> None:
+        """Have the rest written and the file ended; returns at once."""
+        self._lines.end(failed=failed)
+
+    def wait(self) -> bool:
+        """Wait for the end, as long as a disk or a reader may take; returns whether it came."""
+        has_ended = self._lines.wait(self._end_s)
+        if not has_ended:
+            self._notify(f"--log: {self.lost} lines lost: they were not taken by the end")
+        return has_ended
+
+    def _tell_hole(self) -> None:
+        self._notify("--log: lines are lost from here on: what takes them does not keep up")
+
+    def _mark_hole(self, lines: int) -> None:
+        self._lines.put(f"# {lines} lines lost: what takes them did not keep up\n")
+        self._notify(f"--log: goes on, {lines} lines lost")

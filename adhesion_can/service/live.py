@@ -27,6 +27,9 @@ from adhesion_can.service.stamp_clock import StampClock
 
 GRACE_US = 2_000
 """Time after a due time until which frames stamped before it are waited for, µs."""
+FAR_US = 200_000
+"""Time by which the core is behind, µs, from which it is looked for a request to stop at each due
+time that it catches up with."""
 OVERDUE_US = 100_000
 """Time after its due time, and at least a cycle, from which a frame is not sent any more, µs."""
 BUS_OFF = 0x40
@@ -138,12 +141,41 @@ class LiveService:
             while not self._stop.is_set() and (until_us is None or self.clock() < until_us):
                 self._step()
                 self._each_turn()
-            t_us = max(self.clock(), self.core.now_us)
-            self._log(format_mark(Mark(t_us, STOP)))
-            self._send(self.core.stop(t_us))
+            self._take_back()
         finally:
             gc.unfreeze()
             self.bus.shutdown()
+
+    def _take_back(self) -> None:
+        """Send the last frames.
+
+        They leave at once: what is due before them, since the loop was held up, is not composed.
+        """
+        due_us, now_us = self.core.next_due_us, self.core.now_us
+        t_us = max(self.clock() if due_us is None else min(self.clock(), due_us - 1), now_us)
+        for _ in range(2):
+            self._log(format_mark(Mark(t_us, STOP)))
+            if self._send_last(self.core.stop(t_us)):
+                return
+            # Some have the count of the last frame that was sent; the next ones have another.
+
+    def _send_last(self, frames: Iterable[Frame]) -> bool:
+        """Send last frames, which are never overdue.
+
+        Returns:
+            Whether receivers take none of them for a repetition.
+
+        """
+        all_new = True
+        for frame in frames:
+            if self._looks_repeated(frame):
+                self._missed[frame.arbitration_id] += 1
+                all_new = False
+                continue
+            if not self._dry_run:
+                self._hand_over(frame)
+            self._log_frame(frame)
+        return all_new
 
     def _step(self) -> None:
         """Handle the next frame, or advance the core where none comes until its due time."""
@@ -158,6 +190,8 @@ class LiveService:
                 return
         if received is None:
             received = self._queue.get(wait_s)
+        if self._stop.is_set():
+            return
         if received is not None:
             self._handle(received)
         elif due_us is not None and self.clock() >= due_us + GRACE_US:
@@ -186,7 +220,8 @@ class LiveService:
             t_us, frame = 0, frame._replace(t_us=0)
         effective = frame if t_us >= self.core.now_us else frame._replace(t_us=self.core.now_us)
         # What is due goes out before the frame is looked at.
-        self._send(self.core.due_frames(effective.t_us))
+        if not self._send_due(effective.t_us):
+            return
         # The core gets the stamp as it came, and counts it when it has to clamp it.
         self._send(self.core.feed(frame))
         self._log_frame(effective)
@@ -246,35 +281,56 @@ class LiveService:
         self._log(format_mark(mark))
         self.core.second_sender(mark.t_us)
 
+    def _send_due(self, t_us: int) -> bool:
+        """Send what is due until a time, µs; returns False where it was asked to stop meanwhile."""
+        core = self.core
+        if FAR_US < t_us - core.now_us <= core.restart_us:
+            # After a pause: as one call would, due time by due time.
+            while (due_us := core.next_due_us) is not None and due_us < t_us:
+                if self._stop.is_set():
+                    return False
+                self._send(core.due_frames(due_us))
+                self._each_turn()
+        self._send(core.due_frames(t_us))
+        return True
+
     def _send(self, frames: Iterable[Frame]) -> None:
         for frame in frames:
-            now_us = self.clock()
             number = frame.arbitration_id
-            missed = self._missed.get(number, 0)
-            # Held up for long: nobody is sent a burst of what was due meanwhile. Nor a frame with
-            # the count of the last one, which receivers would take for a repetition.
-            overdue = now_us - frame.t_us >= self._overdue_us[number]
-            if overdue or (missed and (missed + 1) % COUNTS == 0):
+            # Held up for long: nobody is sent a burst of what was due meanwhile.
+            overdue = self.clock() - frame.t_us >= self._overdue_us[number]
+            if overdue or self._looks_repeated(frame):
                 self.counts.overdue += 1
-                self._missed[number] = missed + 1
+                self._missed[number] = self._missed.get(number, 0) + 1
                 continue
             if not self._dry_run:
-                self._hand_over(frame)
+                sent_us = self._hand_over(frame)
+                if sent_us is not None and number == self._setpoint_id:
+                    self.lateness.add(max(sent_us - frame.t_us, 0))
             # Behind the sending, which it would hold up.
             self._log_frame(frame)
 
-    def _hand_over(self, frame: Frame) -> None:
-        """Send a frame of ours, and count where the bus does not take it."""
+    def _looks_repeated(self, frame: Frame) -> bool:
+        """Whether a frame has the count of the last one that was sent: receivers reject it."""
+        missed = self._missed.get(frame.arbitration_id, 0)
+        return missed > 0 and (missed + 1) % COUNTS == 0
+
+    def _hand_over(self, frame: Frame) -> int | None:
+        """Send a frame of ours, and count where the bus does not take it.
+
+        Returns:
+            Time at which it was sent, µs; None where the bus did not take it.
+
+        """
         number = frame.arbitration_id
         sent = self._secure(frame)
-        if self.bus.send(to_message(sent)):
-            self._missed[number] = 0
-            sent_us = self.clock()
-            if number == self._setpoint_id:
-                self.lateness.add(max(sent_us - frame.t_us, 0))
-            self._echoes.add_sent(sent, sent_us)
-        else:
+        if not self.bus.send(to_message(sent)):
             self._missed[number] = self._missed.get(number, 0) + 1
+            return None
+        self._missed[number] = 0
+        sent_us = self.clock()
+        self._echoes.add_sent(sent, sent_us)
+        return sent_us
 
     def _log(self, line: str) -> None:
         if self._write_log is not None:

@@ -7,7 +7,6 @@ The names follow Prometheus' conventions: base units, `_total` for counters. Nee
 from collections.abc import Callable, Iterator
 from itertools import accumulate
 
-from prometheus_client import CollectorRegistry, start_http_server
 from prometheus_client.core import (
     CounterMetricFamily,
     GaugeMetricFamily,
@@ -116,31 +115,3 @@ def _collect_axles(outputs: Outputs) -> Metric:
         if point.mu_max is not None:
             family.add_metric([str(axle)], point.mu_max)
     return family
-
-
-class MetricsServer:
-    """HTTP server that answers with the figures of a service.
-
-    Args:
-        host: Address to listen at.
-        port: Port to listen at; 0 takes a free one.
-        collector: Source of the figures.
-
-    Raises:
-        OSError: The address or the port cannot be had.
-
-    """
-
-    def __init__(self, host: str, port: int, collector: ServiceCollector) -> None:
-        registry = CollectorRegistry()
-        registry.register(collector)
-        self._server, self._thread = start_http_server(port, host, registry)
-        shown = f"[{host}]" if ":" in host else host
-        self.address = f"http://{shown}:{self._server.server_port}/metrics"
-        """Address of the figures."""
-
-    def close(self) -> None:
-        """Stop answering."""
-        self._server.shutdown()
-        self._server.server_close()
-        self._thread.join()

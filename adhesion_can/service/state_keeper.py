@@ -1,16 +1,18 @@
 """Writing of the state while the service runs, in a thread: a slow disk makes no setpoint late."""
 
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
 from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
+from adhesion_can.service.behind import DISK_END_S, Behind
 from adhesion_can.service.kept_state import KeptState, state_to_text
 from adhesion_can.service.outputs import Outputs
 
 NEW_SURFACE_US = 1_000_000
 """Least time after the file was written until it is written for a new surface, µs."""
+WAITING_STATES = 8
+"""Largest number of states that wait for a disk; of those that wait the latest one is written."""
 
 
 class StateKeeper:
@@ -39,11 +41,9 @@ class StateKeeper:
         self._handed_over = state
         self._handed_over_us: int | None = None
         self._failed = False
-        self._closing = False
-        self._waiting: KeptState | None = None
-        self._condition = threading.Condition()
-        self._thread = threading.Thread(target=self._write_all, name="state", daemon=True)
-        self._thread.start()
+        self._states: Behind[KeptState] = Behind(
+            "state", lambda states: self._write(states[-1]), capacity=WAITING_STATES
+        )
 
     def observe(self, t_us: int, outputs: Outputs) -> None:
         """Learn from what was sent at a due time, µs."""
@@ -53,32 +53,21 @@ class StateKeeper:
         known = {surface.since_us for surface in self._handed_over.surfaces}
         is_new = bool(state.surfaces) and state.surfaces[-1].since_us not in known
         interval_us = min(self._interval_us, NEW_SURFACE_US) if is_new else self._interval_us
-        if self._handed_over_us is None or t_us - self._handed_over_us >= interval_us:
-            self._hand_over(t_us)
+        is_due = self._handed_over_us is None or t_us - self._handed_over_us >= interval_us
+        # A disk that stands still has enough to write: nothing is lost, a later one is handed over.
+        if is_due and self._states.put(state):
+            self._handed_over, self._handed_over_us = state, t_us
 
-    def close(self) -> None:
-        """Write what was not written yet, and end."""
-        with self._condition:
-            if self.state is not self._handed_over:
-                self._waiting = self.state
-            self._closing = True
-            self._condition.notify()
-        self._thread.join()
+    def end(self) -> None:
+        """Have written what was not written yet; returns at once."""
+        self._states.end(None if self.state is self._handed_over else self.state)
 
-    def _hand_over(self, t_us: int) -> None:
-        self._handed_over, self._handed_over_us = self.state, t_us
-        with self._condition:
-            self._waiting = self.state
-            self._condition.notify()
-
-    def _write_all(self) -> None:
-        while True:
-            with self._condition:
-                self._condition.wait_for(lambda: self._waiting is not None or self._closing)
-                state, self._waiting = self._waiting, None
-                if state is None:
-                    return
-            self._write(state)
+    def wait(self) -> bool:
+        """Wait for the end, as long as a disk may take; returns whether it came."""
+        has_ended = self._states.wait(DISK_END_S)
+        if not has_ended:
+            self._notify(f"--state {self._path}: the disk did not take it by the end")
+        return has_ended
 
     def _write(self, state: KeptState) -> None:
         try:

@@ -323,7 +323,8 @@ def test_on_a_bus_it_shows_what_comes_and_sends_nothing(monkeypatch, capsys, est
     assert bus.is_shut
 
 
-def test_what_nobody_takes_is_bounded_and_counted():
+def test_what_nobody_takes_is_bounded_and_counted(monkeypatch):
+    monkeypatch.setattr("adhesion_can.service.receive_queue.STALE_US", NEVER_US)
     bus = DeafBus(Frame(k, 0x100, b"\x00") for k in range(50))
     listener = BusListener(ReconnectingBus(lambda: bus, EVERY_ID), capacity=20)
     listener.start()

@@ -82,6 +82,19 @@ def test_a_flood_is_cut_and_what_was_left_out_is_counted():
     assert "lines_left_out" not in lines(file)[-1]
 
 
+def test_where_the_stream_takes_nothing_lines_are_counted_and_the_status_waits():
+    file, clock, takes = io.StringIO(), Clock(), [False]
+    narrator = Narrator(file, "json", clock, is_taken=lambda: takes[0])
+    for _ in range(3):
+        narrator.warn("lost")
+    narrator.print_setpoint(0, Outputs(Status.FAULT))
+    assert lines(file) == []
+    takes[0] = True
+    narrator.print_setpoint(20_000, Outputs(Status.FAULT))
+    (line,) = lines(file)
+    assert (line["status"], line["lines_left_out"]) == ("FAULT", 3)
+
+
 @given(st.lists(st.tuples(st.sampled_from(Status), st.sampled_from(Doubt)), max_size=400))
 def test_the_last_status_and_doubt_are_told_however_they_flicker(states):
     narrator, file, clock = told()

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adhesion_can.estimation.noise.block_noise import measure_noise
 from adhesion_can.estimation.noise.noise_factors import (
     NoiseFactors,
     RunningNoise,
@@ -166,3 +167,17 @@ def test_wrong_noise_costs_little_where_it_is_estimated():
             found.append((last.lambda_m - true) / last.lambda_m_std)
     assert np.mean(np.abs(errors[True]) <= 1.96) >= 0.8
     assert np.square(errors[False]).mean() > 2.0 * np.square(errors[True]).mean()
+
+
+def test_wheels_at_rest_tell_nothing_of_the_vehicle_speed():
+    """Their slip is -1 whatever the speed: no number comes of it, nor a warning of numpy's."""
+    samples = Tram(seconds=2.0).samples(1)
+    whole = measure_noise(samples)
+    locked = samples.axle == 1
+    slip = np.where(locked, -1.0, samples.slip)
+    common = np.where(locked, 0.0, samples.slip_common_var)
+    some = measure_noise(replace(samples, slip=slip, slip_common_var=common))
+    assert some.common.value == pytest.approx(whole.common.value, rel=0.2)
+    none = np.zeros(len(slip))
+    every = measure_noise(replace(samples, slip=none - 1.0, slip_common_var=none))
+    assert every.common.freedom == every.common_long.freedom == 0

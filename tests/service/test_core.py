@@ -226,6 +226,26 @@ def test_a_service_that_stops_takes_back_every_message():
     assert core.estimate is None
 
 
+def test_another_stop_at_the_same_time_says_it_once_more():
+    core, _ = core_with()
+    run(core, Bench().drive(0, 105_000))
+    first, second = core.stop(113_000), core.stop(113_000)
+    assert [frame.arbitration_id for frame in second] == [frame.arbitration_id for frame in first]
+    assert_not_available(second)
+    counts = [frame.data[1] & 0xF for frame in (first[0], second[0])]
+    assert counts[1] == counts[0] + 1
+
+
+def test_a_service_that_began_anew_after_a_hole_takes_back_what_was_sent_before():
+    core, _ = core_with()
+    run(core, Bench().drive(0, 105_000))
+    assert core.advance(100_000_000) == []
+    assert core.counts.restarts == 1
+    end = core.stop(100_000_000)
+    assert status(end) == "INIT"
+    assert_not_available(end)
+
+
 def test_a_service_that_stops_before_any_input_sends_nothing():
     assert core_with()[0].stop(1_000_000) == []
 

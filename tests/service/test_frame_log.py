@@ -3,11 +3,14 @@
 import errno
 import gzip
 import os
+import threading
 
 import pytest
 
 from adhesion_can.errors import InputError
-from adhesion_can.service.frame_log import FrameLog
+from adhesion_can.recordings.candump import ReadReport, read_candump
+from adhesion_can.service import frame_log
+from adhesion_can.service.frame_log import FrameLog, LogBehind
 
 
 class FullDisk:
@@ -103,3 +106,125 @@ def test_a_crash_leaves_a_part(tmp_path):
 def test_a_first_file_that_cannot_be_written_is_an_error(tmp_path):
     with pytest.raises(InputError):
         FrameLog(tmp_path / "nowhere" / "a.log", print)
+
+
+LINE = "(1.000000) can0 101#00\n"
+
+
+@pytest.fixture
+def pipe(tmp_path):
+    """A pipe, and the descriptor of a reader that has opened it and reads nothing."""
+    path = tmp_path / "a.log"
+    os.mkfifo(path)
+    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    yield path, reader
+    os.close(reader)
+
+
+def read_all(reader):
+    parts = []
+    while True:
+        try:
+            part = os.read(reader, 1 << 16)
+        except BlockingIOError:
+            return b"".join(parts)
+        if not part:
+            return b"".join(parts)
+        parts.append(part)
+
+
+def test_a_stalled_reader_loses_whole_lines_and_a_comment_says_how_many(pipe, monkeypatch):
+    path, reader = pipe
+    monkeypatch.setattr(frame_log, "WAITING_LINES", 100)
+    notices = []
+    log = LogBehind(path, notices.append)
+    given = 0
+    # 64 KiB in the pipe, 1024 lines in hand, 100 that wait: then there is no room.
+    while not log.lost:
+        log.write(LINE)
+        given += 1
+    for _ in range(50):
+        log.write(LINE)
+        given += 1
+    parts = []
+    while len(notices) < 2:
+        parts.append(read_all(reader))
+        log.write(LINE)
+        given += 1
+    lost = log.lost
+    log.end()
+    while log._lines._thread.is_alive():
+        parts.append(read_all(reader))
+    assert log.wait()
+    parts.append(read_all(reader))
+    lines = b"".join(parts).splitlines(keepends=True)
+    report = ReadReport()
+    assert len(list(read_candump(lines, report))) == given - lost
+    assert lost >= 51
+    assert report.passed_over == 0
+    assert report.kinds["comment"] == 1
+    assert f"# {lost} lines lost: what takes them did not keep up\n".encode() in lines
+    assert [line.split(",")[0] for line in notices] == [
+        "--log: lines are lost from here on: what takes them does not keep up",
+        "--log: goes on",
+    ]
+
+
+def test_a_reader_that_takes_nothing_by_the_end_is_told_and_counted(pipe, monkeypatch):
+    path, _ = pipe
+    monkeypatch.setattr(frame_log, "STREAM_END_S", 0.05)
+    notices = []
+    log = LogBehind(path, notices.append)
+    for _ in range(10_000):
+        log.write(LINE)
+    log.end()
+    assert not log.wait()
+    assert 10_000 - log.lost <= (1 << 16) / len(LINE)
+    assert notices == [f"--log: {log.lost} lines lost: they were not taken by the end"]
+
+
+def test_a_reader_that_has_gone_ends_the_log_and_a_request_opens_it_again(pipe):
+    path, reader = pipe
+    notices = []
+    with FrameLog(path, notices.append) as log:
+        null = os.open(os.devnull, os.O_RDONLY)
+        os.dup2(null, reader)
+        os.close(null)
+        log.write(LINE)
+        assert log.lost == 1
+        assert "SIGHUP begins another one" in notices[0]
+        again = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        log.request_next()
+        log.write(LINE)
+        assert read_all(again) == LINE.encode()
+        os.close(again)
+    assert notices[1] == "--log: goes on in a.log"
+
+
+def test_lines_behind_reach_their_file(tmp_path):
+    log = LogBehind(tmp_path / "a.log", print)
+    writer = threading.Thread(target=lambda: [log.write(LINE) for _ in range(3000)])
+    writer.start()
+    writer.join()
+    log.end()
+    assert log.wait()
+    assert (tmp_path / "a.log").read_text() == LINE * 3000
+
+
+@pytest.mark.parametrize("suffix", ["", ".gz"])
+def test_a_pipe_that_nobody_reads_is_an_error_in_a_bounded_time(tmp_path, monkeypatch, suffix):
+    path = tmp_path / f"a.log{suffix}"
+    os.mkfifo(path)
+    monkeypatch.setattr("adhesion_can.pipes.READER_S", 0.1)
+    with pytest.raises(InputError, match="nobody reads"):
+        LogBehind(path, print)
+
+
+def test_a_packed_log_goes_through_a_pipe(tmp_path):
+    path = tmp_path / "a.log.gz"
+    os.mkfifo(path)
+    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    with FrameLog(path, print) as log:
+        log.write(LINE)
+    assert gzip.decompress(read_all(reader)) == LINE.encode()
+    os.close(reader)

@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from math import inf
@@ -220,7 +221,8 @@ def test_the_file_is_written_once_an_interval_and_sooner_for_a_new_surface(tmp_p
 
     begin_us = drive(25.0, DRY, NOW_US, NOW_US)
     drive(5.0, WET, begin_us, begin_us)
-    keeper.close()
+    keeper.end()
+    assert keeper.wait()
     assert written == [0.0, 10.0, 20.0, 25.0]
     assert read(path.read_text()).curves == (DRY, WET)
 
@@ -236,10 +238,33 @@ def test_a_disk_that_takes_nothing_is_told_once_and_does_no_harm(tmp_path):
             while not notices and time.monotonic() < deadline:
                 time.sleep(0.01)
             path.parent.mkdir()
-    keeper.close()
+    keeper.end()
+    assert keeper.wait()
     assert sum("tried again" in line for line in notices) == 1
     assert "written again" in notices[-1]
     assert read(path.read_text()).curves == (DRY,)
+
+
+def test_a_disk_that_stands_still_holds_neither_the_loop_nor_the_end_up(tmp_path, monkeypatch):
+    may_go, notices, path = threading.Event(), [], tmp_path / "state.json"
+    keeper = StateKeeper(path, KeptState("vehicle"), 1.0, notices.append)
+    write = keeper._write
+
+    def written_late(state):
+        may_go.wait(60.0)
+        write(state)
+
+    monkeypatch.setattr(keeper, "_write", written_late)
+    monkeypatch.setattr("adhesion_can.service.state_keeper.DISK_END_S", 0.01)
+    for cycle in range(1000):
+        keeper.observe(NOW_US + 20_000 * cycle, SENT)
+    keeper.end()
+    assert not keeper.wait()
+    assert "did not take it by the end" in notices[0]
+    may_go.set()
+    monkeypatch.setattr("adhesion_can.service.state_keeper.DISK_END_S", 60.0)
+    assert keeper.wait()
+    assert read(path.read_text()) == keeper.state
 
 
 WRITER = """

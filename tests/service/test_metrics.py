@@ -1,15 +1,20 @@
 """Figures for Prometheus: what the server answers, beside what the service counted."""
 
+import errno
 import json
 import re
 import socket
+import time
 import urllib.request
+from contextlib import ExitStack, suppress
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from prometheus_client.parser import text_string_to_metric_families
+from prometheus_client.registry import Collector
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.main import main
@@ -19,9 +24,17 @@ from adhesion_can.recordings.python_can_messages import to_message
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.counters import COUNTERS, read_counters
 from adhesion_can.service.lateness import BOUNDS_US, Lateness
-from adhesion_can.service.metrics import MetricsServer, ServiceCollector
+from adhesion_can.service.metrics import ServiceCollector
+from adhesion_can.service.metrics_server import AGAIN_S, MOST_CONNECTIONS, MetricsServer
 from tests.service.test_core import KNOWN, FixedEstimator
-from tests.service.test_live import Running, opened, send_drive, wall_clock
+from tests.service.test_live import (
+    PATIENCE_S,
+    Running,
+    opened,
+    send_drive,
+    wait_until,
+    wall_clock,
+)
 
 DASHBOARD = Path(__file__).resolve().parents[2] / "tools" / "grafana" / "adhesion-can.json"
 
@@ -47,10 +60,14 @@ def drive():
         server = MetricsServer("127.0.0.1", 0, ServiceCollector(live.service, lambda: 3))
         try:
             send_drive(sender, 0.3)
-            damaged = Frame(wall_clock(), 0x111, bytes(8))
-            sender.send(to_message(damaged))
-            send_drive(sender, 0.2)
-            during = scrape(server.address)
+            # The last frame that waits is never dropped, however busy the machine is.
+            sender.send(to_message(Frame(wall_clock(), 0x111, bytes(8))))
+            wait_until(lambda: live.core.receiver.rejected)
+            during = {}
+            while ("adhesion_can_mu_max",) not in during:
+                send_drive(sender, 0.2)
+                during = scrape(server.address)
+            wait_until(lambda: sum(live.service.lateness.counts) >= 20)
             live.service.stop()
             live.thread.join(60)
             yield live, during, scrape(server.address)
@@ -100,6 +117,75 @@ def test_the_lateness_of_every_setpoint_is_counted(drive):
     ]
     assert by_bound == sorted(by_bound)
     assert by_bound[-1] <= count
+
+
+class Nothing(Collector):
+    """No figures."""
+
+    def collect(self):
+        return []
+
+
+@pytest.fixture
+def server():
+    server = MetricsServer("127.0.0.1", 0, Nothing())
+    yield server
+    server.close()
+
+
+def connected(server):
+    host, port = server.address.split("/")[2].split(":")
+    return socket.create_connection((host, int(port)), PATIENCE_S)
+
+
+def test_of_many_half_open_requests_the_oldest_make_room(server):
+    with ExitStack() as stack:
+        halves = [stack.enter_context(connected(server)) for _ in range(50)]
+        for half in halves:
+            half.sendall(b"GET /met")
+        assert scrape(server.address) == {}
+        assert len(server._server._since_s) <= MOST_CONNECTIONS
+        assert has_ended(halves[0])
+
+
+def has_ended(connection):
+    """Whether the other side ends a connection."""
+    try:
+        return connection.recv(1) == b""
+    except ConnectionError:
+        return True
+
+
+def test_a_request_that_goes_on_for_too_long_is_ended(server, monkeypatch):
+    """Byte by byte, so that no wait for the next one is too long."""
+    monkeypatch.setattr("adhesion_can.service.metrics_server.REQUEST_S", 0.5)
+    with connected(server) as slow:
+        end = time.monotonic() + PATIENCE_S
+        with suppress(ConnectionError):
+            while time.monotonic() < end:
+                slow.sendall(b"x")
+                time.sleep(0.05)
+        assert time.monotonic() < end
+
+
+def test_where_no_connection_can_be_taken_it_is_not_tried_all_the_time(server, monkeypatch):
+    tried = []
+
+    class Listener:
+        def __init__(self, listening):
+            self._listening = listening
+
+        def __getattr__(self, name):
+            return getattr(self._listening, name)
+
+        def accept(self):
+            tried.append(time.monotonic())
+            raise OSError(errno.EMFILE, "too many open files")
+
+    monkeypatch.setattr(server._server, "socket", Listener(server._server.socket))
+    with connected(server):
+        wait_until(lambda: len(tried) >= 5)
+    assert all(after - before >= AGAIN_S for before, after in pairwise(tried))
 
 
 @given(st.lists(st.integers(0, 300_000)))

@@ -1,6 +1,7 @@
 """Notices to a service manager, read from the socket that systemd would listen on."""
 
 import socket
+from contextlib import suppress
 
 import pytest
 
@@ -56,3 +57,22 @@ def test_without_a_manager_nothing_happens(environment):
     manager.ready("")
     manager.alive()
     manager.stopping()
+
+
+def test_a_manager_that_does_not_read_holds_nobody_up(manager_socket):
+    own, name = manager_socket
+    clock = Clock()
+    manager = ServiceManager({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "2000000"}, clock)
+    for _ in range(5000):
+        clock.now_s += 1.0
+        manager.alive()
+    own.setblocking(False)
+    waiting = 0
+    with suppress(BlockingIOError):
+        while own.recv(200):
+            waiting += 1
+    assert 0 < waiting < 5000
+    # One that reads again need not wait for half an interval.
+    clock.now_s += 0.11
+    manager.alive()
+    assert own.recv(200) == b"WATCHDOG=1"

@@ -12,7 +12,8 @@ from adhesion_can.config import load_configuration
 from adhesion_can.offline.check import check
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.recording import Recording
-from tests.wire import INPUTS, sealed
+from adhesion_can.service.core import ServiceCore
+from tests.wire import CYCLES_MS, INPUTS, REQUIRED, Bench, sealed
 
 FROM_S, UNTIL_S, DURATION_S = 12.0, 19.0, 25.0
 NAMES = {number: name for name, number in INPUTS.items()}
@@ -89,3 +90,17 @@ def test_the_check_of_a_recording_tells_a_stuck_signal(tmp_path):
     readings = next(m["stuck"] for m in result.as_json()["messages"] if m["name"] == "VehicleSpeed")
     assert 0.9 < readings / (50 * (UNTIL_S - FROM_S)) < 1.0
     assert f"{readings} readings" in told
+
+
+def test_wheels_that_stand_still_while_the_vehicle_moves_cause_no_failure():
+    """A warning of numpy's, an error in these tests, would be a failure of the estimator."""
+    core = ServiceCore(load_configuration())
+    rng = np.random.default_rng(1)
+    bench = Bench()
+    for t_us in range(0, 12_000_000, 10_000):
+        for name in REQUIRED:
+            if t_us % (CYCLES_MS[name] * 1000) == 0:
+                slip = -1.0 if t_us > 4_000_000 else 0.02 * rng.random()
+                core.feed(bench.steady(name, t_us, 10 + rng.normal(0, 0.02), slip))
+    assert core.faults == []
+    assert core.counts.samples > 4000

@@ -87,6 +87,8 @@ def measure_noise(samples: Samples) -> BlockNoise:
 def _vehicle_speed(samples: Samples) -> tuple[Ratio, Ratio]:
     """Ratio of the variance of the vehicle speed, and that over a longer time."""
     order = np.argsort(samples.t_us, kind="stable")
+    # The slip of a wheel at rest is -1 at any vehicle speed: it tells nothing of its variance.
+    order = order[samples.slip[order] > -1.0]
     stamp = samples.speed_us[order]
     # The latest sample of each group; the last group may go on in the next block.
     rows = order[np.flatnonzero(stamp[1:] > stamp[:-1])]
