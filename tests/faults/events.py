@@ -17,9 +17,7 @@ def _other(world: World) -> Rail:
 
 def _slide(world: World, case: Case) -> World:
     """All axles brake from the onset on, and two seconds later one slides."""
-    return replace(
-        world, braking=((case.onset_s, world.seconds),), slide_s=case.onset_s + 2.0
-    )
+    return replace(world, braking=((case.onset_s, world.seconds),), slide_s=case.onset_s + 2.0)
 
 
 def _sand(world: World, case: Case) -> World:

@@ -126,9 +126,7 @@ def errors(sent: Setpoints, truth: Truth) -> tuple[Floats, Floats, NDArray[np.bo
     off_mu, off_slip = _outside(sent.mu, peaks), _outside(sent.slip, slips)
     share_mu, share_slip = off_mu / peaks[0], off_slip / slips[0]
     wrong_mu = (np.abs(off_mu) > DEVIATIONS * sent.mu_std) & (np.abs(share_mu) > MU_SHARE)
-    wrong_slip = (np.abs(off_slip) > DEVIATIONS * sent.slip_std) & (
-        np.abs(share_slip) > SLIP_SHARE
-    )
+    wrong_slip = (np.abs(off_slip) > DEVIATIONS * sent.slip_std) & (np.abs(share_slip) > SLIP_SHARE)
     tracking = sent.status == TRACKING
     return (
         np.where(wrong_mu, share_mu, 0.0),

@@ -38,8 +38,12 @@ def draw_rails(seed: int) -> tuple[Rail, Rail]:
     bent = float(rng.uniform(0.0, 1.0))
     share = 0.7 * bent
     # The same fall at small creep speeds, whatever is left of the friction at high ones.
-    dry = Rail(float(rng.uniform(0.38, 0.41)), 1 / float(rng.uniform(54, 62)), share, 14 * (1 - share))
-    wet = Rail(float(rng.uniform(0.25, 0.28)), 1 / float(rng.uniform(60, 68)), share, 11 * (1 - share))
+    dry = Rail(
+        float(rng.uniform(0.38, 0.41)), 1 / float(rng.uniform(54, 62)), share, 14 * (1 - share)
+    )
+    wet = Rail(
+        float(rng.uniform(0.25, 0.28)), 1 / float(rng.uniform(60, 68)), share, 11 * (1 - share)
+    )
     return dry, wet
 
 
@@ -172,5 +176,3 @@ def cases(name: str, seed: int) -> list[Case]:
         for size in kind.sizes
         for stays in ((True, False) if kind.event is None else (True,))
     ]
-
-

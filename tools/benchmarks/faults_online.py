@@ -63,9 +63,7 @@ def row(rows):
     first = rows[0]
     kind = KINDS[first["kind"]]
     late = max(one["wrong_late"] for one in rows)
-    worst = {
-        name: max((one[name] for one in rows), key=abs) for name in ("worst_mu", "worst_slip")
-    }
+    worst = {name: max((one[name] for one in rows), key=abs) for name in ("worst_mu", "worst_slip")}
     fault = "event" if kind.event else "stays" if first["stays"] else "ends"
     kept = late <= MOST_WRONG
     word = "" if kept else "  cannot be seen" if kind.unseen else "  WRONG"
