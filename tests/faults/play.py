@@ -11,7 +11,7 @@ from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import replay
 from tests.faults.case import Case
-from tests.faults.catalogue import KINDS
+from tests.faults.catalogue import find
 from tests.faults.judge import MU_SHARE, SLIP_SHARE, Verdict, decode, judge
 from tests.faults.kinds import Kind
 from tests.faults.locomotive import RADIUS, Truth, World, simulate
@@ -35,16 +35,14 @@ def draw_rails(seed: int) -> tuple[Rail, Rail]:
     """A dry rail and a wet one; their fall lies between a straight one and that of friction that
     hardly falls any more at high creep speed."""
     rng = np.random.default_rng([seed, 4405])
-    bent = float(rng.uniform(0.0, 1.0))
-    share = 0.7 * bent
-    # The same fall at small creep speeds, whatever is left of the friction at high ones.
-    dry = Rail(
-        float(rng.uniform(0.38, 0.41)), 1 / float(rng.uniform(54, 62)), share, 14 * (1 - share)
-    )
-    wet = Rail(
-        float(rng.uniform(0.25, 0.28)), 1 / float(rng.uniform(60, 68)), share, 11 * (1 - share)
-    )
-    return dry, wet
+    share = 0.7 * float(rng.uniform(0.0, 1.0))
+
+    def rail(levels: tuple[float, float], steepness: tuple[float, float], fall: float) -> Rail:
+        level, rise = float(rng.uniform(*levels)), 1 / float(rng.uniform(*steepness))
+        # The same fall at small creep speeds, whatever is left of the friction at high ones.
+        return Rail(level, rise, share, fall * (1 - share))
+
+    return rail((0.38, 0.41), (54, 62), 14.0), rail((0.25, 0.28), (60, 68), 11.0)
 
 
 def make_case(name: str, size: float, seed: int, *, stays: bool) -> Case:
@@ -62,7 +60,7 @@ def make_case(name: str, size: float, seed: int, *, stays: bool) -> Case:
     onset_s = round(float(rng.uniform(*ONSET_S)), 3)
     dry, wet = draw_rails(seed)
     rails: tuple[tuple[float, Rail], ...] = ((0.0, dry),)
-    if stays and KINDS[name].event is None:
+    if stays and find(name).event is None:
         rails = (*rails, (onset_s + CHANGE_AFTER_S, wet))
     braking = ((0.0, END_S),) if seed % 4 == 3 else ()
     world = World(seed, END_S, rails, braking)
@@ -94,7 +92,7 @@ class Played:
 
 def play(name: str, case: Case) -> Played:
     """Play a case through a fresh core."""
-    kind = KINDS[name]
+    kind = find(name)
     world = case.world if kind.event is None else kind.event(case.world, case)
     truth = simulate(world)
     sent = answers(on_the_bus(kind, case, read(truth, draw_noise(world.seed))))
@@ -170,7 +168,7 @@ def _contact(readings: Readings) -> tuple[np.ndarray, np.ndarray]:
 
 def cases(name: str, seed: int) -> list[Case]:
     """Cases of a kind in one round: each size, with a fault that stays and with one that ends."""
-    kind = KINDS[name]
+    kind = find(name)
     return [
         make_case(name, size, seed, stays=stays)
         for size in kind.sizes

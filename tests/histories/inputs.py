@@ -21,9 +21,10 @@ LIVELY_FRAMES, SHORT_FRAMES, STUCK_FRAMES = 600, 10, 40
 then stands still for so many, is stuck."""
 RADIUS = 0.625
 SLOWEST, FASTEST, AT_REST, SPINNING = 1.0, 100.0, 0.1, 2.0
-"""Vehicle speeds between which a slip ratio can be told, m/s; rim speeds over vehicle speeds between
-which a wheel may be said to run."""
+"""Vehicle speeds between which a slip ratio can be told, m/s, and rim speeds over the vehicle speed
+between which a wheel may be said to run."""
 LARGEST_EFFORT = 300e3
+"""Effort beyond which a reading stands at the end of its range, N."""
 
 
 class Input(NamedTuple):

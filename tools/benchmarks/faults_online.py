@@ -13,12 +13,13 @@ import sys
 from dataclasses import asdict
 from functools import partial
 from math import inf, isfinite
+from pathlib import Path
 
 import numpy as np
 from _report import Report, over_cores
 from _rows import add_seed_and_jobs, positive
 
-from tests.faults.catalogue import KINDS
+from tests.faults.catalogue import KINDS, find, pair_name, title
 from tests.faults.play import cases, play
 
 MOST_WRONG = 0.01
@@ -47,7 +48,8 @@ def played(task):
     return {
         "kind": name,
         "size": one.case.size,
-        "unit": KINDS[name].unit,
+        "title": title(name),
+        "unit": find(name).unit,
         "stays": not isfinite(one.case.until_s),
         "seed": seed,
         "onset_s": one.case.onset_s,
@@ -61,14 +63,14 @@ def played(task):
 def row(rows):
     """A line of the table, and whether it keeps the promise."""
     first = rows[0]
-    kind = KINDS[first["kind"]]
+    kind = find(first["kind"])
     late = max(one["wrong_late"] for one in rows)
     worst = {name: max((one[name] for one in rows), key=abs) for name in ("worst_mu", "worst_slip")}
     fault = "event" if kind.event else "stays" if first["stays"] else "ends"
     kept = late <= MOST_WRONG
     word = "" if kept else "  cannot be seen" if kind.unseen else "  WRONG"
     text = (
-        f"{first['kind']:28}{first['size']:>10g} {fault:6}"
+        f"{first['title']:28}{first['size']:>10g} {fault:6}"
         f"{100 * min(one['before'] for one in rows):7.0f}"
         f"{100 * np.mean([one['tracking'] for one in rows]):7.0f}"
         f"{100 * max(one['wrong'] for one in rows):7.1f}{100 * late:7.1f}"
@@ -104,22 +106,26 @@ def main():
         "--rounds", type=positive(int), default=1, metavar="N", help="drives a case (default 1)"
     )
     parser.add_argument("--json", metavar="FILE", help="a line a drive; added to what is there")
+    parser.add_argument(
+        "--pairs", type=int, default=0, metavar="N", help="so many drawn pairs too (default 0)"
+    )
     add_seed_and_jobs(parser)
     options = parser.parse_args()
+    names = [*options.kinds, *map(pair_name, range(options.seed, options.seed + options.pairs))]
     tasks = [
         (name, options.seed + round_, number)
         for round_ in range(options.rounds)
-        for name in options.kinds
+        for name in names
         for number in range(len(cases(name, options.seed)))
     ]
     results = over_cores(played, tasks, min(options.jobs, os.cpu_count() or 1), "drives")
     if options.json:
-        with open(options.json, "a", encoding="utf-8") as file:
+        with Path(options.json).open("a", encoding="utf-8") as file:
             file.writelines(json.dumps(one) + "\n" for one in results)
     report = Report()
     print(HEAD)
     broken = 0
-    for name in options.kinds:
+    for name in names:
         for number in range(len(cases(name, options.seed))):
             rows = [
                 result
