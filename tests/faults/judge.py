@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.bus.frame import Frame
 from tests.faults.locomotive import Truth
 from tests.faults.rail import Floats
+from tests.faults.wire import Frame
 from tests.worlds.encoding import database
 
 SETPOINT, QUALITY = 0x201, 0x203

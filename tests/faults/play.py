@@ -6,7 +6,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from adhesion_can.bus.frame import Frame
+from adhesion_can.bus import frame as bus
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import replay
@@ -17,7 +17,7 @@ from tests.faults.kinds import Kind
 from tests.faults.locomotive import RADIUS, Truth, World, simulate
 from tests.faults.rail import Rail
 from tests.faults.sensors import SILENT, SPEED_S, Readings, draw_noise, read
-from tests.faults.wire import frames, pack, queues
+from tests.faults.wire import Frame, frames, pack, queues
 
 ONSET_S, CHANGE_AFTER_S, LASTS_S = (13.0, 16.0), 5.0, 4.0
 END_S = 28.0
@@ -122,10 +122,11 @@ def on_the_bus(kind: Kind, case: Case, readings: Readings) -> list[Frame]:
 
 def answers(given: list[Frame]) -> list[Frame]:
     """Frames that a fresh core sends."""
-    sent: list[Frame] = []
+    sent: list[bus.Frame] = []
+    received = (bus.Frame(*frame) for frame in given)
     with np.errstate(all="ignore"):
-        replay(given, ServiceCore(configuration()), sent.append)
-    return sent
+        replay(received, ServiceCore(configuration()), sent.append)
+    return [Frame(*frame[:3]) for frame in sent]
 
 
 def find_error(kind: Kind, case: Case, truth: Truth) -> float | None:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adhesion_can.bus.frame import Frame
 from tests.faults.judge import Setpoints, decode, errors, judge
 from tests.faults.locomotive import Truth, World
+from tests.faults.wire import Frame
 from tests.worlds.encoding import database, packed
 
 T = np.arange(0.0, 20.0, 0.02)

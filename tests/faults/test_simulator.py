@@ -1,5 +1,9 @@
 """The simulator: its law, its balance, its instruments, and its frames."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,6 +15,7 @@ from tests.faults.wire import frames, pack, queues
 from tests.wire import DB, seal_ok
 
 DRY, WET = draw_rails(3)
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +69,14 @@ def test_frames_are_sealed_and_carry_the_readings(truth):
     found = [DB.decode_message(0x111, f.data)["VehicleSpeed"] for f in speeds[:100]]
     assert np.abs(np.array(found) - readings.speed[:100]).max() <= 0.001 + 1e-9
     assert readings.wheel.shape[1] == AXLES
+
+
+def test_nothing_but_the_play_uses_the_product():
+    names = "tests.faults.catalogue, tests.faults.judge, tests.faults.locomotive"
+    code = f"import sys, {names}; print([m for m in sys.modules if 'adhesion_can' in m])"
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout == "[]\n"
 
 
 def test_the_same_seed_gives_the_same_drive():
