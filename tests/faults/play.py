@@ -1,5 +1,6 @@
 """Play of a case: its drive, spoilt, through the service's core, and the verdict on its answers."""
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cache
 from math import inf, isfinite
@@ -79,6 +80,8 @@ class Played:
         is_big: Whether it did.
         verdict: Verdict on the setpoints.
         largest: Largest adhesion that was sent with TRACKING after the onset.
+        words: Reasons that the service gave from the onset on, with their shares of the time.
+        early: Reasons that it gave before.
 
     """
 
@@ -88,6 +91,8 @@ class Played:
     is_big: bool
     verdict: Verdict
     largest: float
+    words: dict[str, float]
+    early: dict[str, float]
 
 
 def play(name: str, case: Case) -> Played:
@@ -95,7 +100,7 @@ def play(name: str, case: Case) -> Played:
     kind = find(name)
     world = case.world if kind.event is None else kind.event(case.world, case)
     truth = simulate(world)
-    sent = answers(on_the_bus(kind, case, read(truth, draw_noise(world.seed))))
+    sent, reasons = answers(on_the_bus(kind, case, read(truth, draw_noise(world.seed))))
     setpoints = decode(sent)
     error_s = find_error(kind, case, truth)
     # An event is no fault: what it does to the estimate is the estimator's to follow.
@@ -104,7 +109,17 @@ def play(name: str, case: Case) -> Played:
     verdict = judge(setpoints, truth, case.onset_s, from_s, end_s)
     told = setpoints.mu[(setpoints.t >= case.onset_s) & (setpoints.status == 1)]
     largest = float(np.nanmax(told)) if len(told) and np.isfinite(told).any() else 0.0
-    return Played(name, case, from_s, error_s is not None, verdict, largest)
+    early, words = (
+        _shares([word for t_s, word in reasons if (t_s >= case.onset_s) == later])
+        for later in (False, True)
+    )
+    return Played(name, case, from_s, error_s is not None, verdict, largest, words, early)
+
+
+def _shares(words: list[str]) -> dict[str, float]:
+    """Share of each word that is not empty, the most frequent first."""
+    counts = Counter(word for word in words if word)
+    return {word: count / len(words) for word, count in counts.most_common()}
 
 
 def on_the_bus(kind: Kind, case: Case, readings: Readings) -> list[Frame]:
@@ -120,13 +135,21 @@ def on_the_bus(kind: Kind, case: Case, readings: Readings) -> list[Frame]:
     return frames(sent)
 
 
-def answers(given: list[Frame]) -> list[Frame]:
-    """Frames that a fresh core sends."""
+def answers(given: list[Frame]) -> tuple[list[Frame], list[tuple[float, str]]]:
+    """Frames that a fresh core sends, and at each setpoint its time, s, and the reason, if any, for
+    which the core does not vouch for its estimate."""
     sent: list[bus.Frame] = []
+    reasons: list[tuple[float, str]] = []
+
+    def note(t_us: int, _: object) -> None:
+        objection = getattr(core.estimate, "objection", None)
+        reasons.append((t_us / 1e6, objection.name.lower() if objection else ""))
+
+    core = ServiceCore(configuration(), on_setpoint=note)
     received = (bus.Frame(*frame) for frame in given)
     with np.errstate(all="ignore"):
-        replay(received, ServiceCore(configuration()), sent.append)
-    return [Frame(*frame[:3]) for frame in sent]
+        replay(received, core, sent.append)
+    return [Frame(*frame[:3]) for frame in sent], reasons
 
 
 def find_error(kind: Kind, case: Case, truth: Truth) -> float | None:

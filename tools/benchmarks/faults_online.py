@@ -10,6 +10,7 @@ import argparse
 import json
 import os
 import sys
+from collections import Counter
 from dataclasses import asdict
 from functools import partial
 from math import inf, isfinite
@@ -25,7 +26,7 @@ from tests.faults.play import cases, play
 MOST_WRONG = 0.01
 HEAD = (
     f"{'kind':28}{'size':>10} {'fault':6}{'before':>7}{'tracks':>7}{'wrong':>7}{'late':>7}"
-    f"{'long':>6}{'leaves':>7}{'back':>6}{'mu':>7}{'slip':>7}{'most':>6}"
+    f"{'long':>6}{'leaves':>7}{'back':>6}{'mu':>7}{'slip':>7}{'most':>6}  says"
 )
 MEANING = """
 shares in % and times in s, the worst of all rounds:
@@ -37,7 +38,8 @@ shares in % and times in s, the worst of all rounds:
   back    time from the end of the fault until TRACKING came back; - never
   mu      relative error of the largest adhesion where it was wrong, %; slip: of its slip ratio
   most    largest adhesion that was sent with TRACKING
-  (seen)  no; only a ceiling bounds it
+  says    reasons that the service gave, and their shares of the time
+'cannot be seen': one gain of all efforts or loads; only a ceiling bounds it
 """
 
 
@@ -56,6 +58,8 @@ def played(task):
         "error_s": one.error_s,
         "is_big": one.is_big,
         "largest": one.largest,
+        "words": one.words,
+        "early": one.early,
         **asdict(one.verdict),
     }
 
@@ -77,9 +81,20 @@ def row(rows):
         f"{max(one['longest_s'] for one in rows):6.1f}"
         f"{_time([one['leaves_s'] for one in rows]):>7}{_time([one['back_s'] for one in rows]):>6}"
         f"{100 * worst['worst_mu']:+7.0f}{100 * worst['worst_slip']:+7.0f}"
-        f"{max(one['largest'] for one in rows):6.2f}{word}"
+        f"{max(one['largest'] for one in rows):6.2f}  {_words(rows)}{word}"
     )
     return text, kept or kind.unseen
+
+
+def _words(rows):
+    """The reason that was given most, and its share of the time; those before the onset too."""
+    said = []
+    for key, note in (("words", ""), ("early", " BEFORE")):
+        total = Counter()
+        for one in rows:
+            total.update(one[key])
+        said += [f"{word} {100 * share / len(rows):.0f}{note}" for word, share in total.items()]
+    return ", ".join(said)
 
 
 def _time(values):
