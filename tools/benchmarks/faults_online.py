@@ -3,7 +3,8 @@
 Each kind of `tests/faults` at its typical and its double size, in drives of a simulator of its own;
 a fault stays, and 5 s later the rail turns wet, or it ends after 4 s. The judge reads setpoints and
 the truth. Targets: TRACKING and wrong in at most 1 % of the time from 0.5 s after the error has
-become big enough to matter, except what cannot be seen in principle.
+become big enough to matter, except what cannot be seen in principle; and where there is no fault neither a
+reason nor FAULT, but for what a train that coasts does not show.
 """
 
 import argparse
@@ -24,6 +25,8 @@ from tests.faults.catalogue import KINDS, find, pair_name, title
 from tests.faults.play import cases, play
 
 MOST_WRONG = 0.01
+NO_FAULT = {"coasting"}
+"""Reasons that accuse no instrument."""
 HEAD = (
     f"{'kind':28}{'size':>10} {'fault':6}{'before':>7}{'tracks':>7}{'wrong':>7}{'late':>7}"
     f"{'long':>6}{'leaves':>7}{'back':>6}{'mu':>7}{'slip':>7}{'most':>6}  says"
@@ -39,6 +42,7 @@ shares in % and times in s, the worst of all rounds:
   mu      relative error of the largest adhesion where it was wrong, %; slip: of its slip ratio
   most    largest adhesion that was sent with TRACKING
   says    reasons that the service gave, and their shares of the time
+WRONG: TRACKING and wrong for too long; ACCUSED: a reason where there was no fault (yet)
 'cannot be seen': one gain of all efforts or loads; only a ceiling bounds it
 """
 
@@ -72,7 +76,9 @@ def row(rows):
     worst = {name: max((one[name] for one in rows), key=abs) for name in ("worst_mu", "worst_slip")}
     fault = "event" if kind.event else "stays" if first["stays"] else "ends"
     kept = late <= MOST_WRONG
+    accused = any(one["early"] for one in rows) or (kind.event is not None and _is_accused(rows))
     word = "" if kept else "  cannot be seen" if kind.unseen else "  WRONG"
+    word += "  ACCUSED" if accused else ""
     text = (
         f"{first['title']:28}{first['size']:>10g} {fault:6}"
         f"{100 * min(one['before'] for one in rows):7.0f}"
@@ -83,7 +89,12 @@ def row(rows):
         f"{100 * worst['worst_mu']:+7.0f}{100 * worst['worst_slip']:+7.0f}"
         f"{max(one['largest'] for one in rows):6.2f}  {_words(rows)}{word}"
     )
-    return text, kept or kind.unseen
+    return text, kept or kind.unseen, accused
+
+
+def _is_accused(rows):
+    """Whether an event was taken for a fault."""
+    return any(one["faults"] or set(one["words"]) - NO_FAULT for one in rows)
 
 
 def _words(rows):
@@ -139,7 +150,7 @@ def main():
             file.writelines(json.dumps(one) + "\n" for one in results)
     report = Report()
     print(HEAD)
-    broken = 0
+    broken = accused = 0
     for name in names:
         for number in range(len(cases(name, options.seed))):
             rows = [
@@ -147,11 +158,15 @@ def main():
                 for task, result in zip(tasks, results, strict=True)
                 if task[0] == name and task[2] == number
             ]
-            text, kept = row(rows)
+            text, kept, is_accused = row(rows)
             print(text)
             broken += not kept
+            accused += is_accused
     sys.stdout.write(MEANING)
     report.check("cases TRACKING and wrong for too long", str(broken), "0", met=broken == 0)
+    report.check(
+        "cases in which a fault was told and none was there", str(accused), "0", met=accused == 0
+    )
     report.summarise()
 
 
