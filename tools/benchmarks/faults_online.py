@@ -3,7 +3,7 @@
 Each kind of `tests/faults` at its typical and its double size, in drives of a simulator of its own;
 a fault stays, and 5 s later the rail turns wet, or it ends after 4 s. The judge reads setpoints and
 the truth. Targets: TRACKING and wrong in at most 1 % of the time from 0.5 s after the error has
-become big enough to matter, except what cannot be seen in principle; and where there is no fault neither a
+become big enough to matter, except what cannot be seen in principle. Where there is no fault: neither a
 reason nor FAULT, but for what a train that coasts does not show.
 """
 
