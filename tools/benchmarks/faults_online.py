@@ -3,8 +3,8 @@
 Each kind of `tests/faults` at its typical and its double size, in drives of a simulator of its own;
 a fault stays, and 5 s later the rail turns wet, or it ends after 4 s. The judge reads setpoints and
 the truth. Targets: TRACKING and wrong in at most 1 % of the time from 0.5 s after the error has
-become big enough to matter, except what cannot be seen in principle. Where there is no fault: neither a
-reason nor FAULT, but for what a train that coasts does not show.
+become big enough to matter, except what cannot be seen in principle; where there is no fault, no
+reason and no FAULT is told, but for what a train that coasts does not show.
 """
 
 import argparse
