@@ -2,7 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from math import inf, isfinite
 
 import numpy as np
@@ -13,7 +13,7 @@ from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import replay
 from tests.faults.case import Case
 from tests.faults.catalogue import find
-from tests.faults.judge import MU_SHARE, SLIP_SHARE, Verdict, decode, judge
+from tests.faults.judge import MU_SHARE, SLIP_SHARE, Setpoints, Verdict, decode, judge
 from tests.faults.kinds import Kind
 from tests.faults.locomotive import RADIUS, Truth, World, simulate
 from tests.faults.rail import Rail
@@ -106,7 +106,8 @@ def play(name: str, case: Case) -> Played:
     # An event is no fault: what it does to the estimate is the estimator's to follow.
     from_s = case.onset_s if error_s is None else error_s
     end_s = case.until_s if isfinite(case.until_s) and kind.event is None else None
-    verdict = judge(setpoints, truth, case.onset_s, from_s, end_s)
+    twin = sound_setpoints(world) if kind.event is None else None
+    verdict = judge(setpoints, truth, case.onset_s, from_s, end_s, twin)
     told = setpoints.mu[(setpoints.t >= case.onset_s) & (setpoints.status == 1)]
     largest = float(np.nanmax(told)) if len(told) and np.isfinite(told).any() else 0.0
     early, words = (
@@ -114,6 +115,14 @@ def play(name: str, case: Case) -> Played:
         for later in (False, True)
     )
     return Played(name, case, from_s, error_s is not None, verdict, largest, words, early)
+
+
+@lru_cache(8)
+def sound_setpoints(world: World) -> Setpoints:
+    """Setpoints of a drive without a fault."""
+    readings = read(simulate(world), draw_noise(world.seed))
+    sent, _ = answers(frames({name: pack(one, name) for name, one in queues(readings).items()}))
+    return decode(sent)
 
 
 def _shares(words: list[str]) -> dict[str, float]:

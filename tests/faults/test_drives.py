@@ -31,6 +31,7 @@ def test_a_fault_is_not_followed_for_long(name):
         assert one.verdict.faults == 0.0
 
 
+@NOT_YET
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("name", KINDS)
@@ -43,6 +44,7 @@ def test_each_kind(name):
         assert max(verdict.faults for verdict in verdicts) == 0.0
 
 
+@NOT_YET
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("number", range(PAIRS))

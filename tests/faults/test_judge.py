@@ -88,6 +88,14 @@ def test_what_a_change_of_the_rail_makes_wrong_may_last_half_a_second():
     assert judge(setpoints(mu=np.where(T < 12, 0.37, 0.25)), true, 5.0, 5.0, None).wrong_late > 0.02
 
 
+def test_what_is_wrong_without_the_fault_is_not_the_faults():
+    sent = setpoints(mu=np.where((T > 12) & (T < 13), 0.5, 0.37))
+    near = setpoints(mu=np.where((T > 12.4) & (T < 12.6), 0.5, 0.37))
+    assert judge(sent, truth(), 10.0, 10.0, None).wrong_late > 0.09
+    assert judge(sent, truth(), 10.0, 10.0, None, near).wrong_late == 0.0
+    assert judge(sent, truth(), 10.0, 10.0, None, setpoints()).wrong_late > 0.09
+
+
 def test_numbers_are_decoded_as_sent_and_what_is_not_available_is_none():
     def frame(name, t_us, **signals):
         message = database().get_message_by_name(name)
