@@ -6,11 +6,11 @@ from dataclasses import replace
 from tests.faults.case import Case
 from tests.faults.kinds import Kind
 from tests.faults.locomotive import World
-from tests.faults.rail import DRY, Rail
+from tests.faults.rail import Rail
 
 
 def _other(world: World) -> Rail:
-    """The rail that comes next in the other drives: wet."""
+    """A wet rail."""
     own = world.rails[0][1]
     return replace(own, level=own.level * 0.67, rise=own.rise * 0.9)
 
@@ -25,9 +25,10 @@ def _sand(world: World, case: Case) -> World:
 
 
 def _patch(world: World, case: Case) -> World:
-    """A wet patch, some 20 to 60 m long."""
-    rails = (*world.rails[:1], (case.onset_s, _other(world)), (case.onset_s + 3.0, DRY))
-    return replace(world, rails=(*rails[:2], (case.onset_s + 3.0, world.rails[0][1])))
+    """A wet patch, some 30 to 50 m long."""
+    _, own = world.rails[0]
+    wet, again = (case.onset_s, _other(world)), (case.onset_s + 3.0, own)
+    return replace(world, rails=(*world.rails[:1], wet, again))
 
 
 def _climb(world: World, case: Case) -> World:

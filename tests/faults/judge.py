@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.bus.frame import Frame
 from tests.faults.locomotive import Truth
 from tests.faults.rail import Floats
+from tests.faults.wire import Frame
 from tests.worlds.encoding import database
 
 SETPOINT, QUALITY = 0x201, 0x203
@@ -90,7 +90,8 @@ class Verdict:
         before: Share of TRACKING in the 5 s before the onset.
         wrong: Share of the time from the error on that was TRACKING and wrong.
         wrong_late: The same beyond the 0.5 s that are allowed after the error, and after a change
-            of the rail has passed the last axle.
+            of the rail has passed the last axle, and further than that from what is wrong without
+            the fault as well.
         longest_s: Longest stretch of that, s.
         leaves_s: Time from the error until TRACKING was left for the first time, s; None: never.
         tracking: Share of TRACKING from the error on.
@@ -136,7 +137,12 @@ def errors(sent: Setpoints, truth: Truth) -> tuple[Floats, Floats, NDArray[np.bo
 
 
 def judge(
-    sent: Setpoints, truth: Truth, onset_s: float, error_s: float, end_s: float | None
+    sent: Setpoints,
+    truth: Truth,
+    onset_s: float,
+    error_s: float,
+    end_s: float | None,
+    twin: Setpoints | None = None,
 ) -> Verdict:
     """Verdict on a drive.
 
@@ -146,6 +152,7 @@ def judge(
         onset_s: Time at which the fault begins, s.
         error_s: Time at which its error is big enough to matter, s.
         end_s: Time at which the fault ends, s; None: it stays.
+        twin: Setpoints of the same drive without the fault; None: there is no such drive.
 
     """
     share_mu, share_slip, wrong = errors(sent, truth)
@@ -153,6 +160,8 @@ def judge(
     earlier = (sent.t >= onset_s - BEFORE_S) & (sent.t < onset_s)
     later = sent.t >= error_s
     late = (sent.t >= error_s + ALLOWED_S) & ~_changing(sent.t, truth)
+    if twin is not None:
+        late &= ~_near(sent.t, twin.t[errors(twin, truth)[2]])
     left = np.flatnonzero(later & ~tracking)
     step_s = 0.02
     return Verdict(
@@ -174,6 +183,12 @@ def _changing(t: Floats, truth: Truth) -> NDArray[np.bool_]:
     ends = np.append(0.0, truth.t[~truth.settled])
     last = ends[np.searchsorted(ends, t, side="right") - 1]
     return t - last < ALLOWED_S
+
+
+def _near(t: Floats, times: Floats) -> NDArray[np.bool_]:
+    """Whether a time lies within `ALLOWED_S` of one of some others, which ascend."""
+    first = np.searchsorted(times, t - ALLOWED_S)
+    return np.searchsorted(times, t + ALLOWED_S, side="right") > first
 
 
 def _back(sent: Setpoints, tracking: NDArray[np.bool_], end_s: float | None) -> float | None:

@@ -1,4 +1,4 @@
-"""What a kind of fault is. The catalogue itself stands in the modules named after what it strikes."""
+"""What a kind of fault is; the kinds stand in modules named after what they strike."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

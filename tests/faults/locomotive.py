@@ -28,6 +28,8 @@ EVERY = 5
 LIMIT = 130e3
 """Largest effort of an axle, N."""
 GAIN, INTEGRAL_GAIN, MOTOR_LAG_S = 55e3, 6e5, 0.012
+START_S, LEVER_S = 0.3, 0.8
+"""Time without effort at the start, and time over which the driver's lever is averaged twice, s."""
 GRAVITY = 9.81
 SHIFT = 0.02 * np.array([-1.6, -1.0, -0.4, 0.4, 1.0, 1.6])
 """Load that an axle wins of each newton that all axles pull: the body pitches."""
@@ -75,7 +77,7 @@ class Truth:
         gradient: Gradient, m/m, (n,).
         peaks: Smallest and largest of the axles' largest adhesions, (2, n).
         slips: Smallest and largest of their slip ratios, (2, n).
-        settled: Whether all axles run on the same rail, (n,).
+        settled: Whether all axles run on the same rail, and no sand begins or ends, (n,).
 
     """
 
@@ -134,10 +136,14 @@ def demand(world: World) -> Floats:
     beyond = np.where(turn < 0.5, 0.5 - 0.5 * np.cos(4 * np.pi * turn), 0.0)
     wander = 1 + 0.25 * np.sin(2 * np.pi * (t[:, None] / 7.3 + np.arange(AXLES) * 0.37))
     wanted = slip * (drawn.base * wander + (drawn.high - drawn.base) * beyond)
+    # The driver's lever: braking, traction or nothing, moved within 1.6 s.
+    lever = np.ones_like(t)
     for begin, end in world.braking:
-        wanted *= np.where((t >= begin) & (t < end), -1.0, 1.0)[:, None]
+        lever[(t >= begin) & (t < end)] = -1.0
     for begin, end in world.coasting:
-        wanted *= np.where((t >= begin) & (t < end), 0.0, 1.0)[:, None]
+        lever[(t >= begin) & (t < end)] = 0.0
+    lever[t < START_S] = 0.0
+    wanted *= _smoothed(lever, LEVER_S / STEP_S)[:, None]
     if world.slide_s is not None:
         slides = (t >= world.slide_s) & (t < world.slide_s + 1.5)
         wanted[slides, 1] = -0.35
@@ -146,7 +152,7 @@ def demand(world: World) -> Floats:
 
 
 def _smoothed(values: Floats, rows: float) -> Floats:
-    """Moving mean over so many rows, twice."""
+    """Moving mean over so many rows, twice; it takes twice that time, and begins late."""
     width = round(rows)
     for _ in range(2):
         padded = np.concatenate([np.repeat(values[:1], width, axis=0), values])
@@ -234,7 +240,7 @@ def simulate(world: World) -> Truth:
         grades,
         peaks,
         slips,
-        under[:, 0] == under[:, -1],
+        (under[:, 0] == under[:, -1]) & (np.gradient(sand[::EVERY][:rows]) == 0),
     )
 
 

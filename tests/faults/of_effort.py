@@ -22,7 +22,7 @@ def _at_zero(values: Floats, _: Floats, case: Case) -> Floats:
     return NOISE * case.size * case.rng.standard_normal(values.shape)
 
 
-def _reversed(values: Floats, _: Floats, case: Case) -> Floats:
+def _reversed(values: Floats, _: Floats, __: Case) -> Floats:
     return -values
 
 

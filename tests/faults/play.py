@@ -1,23 +1,24 @@
 """Play of a case: its drive, spoilt, through the service's core, and the verdict on its answers."""
 
+from collections import Counter
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from math import inf, isfinite
 
 import numpy as np
 
-from adhesion_can.bus.frame import Frame
+from adhesion_can.bus import frame as bus
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import replay
 from tests.faults.case import Case
-from tests.faults.catalogue import KINDS
-from tests.faults.judge import MU_SHARE, SLIP_SHARE, Verdict, decode, judge
+from tests.faults.catalogue import find
+from tests.faults.judge import MU_SHARE, SLIP_SHARE, Setpoints, Verdict, decode, judge
 from tests.faults.kinds import Kind
 from tests.faults.locomotive import RADIUS, Truth, World, simulate
 from tests.faults.rail import Rail
 from tests.faults.sensors import SILENT, SPEED_S, Readings, draw_noise, read
-from tests.faults.wire import frames, pack, queues
+from tests.faults.wire import Frame, frames, pack, queues
 
 ONSET_S, CHANGE_AFTER_S, LASTS_S = (13.0, 16.0), 5.0, 4.0
 END_S = 28.0
@@ -35,16 +36,14 @@ def draw_rails(seed: int) -> tuple[Rail, Rail]:
     """A dry rail and a wet one; their fall lies between a straight one and that of friction that
     hardly falls any more at high creep speed."""
     rng = np.random.default_rng([seed, 4405])
-    bent = float(rng.uniform(0.0, 1.0))
-    share = 0.7 * bent
-    # The same fall at small creep speeds, whatever is left of the friction at high ones.
-    dry = Rail(
-        float(rng.uniform(0.38, 0.41)), 1 / float(rng.uniform(54, 62)), share, 14 * (1 - share)
-    )
-    wet = Rail(
-        float(rng.uniform(0.25, 0.28)), 1 / float(rng.uniform(60, 68)), share, 11 * (1 - share)
-    )
-    return dry, wet
+    share = 0.7 * float(rng.uniform(0.0, 1.0))
+
+    def rail(levels: tuple[float, float], steepness: tuple[float, float], fall: float) -> Rail:
+        level, rise = float(rng.uniform(*levels)), 1 / float(rng.uniform(*steepness))
+        # The same fall at small creep speeds, whatever is left of the friction at high ones.
+        return Rail(level, rise, share, fall * (1 - share))
+
+    return rail((0.38, 0.41), (54, 62), 14.0), rail((0.25, 0.28), (60, 68), 11.0)
 
 
 def make_case(name: str, size: float, seed: int, *, stays: bool) -> Case:
@@ -62,7 +61,7 @@ def make_case(name: str, size: float, seed: int, *, stays: bool) -> Case:
     onset_s = round(float(rng.uniform(*ONSET_S)), 3)
     dry, wet = draw_rails(seed)
     rails: tuple[tuple[float, Rail], ...] = ((0.0, dry),)
-    if stays and KINDS[name].event is None:
+    if stays and find(name).event is None:
         rails = (*rails, (onset_s + CHANGE_AFTER_S, wet))
     braking = ((0.0, END_S),) if seed % 4 == 3 else ()
     world = World(seed, END_S, rails, braking)
@@ -81,6 +80,8 @@ class Played:
         is_big: Whether it did.
         verdict: Verdict on the setpoints.
         largest: Largest adhesion that was sent with TRACKING after the onset.
+        words: Reasons that the service gave from the onset on, with their shares of the time.
+        early: Reasons that it gave before.
 
     """
 
@@ -90,23 +91,44 @@ class Played:
     is_big: bool
     verdict: Verdict
     largest: float
+    words: dict[str, float]
+    early: dict[str, float]
 
 
 def play(name: str, case: Case) -> Played:
     """Play a case through a fresh core."""
-    kind = KINDS[name]
+    kind = find(name)
     world = case.world if kind.event is None else kind.event(case.world, case)
     truth = simulate(world)
-    sent = answers(on_the_bus(kind, case, read(truth, draw_noise(world.seed))))
+    sent, reasons = answers(on_the_bus(kind, case, read(truth, draw_noise(world.seed))))
     setpoints = decode(sent)
     error_s = find_error(kind, case, truth)
     # An event is no fault: what it does to the estimate is the estimator's to follow.
     from_s = case.onset_s if error_s is None else error_s
     end_s = case.until_s if isfinite(case.until_s) and kind.event is None else None
-    verdict = judge(setpoints, truth, case.onset_s, from_s, end_s)
+    twin = sound_setpoints(world) if kind.event is None else None
+    verdict = judge(setpoints, truth, case.onset_s, from_s, end_s, twin)
     told = setpoints.mu[(setpoints.t >= case.onset_s) & (setpoints.status == 1)]
     largest = float(np.nanmax(told)) if len(told) and np.isfinite(told).any() else 0.0
-    return Played(name, case, from_s, error_s is not None, verdict, largest)
+    early, words = (
+        _shares([word for t_s, word in reasons if (t_s >= case.onset_s) == later])
+        for later in (False, True)
+    )
+    return Played(name, case, from_s, error_s is not None, verdict, largest, words, early)
+
+
+@lru_cache(8)
+def sound_setpoints(world: World) -> Setpoints:
+    """Setpoints of a drive without a fault."""
+    readings = read(simulate(world), draw_noise(world.seed))
+    sent, _ = answers(frames({name: pack(one, name) for name, one in queues(readings).items()}))
+    return decode(sent)
+
+
+def _shares(words: list[str]) -> dict[str, float]:
+    """Share of each word that is not empty, the most frequent first."""
+    counts = Counter(word for word in words if word)
+    return {word: count / len(words) for word, count in counts.most_common()}
 
 
 def on_the_bus(kind: Kind, case: Case, readings: Readings) -> list[Frame]:
@@ -122,12 +144,21 @@ def on_the_bus(kind: Kind, case: Case, readings: Readings) -> list[Frame]:
     return frames(sent)
 
 
-def answers(given: list[Frame]) -> list[Frame]:
-    """Frames that a fresh core sends."""
-    sent: list[Frame] = []
+def answers(given: list[Frame]) -> tuple[list[Frame], list[tuple[float, str]]]:
+    """Frames that a fresh core sends, and at each setpoint its time, s, and the reason, if any, for
+    which the core does not vouch for its estimate."""
+    sent: list[bus.Frame] = []
+    reasons: list[tuple[float, str]] = []
+
+    def note(t_us: int, _: object) -> None:
+        objection = getattr(core.estimate, "objection", None)
+        reasons.append((t_us / 1e6, objection.name.lower() if objection else ""))
+
+    core = ServiceCore(configuration(), on_setpoint=note)
+    received = (bus.Frame(*frame) for frame in given)
     with np.errstate(all="ignore"):
-        replay(given, ServiceCore(configuration()), sent.append)
-    return sent
+        replay(received, core, sent.append)
+    return [Frame(*frame[:3]) for frame in sent], reasons
 
 
 def find_error(kind: Kind, case: Case, truth: Truth) -> float | None:
@@ -170,7 +201,7 @@ def _contact(readings: Readings) -> tuple[np.ndarray, np.ndarray]:
 
 def cases(name: str, seed: int) -> list[Case]:
     """Cases of a kind in one round: each size, with a fault that stays and with one that ends."""
-    kind = KINDS[name]
+    kind = find(name)
     return [
         make_case(name, size, seed, stays=stays)
         for size in kind.sizes

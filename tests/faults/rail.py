@@ -38,9 +38,6 @@ class Rail:
 
 
 DRY = Rail(0.405, 1 / 58, 0.72, 4.5)
-WET = Rail(0.275, 1 / 66, 0.70, 3.2)
-GREASY = Rail(0.155, 1 / 50, 0.75, 3.5)
-
 SLIPS = np.linspace(0.0, 0.4, 4001)
 SPEEDS = np.linspace(0.5, 60.0, 239)
 

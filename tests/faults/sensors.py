@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tests.faults.locomotive import AXLES, Truth
+from tests.faults.locomotive import Truth
 from tests.faults.rail import Floats
 
 WHEEL_S, SPEED_S, EFFORT_S, LOAD_S = 0.01, 0.02, 0.01, 0.2
@@ -106,8 +106,3 @@ def remembering(white: Floats, cycle_s: float, memory_s: float) -> Floats:
         last = keep * last + new * value if row else value
         out[row] = last
     return out
-
-
-def no_axles() -> Floats:
-    """A mask of axles without any, (6,)."""
-    return np.zeros(AXLES, dtype=bool)

@@ -1,17 +1,32 @@
 """Readings to frames on the bus: cycles, places and factors are those of the database."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.bus.frame import Frame
 from tests.faults.rail import Floats
 from tests.faults.sensors import EFFORT_S, LOAD_S, SPEED_S, WHEEL_S, Readings
 from tests.worlds.encoding import database, packed
 
 SLOT_US = 240
 """Time from one message to the next within a cycle, µs."""
+
+
+class Frame(NamedTuple):
+    """A frame on the bus.
+
+    Attributes:
+        t_us: Stamp, µs.
+        arbitration_id: Identifier.
+        data: Payload.
+
+    """
+
+    t_us: int
+    arbitration_id: int
+    data: bytes
 
 
 @dataclass(frozen=True, eq=False)

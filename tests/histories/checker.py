@@ -2,7 +2,7 @@
 
 from bisect import bisect_right
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -12,10 +12,10 @@ from adhesion_can.recordings.candump import ReadReport, read_candump
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import replay
 from tests.histories.faults import KINDS, Fault
+from tests.histories.inputs import SILENT_CYCLES, good_inputs, good_times, usable_times
 from tests.histories.simulated_bus import Record
-from tests.histories.traffic import NOT_AVAILABLE
 from tests.service.test_core import CONFIG, FixedEstimator
-from tests.wire import CYCLES_MS, INPUTS, REQUIRED, crc8, decoded, seal_ok
+from tests.wire import CYCLES_MS, decoded, seal_ok
 
 MS, S = 1_000, 1_000_000
 CYCLES_US = {0x201: 20 * MS, 0x202: 100 * MS, 0x203: 100 * MS, 0x204: 20 * MS, 0x211: S}
@@ -24,10 +24,10 @@ LATEST_US = 2 * MS + 500
 """Latest sending after the due time: frames are waited for until 2 ms after it."""
 OVERDUE_US = 120 * MS
 """Latest sending of a frame where the host was held up."""
-SILENT_CYCLES = 3
-"""Cycles for which a required input may be silent."""
 SLACK_US = 30 * MS
 """Time within which a status follows: a cycle of the setpoints, and the time of a frame."""
+ESTIMATE_US = round(CONFIG.service.estimate_s * S)
+"""Age of the latest sample beyond which an estimate is no longer that of the rail."""
 HOLD_US = S
 """Time for which the last values are held while an input is stale."""
 RECOVERY_US = 3 * S
@@ -41,9 +41,6 @@ FIRST_US = 100 * MS
 WITHOUT_NUMBERS = ("INIT", "FAULT")
 ESTIMATOR_DECIDES = {"TRACKING", "LOW_EXCITATION", "SURFACE_CHANGE"}
 """Statuses that say what an estimator knows, where inputs are good."""
-LIVELY_FRAMES, SHORT_FRAMES, STUCK_FRAMES = 600, 10, 40
-"""A message that changed all through so many frames, with no more than so many alike in a row, and
-then stands still for so many, is stuck."""
 
 
 class Violation(NamedTuple):
@@ -97,11 +94,13 @@ def check(
     """
     schedule = _Schedule(faults, start_us)
     points = [_point(at_us, f) for at_us, f in record.outputs if f.arbitration_id == 0x201]
+    inputs = list(good_inputs(record.inputs, schedule.overtaken))
     return [
         *_frames(record, schedule),
         *_times(record, schedule, end_us),
         *_numbers(points),
-        *_silence(points, record, schedule),
+        *_silence(points, good_times(inputs)),
+        *_blindness(points, usable_times(inputs)),
         *_recovery(points, schedule, estimator),
         *_second_service(points, schedule),
         *_first(points, record, schedule),
@@ -241,54 +240,8 @@ def _numbers(points: list[Point]) -> Iterator[Violation]:
                 yield Violation("range", point.at_us, f"{name} = {value}")
 
 
-def _good_times(record: Record, schedule: _Schedule) -> dict[str, list[int]]:
-    """Times at which each required message came with a seal, a new counter and values."""
-    names = {INPUTS[name]: name for name in REQUIRED}
-    last: dict[str, tuple[int, int]] = {}
-    stuck = {name: _StuckPayload() for name in REQUIRED}
-    good: dict[str, list[int]] = {name: [] for name in REQUIRED}
-    for at_us, frame in record.inputs:
-        name = names.get(frame.arbitration_id)
-        if name is None or len(frame.data) != 8:
-            continue
-        number = frame.arbitration_id
-        head = bytes([number & 0xFF, number >> 8])
-        if frame.data[0] != crc8(head + frame.data[1:]):
-            continue
-        count = frame.data[1] & 0xF
-        # Frames that overtake each other may have the same count and be of different cycles.
-        # So may the first one after a pause.
-        before_us, before = last.get(name, (0, COUNTERS))
-        paused = at_us - before_us > SILENT_CYCLES * CYCLES_MS[name] * MS
-        new = count != before or paused or schedule.overtaken(name, at_us)
-        last[name] = at_us, count
-        if not new or frame.data[2:] == NOT_AVAILABLE[name]:
-            continue
-        if not stuck[name].accept(frame.data[2:]):
-            good[name].append(at_us)
-    return good
-
-
-class _StuckPayload:
-    """Whether the values of a message are stuck: long lively, they stand still."""
-
-    def __init__(self) -> None:
-        self._values = b""
-        self._alike = self._lively = 0
-
-    def accept(self, values: bytes) -> bool:
-        """Whether they are, with these values."""
-        if values == self._values:
-            self._alike += 1
-            return self._lively >= LIVELY_FRAMES and self._alike >= STUCK_FRAMES
-        self._lively = 0 if self._alike > SHORT_FRAMES else self._lively + 1
-        self._values, self._alike = values, 1
-        return False
-
-
-def _silence(points: list[Point], record: Record, schedule: _Schedule) -> Iterator[Violation]:
+def _silence(points: list[Point], good: Mapping[str, list[int]]) -> Iterator[Violation]:
     """Never confident while a required input was silent for longer than allowed."""
-    good = _good_times(record, schedule)
     for point in points:
         for name, times in good.items():
             # What came until the setpoint was sent may be stamped before it was due: frames are
@@ -307,6 +260,21 @@ def _silence(points: list[Point], record: Record, schedule: _Schedule) -> Iterat
             elif point.values and silent_us > allowed_us + HOLD_US:
                 yield Violation(
                     "held", point.at_us, f"numbers after {silent_us / MS:.0f} ms without {name}"
+                )
+
+
+def _blindness(points: list[Point], usable: Mapping[str, list[int]]) -> Iterator[Violation]:
+    """Never TRACKING while blind: a sample needs a wheel speed, an effort and the vehicle speed."""
+    allowed_us = ESTIMATE_US + CYCLES_US[0x201] + SLACK_US
+    for point in points:
+        if point.status != "TRACKING":
+            continue
+        for name, times in usable.items():
+            place = bisect_right(times, point.at_us)
+            blind_us = point.due_us - times[place - 1] if place else point.due_us
+            if blind_us > allowed_us:
+                yield Violation(
+                    "blind", point.at_us, f"TRACKING, no usable {name} for {blind_us / S:.1f} s"
                 )
 
 

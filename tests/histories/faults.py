@@ -18,7 +18,8 @@ class Fault:
         kind: Kind, a key of `KINDS`.
         from_us: Time at which it begins, µs.
         until_us: Time at which it ends, µs; a clock that was set stays so.
-        target: Name of the message that it spoils; '' where it spoils none.
+        target: Name of the message that it spoils, or what the names of several begin with; ''
+            where it spoils none.
         size: Rate, time (s) or other size, by its kind.
 
     """
@@ -65,6 +66,8 @@ class Kind:
 
 RATES = (0.001, 0.01, 0.1, 0.5)
 BY_AXLE = tuple(name for name in REQUIRED if name != "VehicleSpeed")
+QUANTITIES = ("WheelSpeeds", "VehicleSpeed", "TractiveEffort")
+"""What messages begin with that carry the same quantity."""
 KINDS: Mapping[str, Kind] = {
     "silent": Kind(targets=REQUIRED),
     "lost": Kind(targets=REQUIRED, sizes=RATES),
@@ -77,6 +80,7 @@ KINDS: Mapping[str, Kind] = {
     "jumped": Kind(targets=REQUIRED),
     "drifted": Kind(targets=REQUIRED, sizes=(0.01, 0.1)),
     "saturated": Kind(targets=REQUIRED, sizes=(0.03, 0.05)),
+    "blinded": Kind(targets=QUANTITIES, sizes=(0.0, 1.0)),
     "axles_lost": Kind(targets=BY_AXLE, sizes=(1.0, 2.0)),
     "other_sender": Kind(targets=REQUIRED),
     "second_service": Kind(),

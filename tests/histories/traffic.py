@@ -79,12 +79,24 @@ NOT_AVAILABLE = dict.fromkeys(REQUIRED, 6 * b"\xff") | {
 """Bytes 2 to 7 of a message whose signals are not available; efforts have a sign."""
 
 
+ENDS = range(5)
+"""Steps of the resolution from an end of the range at which a blinded sensor stands in turn."""
+
+
+def _blind_payload(name: str, size: float, step: int) -> bytes:
+    """Payload of a sensor at rest (size 0) or at the end of its range (1), with some noise."""
+    last = 0x7FFE if name.startswith("TractiveEffort") else 0xFFFE
+    raw = last - step if size else step
+    word = raw.to_bytes(2, "little")
+    return b"\x00\x00" + (word + b"\x11" + 3 * b"\x00" if name == "VehicleSpeed" else 3 * word)
+
+
 class _Sender:
     """Sender of one message, with its counter."""
 
     def __init__(self, name: str, faults: Iterable[Fault], rng: np.random.Generator) -> None:
         self.name = name
-        self._faults = [fault for fault in faults if fault.target == name]
+        self._faults = [f for f in faults if f.target and name.startswith(f.target)]
         self._rng = rng
         self._count = 0
         self._last = b""
@@ -130,6 +142,9 @@ class _Sender:
                 self._last = sealed(INPUTS[self.name], payload, self._count)
             else:
                 self._last = _payload(self.name, step, self._count, noise, drift, limit)
+        if "blinded" in active:
+            data = _blind_payload(self.name, active["blinded"].size, self._count % len(ENDS))
+            self._last = sealed(INPUTS[self.name], data, self._count)
         if "axles_lost" in active:
             lost = 2 + 2 * round(active["axles_lost"].size)
             payload = self._last[:2] + NOT_AVAILABLE[self.name][: lost - 2] + self._last[lost:]
