@@ -160,7 +160,7 @@ def stands_still(slip: Array) -> NDArray[np.bool_]:
 
 
 def _standing(points: Points) -> Iterator[Finding]:
-    """A wheel of a recording at rest while the vehicle moves, and not only where a brake locks it."""
+    """A wheel of a recording at rest while the vehicle moves, not only where a brake locks it."""
     at_rest = stands_still(points.slip)
     unbraked = at_rest & (points.adhesion > -ROLLING_ADHESION)
     if points.table or int(unbraked.sum()) < LEAST_ROWS:

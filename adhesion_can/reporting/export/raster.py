@@ -79,15 +79,11 @@ class Raster:
         """Sentence about the holes that have no rows, in a list; [] where there is none."""
         if not self._holes:
             return []
-        return [
-            f"without rows: {counted(self._holes, 'hole')} of more than "
-            f"{LONGEST_EMPTY_NS / 1e9:g} s in which no frame of a wanted signal is, the longest "
-            f"{self._longest_ns / 1e9:.0f} s"
-        ]
+        holes = f"{counted(self._holes, 'hole')} of more than {LONGEST_EMPTY_NS / 1e9:g} s"
+        longest = f"the longest {self._longest_ns / 1e9:.0f} s"
+        return [f"no rows in {holes} without a frame of a wanted signal, {longest}"]
 
-    def add(
-        self, rows: Sequence[Rows]
-    ) -> Iterator[tuple[NDArray[np.int64], list[Column]]]:
+    def add(self, rows: Sequence[Rows]) -> Iterator[tuple[NDArray[np.int64], list[Column]]]:
         """Stamps, ns, shape (n,), and columns of the even times up to the last of more rows.
 
         They come in pieces, so that memory is bounded however small the step is. Even times long
