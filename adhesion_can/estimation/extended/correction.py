@@ -257,7 +257,7 @@ def remove_effects(
     change = compute_change(actives, contact, lags)
     samples = _with_slip_errors(samples, actives, contact, lags, change)
     factor = np.broadcast_to(change.factor, change.slip.shape)
-    finite = np.isfinite(change.slip) & np.isfinite(factor)
+    finite = np.isfinite(change.slip + factor + samples.slip_total_var + samples.transient_var)
     good = finite & (factor >= USABLE * usual)
     if not good.all():
         if not finite.all():
