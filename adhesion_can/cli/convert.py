@@ -187,8 +187,11 @@ def _convert_to_raster(
         for file, recording in enumerate(again):
             for block in watched(recording.blocks()):
                 _, rows = second.decode(block, file)
-                table_writer.write(*raster.add(rows))
-    return first.as_json(recordings)
+                for even, columns in raster.add(rows):
+                    table_writer.write(even, columns)
+    document = first.as_json(recordings)
+    document["problems"] += raster.problems()
+    return document
 
 
 def _print(document: Mapping[str, Any], file: TextIO) -> None:

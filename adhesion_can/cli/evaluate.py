@@ -23,6 +23,7 @@ from adhesion_can.cli.reports import (
     require_report,
     write_report,
 )
+from adhesion_can.plurals import counted
 from adhesion_can.reporting.evaluation import page, render_evaluation
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
@@ -57,6 +58,9 @@ def run(options: argparse.Namespace) -> int:
         )
     found = evaluate_inputs(loaded, config)
     problems = [problem for one in loaded for problem in one.problems]
+    if found.left_out:
+        rows = counted(found.left_out, "row")
+        problems.append(f"{rows} left out: the effects of the model have no finite value there")
     origin = provenance(config, options.inputs)
     write_json(options.json, {**found.to_dict(), "problems": problems, **origin})
     lines = []

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import hypot, sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from adhesion_can.bus.database import CanDatabase
 from adhesion_can.bus.roles import (
@@ -29,6 +29,7 @@ from adhesion_can.physics.driving_plan import PlanLimits
 from adhesion_can.physics.instruments import PERFECT
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.ranges import Within, require_ranges
 from adhesion_can.recordings.tables.choice import ColumnChoice
 from adhesion_can.sampling.column_former import ColumnFormer
 from adhesion_can.sampling.equations import (
@@ -54,9 +55,8 @@ class ServiceSettings:
     """Settings of the service's setpoints and states.
 
     Attributes:
-        target_share: Share of μ_max at which `CreepSpeedSetpoint` aims, above 0 and at most 1: 0.98
-            costs 2 % of the force and saves a third of the slip energy. Larger: more force, more
-            slip.
+        target_share: Share of μ_max at which `CreepSpeedSetpoint` aims: 0.98 costs 2 % of the force
+            and saves a third of the slip energy. Larger: more force, more slip.
         hold_s: Time for which the last values are held when an input is stale, s. Longer bridges
             more frame losses, and keeps an old setpoint on the bus for longer.
         change_s: Longest time for which the status SURFACE_CHANGE is shown after a change, s.
@@ -67,20 +67,16 @@ class ServiceSettings:
 
     """
 
-    target_share: float = 0.98
-    hold_s: float = 1.0
-    change_s: float = 5.0
-    estimate_s: float = 2.0
-    restart_s: float = 60.0
-    state_interval_s: float = 10.0
-    state_age_s: float = 86_400.0
+    target_share: Annotated[float, Within(0.1, 1)] = 0.98
+    hold_s: Annotated[float, Within(0, 3600)] = 1.0
+    change_s: Annotated[float, Within(0, 3600)] = 5.0
+    estimate_s: Annotated[float, Within(0, 3600)] = 2.0
+    restart_s: Annotated[float, Within(0.1, 3600)] = 60.0
+    state_interval_s: Annotated[float, Within(1, 86400)] = 10.0
+    state_age_s: Annotated[float, Within(0, 1e9)] = 86_400.0
 
     def __post_init__(self) -> None:
-        if not 0 < self.target_share <= 1:
-            raise ValueError("target_share must be in 0..1")
-        times = (self.hold_s, self.change_s, self.estimate_s, self.state_age_s)
-        if not (min(times) >= 0 and self.restart_s > 0 and self.state_interval_s >= 1):
-            raise ValueError("times must not be negative, and state_interval_s is at least 1")
+        require_ranges(self)
 
 
 @dataclass(frozen=True, kw_only=True)

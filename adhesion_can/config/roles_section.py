@@ -3,12 +3,13 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from adhesion_can.bus.roles import PROTECTIONS, SignalChoice
 from adhesion_can.config.toml_tables import section, table_of
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.readings import Role
+from adhesion_can.ranges import Within
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +24,7 @@ class _RoleTable:
         sign: 1, or -1 where the signal counts the other way.
         offset: Zero error, in the unit of the role, subtracted last.
         protection: Protection of the message, `e2e-p01` or `none`; '' for that of the database.
-        data_id: Data ID of the protection, 0..65535; without it that of the database.
+        data_id: Data ID of the protection; without it that of the database.
         cycle_ms: Cycle of the message, ms; 0 for that of the database.
         not_available: Whether a raw value of all ones means that the signal is not available.
         stuck_check: Whether a speed or an effort with noise counts as not available once its value
@@ -34,12 +35,12 @@ class _RoleTable:
     signal: str
     channel: str = ""
     unit: str = "?"
-    factor: float = 1.0
-    sign: int = 1
-    offset: float = 0.0
+    factor: Annotated[float, Within(-1e12, 1e12)] = 1.0
+    sign: Annotated[int, Within(-1, 1)] = 1
+    offset: Annotated[float, Within(-1e12, 1e12)] = 0.0
     protection: str = ""
-    data_id: int | None = None
-    cycle_ms: float = 0.0
+    data_id: Annotated[int | None, Within(0, 0xFFFF)] = None
+    cycle_ms: Annotated[float, Within(0, 100000)] = 0.0
     not_available: bool = True
     stuck_check: bool = True
 
@@ -95,10 +96,6 @@ def load_choice(role: Role, axle: int, table: Mapping[str, Any], place: str) -> 
         raise ConfigError(f"{place}.protection", f"{row.protection!r}", mend)
     if row.factor == 0:
         raise ConfigError(f"{place}.factor", "0 makes every value 0", "write the factor")
-    if row.data_id is not None and not 0 <= row.data_id <= 0xFFFF:
-        raise ConfigError(f"{place}.data_id", f"{row.data_id}", "write 0 to 65535")
-    if not 0 <= row.cycle_ms < 1e6:
-        raise ConfigError(f"{place}.cycle_ms", f"{row.cycle_ms}", "write milliseconds")
     return SignalChoice(
         role,
         axle,

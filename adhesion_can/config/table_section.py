@@ -1,9 +1,11 @@
 """Section `[table]` of the configuration file: which column of a table is what."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from adhesion_can.config.toml_tables import section, table_of
 from adhesion_can.errors import ConfigError
+from adhesion_can.ranges import Within
 from adhesion_can.recordings.tables.choice import ColumnChoice
 
 
@@ -21,8 +23,8 @@ class _ColumnTable:
 
     column: str
     unit: str = "?"
-    sign: int = 1
-    late_s: float = 0.0
+    sign: Annotated[int, Within(-1, 1)] = 1
+    late_s: Annotated[float, Within(-3600, 3600)] = 0.0
 
 
 def load_columns(value: object, where: str) -> tuple[ColumnChoice, ...]:

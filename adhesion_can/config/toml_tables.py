@@ -12,15 +12,18 @@ from hashlib import sha256
 from math import isfinite
 from pathlib import Path
 from types import UnionType
-from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 from adhesion_can.errors import ConfigError
 from adhesion_can.files import read_small_file
+from adhesion_can.ranges import OutOfRangeError, range_of
 
 LARGEST_FILE = 4 << 20
 """Size of a file that is read, bytes; a configuration of 64 axles has 50 KiB."""
 MOST_KEY_PARTS = 32
 """Most dots in a key."""
+LONGEST_SHOWN = 60
+"""Most characters of a value in an error."""
 MOST_TABLES = 10_000
 """Most tables of one name in a file."""
 _QUOTED = re.compile(r"""\"(?:[^\"\\]|\\.)*\"|'[^']*'""")
@@ -135,7 +138,7 @@ def arguments_from(
         names: Field name of each key that the table may have.
 
     """
-    hints = get_type_hints(kind)
+    hints = get_type_hints(kind, include_extras=True)
     arguments: dict[str, Any] = {}
     for key, value in table.items():
         if key not in names:
@@ -249,28 +252,51 @@ def nested_settings(kind: type, tables: Mapping[str, object], where: str) -> dic
 
 
 def typed(value: Any, wanted: Any, where: str) -> Any:
-    """TOML value as the type of a field; ConfigError where it is of another type."""
+    """TOML value as the type of a field; ConfigError where it is of another type or out of range.
+
+    Args:
+        value: Value as TOML gives it.
+        wanted: Type of the field, with its range where it has one.
+        where: File, section and key, for errors.
+
+    """
     origin = get_origin(wanted)
-    if origin is UnionType:
-        return typed(value, get_args(wanted)[0], where)
+    if origin in {Annotated, UnionType}:
+        result = typed(value, get_args(wanted)[0], where)
+        _require_in_range(result, wanted, where)
+        return result
     if origin is Literal:
         if value not in get_args(wanted):
-            raise ConfigError(where, f"{value!r}", f"write one of {', '.join(get_args(wanted))}")
+            raise ConfigError(where, _shown(value), f"write one of {', '.join(get_args(wanted))}")
         return value
     if origin is tuple:
         kinds = get_args(wanted)
         if not isinstance(value, list):
-            raise ConfigError(where, f"{value!r} is not a list", "write [a, b, ..]")
+            raise ConfigError(where, f"{_shown(value)} is not a list", "write [a, b, ..]")
         if kinds[-1] is not Ellipsis and len(value) != len(kinds):
             raise ConfigError(where, f"{len(value)} values", f"write {len(kinds)}")
         return tuple(typed(item, kinds[0], where) for item in value)
     good = isinstance(value, wanted) or (wanted is float and isinstance(value, int))
     if not good or isinstance(value, bool) is not (wanted is bool):
-        raise ConfigError(where, f"{value!r} is not a {_NAMES[wanted]}", "correct the value")
+        raise ConfigError(where, f"{_shown(value)} is not a {_NAMES[wanted]}", "correct the value")
     result = wanted(value)
     if wanted is float and not isfinite(result):
         raise ConfigError(where, f"{result} is not a finite number", "correct the value")
     return result
+
+
+def _require_in_range(value: Any, wanted: Any, where: str) -> None:
+    """ConfigError where a value is beyond the range that its type states."""
+    try:
+        range_of(wanted).require(where, value)
+    except OutOfRangeError as error:
+        raise ConfigError(where, error.what, error.mend) from error
+
+
+def _shown(value: object) -> str:
+    """A value for an error, cut where it is long."""
+    text = repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}.."
 
 
 _NAMES: Mapping[type, str] = {float: "number", int: "whole number", str: "text", bool: "boolean"}

@@ -4,12 +4,15 @@ The defaults are those of `Locomotive` and `Geometry`; only the names are mapped
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any, get_type_hints
 
 from adhesion_can.config.toml_tables import arguments_from, reject_unknown_keys, table_of, typed
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.vehicle import MOST_AXLES, Geometry, Locomotive
+from adhesion_can.ranges import Within
 
+AXLES = Annotated[int, Within(1, MOST_AXLES)]
+"""Number of axles, with its range."""
 PER_AXLE: Mapping[str, str] = {"wheel_radius_m": "wheel_radius", "axle_load_N": "axle_load"}
 """Field of `Locomotive` by key, for values that are given once for all axles or once for each."""
 
@@ -61,24 +64,23 @@ def load_vehicle(value: object, where: str) -> Locomotive:
             meaning = VEHICLE_DATA.get(key, "number of the axles")
             raise ConfigError(f"{place}.{key}", "not filled in", f"write the {meaning}")
     default = Locomotive()
-    number = typed(table["axles"], int, f"{place}.axles") if "axles" in table else None
+    hints = get_type_hints(Locomotive, include_extras=True)
+    number = typed(table["axles"], AXLES, f"{place}.axles") if "axles" in table else None
     stated = {} if number is None else {"axles": number}
     values: dict[str, tuple[float, ...] | float] = {}
     for key in PER_AXLE:
         if key not in table:
             values[key] = getattr(default, PER_AXLE[key])[0]
         elif isinstance(table[key], list):
-            values[key] = each = typed(table[key], tuple[float, ...], f"{place}.{key}")
+            values[key] = each = typed(table[key], hints[PER_AXLE[key]], f"{place}.{key}")
             stated[key] = len(each)
         else:
-            values[key] = typed(table[key], float, f"{place}.{key}")
+            # One number for all axles has the range of each.
+            one = typed(table[key], float, f"{place}.{key}")
+            (values[key],) = typed([one], hints[PER_AXLE[key]], f"{place}.{key}")
     if len(set(stated.values())) > 1:
         raise ConfigError(place, "lists of different length", "give one value for each axle")
     axles = next(iter(stated.values()), default.axles)
-    if not 1 <= axles <= MOST_AXLES:
-        raise ConfigError(
-            f"{place}.axles", f"{axles} axles", f"a vehicle here has 1 to {MOST_AXLES}"
-        )
     single = {key: table[key] for key in WHOLE_VEHICLE if key in table}
     geometry = _geometry(table.get("geometry"), axles, place)
     per_axle: dict[str, Any] = {

@@ -106,12 +106,14 @@ class Evaluation:
         total: All rows together.
         recordings: Recording by recording.
         surfaces: Surface by surface.
+        left_out: Number of rows in which the effects of the model have no finite value.
 
     """
 
     total: PartEvaluation
     recordings: tuple[PartEvaluation, ...]
     surfaces: tuple[PartEvaluation, ...]
+    left_out: int = 0
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -119,6 +121,7 @@ class Evaluation:
             "total": self.total.to_dict(),
             "recordings": [one.to_dict() for one in self.recordings],
             "surfaces": [one.to_dict() for one in self.surfaces],
+            "left_out": self.left_out,
         }
 
     def _repr_html_(self) -> str:
@@ -144,13 +147,14 @@ def evaluate(drives: Sequence[DriveData], model: ExtendedModel) -> Evaluation:
         model: Extended model.
 
     Raises:
-        InputError: A drive lacks a channel that an effect of the model needs.
+        InputError: A drive lacks a channel that an effect of the model needs, or the effects have
+            no finite value in any row.
 
     """
     used = [drive for drive in drives if len(drive)]
     for drive in used:
         require_effects_apply(model, drive)
-    thin = thin_drives(used)
+    thin, left_out = _with_values(thin_drives(used), model)
     candidates, _ = build_candidates(used)
     data = build_regression_data(thin, [find_surface_changes(one, candidates) for one in thin])
     residuals = compute_residuals(data, model)
@@ -167,7 +171,30 @@ def evaluate(drives: Sequence[DriveData], model: ExtendedModel) -> Evaluation:
     if len(thin) >= LEAST_RECORDINGS:
         residuals = replace(residuals, unit=number)
     total = _part(residuals, residuals.used, clock, "")
-    return Evaluation(total, tuple(recordings), tuple(surfaces))
+    return Evaluation(total, tuple(recordings), tuple(surfaces), left_out)
+
+
+def _with_values(
+    drives: Sequence[DriveData], model: ExtendedModel
+) -> tuple[tuple[DriveData, ...], int]:
+    """Drives less the rows in which the model has no value, and the number of these rows."""
+    data = build_regression_data(tuple(drives), [[] for _ in drives])
+    with np.errstate(all="ignore"):
+        curves = _model_curves(model, data.surfaces)
+        found = evaluate_model(data, curves, model_effects(model))
+        finite = np.isfinite(found.slip) & np.isfinite(found.residual)
+    if finite.all():
+        return tuple(drives), 0
+    if not finite.any():
+        raise InputError(
+            model.where,
+            f"its effects have no finite value in any of {len(finite)} rows",
+            "correct the formula, or take it out of the model",
+        )
+    ends = np.cumsum([len(drive) for drive in drives])[:-1]
+    parts = zip(drives, np.split(finite, ends), strict=True)
+    kept = (drive.select_rows(rows) for drive, rows in parts)
+    return tuple(drive for drive in kept if len(drive)), int((~finite).sum())
 
 
 def evaluate_held_out(

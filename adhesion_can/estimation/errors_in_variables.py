@@ -349,6 +349,8 @@ def _standard_errors(rows: _Rows, weight: Array, theta: Array, slip_max: float) 
     )
     total = curvature.sum(axis=0)
     total = 0.5 * (total + total.T)
+    if not np.isfinite(total).all():
+        return UNDETERMINED
     values = np.linalg.eigvalsh(total)
     if not values[0] > LEAST_CURVATURE * values[-1]:
         return UNDETERMINED

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from math import hypot, isfinite
+from typing import Annotated
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from adhesion_can.estimation.likelihood import UNDETERMINED, StandardErrors, sta
 from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
+from adhesion_can.ranges import Within, require_ranges
 from adhesion_can.sampling.former import common_load_std
 from adhesion_can.values import Value
 
@@ -35,18 +37,15 @@ class IdentifiabilitySettings(Value):
 
     """
 
-    mu_max_std: float = 0.03
-    lambda_m_std: float = 0.3
-    reach: float = 0.03
-    mu_max_reach: float = 0.85
-    slip_max: float = 0.5
-    samples: int = 20
+    mu_max_std: Annotated[float, Within(1e-6, 10)] = 0.03
+    lambda_m_std: Annotated[float, Within(1e-6, 10)] = 0.3
+    reach: Annotated[float, Within(0, 1)] = 0.03
+    mu_max_reach: Annotated[float, Within(0, 10)] = 0.85
+    slip_max: Annotated[float, Within(0.001, 10)] = 0.5
+    samples: Annotated[int, Within(1, 1000000)] = 20
 
     def __post_init__(self) -> None:
-        if not (min(self.mu_max_std, self.lambda_m_std) > 0 and self.slip_max > 0):
-            raise ValueError("standard deviations and slip_max must be positive")
-        if not (0 <= self.reach <= 1 and self.mu_max_reach >= 0):
-            raise ValueError("reach must be in 0..1, mu_max_reach not negative")
+        require_ranges(self)
 
 
 def assess(

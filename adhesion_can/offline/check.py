@@ -14,6 +14,7 @@ from adhesion_can.config import UNKNOWN_CYCLE, Configuration
 from adhesion_can.estimation.batch_fit import identify
 from adhesion_can.estimation.batch_result import BatchResult
 from adhesion_can.offline.compare_noise import NOISY_ROLES, ComparedNoise, compare_noise
+from adhesion_can.offline.extract_samples import Hole
 from adhesion_can.offline.fault_history import FaultHistory
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.offline.scan import Scan, SignalRange, scan
@@ -154,7 +155,9 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
         faults=contents.faults,
         fit=_fit(samples, configuration),
     )
-    _check_messages(result)
+    restart_us = configuration.service.restart_s * 1e6
+    hole = extractor.hole if extractor.hole.length_us > restart_us else None
+    _check_messages(result, hole)
     _check_senders(result)
     result.warnings.extend(result.receiver.unmarked)
     _check_signals(result)
@@ -166,7 +169,21 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
     return result
 
 
-def _check_messages(result: CheckResult) -> None:
+def _check_messages(result: CheckResult, hole: Hole | None) -> None:
+    """Rates, gaps and faults of each message.
+
+    Args:
+        result: Result to which the sentences are added.
+        hole: Longest time without any frame, told once and not message by message; None: there is
+            none beyond which the service starts anew.
+
+    """
+    if hole is not None:
+        result.failures.append(
+            f"no frame of any message for {hole.length_us / 1e6:.0f} s from "
+            f"{hole.from_us / 1e6:.3f} s on: two recordings, or a clock that was set; give the "
+            "parts one by one"
+        )
     for record in result.receiver.records:
         name = f"{record.message.plan.name} ({record.message.plan.frame_id:#x})"
         if not record.frames:
@@ -178,7 +195,8 @@ def _check_messages(result: CheckResult) -> None:
             result.failures.append(f"{name}: {count} of {record.frames} frames rejected: {reason}")
         if record.lost:
             result.failures.append(f"{name}: {counted(record.lost, 'frame')} lost by its counter")
-        if record.late:
+        in_hole = hole is not None and record.longest_gap_us >= hole.length_us
+        if record.late > in_hole:
             at = (record.gap_at_us or 0) / 1e6
             result.failures.append(
                 f"{name}: {counted(record.late, 'gap')} of more than three cycles, the longest "

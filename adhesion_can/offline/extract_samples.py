@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,19 @@ from adhesion_can.sampling.column_former import Readings
 
 UPDATE_US = 20_000
 """Time between two collections of samples, µs: the cycle of the setpoints."""
+
+
+class Hole(NamedTuple):
+    """Time in which a recording has no frame.
+
+    Attributes:
+        from_us: Stamp of the last frame before it, µs.
+        length_us: Time to the next frame, µs.
+
+    """
+
+    from_us: int
+    length_us: int
 
 
 class SampleExtractor:
@@ -42,9 +56,12 @@ class SampleExtractor:
         """Numbers of frames: 'frames' in all, 'unknown' ids, 'clamped' to the stamp before."""
         self.first_us: int | None = None
         self.last_us = 0
+        self.hole = Hole(0, 0)
+        """Longest time without any frame."""
         self._on_readings = on_readings
         self._on_received = on_received
         self._former = configuration.make_column_former()
+        self._patience_us = self._former.give_up_us + 2 * UPDATE_US
         self._formed: list[Samples] = []
 
     def run(self, blocks: Iterable[Block]) -> Samples:
@@ -77,10 +94,35 @@ class SampleExtractor:
         self._on_readings(received.readings)
         self._on_received(t_us, received)
         self._former.add(received.readings)
-        first, self.last_us = self.last_us, int(t_us[-1])
-        begin = first + UPDATE_US - (first - self.first_us) % UPDATE_US
-        due = np.arange(begin, self.last_us + 1, UPDATE_US)
+        due = self._due_times(t_us, self.first_us)
+        self.last_us = int(t_us[-1])
         self._formed.append(self._former.collect_all(due)[0])
+
+    def _due_times(self, t_us: NDArray[np.int64], origin_us: int) -> NDArray[np.int64]:
+        """Times of collecting up to the last frame of a block, µs.
+
+        In a hole of the recording none is needed once every wheel speed before it is given up: the
+        times take as much memory as the frames do, however long nothing was sent.
+
+        Args:
+            t_us: Stamps of the frames, not descending, shape (n,).
+            origin_us: Stamp of the recording's first frame, µs.
+
+        """
+        at_us = np.concatenate([[self.last_us], t_us])
+        length_us = np.diff(at_us)
+        after = np.flatnonzero(length_us > self._patience_us)
+        begins, ends = np.append(at_us[0], at_us[after + 1]), np.append(at_us[after], at_us[-1])
+        hole = int(np.argmax(length_us))
+        if length_us[hole] > self.hole.length_us:
+            self.hole = Hole(int(at_us[hole]), int(length_us[hole]))
+        ends[:-1] += self._patience_us
+        return np.concatenate(
+            [
+                np.arange(begin + UPDATE_US - (begin - origin_us) % UPDATE_US, end + 1, UPDATE_US)
+                for begin, end in zip(begins.tolist(), ends.tolist(), strict=True)
+            ]
+        )
 
 
 def _with_covariates(samples: Samples, names: Iterable[str]) -> Samples:

@@ -1,7 +1,7 @@
 """A look at slip and adhesion before anything is fitted: signs, units, stuck and repeated rows."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,10 @@ ROLLING_ADHESION, ROLLING_SPREAD = 0.01, 0.02
 they say nothing."""
 ROLLING_SLIP, ROLLING_LIMIT = 0.02, 0.07
 """Slip of a rolling wheel that is told, and beyond which no radius is that worn."""
+STANDING_RATIO = 0.01
+"""Rim speed over vehicle speed below which a wheel stands still; a wrong unit makes 0.017."""
+MOST_STANDING = 0.5
+"""Share of the rows of an axle at rest from which it says nothing about adhesion."""
 LEAST_REPEATED, LEAST_STUCK = 0.01, 50
 """Share of repeated stamps, and rows at one value, that are told."""
 
@@ -68,12 +72,36 @@ class Points:
     table: bool = True
     name: str = ""
 
+    def select(self, rows: NDArray[np.bool_]) -> "Points":
+        """Some of the rows."""
+        t_us = None if self.t_us is None else self.t_us[rows]
+        speed = None if self.speed is None else self.speed[rows]
+        load = None if self.load is None else self.load[rows]
+        return replace(
+            self,
+            slip=self.slip[rows],
+            adhesion=self.adhesion[rows],
+            t_us=t_us,
+            speed=speed,
+            load=load,
+        )
+
 
 def inspect_points(points: Points) -> list[Finding]:
     """What is odd about slip, adhesion, speed, load and stamps."""
     if len(points.slip) < LEAST_ROWS:
         return []
     prefix = f"{points.name}: " if points.name else ""
+    standing = list(_standing(points))
+    if standing:
+        points = points.select(~stands_still(points.slip))
+    return [one._replace(what=prefix + one.what) for one in (*standing, *_inspect_moving(points))]
+
+
+def _inspect_moving(points: Points) -> list[Finding]:
+    """What is odd about rows in which the wheel turns."""
+    if len(points.slip) < LEAST_ROWS:
+        return []
     found = [
         *_slip_size(points),
         *_adhesion_size(points),
@@ -86,7 +114,7 @@ def inspect_points(points: Points) -> list[Finding]:
     ]
     if not any(one.fatal for one in found):
         found += _motion(points)
-    return [one._replace(what=prefix + one.what) for one in found]
+    return found
 
 
 def inspect_samples(samples: Samples, *, table: bool, timed: bool = True) -> list[Finding]:
@@ -118,6 +146,30 @@ def _points_of(samples: Samples, axle: int) -> Points:
     own = samples.select(samples.axle == axle)
     return Points(
         own.slip, own.adhesion, None, own.speed, own.load, table=False, name=f"axle {axle}"
+    )
+
+
+def stands_still(slip: Array) -> NDArray[np.bool_]:
+    """Rows in which the rim does not move though the vehicle does.
+
+    Args:
+        slip: Slip ratios, shape (n,).
+
+    """
+    return np.asarray(np.abs(1.0 + slip) < STANDING_RATIO)
+
+
+def _standing(points: Points) -> Iterator[Finding]:
+    """A wheel of a recording at rest while the vehicle moves, not only where a brake locks it."""
+    at_rest = stands_still(points.slip)
+    unbraked = at_rest & (points.adhesion > -ROLLING_ADHESION)
+    if points.table or int(unbraked.sum()) < LEAST_ROWS:
+        return
+    yield Finding(
+        "the wheel stands still while the vehicle moves, in "
+        f"{int(at_rest.sum())} of {len(at_rest)} samples",
+        "repair the sensor of its speed, or cut the recording where it fails",
+        fatal=float(at_rest.mean()) >= MOST_STANDING,
     )
 
 

@@ -7,11 +7,12 @@ time alone, so that it is known beforehand at which time of the drive which step
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.ranges import Within, require_ranges
 
 Mode = Literal["traction", "braking", "coast"]
 
@@ -38,26 +39,19 @@ class PlanLimits:
 
     """
 
-    effort_max: float = 120e3
-    slip_max: float = 0.2
-    speed_min: float = 3.0
-    speed_max: float = 25.0
-    duration_max: float = 120.0
+    effort_max: Annotated[float, Within(1, 1e7)] = 120e3
+    slip_max: Annotated[float, Within(1e-4, 1)] = 0.2
+    speed_min: Annotated[float, Within(0.01, 200)] = 3.0
+    speed_max: Annotated[float, Within(0.02, 200)] = 25.0
+    duration_max: Annotated[float, Within(1, LONGEST_PLAN_S)] = 120.0
     braking: bool = True
     single_axles: bool = True
     sand: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("effort_max", "slip_max", "speed_min", "duration_max"):
-            value = getattr(self, name)
-            if not (isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} must be above 0")
-        if not self.slip_max <= 1.0:
-            raise ValueError("slip_max must be at most 1")
-        if not (isfinite(self.speed_max) and self.speed_max > self.speed_min):
+        require_ranges(self)
+        if not self.speed_max > self.speed_min:
             raise ValueError("speed_max must be above speed_min")
-        if self.duration_max > LONGEST_PLAN_S:
-            raise ValueError(f"duration_max must be at most {LONGEST_PLAN_S:g} s")
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,13 @@
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
-from math import isfinite
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adhesion_can.arrays import Array
+from adhesion_can.ranges import Length, Within, require_ranges
 
 MOST_AXLES = 64
 """Largest number of axles of a vehicle here; several coupled ones are several services."""
@@ -29,21 +30,19 @@ class Geometry:
 
     """
 
-    axles_per_bogie: tuple[int, ...] = (3, 3)
-    pivot_distance: float = 10.3
-    axle_spacing: float = 1.9
-    coupler_height: float = 0.95
-    traction_height: float = 0.46
+    axles_per_bogie: Annotated[tuple[int, ...], Within(1, MOST_AXLES), Length(1, MOST_AXLES)] = (
+        3,
+        3,
+    )
+    pivot_distance: Annotated[float, Within(0.01, 1000)] = 10.3
+    axle_spacing: Annotated[float, Within(0.01, 1000)] = 1.9
+    coupler_height: Annotated[float, Within(-10, 100)] = 0.95
+    traction_height: Annotated[float, Within(-10, 100)] = 0.46
 
     def __post_init__(self) -> None:
-        if not self.axles_per_bogie or min(self.axles_per_bogie) < 1:
-            raise ValueError("every bogie needs an axle")
+        require_ranges(self)
         if self.axles_per_bogie == (1,):
             raise ValueError("a single axle cannot take the moment of its effort")
-        lengths = (self.pivot_distance, self.axle_spacing)
-        heights = (self.coupler_height, self.traction_height)
-        if not (all(isfinite(x) and x > 0 for x in lengths) and all(map(isfinite, heights))):
-            raise ValueError("lengths of the geometry must be positive, heights finite")
 
     @property
     def axle_places(self) -> Array:
@@ -109,25 +108,21 @@ class Locomotive:
 
     """
 
-    wheel_radius: tuple[float, ...] = (0.625,) * 6
-    axle_load: tuple[float, ...] = (245e3,) * 6
-    wheelset_inertia: float = 200.0
-    train_mass: float = 1.65e6
+    wheel_radius: Annotated[tuple[float, ...], Within(0.01, 10), Length(1, MOST_AXLES)] = (
+        0.625,
+    ) * 6
+    axle_load: Annotated[tuple[float, ...], Within(1, 1e7), Length(1, MOST_AXLES)] = (245e3,) * 6
+    wheelset_inertia: Annotated[float, Within(0, 1e6)] = 200.0
+    train_mass: Annotated[float, Within(1, 1e9)] = 1.65e6
     geometry: Geometry | None = field(default_factory=Geometry)
-    load_std: float = 0.02
+    load_std: Annotated[float, Within(0, 1)] = 0.02
 
     def __post_init__(self) -> None:
-        if len(self.wheel_radius) != len(self.axle_load) or not self.wheel_radius:
+        require_ranges(self)
+        if len(self.wheel_radius) != len(self.axle_load):
             raise ValueError(
                 f"{len(self.wheel_radius)} wheel radii for {len(self.axle_load)} axle loads"
             )
-        positive = (*self.wheel_radius, *self.axle_load, self.train_mass)
-        if not all(isfinite(x) and x > 0 for x in positive):
-            raise ValueError("wheel radii, axle loads and train mass must be positive")
-        if not (isfinite(self.wheelset_inertia) and self.wheelset_inertia >= 0):
-            raise ValueError("the wheelset's inertia must not be negative")
-        if not (isfinite(self.load_std) and self.load_std >= 0):
-            raise ValueError("load_std must not be negative")
         if self.geometry and sum(self.geometry.axles_per_bogie) != self.axles:
             raise ValueError(f"the bogies' axles do not add up to {self.axles}")
 

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
-from math import hypot, inf
+from math import ceil, hypot, inf
 from typing import NamedTuple
 
 import numpy as np
@@ -94,6 +94,11 @@ class ColumnFormer:
         }
         self.dropped: Counter[str] = Counter()
         """Wheel-speed readings that gave no sample, by reason."""
+
+    @property
+    def give_up_us(self) -> int:
+        """Longest time that a wheel speed waits for its bracket, µs."""
+        return ceil(self._equations.give_up_us)
 
     def add(self, readings: Readings) -> None:
         """Add the readings of the next block; stamps of a signal do not run backwards."""

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from adhesion_can.physics.kinematics import (
 )
 from adhesion_can.physics.readings import Direction, Role
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.ranges import Within, require_ranges
 
 TRAVEL_DIRECTION = "travel"
 """Covariate: 1 forwards, and as long as no direction is known; -1 in reverse."""
@@ -43,11 +44,12 @@ class Sensors:
 
     """
 
-    wheel_speed_std: float = 0.005
-    vehicle_speed_std: float = 0.01
-    effort_std: float = 2450.0
+    wheel_speed_std: Annotated[float, Within(0, 100)] = 0.005
+    vehicle_speed_std: Annotated[float, Within(0, 100)] = 0.01
+    effort_std: Annotated[float, Within(0, 1e7)] = 2450.0
 
     def __post_init__(self) -> None:
+        # The ranges are those of a file: the resolution of the signals adds to the largest, too.
         if not min(self.wheel_speed_std, self.vehicle_speed_std, self.effort_std) >= 0:
             raise ValueError("standard deviations must not be negative")
 
@@ -60,19 +62,16 @@ class SamplingSettings:
         v_min: Lowest vehicle speed with a slip ratio, m/s.
         max_gap_cycles: Longest time between two readings that bracket a stamp, in cycles of their
             message.
-        min_load_share: Lowest share of the static load with an adhesion coefficient, 0..1.
+        min_load_share: Lowest share of the static load with an adhesion coefficient, 1.
 
     """
 
-    v_min: float = V_MIN
-    max_gap_cycles: float = 3.0
-    min_load_share: float = 0.1
+    v_min: Annotated[float, Within(0.01, 100)] = V_MIN
+    max_gap_cycles: Annotated[float, Within(1, 1000)] = 3.0
+    min_load_share: Annotated[float, Within(0.001, 0.99)] = 0.1
 
     def __post_init__(self) -> None:
-        if not (self.v_min > 0 and self.max_gap_cycles >= 1):
-            raise ValueError("v_min must be positive, max_gap_cycles at least 1")
-        if not 0 <= self.min_load_share < 1:
-            raise ValueError("min_load_share must be in 0..1")
+        require_ranges(self)
 
 
 TRAVEL_BY_DIRECTION: Mapping[int, float] = {Direction.FORWARD: 1.0, Direction.REVERSE: -1.0}

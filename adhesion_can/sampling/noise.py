@@ -167,6 +167,8 @@ def estimate_signal(trace: Trace, step: float = 0.0) -> NoiseEstimate:
     if reason or order is None:
         return NoiseEstimate(reason=reason or "the signal moves too fast for its cycle")
     strides, by_stride = _lags(t_s, value, cycle_s)
+    if not (len(by_stride) and by_stride[0] > 0.0):
+        return NoiseEstimate(reason="the signal stands still for most of the recording")
     level, lasts_s, seen_s = _duration(strides, by_stride, cycle_s)
     total = var * max(level / float(by_stride[0]), 1.0)
     if total <= LEAST_STEP_SHARE * rounding:

@@ -22,6 +22,7 @@ from adhesion_can.simulation.sensors import (
     SensorErrors,
     StateHistory,
     delays_by_role_us,
+    none_for_nan,
 )
 
 
@@ -127,7 +128,8 @@ class RoleSensors:
         given: dict[str, list[float | None]] = {}
         for signal in transmitter.signals:
             t_us = transmitter.due_us - self._delay_us.get(signal.role, 0)
-            value = self._measure(signal, self._history.at(t_us), t_us / 1e6)
+            measured = self._measure(signal, self._history.at(t_us), t_us / 1e6)
+            value = None if measured is None else none_for_nan(measured)
             given.setdefault(signal.plan.name, []).append(
                 None if value is None else (value + signal.offset) / signal.scale
             )

@@ -147,6 +147,13 @@ class Simulation:
         effort = self._drive.step(time_s, plant.speed, creep, dt)
         plant.step(effort, self._track.under(time_s, plant.position), dt)
         start_us, self.now_us = self.now_us, self.now_us + STEP_US
+        if not np.isfinite(plant.wheel_speed).all():
+            effects = ", ".join(active.effect.id for active in self.settings.effects)
+            raise InputError(
+                f"effects ({effects})",
+                f"the adhesion or what follows from it has no finite value at {time_s:.3f} s",
+                "correct the formula or the size, or leave the effect out",
+            )
         plant.time_s = self.now_us / 1e6  # steps added up would drift off the bus's clock
         self._latest = self._state()
         return self._sensors.due(self._latest, before, start_us, self.now_us)

@@ -3,6 +3,7 @@
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isnan
 
 import numpy as np
 
@@ -286,8 +287,9 @@ class Sensors:
                 Quantity.SPEED, np.array([state.speed]), state, time_s, WHOLE_VEHICLE
             )
             speed = (1.0 + self._instruments.speed_error) * float(read[0])
+            measured_speed = max(speed + noise.vehicle_speed * rng.standard_normal(), 0.0)
             return {
-                "VehicleSpeed": max(speed + noise.vehicle_speed * rng.standard_normal(), 0.0),
+                "VehicleSpeed": none_for_nan(measured_speed),
                 "VehicleSpeedSource": float(SpeedSource.RADAR),
                 "Direction": float(Direction.FORWARD),
             }
@@ -326,5 +328,11 @@ class Sensors:
             f"{signal}_Ax{first + place}": None for place in range(1, AXLES_PER_MESSAGE + 1)
         }
         return values | {
-            f"{signal}_Ax{axle + 1}": float(x) for axle, x in zip(axles, measured, strict=True)
+            f"{signal}_Ax{axle + 1}": none_for_nan(x)
+            for axle, x in zip(axles, measured.tolist(), strict=True)
         }
+
+
+def none_for_nan(value: float) -> float | None:
+    """A reading, or None, 'not available', where its error has no value."""
+    return None if isnan(value) else value

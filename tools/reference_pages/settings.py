@@ -10,11 +10,12 @@ from adhesion_can.config.configuration import Configuration
 from adhesion_can.config.roles_section import _RoleTable
 from adhesion_can.config.table_section import _ColumnTable
 from adhesion_can.config.toml_tables import nested_sections, section_keys
-from adhesion_can.config.vehicle_section import GEOMETRY, PER_AXLE, WHOLE_VEHICLE
+from adhesion_can.config.vehicle_section import AXLES, GEOMETRY, PER_AXLE, WHOLE_VEHICLE
 from adhesion_can.physics.vehicle import Geometry, Locomotive
+from adhesion_can.ranges import range_of, ranges_of
 from reference_pages.markdown import GENERATED, code, page, table
 
-HEAD = ("key", "default", "unit", "meaning")
+HEAD = ("key", "default", "range", "unit", "meaning")
 
 UNITS_IN_TEXT = (
     "1", "%", "N", "in the unit of the role", "kg", "kg·m²", "m", "m/s", "ms", "rad/s", "s",
@@ -28,7 +29,9 @@ INTRODUCTION = """
 Every section and key may be left out; an unknown one is an error that names it. What roles and
 channels mean, and the model file: [Configuration](../configuration.md). At the top, before any
 section, `estimator = "tracker"` chooses the estimator. Unit 1 is a ratio or another number without
-a unit; counts, names and yes or no have none.
+a unit; counts, names and yes or no have none. Both ends of a range are in it; a list of fixed
+length has one range for all its numbers, or one for each. A value beyond its range is an error that
+names key, value and range.
 """
 VEHICLE = """
 `wheel_radius_m` and `axle_load_N` are a number, or a list with one for each axle.
@@ -54,7 +57,8 @@ DATABASE = (
 
 def configuration_page() -> str:
     """Every section of the configuration file."""
-    axles = [code("axles"), code(str(Locomotive().axles)), "", "Number of driven axles."]
+    default_axles, most = code(str(Locomotive().axles)), str(range_of(AXLES))
+    axles = [code("axles"), default_axles, most, "", "Number of driven axles."]
     of_vehicle = setting_rows(Locomotive, {**PER_AXLE, **WHOLE_VEHICLE})
     key, default, meaning = DATABASE
     parts = [
@@ -68,7 +72,7 @@ def configuration_page() -> str:
         f"{about(Geometry)} {GEOMETRY_OF_OTHERS.strip()}",
         table(HEAD, setting_rows(Geometry, GEOMETRY)),
         "## `[bus]`",
-        table(HEAD, [[code(key), default, "", meaning]]),
+        table(HEAD, [[code(key), default, "", "", meaning]]),
         "## `[roles]`",
         '`ROLE = "Message.Signal"`, or a table with these keys:',
         table(HEAD, setting_rows(_RoleTable)),
@@ -92,7 +96,7 @@ def about(kind: type) -> str:
 
 
 def setting_rows(kind: type, keys: Mapping[str, str] | None = None) -> list[list[str]]:
-    """Key, default, unit and meaning of every key of a section.
+    """Key, default, range, unit and meaning of every key of a section.
 
     Args:
         kind: Class of the settings.
@@ -108,7 +112,10 @@ def setting_rows(kind: type, keys: Mapping[str, str] | None = None) -> list[list
         unit = unit_of(text) if holds_numbers(field) else ""
         if unit is None:
             raise SystemExit(f"{kind.__module__}.{kind.__name__}.{name}: say its unit, or 1")
-        rows.append([code(key), code(as_toml(default_of(field))), unit, text])
+        reach = str(ranges_of(kind).get(name, ""))
+        if not reach and is_number(field):
+            raise SystemExit(f"{kind.__module__}.{kind.__name__}.{name}: state its range")
+        rows.append([code(key), code(as_toml(default_of(field))), reach, unit, text])
     return rows
 
 
@@ -141,6 +148,11 @@ def unit_of(text: str) -> str | None:
 def holds_numbers(field: Field[Any]) -> bool:
     """Whether a field holds numbers that may have a unit."""
     return "float" in str(field.type) or "CurveParameters" in str(field.type)
+
+
+def is_number(field: Field[Any]) -> bool:
+    """Whether a field holds numbers, which have a range."""
+    return holds_numbers(field) or "int" in str(field.type)
 
 
 def default_of(field: Field[Any]) -> object:

@@ -224,8 +224,9 @@ def _score_by_noise(raw: Array, fit: _Fit, cycle: float, noise: LastingNoise) ->
 
 
 def _correlation_time(autocovariance: Array) -> float:
-    """Sum of the positive part of an autocorrelation, steps."""
-    return float(np.sum(np.maximum(autocovariance / autocovariance.max(), 0.0)))
+    """Sum of the positive part of an autocorrelation, steps; 0 where nothing varies."""
+    variance = float(autocovariance.max())
+    return float(np.sum(np.maximum(autocovariance, 0.0))) / variance if variance > 0.0 else 0.0
 
 
 def high_pass(trace: Trace, origin_us: int) -> list[tuple[Array, Array]]:

@@ -136,6 +136,8 @@ def build_channels(data: RegressionData, evaluation: Evaluation) -> list[Channel
 def _compute_slip_rate(data: RegressionData, slip: Array) -> Array:
     """Rate of change of the slip along each axle's rows, 1/s."""
     t_s = data.column("t_s")
+    if len(t_s) < 2:
+        return np.zeros(len(t_s))
     rate = np.gradient(slip) / np.where(np.gradient(t_s) > 0, np.gradient(t_s), np.inf)
     limit = np.quantile(np.abs(rate), 0.999) if len(rate) else 0.0
     return np.clip(rate, -limit, limit)

@@ -1,10 +1,10 @@
 """Settings of the baselines, apart from the estimators: a configuration needs these alone."""
 
 from dataclasses import dataclass
-from math import inf, isfinite
-from typing import Literal
+from typing import Annotated, Literal
 
 from adhesion_can.physics.burckhardt import CurveParameters
+from adhesion_can.ranges import Within, require_ranges
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -12,9 +12,10 @@ class EvolutionSettings:
     """Settings of the search; the paper's Table 2 is not available, so defaults are our choice.
 
     Attributes:
-        population: Number of individuals, at least 4. Larger: surer to find the minimum, slower.
+        population: Number of individuals; a mutation takes three others. Larger: surer to find the
+            minimum, slower.
         generations: Number of generations of one search. Larger: closer to the minimum, slower.
-        crossover: Crossover probability CR that a parameter comes from the mutant, in 0..1.
+        crossover: Crossover probability CR that a parameter comes from the mutant.
         lower: Lower bounds of (c1, c2, c3), 1.
         upper: Upper bounds of (c1, c2, c3), 1.
         population_std: Standard deviations σ of the first population around the last estimate, of
@@ -31,38 +32,35 @@ class EvolutionSettings:
 
     """
 
-    population: int = 30
-    generations: int = 50
-    crossover: float = 0.9
-    lower: tuple[float, float, float] = (0.01, 2.0, 1e-4)
-    upper: tuple[float, float, float] = (1.5, 400.0, 1.0)
-    population_std: tuple[float, float, float] = (0.1, 40.0, 0.2)
+    population: Annotated[int, Within(4, 1000)] = 30
+    generations: Annotated[int, Within(1, 10000)] = 50
+    crossover: Annotated[float, Within(0, 1)] = 0.9
+    lower: Annotated[tuple[float, float, float], Within(0, 10), Within(0, 1e5), Within(0, 1000)] = (
+        0.01,
+        2.0,
+        1e-4,
+    )
+    upper: Annotated[
+        tuple[float, float, float], Within(1e-6, 10), Within(1e-6, 1e5), Within(1e-6, 1000)
+    ] = (1.5, 400.0, 1.0)
+    population_std: Annotated[tuple[float, float, float], Within(0, 1e5)] = (0.1, 40.0, 0.2)
     innovation: Literal["mean", "sum"] = "mean"
     start: Literal["previous", "uniform"] = "previous"
-    factor: float | None = None
-    theta0: CurveParameters | None = None
-    block: int = 500
-    seed: int = 1
+    factor: Annotated[float | None, Within(0.001, 10)] = None
+    theta0: Annotated[CurveParameters | None, Within(0, 10), Within(0, 1e5), Within(0, 1000)] = None
+    block: Annotated[int, Within(1, 10000)] = 500
+    seed: Annotated[int, Within(0, 2**32 - 1)] = 1
 
     def __post_init__(self) -> None:
-        if self.population < 4:
-            raise ValueError("a mutation takes three others: population must be at least 4")
-        if self.generations < 1 or self.block < 1:
-            raise ValueError("generations and block must be at least 1")
-        if not all(0 <= lo < up < inf for lo, up in zip(self.lower, self.upper, strict=True)):
-            raise ValueError("each lower bound must be below its upper bound, and not negative")
+        require_ranges(self)
+        if not all(lo < up for lo, up in zip(self.lower, self.upper, strict=True)):
+            raise ValueError("each lower bound must be below its upper bound")
         if self.innovation not in ("mean", "sum") or self.start not in ("previous", "uniform"):
             raise ValueError("innovation is 'mean' or 'sum', start 'previous' or 'uniform'")
         if self.theta0 is not None and not all(
             lo <= x <= up for lo, x, up in zip(self.lower, self.theta0, self.upper, strict=True)
         ):
             raise ValueError("theta0 must lie within lower and upper")
-        if self.factor is not None and not (isfinite(self.factor) and self.factor > 0):
-            raise ValueError("factor must be positive")
-        if self.seed < 0:
-            raise ValueError("seed must not be negative")
-        if not 0 <= self.crossover <= 1 or not all(0 <= std < inf for std in self.population_std):
-            raise ValueError("crossover must be in 0..1, population_std not negative")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,11 +79,10 @@ class ChangeSettings:
 
     """
 
-    window: int = 120
-    ratio: float = 2.0
-    floor: float = 0.003
-    structure: float = 25.0
+    window: Annotated[int, Within(1, 100000)] = 120
+    ratio: Annotated[float, Within(0.001, 1e6)] = 2.0
+    floor: Annotated[float, Within(1e-9, 1)] = 0.003
+    structure: Annotated[float, Within(0, 1e9)] = 25.0
 
     def __post_init__(self) -> None:
-        if not (self.window >= 1 and self.ratio > 0 and self.floor > 0):
-            raise ValueError("window, ratio and floor must be positive")
+        require_ranges(self)

@@ -1,7 +1,9 @@
 """Settings of the doubt, and what the instruments may be wrong by before anything is known."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
+from adhesion_can.ranges import Within, require_ranges
 from adhesion_can.values import Value
 
 
@@ -13,7 +15,7 @@ class DoubtSettings(Value):
         enabled: Whether the residual is tested; False: the doubt is 'not available', and standard
             deviations hold for a model without an error.
         false_alarm: Probability at which a direction of the residual is significant, in one test
-            of it, above 0. Larger: doubts come earlier, and more often without a reason.
+            of it. Larger: doubts come earlier, and more often without a reason.
         least_size: Least size of a significant direction, as a share of the adhesion (root mean
             square over the drive). Larger: smaller errors of the model are left without a doubt.
         shape_std: Plausible deviation of a rail's curve from Burckhardt's form, as a share of the
@@ -24,16 +26,13 @@ class DoubtSettings(Value):
     """
 
     enabled: bool = True
-    false_alarm: float = 1e-6
-    least_size: float = 0.003
-    shape_std: float = 0.03
-    first_lambda_m_std: float = 0.2
+    false_alarm: Annotated[float, Within(1e-15, 0.5)] = 1e-6
+    least_size: Annotated[float, Within(0, 1)] = 0.003
+    shape_std: Annotated[float, Within(0, 1)] = 0.03
+    first_lambda_m_std: Annotated[float, Within(0, 10)] = 0.2
 
     def __post_init__(self) -> None:
-        if not 0 < self.false_alarm < 1:
-            raise ValueError("false_alarm must be a probability above 0")
-        if not min(self.least_size, self.shape_std, self.first_lambda_m_std) >= 0:
-            raise ValueError("least_size and standard deviations must not be negative")
+        require_ranges(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,12 +51,11 @@ class InstrumentUncertainty(Value):
 
     """
 
-    speed_error_std: float = 0.003
-    effort_bias_std: float = 1000.0
+    speed_error_std: Annotated[float, Within(0, 1)] = 0.003
+    effort_bias_std: Annotated[float, Within(0, 1e6)] = 1000.0
 
     def __post_init__(self) -> None:
-        if not min(self.speed_error_std, self.effort_bias_std) >= 0:
-            raise ValueError("standard deviations must not be negative")
+        require_ranges(self)
 
 
 EXACT = InstrumentUncertainty(speed_error_std=0.0, effort_bias_std=0.0)

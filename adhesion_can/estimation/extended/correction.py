@@ -257,9 +257,14 @@ def remove_effects(
     change = compute_change(actives, contact, lags)
     samples = _with_slip_errors(samples, actives, contact, lags, change)
     factor = np.broadcast_to(change.factor, change.slip.shape)
-    good = np.isfinite(change.slip) & (factor >= USABLE * usual)
+    finite = np.isfinite(change.slip + factor + samples.slip_total_var + samples.transient_var)
+    good = finite & (factor >= USABLE * usual)
     if not good.all():
-        left_out[f"the effects leave less than {USABLE:g} of the adhesion"] += int((~good).sum())
+        if not finite.all():
+            left_out["the effects have no finite value"] += int((~finite).sum())
+        small = int((finite & ~good).sum())
+        if small:
+            left_out[f"the effects leave less than {USABLE:g} of the adhesion"] += small
         samples = samples.select(good)
         kept[kept] = good
         change, factor = replace(change, slip=change.slip[good]), factor[good]

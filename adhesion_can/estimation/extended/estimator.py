@@ -158,10 +158,14 @@ class ExtendedEstimator:
         var[known] += ((old / new - 1.0) * now.adhesion) ** 2
         return replace(samples, transient_var=var)
 
-    def _with_effects(self, base: Estimate, conditions: LatestConditions, fresh: int) -> Estimate:
-        """Estimate of the curve in the latest conditions."""
+    def _with_effects(
+        self, base: Estimate, conditions: LatestConditions, fresh: int
+    ) -> Estimate | None:
+        """Estimate of the curve in the latest conditions; None where the effects have no value."""
         lags, slip_max = SteadyLagStates(self._lags.states), self._settings.slip_max
         peaks = compute_peaks(base, self._actives, conditions, lags, slip_max)
+        if not (isfinite(peaks.mu_max) and isfinite(peaks.lambda_m)):
+            return None
         if self._uncertainty.is_due(fresh):
             sensitivities = self._sensitivities(base, conditions, lags, peaks)
             self._uncertainty.update(sensitivities, base.samples)

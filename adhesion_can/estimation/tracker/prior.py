@@ -54,7 +54,8 @@ class Prior(Value):
         narrow = (1.0 - settings.wide_weight) * shares / max(shares.sum(), 1.0)
         self._weight = np.concatenate([[1.0 - narrow.sum()], narrow])
         self._std = np.array([settings.wide_std] + [settings.narrow_std] * len(rest))
-        self._log_scale = np.log(self._weight * _NORM / self._std.prod(axis=1))
+        with np.errstate(divide="ignore"):  # of weight 0: no density anywhere
+            self._log_scale = np.log(self._weight * _NORM / self._std.prod(axis=1))
         self._inverse = 1.0 / self._std
         self._precision = self._inverse**2
         self._pull = self._precision * self._centre

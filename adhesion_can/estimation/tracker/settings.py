@@ -1,8 +1,10 @@
 """Settings of the tracker and of its parts, apart from them: a configuration needs these alone."""
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from adhesion_can.physics.burckhardt import PUBLISHED, RAIL, CurveParameters, Surface
+from adhesion_can.ranges import Length, Within, require_ranges
 from adhesion_can.values import Value
 
 C1_MAX = 2.0
@@ -16,29 +18,26 @@ class RunLengthSettings(Value):
     """Run-length detection of surface changes.
 
     Attributes:
-        false_alarm: Prior probability of a change per update, above 0; it bounds the rate of false
+        false_alarm: Prior probability of a change per update; it bounds the rate of false
             alarms. Larger: changes are detected earlier, with more false alarms.
         contenders: Number of run lengths that are kept. Larger: finer dating of changes, more CPU.
-        dense: Number of the latest run lengths that are all kept, below `contenders`.
+        dense: Number of the latest run lengths that are all kept, fewer than `contenders`.
         noise_freedom: Largest weight of the noise estimate in a comparison, samples. Larger: the
             noise is trusted more, so that its increase may look like a change.
         settling_samples: Number of samples after a change within which its time may be revised.
 
     """
 
-    false_alarm: float = 1e-9
-    contenders: int = 9
-    dense: int = 3
-    noise_freedom: float = 100.0
-    settling_samples: int = 240
+    false_alarm: Annotated[float, Within(1e-100, 0.5)] = 1e-9
+    contenders: Annotated[int, Within(2, 1000)] = 9
+    dense: Annotated[int, Within(1, 999)] = 3
+    noise_freedom: Annotated[float, Within(1e-3, 1e9)] = 100.0
+    settling_samples: Annotated[int, Within(0, 100000)] = 240
 
     def __post_init__(self) -> None:
-        if not 0 < self.false_alarm < 1:
-            raise ValueError("false_alarm must be a probability above 0")
-        if not 1 <= self.dense < self.contenders:
-            raise ValueError("dense must be at least 1 and below contenders")
-        if self.noise_freedom <= 0 or self.settling_samples < 0:
-            raise ValueError("noise_freedom must be positive, settling_samples not negative")
+        require_ranges(self)
+        if not self.dense < self.contenders:
+            raise ValueError("dense must be below contenders")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,23 +47,20 @@ class MemorySettings(Value):
     Attributes:
         times_s: Time constants of the forgetting, s, longest first: the first is for a constant
             surface, the others follow a drift. Longer: less noise, slower.
-        drift: Prior probability of a drifting surface, at least 0 and below 1. Larger: drifts are
-            followed earlier, with more noise on a constant surface.
+        drift: Prior probability of a drifting surface. Larger: drifts are followed
+            earlier, with more noise on a constant surface.
         switch_s: Mean time after which a drifting memory returns to the prior probabilities, s.
 
     """
 
-    times_s: tuple[float, ...] = (3600.0, 15.0, 3.0)
-    drift: float = 0.01
-    switch_s: float = 10.0
+    times_s: Annotated[tuple[float, ...], Within(0.01, 1e7), Length(1, 16)] = (3600.0, 15.0, 3.0)
+    drift: Annotated[float, Within(0, 0.999)] = 0.01
+    switch_s: Annotated[float, Within(0.01, 1e7)] = 10.0
 
     def __post_init__(self) -> None:
-        if not self.times_s or min(self.times_s) <= 0 or self.switch_s <= 0:
-            raise ValueError("times_s must name at least one time, all times be positive")
+        require_ranges(self)
         if list(self.times_s) != sorted(self.times_s, reverse=True):
             raise ValueError("times_s must fall: longest first")
-        if not 0 <= self.drift < 1:
-            raise ValueError("drift must be at least 0 and below 1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,8 +68,8 @@ class PriorSettings(Value):
     """Prior of a new surface, in (ln c1, ln c2, ln s) with the shape s = ln(c1 c2/c3).
 
     Attributes:
-        wide_weight: Probability that the surface is like none of the library, above 0. Larger: less
-            use of known surfaces, slower convergence on them.
+        wide_weight: Probability that the surface is like none of the library. Larger: less use
+            of known surfaces, slower convergence on them.
         wide_theta: Centre (c1, c2, s) of the wide component, 1.
         wide_std: Scales of the wide component in (ln c1, ln c2, ln s), 1. Larger: less informative.
         narrow_std: Scales of the component around each known surface in (ln c1, ln c2, ln s), 1.
@@ -82,23 +78,20 @@ class PriorSettings(Value):
 
     """
 
-    wide_weight: float = 0.5
-    wide_theta: tuple[float, float, float] = (0.35, 45.0, 4.1)
-    wide_std: tuple[float, float, float] = (0.6, 0.7, 0.25)
-    narrow_std: tuple[float, float, float] = (0.15, 0.25, 0.08)
+    wide_weight: Annotated[float, Within(1e-6, 1)] = 0.5
+    wide_theta: Annotated[
+        tuple[float, float, float],
+        Within(0.01, 0.995 * C1_MAX),
+        Within(*C2_RANGE),
+        Within(0.1, 100),
+    ] = (0.35, 45.0, 4.1)
+    wide_std: Annotated[tuple[float, float, float], Within(0.001, 10)] = (0.6, 0.7, 0.25)
+    narrow_std: Annotated[tuple[float, float, float], Within(0.001, 10)] = (0.15, 0.25, 0.08)
     library: bool = True
-    learned: int = 6
+    learned: Annotated[int, Within(0, 100)] = 6
 
     def __post_init__(self) -> None:
-        if not 0 < self.wide_weight <= 1:
-            raise ValueError("wide_weight must be in 0..1 and not 0: no library holds every rail")
-        if not min(*self.wide_theta, *self.wide_std, *self.narrow_std) > 0:
-            raise ValueError("centres and spreads must be positive")
-        low, high = C2_RANGE
-        if not (self.wide_theta[0] < C1_MAX and low <= self.wide_theta[1] <= high):
-            raise ValueError(f"wide_theta must have c1 below {C1_MAX:g}, c2 in {low:g}..{high:g}")
-        if self.learned < 0:
-            raise ValueError("learned must not be negative")
+        require_ranges(self)
 
     def surfaces(self) -> tuple[Surface, ...]:
         """Surfaces of the library: our own rail surfaces and the published ones with a peak."""
@@ -119,13 +112,12 @@ class AxleSettings(Value):
 
     """
 
-    level_std: float = 0.05
-    slip_std: float = 0.004
-    memory_s: float = 60.0
+    level_std: Annotated[float, Within(1e-6, 1)] = 0.05
+    slip_std: Annotated[float, Within(1e-6, 1)] = 0.004
+    memory_s: Annotated[float, Within(0.01, 1e7)] = 60.0
 
     def __post_init__(self) -> None:
-        if not min(self.level_std, self.slip_std, self.memory_s) > 0:
-            raise ValueError("level_std, slip_std and memory_s must be positive")
+        require_ranges(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,8 +125,8 @@ class TrackerSettings(Value):
     """Settings of the tracker, with those of its parts.
 
     Attributes:
-        curves: Number of weighted curves that represent the posterior of each fading memory; even,
-            at least 64. More curves: smoother intervals, proportionally more CPU.
+        curves: Number of weighted curves that represent the posterior of each fading memory; even.
+            More curves: smoother intervals, proportionally more CPU.
         noise_std: Standard deviation of the adhesion noise before the first samples, where these
             carry no variance of their own, 1. It is then estimated; a larger value only makes the
             first updates less certain.
@@ -150,8 +142,8 @@ class TrackerSettings(Value):
 
     """
 
-    curves: int = 384
-    noise_std: float = 0.003
+    curves: Annotated[int, Within(64, 16384)] = 384
+    noise_std: Annotated[float, Within(1e-6, 1)] = 0.003
     errors_in_variables: bool = True
     run_length: RunLengthSettings = field(default_factory=RunLengthSettings)
     memory: MemorySettings = field(default_factory=MemorySettings)
@@ -160,5 +152,6 @@ class TrackerSettings(Value):
     known_surfaces: tuple[CurveParameters, ...] = field(default=(), metadata={"toml": False})
 
     def __post_init__(self) -> None:
-        if self.curves < 64 or self.curves % 2 or not self.noise_std > 0:
-            raise ValueError("curves must be even and at least 64, noise_std positive")
+        require_ranges(self)
+        if self.curves % 2:
+            raise ValueError(f"curves = {self.curves} is not even")

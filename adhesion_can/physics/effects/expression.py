@@ -7,6 +7,7 @@ and nothing is executed.
 
 import ast
 import keyword
+import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -70,7 +71,9 @@ class Expression:
     @cached_property
     def _tree(self) -> ast.expr:
         try:
-            return ast.parse(self.text.strip(), mode="eval").body
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # Python's about its own syntax
+                return ast.parse(self.text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             raise ExpressionError(f"{self.text!r} is no expression") from error
 
@@ -88,6 +91,20 @@ class Expression:
                 case ast.Call(func=ast.Name(id=name), args=[_, time]) if name == LAG:
                     found += _names(time)
         return tuple(dict.fromkeys(found))
+
+    def lag_times(self, constants: Mapping[str, float]) -> Iterator[tuple[str, float]]:
+        """Text and time constant of each lag, s, in which constants alone occur.
+
+        Args:
+            constants: Values of the constants.
+
+        """
+        with np.errstate(all="ignore"):
+            for node in _operands(self._tree):
+                match node:
+                    case ast.Call(func=ast.Name(id=name), args=[_, time]) if name == LAG:
+                        value = self._value(time, {}, constants, _no_lag)
+                        yield ast.unparse(node), float(value)
 
     def evaluate(
         self, channels: Mapping[str, Array], constants: Mapping[str, float], lag: Lag
@@ -134,6 +151,11 @@ class Expression:
             case _:
                 raise ExpressionError(f"{ast.unparse(node)!r} is not known here")
         return found
+
+
+def _no_lag(_name: str, target: Array, _time: float) -> Array:
+    """Lag of a constant: the constant."""
+    return target
 
 
 def _operands(tree: ast.expr) -> Iterator[ast.expr]:

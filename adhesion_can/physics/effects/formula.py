@@ -33,6 +33,10 @@ CONTACT_CHANNELS: Mapping[str, str] = {
 are magnitudes."""
 LEAST_FACTOR = 0.05
 """Least factor of a formula: the adhesion does not vanish."""
+LARGEST_FACTOR = 1e6
+"""Factor beyond which a formula has no value: it divides by what is next to nothing."""
+LEAST_LAG_S, LONGEST_LAG_S = 1e-6, 1e9
+"""Least time constant of a lag that is one, that of the stamps, and the longest, s."""
 ADHESION = "adhesion"
 """What a formula acts on, if nothing else is stated."""
 READINGS: Mapping[str, Quantity] = {"speed": Quantity.SPEED, "effort": Quantity.EFFORT}
@@ -98,6 +102,18 @@ class _Factor:
         """Whether the expression has a lag."""
         return bool(self._parsed.names_of_lag_times) or f"{LAG}(" in self.expression
 
+    def require_lag_times(self, constants: Mapping[str, float]) -> None:
+        """ExpressionError where a lag has no time constant that a lag can have.
+
+        Args:
+            constants: Values of the constants by name.
+
+        """
+        for text, time in self._parsed.lag_times(constants):
+            if not 0.0 <= time <= LONGEST_LAG_S:
+                bounds = f"0 to {LONGEST_LAG_S:g} s"
+                raise ExpressionError(f"the time constant of {text} is {time:g}, and not {bounds}")
+
     @property
     def form(self) -> str:
         """The expression."""
@@ -158,7 +174,7 @@ class Formula(_Factor):
         """Change of the contacts."""
         lag = _lag(lags, contact.axle, contact.lag_time_s)
         channels = {name: _channel(contact, name) for name in self.channels}
-        return Change(contact.slip, np.maximum(self.evaluate(channels, values, lag), LEAST_FACTOR))
+        return Change(contact.slip, _bounded(self.evaluate(channels, values, lag)))
 
 
 @dataclass(frozen=True)
@@ -241,16 +257,29 @@ class FormulaLaw:
         }
         lag = _lag(lags, situation.axle, situation.lag_time_s)
         factor = self.formula.evaluate(channels, self.values, lag)
-        return ReadingError(np.maximum(factor, LEAST_FACTOR) - 1.0)
+        return ReadingError(_bounded(factor) - 1.0)
+
+
+def _bounded(factor: Array | float) -> Array:
+    """Factor of at least `LEAST_FACTOR`; NaN where it has no value, or one beyond all sense."""
+    value = np.maximum(factor, LEAST_FACTOR)
+    return np.where(value <= LARGEST_FACTOR, value, np.nan)
 
 
 def _lag(lags: LagStates, axle: Array, time_s: Array) -> Lag:
     """Lag of an expression in the lag states."""
 
     def lag(name: str, target: Array, time: float) -> Array:
-        if not time > 0.0 or not target.ndim:
+        if not time >= LEAST_LAG_S or not target.ndim:
             return target  # a constant lags behind nothing
-        return lags.follow(f"{FORMULA} {name}", axle, time_s, target, 1.0 / time)
+        name, rate = f"{FORMULA} {name}", 1.0 / time
+        finite = np.isfinite(target)
+        if finite.all():
+            return lags.follow(name, axle, time_s, target, rate)
+        # A state that followed a value which is not finite would never be finite again.
+        value = np.full(len(target), np.nan)
+        value[finite] = lags.follow(name, axle[finite], time_s[finite], target[finite], rate)
+        return value
 
     return lag
 
@@ -285,12 +314,16 @@ def formula_of(
         Parameter(name, "", value, -inf, inf, "constant of the formula")
         for name, value in constants.items()
     )
-    if acts_on == ADHESION:
-        return Formula(expression, parameters)
-    if acts_on not in READINGS:
+    if acts_on not in (ADHESION, *READINGS):
         known = ", ".join((ADHESION, *READINGS))
         raise ExpressionError(f"a formula cannot act on {acts_on!r}; known: {known}")
-    return ReadingFormula(expression, parameters, acts_on=acts_on)
+    formula = (
+        Formula(expression, parameters)
+        if acts_on == ADHESION
+        else ReadingFormula(expression, parameters, acts_on=acts_on)
+    )
+    formula.require_lag_times(constants)
+    return formula
 
 
 def parse_formula(text: str) -> AnyFormula:

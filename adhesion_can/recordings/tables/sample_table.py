@@ -33,6 +33,8 @@ TIME_LIMIT_S = 9e9
 """Limit of a time, s: beyond it, 285 years, stamps do not fit 64 bits as ns."""
 MOST_NEGATIVE, LEAST_NEGATIVE = 0.05, 20
 """Share of negative loads, and number of them, beyond which they are no noise about 0."""
+LARGEST, SMALLEST = 1e30, 1e-30
+"""Largest and smallest size of a number that anything measures, in whatever unit."""
 MOST_TEXTS, LEAST_TEXT_ROWS = 12, 5
 """Texts of a column that groups the rows, and rows of each of them."""
 _OWN = frozenset({"slip_std", "adhesion_std", "residual", "left_out"})
@@ -190,6 +192,7 @@ def _groups(name: str, cells: Sequence[str]) -> dict[str, Array]:
 def _table(
     path: Path, columns: Columns, numbers: dict[str, Array], ignored: tuple[str, ...]
 ) -> Table:
+    numbers = {name: _within_sense(column) for name, column in numbers.items()}
     timed = "time_s" in numbers
     slip = numbers["slip"]
     time_s = numbers.get("time_s", np.zeros_like(slip))
@@ -241,6 +244,15 @@ def _table(
         units=columns.units,
         position=_position(numbers, good),
     )
+
+
+def _within_sense(column: Array) -> Array:
+    """Numbers without those that nothing measures, whose squares are beyond all numbers, or 0.
+
+    Beyond `LARGEST` a number is not available, as infinity is; below `SMALLEST` it is 0.
+    """
+    size = np.abs(column)
+    return np.where(size <= LARGEST, np.where(size >= SMALLEST, column, 0.0), np.nan)
 
 
 def _position(numbers: Mapping[str, Array], good: NDArray[np.bool_]) -> Array | None:

@@ -1,6 +1,6 @@
 """Signals of many messages on one time base: the value that each one had last."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from math import inf
 from typing import NamedTuple
@@ -9,12 +9,18 @@ import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
+from adhesion_can.arrays import Array
 from adhesion_can.bus.database import cycle_us
 from adhesion_can.errors import InputError
+from adhesion_can.plurals import counted
 from adhesion_can.reporting.export.layout import FLOAT, Column, Field, Rows
 
 UNITS_NS = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
 """Nanoseconds by unit of time."""
+LONGEST_EMPTY_NS = 60_000_000_000
+"""Time since the latest reading of any signal after which a hole has no more rows, ns."""
+MOST_ROWS = 1 << 16
+"""Largest number of rows that are in memory at once."""
 LONGEST_HOLD = 3.0
 """Cycles of a message after which its last value is no longer held."""
 
@@ -42,7 +48,9 @@ class Raster:
         self._limits: dict[str, float] = {}
         self._held: dict[str, _Held] = {}
         self._fields: dict[str, Field] = {}
-        self._next_ns: int | None = None
+        self._next_ns = self._last_ns = -1
+        self._holes = 0
+        self._longest_ns = 0
 
     def expect(self, messages: Iterable[Message], rows: Sequence[Rows]) -> None:
         """Note the signals of rows that will be added, for the fields of the table.
@@ -67,52 +75,88 @@ class Raster:
         """A field for each signal that is expected."""
         return tuple(self._fields.values())
 
-    def add(self, rows: Sequence[Rows]) -> tuple[NDArray[np.int64], list[Column]]:
+    def problems(self) -> list[str]:
+        """Sentence about the holes that have no rows, in a list; [] where there is none."""
+        if not self._holes:
+            return []
+        holes = f"{counted(self._holes, 'hole')} of more than {LONGEST_EMPTY_NS / 1e9:g} s"
+        longest = f"the longest {self._longest_ns / 1e9:.0f} s"
+        return [f"no rows in {holes} without a frame of a wanted signal, {longest}"]
+
+    def add(self, rows: Sequence[Rows]) -> Iterator[tuple[NDArray[np.int64], list[Column]]]:
         """Stamps, ns, shape (n,), and columns of the even times up to the last of more rows.
+
+        They come in pieces, so that memory is bounded however small the step is. Even times long
+        after the latest reading and before the next one are left out.
 
         Args:
             rows: Rows of some messages; those of one call follow those of the calls before.
 
         """
-        stamps = [part.t_ns for part in rows if len(part.t_ns)]
-        if not stamps:
-            return np.empty(0, dtype=np.int64), [Column(np.empty(0)) for _ in self._fields]
-        if self._next_ns is None:
-            self._next_ns = int(min(t_ns.min() for t_ns in stamps))
-        last_ns = int(max(t_ns.max() for t_ns in stamps))
-        even = np.arange(self._next_ns, last_ns + 1, self._step_ns, dtype=np.int64)
-        if len(even):
-            self._next_ns = int(even[-1]) + self._step_ns
-        given = {
-            f"{part.group.name}.{field.name}": (part.t_ns, column)
-            for part in rows
-            for field, column in zip(part.group.fields, part.columns, strict=True)
+        stamps = np.unique(np.concatenate([np.empty(0, np.int64), *(p.t_ns for p in rows)]))
+        if not len(stamps):
+            return
+        if self._last_ns < 0:
+            self._next_ns = self._last_ns = int(stamps[0])
+        readings = self._readings(rows)
+        for last_ns in self._ends_of_stretches(stamps):
+            while self._next_ns <= last_ns:
+                end_ns = min(self._next_ns + MOST_ROWS * self._step_ns, last_ns + 1)
+                even = np.arange(self._next_ns, end_ns, self._step_ns, dtype=np.int64)
+                yield even, [self._hold(name, even, *readings[name]) for name in self._fields]
+                self._next_ns = int(even[-1]) + self._step_ns
+        for name, (t_ns, values) in readings.items():
+            if len(t_ns):
+                self._held[name] = _Held(float(values[-1]), int(t_ns[-1]))
+
+    def _ends_of_stretches(self, stamps: NDArray[np.int64]) -> Iterator[int]:
+        """End of each stretch of time that has rows, ns; behind it the next row is moved on.
+
+        Args:
+            stamps: Stamps of readings, ns, ascending.
+
+        """
+        at_ns = np.concatenate([[self._last_ns], stamps])
+        self._last_ns = max(self._last_ns, int(stamps[-1]))
+        for place in np.flatnonzero(np.diff(at_ns) > LONGEST_EMPTY_NS).tolist():
+            from_ns, until_ns = int(at_ns[place]), int(at_ns[place + 1])
+            self._holes += 1
+            self._longest_ns = max(self._longest_ns, until_ns - from_ns)
+            yield from_ns + LONGEST_EMPTY_NS
+            steps = max(-((self._next_ns - until_ns) // self._step_ns), 0)
+            self._next_ns += steps * self._step_ns
+        yield int(at_ns[-1])
+
+    def _readings(self, rows: Sequence[Rows]) -> dict[str, tuple[NDArray[np.int64], Array]]:
+        """Stamps, ns, ascending, and values of each signal, its latest one before them first."""
+        found = {
+            name: (np.array([held.t_ns], dtype=np.int64), np.array([held.value]))
+            for name, held in self._held.items()
         }
-        return even, [
-            self._hold(name, even, *given.get(name, (None, None))) for name in self._fields
-        ]
+        nothing = np.empty(0, dtype=np.int64), np.empty(0)
+        for part in rows:
+            for field, column in zip(part.group.fields, part.columns, strict=True):
+                name = f"{part.group.name}.{field.name}"
+                there = slice(None) if column.missing is None else ~column.missing
+                order = np.argsort(part.t_ns[there], kind="stable")
+                t_ns, values = found.get(name, nothing)
+                found[name] = (
+                    np.concatenate([t_ns, part.t_ns[there][order]]),
+                    np.concatenate([values, column.values[there][order].astype(np.float64)]),
+                )
+        return {name: found.get(name, nothing) for name in self._fields}
 
     def _hold(
-        self, name: str, even: NDArray[np.int64], t_ns: NDArray[np.int64] | None, new: Column | None
+        self, name: str, even: NDArray[np.int64], stamps: NDArray[np.int64], values: Array
     ) -> Column:
-        """Values of a signal at even times, by its latest one and new readings."""
-        before = self._held.get(name)
-        stamps = np.array([before.t_ns] if before else [], dtype=np.int64)
-        values = np.array([before.value] if before else [], dtype=np.float64)
-        if t_ns is not None and new is not None:
-            there = slice(None) if new.missing is None else ~new.missing
-            order = np.argsort(t_ns[there], kind="stable")
-            stamps = np.concatenate([stamps, t_ns[there][order]])
-            values = np.concatenate([values, new.values[there][order].astype(np.float64)])
-        limit = self._limits[name]
+        """Values of a signal at even times, by its readings."""
         if not len(stamps):
             return Column(np.zeros(len(even)), np.ones(len(even), dtype=np.bool_))
-        self._held[name] = _Held(float(values[-1]), int(stamps[-1]))
         place = np.searchsorted(stamps, even, side="right") - 1
         known = place >= 0
         held = values[np.maximum(place, 0)]
         age = even - stamps[np.maximum(place, 0)]
-        return Column(held, ~(known & (age <= limit)))
+        return Column(held, ~(known & (age <= self._limits[name])))
 
 
 def parse_raster(text: str) -> int:
