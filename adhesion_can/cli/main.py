@@ -19,6 +19,7 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from adhesion_can.errors import AdhesionCanError, suggest
+from adhesion_can.printable import say
 from adhesion_can.version import __version__
 
 COMMANDS: Mapping[str, str] = {
@@ -53,6 +54,14 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}; see '{self.prog} --help'\n")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """An error names words that were given; help has several lines of our own."""
+        own = message.rstrip("\n")
+        if file is sys.stderr:
+            say(own)
+        else:
+            super()._print_message(message, file)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """A value that is none of the choices, with those that are written alike."""
@@ -146,7 +155,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options = build_parser().parse_args(arguments)
     except AdhesionCanError as error:  # of an installed extension that a help text names
-        print(f"adhesion-can: {error}", file=sys.stderr)
+        say(f"adhesion-can: {error}")
         return 2
     words = sys.argv[1:] if arguments is None else arguments
     options.command_line = shlex.join(["adhesion-can", *map(str, words)])
@@ -159,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             status: int = options.run(options)
             sys.stdout.flush()
     except AdhesionCanError as error:
-        print(f"adhesion-can {options.command}: {error}", file=sys.stderr)
+        say(f"adhesion-can {options.command}: {error}")
         return 2
     except BrokenPipeError:
         _drop_stdout()  # the reader has gone (| head)
@@ -170,7 +179,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         _drop_stdout()
         reason = f"stdout: {error.strerror}; make room, or write elsewhere"
-        print(f"adhesion-can {options.command}: {reason}", file=sys.stderr)
+        say(f"adhesion-can {options.command}: {reason}")
         return 2
     except KeyboardInterrupt:
         return 130

@@ -9,6 +9,7 @@ from pythonjsonlogger.json import JsonFormatter
 
 from adhesion_can.physics.doubt import Doubt, doubt_sentence
 from adhesion_can.physics.status import Status
+from adhesion_can.printable import printable
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.outputs import Outputs
 
@@ -124,4 +125,4 @@ class Narrator:
             fields = {**(fields or {}), "lines_left_out": self._left_out}
             line = f"{line} ({self._left_out} lines left out before)"
             self._left_out = 0
-        self._logger.log(level, "%s", line, extra=fields)
+        self._logger.log(level, "%s", printable(line), extra=fields)

@@ -15,9 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from adhesion_can.errors import TableError
+from adhesion_can.formula_cells import unquote_formula
 from adhesion_can.recordings.candump_columns.text_source import Packing
 from adhesion_can.recordings.tables.columns import (
     NO_VALUE,
+    Column,
     Columns,
     as_column,
     has_decimal_comma,
@@ -99,7 +101,7 @@ def _columns(
         below = zip(names, units, strict=True)
         known |= {name: unit for (name, _), unit in below if name and unit}
     values = {
-        name: as_column([row[place] for row in body], decimal_comma=decimal_comma)
+        name: _column([row[place] for row in body], decimal_comma=decimal_comma)
         for place, (name, _) in enumerate(names)
         if name
     }
@@ -110,6 +112,11 @@ def _columns(
     if units:
         notes.append("the first line below the heading has the units")
     return Columns(values, known, tuple(notes))
+
+
+def _column(cells: Sequence[str], *, decimal_comma: bool) -> Column:
+    column = as_column(cells, decimal_comma=decimal_comma)
+    return tuple(map(unquote_formula, column)) if isinstance(column, tuple) else column
 
 
 def _recognise(text: str, path: Path) -> Dialect:
@@ -129,7 +136,7 @@ def _recognise(text: str, path: Path) -> Dialect:
         alike = len(cells) < 2 or len(cells[0]) == len(cells[1])
         if (alike and len(cells[0]) > 1, len(cells[0])) > most:
             most = (alike and len(cells[0]) > 1, len(cells[0]))
-            heading = tuple(cell.strip() for cell in cells[0])
+            heading = tuple(unquote_formula(cell.strip()) for cell in cells[0])
             best = _commented_heading(text, Dialect(delimiter, heading), cells[0]) or Dialect(
                 delimiter, heading
             )
