@@ -224,7 +224,8 @@ def _write_lines(options: argparse.Namespace, session: MonitorSession, source: S
             if talk(options):
                 say(plain_line(snapshot), sys.stdout)
             if file is not None:
-                print(json.dumps(finite(as_json(snapshot)), allow_nan=False), file=file, flush=True)
+                file.write(json.dumps(finite(as_json(snapshot)), allow_nan=False) + "\n")
+                file.flush()
 
 
 @contextmanager

@@ -45,12 +45,12 @@ class Narrator:
                     "%(levelname)s %(message)s",
                     rename_fields=names,
                     timestamp="time",
-                    json_ensure_ascii=False,
                 )
             )
         # Of this narrator alone: no other library's lines, no other handlers.
         self._logger = logging.Logger("adhesion_can")  # noqa: LOG001
         self._logger.addHandler(handler)
+        self._cleaned = printable if form == "text" else str  # JSON has escapes of its own
         self._lives = form == "text" and file.isatty()
         self._clock = clock
         self._room, self._counted_s = float(BURST), clock()
@@ -125,4 +125,4 @@ class Narrator:
             fields = {**(fields or {}), "lines_left_out": self._left_out}
             line = f"{line} ({self._left_out} lines left out before)"
             self._left_out = 0
-        self._logger.log(level, "%s", printable(line), extra=fields)
+        self._logger.log(level, "%s", self._cleaned(line), extra=fields)
