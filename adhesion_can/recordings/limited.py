@@ -14,9 +14,11 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 from typing import IO, Any, NoReturn, Self, TypeVar
 
@@ -58,7 +60,7 @@ class Limits:
             size: Size of the file, bytes.
 
         """
-        return cls(10 + 50 * size // _MIB, 400 * _MIB + 40 * size, 400 * _MIB + 40 * size)
+        return cls(5 + 50 * size // _MIB, 400 * _MIB + 40 * size, 400 * _MIB + 40 * size)
 
 
 def read_limited(work: Callable[[], Iterable[T]], limits: Limits) -> Generator[T, None, None]:
@@ -232,7 +234,7 @@ def _limit(limits: Limits) -> None:
         import resource  # noqa: PLC0415  not on every system
     except ImportError:
         return
-    seconds = limits.processor_s
+    seconds = ceil(time.process_time()) + limits.processor_s  # loading of modules does not count
     ends = {
         resource.RLIMIT_CPU: (seconds, seconds + 2),
         resource.RLIMIT_FSIZE: (limits.disk, limits.disk),

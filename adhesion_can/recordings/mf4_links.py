@@ -3,7 +3,7 @@
 asammdf follows a chain of blocks until a link is 0, and gives each block that it meets a place in
 memory: a chain that runs into itself never ends. Here no block of a chain may be met twice. A link
 that leaves the file or leads to a block of another kind is left to asammdf, which reads a file
-that was cut as far as it goes.
+that was cut as far as it goes, but for the groups of data and channels.
 """
 
 import mmap
@@ -21,6 +21,8 @@ _BEST = 1032
 """Largest ratio that deflate reaches."""
 _DATA = ("DT", "DV", "DI", "DZ", "DL", "LD", "HL", "SD", "RD", "RV", "RI", "SR")
 _LISTS = ("DL", "LD")
+_COUNTED = ("DG", "CG")
+"""Chains whose links asammdf counts without a look at the blocks, and needs whole."""
 _INNER = ("CN", "CA", "DS", "CL", "CV", "CU")
 
 _FOLLOWED: dict[str, tuple[tuple[int, tuple[str, ...]], ...]] = {
@@ -78,12 +80,11 @@ def _follow(data: mmap.mmap) -> None:
     waiting: list[tuple[int, tuple[str, ...]]] = [(_FIRST_BLOCK, ("HD",))]
     while waiting:
         at, kinds = waiting.pop()
-        if at + _HEAD.size > len(data):
-            continue
-        tag, _, links = _HEAD.unpack_from(data, at)
-        kind = tag[2:].decode("ascii", "replace")
+        kind, links = _block(data, at)
         body = at + _HEAD.size + 8 * links
-        if tag[:2] != b"##" or kind not in kinds or body > len(data):
+        if kind not in kinds or body > len(data):
+            if kinds[0] in _COUNTED:
+                raise LinkError(f"a link leads to {at}, where no {kinds[0]} block is")
             continue
         if kind == "DZ":
             _require_size(data, at, body)
@@ -100,6 +101,14 @@ def _follow(data: mmap.mmap) -> None:
                 target := _LINK.unpack_from(data, at + _HEAD.size + 8 * place)[0]
             ):
                 waiting.append((target, next_kinds))
+
+
+def _block(data: mmap.mmap, at: int) -> tuple[str, int]:
+    """Kind of the block at a place and number of its links; '' where none is."""
+    if at + _HEAD.size > len(data):
+        return "", 0
+    tag, _, links = _HEAD.unpack_from(data, at)
+    return (tag[2:].decode("ascii", "replace") if tag[:2] == b"##" else ""), links
 
 
 def _require_size(data: mmap.mmap, at: int, body: int) -> None:

@@ -21,11 +21,17 @@ def holds_channel(path: Path, name: str) -> bool:
 
     A file that cannot be opened, or that needs a package which is missing, is for the reader of
     recordings to refuse.
+
+    Raises:
+        TableError: Looking for it takes more than the limits allow.
+
     """
     try:
         return any(read_limited(partial(_held, path, name), _limits(path)))
-    except (TableError, LimitError):
+    except TableError:
         return False
+    except LimitError as error:
+        raise TableError(str(path), str(error), MEND) from error
 
 
 def read_mf4(path: Path, name: str) -> Columns:
