@@ -32,6 +32,9 @@ _COMMENT = re.compile(r"^[ \t]*(#|%|//)[^\r\n]*", re.MULTILINE)
 LARGEST_TEXT = 512 << 20
 """Most text of a table, unpacked, bytes: its cells take many times as much, and a packed file of
 1 MiB may hold 1 GiB."""
+ALWAYS_READ, MOST_TIMES = 32 << 20, 200
+"""Text of a packed table that is read whatever its file's size, bytes, and beyond it how many times
+that size: numbers pack to a third, and the same row over and over to a hundredth."""
 HEAD = 20
 """Lines from which the dialect is recognised."""
 
@@ -207,21 +210,23 @@ def _text(path: Path) -> str:
 
 
 def _read(path: Path) -> bytes:
+    most = LARGEST_TEXT
     try:
         with path.open("rb") as file:
-            content = file.read(LARGEST_TEXT + 1)
+            content = file.read(most + 1)
         if Packing.from_head(content) is Packing.GZIP:
-            content = gzip.GzipFile(fileobj=io.BytesIO(content)).read(LARGEST_TEXT + 1)
+            most = min(max(ALWAYS_READ, MOST_TIMES * len(content)), LARGEST_TEXT)
+            content = gzip.GzipFile(fileobj=io.BytesIO(content)).read(most + 1)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise TableError(
             str(path), f"the gzip file is damaged ({error})", "compress it again"
         ) from error
     except OSError as error:
         raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
-    if len(content) > LARGEST_TEXT:
+    if len(content) > most:
         raise TableError(
             str(path),
-            f"more than {LARGEST_TEXT >> 20} MiB of text",
+            f"more than {most >> 20} MiB of text",
             "cut it into parts, or write it as Parquet",
         )
     return content
