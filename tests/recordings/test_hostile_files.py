@@ -13,7 +13,7 @@ from adhesion_can.errors import TableError
 from adhesion_can.recordings.mf4_links import LinkError, require_sound_links
 from adhesion_can.recordings.tables import csv_file, parquet_file
 from adhesion_can.recordings.tables.sample_table import is_table, read_table
-from tests.fuzz.mutants import play, seeds
+from tests.fuzz.mutants import mutant, play, seeds
 from tests.recordings.test_mf4 import group, logged, unsorted_logging
 
 pytest.importorskip("asammdf")
@@ -98,6 +98,11 @@ def test_an_archive_is_no_measurement(tmp_path):
     path.write_bytes(b"PK\3\4" + bytes(200))
     with pytest.raises(LinkError, match="does not begin as MDF does"):
         require_sound_links(path)
+
+
+def test_channels_of_several_lengths_are_no_table(tmp_path):
+    data = mutant(".mf4", 19_811_195)
+    assert "of several lengths" in play(".mf4", data).lines[0]
 
 
 # --- what unpacks to much ------------------------------------------------------------------------

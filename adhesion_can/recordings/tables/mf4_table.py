@@ -85,6 +85,9 @@ def _columns(path: Path, name: str) -> Iterator[Columns]:
                 units[channel.name] = signal.unit
         if master is not None:
             values.setdefault("time_s", np.asarray(mdf.get_master(group), dtype=np.float64))
+    if len({len(column) for column in values.values()}) > 1:
+        what = f"the channels beside {name!r} are of several lengths"
+        raise TableError(str(path), what, MEND)
     yield Columns(values, units, (f"the {len(values)} channels beside {name!r} are the columns",))
 
 
