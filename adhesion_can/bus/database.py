@@ -179,13 +179,25 @@ def database_with(names: Collection[str], database: CanDatabase) -> CanDatabase:
 
 
 def _require_messages(db: Database, path: Path) -> None:
-    """DatabaseError where a message has an id or a length below 0, which cantools lets pass."""
+    """DatabaseError where a message has no name, or an id or a length below 0.
+
+    cantools lets pass both, and columns are called by the names.
+    """
     for message in db.messages:
+        where = f"{path}: message {message.frame_id:#x}"
+        if not _is_name(message.name):
+            raise DatabaseError(where, "has no name", "give it one in the database")
+        if not all(_is_name(signal.name) for signal in message.signals):
+            raise DatabaseError(where, "has a signal without a name", "give it one in the database")
         for what, number in (("id", message.frame_id), ("length", message.length)):
             if number < 0:
                 raise DatabaseError(
                     f"{path}: {message.name}", f"its {what} is {number}", "write 0 or more"
                 )
+
+
+def _is_name(name: str | None) -> bool:
+    return bool(name and name.strip())
 
 
 def _encoding(content: bytes) -> str | None:

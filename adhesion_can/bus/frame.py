@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 MAX_PAYLOAD = 64
 """Length of the longest payload, that of CAN FD, bytes."""
+MOST_ID = (1 << 29) - 1
+"""Largest identifier, of 29 bits."""
 
 
 class Frame(NamedTuple):

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from time import monotonic
 from typing import TYPE_CHECKING
 
+from adhesion_can.printable import say
 from adhesion_can.reporting.text import console
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class Bar:
                 self._told_s = now_s
                 left = (now_s - self._began_s) * (1.0 / share - 1.0) if share > 0 else None
                 end = "" if left is None else f", {left:.0f} s left"
-                print(f"{self.what}: {100 * share:.0f} %{end}", file=sys.stderr, flush=True)
+                say(f"{self.what}: {100 * share:.0f} %{end}")
             return
         if self._progress is None or self._task is None:
             self._begin(share)

@@ -17,6 +17,7 @@ from adhesion_can.cli.bars import bar
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.files import whole_file
+from adhesion_can.printable import say
 from adhesion_can.recordings.formats import require_text_name
 
 
@@ -40,7 +41,7 @@ def add_lenient(group: argparse._ActionsContainer) -> None:
 def tell_left_out(database: CanDatabase) -> None:
     """Say on stderr which messages were left out of a database."""
     for sentence in database.left_out:
-        print(f"{database.path}: {sentence}", file=sys.stderr)
+        say(f"{database.path}: {sentence}")
 
 
 def add_columns(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,6 @@ no clock of the bus makes the motors wait.
 
 import argparse
 import signal
-import sys
 import time
 from pathlib import Path
 from types import FrameType
@@ -28,6 +27,7 @@ from adhesion_can.config.plan_file import read_plan
 from adhesion_can.control.creep_controller import CreepController, Mode
 from adhesion_can.control.frames import ControllerOnBus, build_follower, build_reference
 from adhesion_can.control.plan_follower import PlanFollower
+from adhesion_can.printable import say
 from adhesion_can.recordings.python_can_messages import from_message, to_message
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
@@ -71,17 +71,17 @@ def run(options: argparse.Namespace) -> int:
     else:
         follower = controller = build_follower(config, read_plan(options.plan))
         frames = ControllerOnBus(config, controller, lambda: follower.sanding)
-    bus = ReconnectingBus(bus_opener(options), frames.ids, _say, wait_for_it=options.wait)
+    bus = ReconnectingBus(bus_opener(options), frames.ids, say, wait_for_it=options.wait)
     try:
         name = bus_name(options, bus.channel_info)
         silence = SilenceWatch(
             f"nothing is received on {name} yet: start 'simulate --closed-loop' and 'run' on it",
-            _say,
+            say,
         )
         loop = _Loop(frames, _Progress(controller), bus, silence)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, loop.stop)
-        _say(f"controlling on {name}; Ctrl-C ends")
+        say(f"controlling on {name}; Ctrl-C ends")
         loop.run(options.duration)
     finally:
         bus.shutdown()
@@ -97,7 +97,7 @@ def run(options: argparse.Namespace) -> int:
     if talk(options):
         known = loop.progress.shares().items()
         shares = ", ".join(f"{100 * share:.0f} % {name.upper()}" for name, share in known)
-        _say(
+        say(
             f"{loop.received} frames received, {frames.receiver.rejected} rejected; "
             f"{loop.steps} steps: {shares}; {bus.sent} frames sent"
         )
@@ -136,7 +136,7 @@ class _Progress:
         self._counts[name] = self._counts.get(name, 0) + 1
         if told != self._told:
             self._told = told
-            _say(told)
+            say(told)
 
     def shares(self) -> dict[str, float]:
         """Share of the steps by what the controller went by."""
@@ -193,7 +193,3 @@ class _Loop:
 
 def _now_us() -> int:
     return time.monotonic_ns() // 1000
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)

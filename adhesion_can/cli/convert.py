@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -95,12 +96,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="one row each so often, such as 10ms, with every signal as it was last: a plain table "
         "(default: a row a frame)",
     )
+    parser.add_argument(
+        "--csv-formulas",
+        choices=("quote", "keep"),
+        default="quote",
+        help="names and texts in CSV that a spreadsheet would compute, as '=A1': with an "
+        "apostrophe in front, which this program takes off when it reads them, or as they are "
+        "(default: quote)",
+    )
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    target = parse_target(options.out, "--out", options.format)
+    target = replace(
+        parse_target(options.out, "--out", options.format),
+        keep_formulas=options.csv_formulas == "keep",
+    )
     _require_outputs(options, target)
     database = load_database(options.dbc, lenient=options.lenient)
     tell_left_out(database)
@@ -182,7 +194,13 @@ def _convert_to_raster(
     again = open_recordings(options.log)
     with (
         reading("converting", again) as watched,
-        open_table(target.path, raster.fields, origin, name="raster") as table_writer,
+        open_table(
+            target.path,
+            raster.fields,
+            origin,
+            name="raster",
+            keep_formulas=target.keep_formulas,
+        ) as table_writer,
     ):
         for file, recording in enumerate(again):
             for block in watched(recording.blocks()):

@@ -39,6 +39,7 @@ from adhesion_can.experiments.runs import (
     run_once,
 )
 from adhesion_can.files import whole_file
+from adhesion_can.printable import say
 from adhesion_can.reporting.experiment import (
     CSV_COLUMNS,
     csv_rows,
@@ -111,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
     out = options.out / f"experiment-{options.number}"
     missing = _missing_extra(out.with_suffix(".html"))
     if missing is not None:
-        print(f"no page will be written, the numbers will: {missing}", file=sys.stderr)
+        say(f"no page will be written, the numbers will: {missing}")
     names = tuple(n for n in known_estimators() if not options.estimator or n in options.estimator)
     outcomes = _run_all(experiment, options, names)
     provenance = _provenance(options)
@@ -129,7 +130,7 @@ def run(options: argparse.Namespace) -> int:
     if talk(options):
         _print(outcomes, out, missing)
         for line in report[1:]:
-            print(line)
+            say(line, sys.stdout)
     return 0
 
 

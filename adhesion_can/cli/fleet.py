@@ -1,7 +1,6 @@
 """`fleet`: many recordings to one Parquet data set, on the workers of a cluster."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from time import monotonic
@@ -23,6 +22,7 @@ from adhesion_can.cli.reports import missing_report, page_provenance
 from adhesion_can.errors import InputError
 from adhesion_can.fleet.schema import STEPS
 from adhesion_can.plurals import counted
+from adhesion_can.printable import say
 from adhesion_can.reporting.fleet_page import fleet_page
 from adhesion_can.reporting.page import render
 from adhesion_can.reporting.provenance import provenance
@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
             _work(options, tasks, summary)
     except (KeyboardInterrupt, SystemExit):
         said = f"{summary.count} of {counted(len(units), 'unit')}"
-        print(f"stopped: complete are {said}; the same command goes on from here", file=sys.stderr)
+        say(f"stopped: complete are {said}; the same command goes on from here")
         raise
     _finish(options, plan, summary)
     return 0

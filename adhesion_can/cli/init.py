@@ -17,6 +17,7 @@ from adhesion_can.config.initial_file import InitialConfiguration, count_axles, 
 from adhesion_can.config.vehicle_section import VEHICLE_DATA
 from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
+from adhesion_can.printable import say
 
 _OPTIONS = {
     "wheel_radius_m": ("--wheel-radius", "M", "metres"),
@@ -65,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
         with whole_file(options.out) as file:
             file.write(text)
     where = "" if options.out is None else f"{options.out}: "
-    print(f"{where}{_summary(initial)}", file=sys.stderr)
+    say(f"{where}{_summary(initial)}")
     return 0
 
 
@@ -106,10 +107,10 @@ def _ask(initial: InitialConfiguration) -> InitialConfiguration:
 def _ask_rival(name: str, rivals: list[RoleGuess]) -> RoleGuess | None:
     if not rivals:
         return None
-    print(f"{name} may be", file=sys.stderr)
+    say(f"{name} may be")
     for number, rival in enumerate(rivals, start=1):
         unit = rival.signal.unit or "no unit"
-        print(f"  {number}  {rival.place} ({unit})", file=sys.stderr)
+        say(f"  {number}  {rival.place} ({unit})")
     while answer := _answer("number, or Enter for none: "):
         if answer.isdecimal() and 1 <= int(answer) <= len(rivals):
             return rivals[int(answer) - 1]
@@ -124,7 +125,7 @@ def _ask_number(question: str) -> float | None:
             number = 0.0
         if 0.0 < number < float("inf"):
             return number
-        print("one number above 0, please; a list goes into the file later", file=sys.stderr)
+        say("one number above 0, please; a list goes into the file later")
     return None
 
 
@@ -137,5 +138,5 @@ def _ask_count(question: str) -> int | None:
 
 def _answer(question: str) -> str:
     """Answer of a person; '' at the end of the input."""
-    print(question, end="", file=sys.stderr, flush=True)
+    say(question, end="")
     return sys.stdin.readline().strip()

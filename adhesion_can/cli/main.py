@@ -20,6 +20,7 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from adhesion_can.errors import AdhesionCanError, suggest
+from adhesion_can.printable import say
 from adhesion_can.version import __version__
 
 COMMANDS: Mapping[str, str] = {
@@ -54,6 +55,14 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}; see '{self.prog} --help'\n")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """An error names words that were given; help has several lines of our own."""
+        own = message.rstrip("\n")
+        if file is sys.stderr:
+            say(own)
+        else:
+            super()._print_message(message, file)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """A value that is none of the choices, with those that are written alike."""
@@ -185,7 +194,7 @@ def _tell(line: str) -> None:
     except (OSError, ValueError):
         takes_it = True  # nothing that one can wait for, such as a file in memory
     if takes_it:
-        print(line, file=sys.stderr)
+        say(line)
 
 
 @contextmanager

@@ -37,6 +37,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.errors import ConfigError, InputError
 from adhesion_can.files import whole_file
 from adhesion_can.monitoring.snapshot import Snapshot
+from adhesion_can.printable import say
 from adhesion_can.reporting.terminal.plain import as_json, plain_line
 from adhesion_can.service.bus_listener import EVERY_ID, BusListener
 from adhesion_can.service.core import ServiceCore
@@ -176,7 +177,7 @@ def _open_bus(
 
 
 def _note_printer() -> Callable[[str], None]:
-    return lambda line: print(line, file=sys.stderr, flush=True)
+    return say
 
 
 def _core_maker(config: Configuration) -> Callable[[], ServiceCore]:
@@ -221,9 +222,10 @@ def _write_lines(options: argparse.Namespace, session: MonitorSession, source: S
     with _asked_to_stop() as stop, _json_file(options.json) as file:
         for snapshot in _snapshots(options, session, source, stop):
             if talk(options):
-                print(plain_line(snapshot), flush=True)
+                say(plain_line(snapshot), sys.stdout)
             if file is not None:
-                print(json.dumps(finite(as_json(snapshot)), allow_nan=False), file=file, flush=True)
+                file.write(json.dumps(finite(as_json(snapshot)), allow_nan=False) + "\n")
+                file.flush()
 
 
 @contextmanager

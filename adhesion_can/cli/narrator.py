@@ -10,6 +10,7 @@ from pythonjsonlogger.json import JsonFormatter
 from adhesion_can.physics.doubt import Doubt, doubt_sentence
 from adhesion_can.physics.objection import Objection, objection_sentence
 from adhesion_can.physics.status import Status
+from adhesion_can.printable import printable
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.outputs import Outputs
 
@@ -51,12 +52,12 @@ class Narrator:
                     "%(levelname)s %(message)s",
                     rename_fields=names,
                     timestamp="time",
-                    json_ensure_ascii=False,
                 )
             )
         # Of this narrator alone: no other library's lines, no other handlers.
         self._logger = logging.Logger("adhesion_can")  # noqa: LOG001
         self._logger.addHandler(handler)
+        self._cleaned = printable if form == "text" else str  # JSON has escapes of its own
         self._lives = form == "text" and file.isatty()
         self._clock = clock
         self._is_taken = is_taken
@@ -143,4 +144,4 @@ class Narrator:
             fields = {**(fields or {}), "lines_left_out": self._left_out}
             line = f"{line} ({self._left_out} lines left out before)"
             self._left_out = 0
-        self._logger.log(level, "%s", line, extra=fields)
+        self._logger.log(level, "%s", self._cleaned(line), extra=fields)

@@ -1,7 +1,6 @@
 """Options of the commands that write a report, and its files: page, pictures, browser."""
 
 import argparse
-import sys
 import tempfile
 import webbrowser
 from collections.abc import Mapping
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from adhesion_can.errors import InputError
+from adhesion_can.printable import say
 from adhesion_can.reporting.page import Page, require_extra, write_page
 from adhesion_can.reporting.pictures import require_pictures, write_pictures
 
@@ -96,7 +96,7 @@ def write_report(made: Page, options: argparse.Namespace, html: Path | None = No
         if target is not None:
             lines += [f"written: {one}" for one in write_pictures(made, target)]
     if options.open and path is not None and not webbrowser.open(path.resolve().as_uri()):
-        print(f"no browser was found: open {path} by hand", file=sys.stderr)
+        say(f"no browser was found: open {path} by hand")
     return lines
 
 

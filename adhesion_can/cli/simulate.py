@@ -33,6 +33,7 @@ from adhesion_can.config.plan_file import read_plan
 from adhesion_can.errors import BusError, InputError
 from adhesion_can.files import whole_file
 from adhesion_can.physics.driving_plan import DrivingPlan
+from adhesion_can.printable import say
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.python_can_messages import from_message, to_message
 from adhesion_can.reporting.provenance import provenance
@@ -113,7 +114,10 @@ def run(options: argparse.Namespace) -> int:
         core = ServiceCore(config) if options.closed_loop and plan is None else None
         steps = simulation.run() if plan is None else drive_plan(simulation, config, plan)
         sent = _to_log(simulation, steps, options.log, core)
-    print(f"{where}: {sent} frames of {settings.duration_s:g} s of '{settings.scenario.name}'")
+    say(
+        f"{where}: {sent} frames of {settings.duration_s:g} s of '{settings.scenario.name}'",
+        sys.stdout,
+    )
     if options.truth is not None:
         write_json(str(options.truth), {**simulation.truth(), **provenance(config)})
     return 0
@@ -169,7 +173,7 @@ def _on_bus(simulation: Simulation, bus: can.BusABC, name: str) -> int:
     silence = SilenceWatch(
         f"--closed-loop: nobody answers on {name} yet, the drive probes by itself; start "
         "'adhesion-can run' there",
-        lambda line: print(line, file=sys.stderr, flush=True),
+        say,
     )
     with progress("simulating", simulation.settings.duration_s, "s") as show:
         for frames in simulation.run():

@@ -60,6 +60,11 @@ class ReadReport:
         """Number of lines that could not be read."""
         return sum(self.kinds[kind] for kind in ("malformed", "untimed", "cut"))
 
+    def take(self, other: "ReadReport") -> None:
+        """Become as another one is."""
+        self.kinds, self.bad_lines = other.kinds, other.bad_lines
+        self.backwards, self.notes = other.backwards, other.notes
+
     def _pass_over(self, kind: str, number: int) -> None:
         """Count a line that could not be read."""
         self.kinds[kind] += 1

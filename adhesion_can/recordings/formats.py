@@ -9,6 +9,8 @@ PYTHON_CAN = frozenset({".asc", ".blf", ".trc", ".csv", ".db", ".mf4"})
 """Suffixes of the formats that python-can reads, besides candump's."""
 COLUMNS = frozenset({".asc", ".blf", ".trc"})
 """Those of them that are read in columns, and what is odd in them by python-can."""
+MF4, SQLITE = ".mf4", ".db"
+"""Those of them whose files a process of its own, and our own reader, look into."""
 CANDUMP = ".log"
 """Name of candump text as a format; its files may have another suffix or none."""
 HEAD = 1 << 14

@@ -16,6 +16,7 @@ from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.frame import MAX_PAYLOAD
 from adhesion_can.recordings.candump import LAST_US, ReadReport
 from adhesion_can.recordings.frame_rows import FrameCounter, NumberedBuses, payload_words
+from adhesion_can.recordings.mf4_links import require_sound_links
 
 _KINDS = {
     "CAN_DataFrame": Kind.DATA,
@@ -45,11 +46,13 @@ def open_mf4(path: Path) -> Any:
 
     Raises:
         ImportError: The package asammdf is not installed.
+        LinkError: Its links cannot be followed to an end.
         Exception: The file cannot be opened; asammdf raises whatever its parsers meet.
 
     """
     from asammdf import MDF  # noqa: PLC0415  an extra is imported where it is needed
 
+    require_sound_links(path)
     opened: Any = MDF  # which accepts more than its signature has
     # Else it goes through the whole file for its ids, and decodes all by a database that is inside.
     return opened(path, process_bus_logging=False)

@@ -1,14 +1,15 @@
 """Recordings of any format as frames and as blocks of frames."""
 
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
 import can
 
 from adhesion_can.bus.block import Block
-from adhesion_can.bus.frame import MAX_PAYLOAD, Frame, Mark
+from adhesion_can.bus.frame import MAX_PAYLOAD, MOST_ID, Frame, Mark
 from adhesion_can.errors import RecordingError
 from adhesion_can.files import file_sha256
 from adhesion_can.recordings.candump import (
@@ -22,13 +23,20 @@ from adhesion_can.recordings.candump import (
 )
 from adhesion_can.recordings.candump_columns.parse import read_chunks
 from adhesion_can.recordings.candump_columns.text_source import LINE_LIMIT, Packing, TextSource
-from adhesion_can.recordings.formats import CANDUMP, COLUMNS, HEAD, detect_format
+from adhesion_can.recordings.formats import CANDUMP, COLUMNS, HEAD, MF4, SQLITE, detect_format
 from adhesion_can.recordings.frame_rows import join_blocks
+from adhesion_can.recordings.limited import LimitError, Limits, read_limited
+from adhesion_can.recordings.mf4_links import require_sound_links
 from adhesion_can.recordings.python_can_messages import from_message
 from adhesion_can.recordings.reader_losses import collect_python_can_warnings
+from adhesion_can.recordings.sqlite_frames import read_sqlite
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
 _ROWS = 50_000  # of a block of a format that is read frame by frame
+_MF4_MEND = "write it anew with the tool that made it, or export its frames as candump text"
+
+_Read = tuple[Block, int, ReadReport]
+"""Block, with the position and the report behind it."""
 
 
 class Recording:
@@ -75,6 +83,9 @@ class Recording:
         elif self._format in COLUMNS:
             for block in self._column_blocks(_CHUNK):
                 yield from block.items()
+        elif self._format == MF4:
+            for block in self._limited(_mf4_frames):
+                yield from block.items()
         else:
             yield from self._python_can()
 
@@ -107,10 +118,10 @@ class Recording:
             yield from self._candump_blocks(size)
         elif self._format in COLUMNS:
             yield from self._column_blocks(size)
-        elif self._format == ".mf4" and self._packing is Packing.NONE:
-            yield from self._mf4_blocks()
+        elif self._format == MF4:
+            yield from self._limited(_mf4_columns)
         else:
-            yield from self._python_can_blocks()
+            yield from self.python_can_blocks()
         self.position = self.size
 
     def _source(self, report: ReadReport) -> TextSource:
@@ -175,7 +186,28 @@ class Recording:
             raise ValueError("no line feed ends its lines")
         return [piece for line in lines for piece in line.splitlines(keepends=True)]
 
-    def _mf4_blocks(self) -> Iterator[Block]:
+    def _limited(self, work: Callable[[Path], Iterator[_Read]]) -> Iterator[Block]:
+        """Blocks that a process of its own reads.
+
+        Args:
+            work: Function from the path to blocks, each with the position and the report behind it.
+
+        """
+        found = read_limited(partial(work, self.path), Limits.of_file(self.size))
+        with closing(found):
+            try:
+                for block, self.position, report in found:
+                    self.report.take(report)
+                    if len(block):
+                        yield block
+            except LimitError as error:
+                raise RecordingError(str(self.path), str(error), _MF4_MEND) from error
+
+    def mf4_blocks(self) -> Iterator[Block]:
+        """Blocks of a file of MF4, read in this process."""
+        if self._packing is not Packing.NONE:
+            yield from self.python_can_blocks()
+            return
         # Imported here: most recordings are of other formats.
         from adhesion_can.recordings.mf4 import (  # noqa: PLC0415
             NotInColumnsError,
@@ -201,10 +233,13 @@ class Recording:
                 return
         # Slower, and the same frames: python-can's reader knows more layouts, and its errors name
         # what is wrong with a file.
-        yield from self._python_can_blocks(given, channels)
+        yield from self.python_can_blocks(given, channels)
 
-    def _python_can_blocks(self, given: int = 0, channels: tuple[str, ...] = ()) -> Iterator[Block]:
-        """Blocks of the frames behind those that were given, which were on these channels."""
+    def python_can_blocks(self, given: int = 0, channels: tuple[str, ...] = ()) -> Iterator[Block]:
+        """Blocks of the frames behind those that were given, which were on these channels.
+
+        They are read in this process by python-can.
+        """
         frames = self._python_can(given)
         stopped: RecordingError | None = None
         while not stopped:
@@ -227,12 +262,9 @@ class Recording:
         # what was read until then is kept and the rest is reported.
         last = count = 0
         try:
-            with (
-                collect_python_can_warnings(self.report.notes),
-                can.LogReader(self.path) as self._reader,
-            ):
-                for message in self._reader:
-                    frame = _require_valid(from_message(message))
+            with self._opened() as frames:
+                for frame in frames:
+                    _require_valid(frame)
                     count += 1
                     if count > given:
                         self.report.kinds[frame_kind(frame)] += 1
@@ -242,17 +274,56 @@ class Recording:
         except Exception as error:
             raise self._reader_error(error) from error
 
+    @contextmanager
+    def _opened(self) -> Iterator[Iterator[Frame]]:
+        """Frames one by one, of a file that is closed behind them."""
+        if self._format == SQLITE and self._packing is Packing.NONE:
+            with closing(read_sqlite(self.path)) as frames:
+                yield frames
+            return
+        if self._format == MF4 and self._packing is Packing.NONE:
+            require_sound_links(self.path)
+        with (
+            collect_python_can_warnings(self.report.notes),
+            can.LogReader(self.path) as self._reader,
+        ):
+            yield map(from_message, self._reader)
+
     def _reader_error(self, error: Exception) -> RecordingError:
-        """Error for the user, of any exception of a parser, struct.error and sqlite3.Error too."""
+        """Error for the user, of any exception of a parser, struct.error too."""
         if isinstance(error, NotImplementedError | ImportError):
             return RecordingError(
                 str(self.path), "this format needs asammdf", "pip install 'adhesion-can[mf4]'"
             )
+        who = "reading" if self._format == SQLITE else "python-can"
         return RecordingError(
             str(self.path),
-            f"python-can stops after {sum(self.report.kinds.values())} frames ({_reason(error)})",
+            f"{who} stops after {sum(self.report.kinds.values())} frames ({_reason(error)})",
             "convert the file to candump text, whose bad lines are passed over",
         )
+
+
+def _mf4_columns(path: Path) -> Iterator[_Read]:
+    recording = Recording(path)
+    return _with_report(recording, recording.mf4_blocks())
+
+
+def _mf4_frames(path: Path) -> Iterator[_Read]:
+    recording = Recording(path)
+    return _with_report(recording, recording.python_can_blocks())
+
+
+def _with_report(recording: Recording, blocks: Iterator[Block]) -> Iterator[_Read]:
+    """Blocks, each with the position and the report behind it; no rows for those of the end."""
+    stopped: RecordingError | None = None
+    try:
+        for block in blocks:
+            yield block, recording.position, recording.report
+    except RecordingError as error:
+        stopped = error  # raised when the report has what was noted of it
+    yield Block.from_frames([]), recording.position, recording.report
+    if stopped:
+        raise stopped
 
 
 def _reason(error: Exception) -> str:
@@ -260,13 +331,14 @@ def _reason(error: Exception) -> str:
     return " ".join(str(error).split())[:120] or type(error).__name__
 
 
-def _require_valid(frame: Frame) -> Frame:
-    """The frame; a ValueError where no bus can carry it."""
+def _require_valid(frame: Frame) -> None:
+    """Raise a ValueError where no bus can carry a frame."""
     if len(frame.data) > MAX_PAYLOAD:
         raise ValueError(f"a frame of {len(frame.data)} bytes")
     if abs(frame.t_us) > LAST_US:
         raise ValueError(f"a frame stamped {frame.t_us / 1e6:g} s")
-    return frame
+    if not (frame.is_error or 0 <= frame.arbitration_id <= MOST_ID):
+        raise ValueError(f"a frame of the id {frame.arbitration_id}")
 
 
 def _position(reader: can.io.generic.MessageReader | None) -> int:

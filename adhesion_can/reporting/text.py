@@ -2,12 +2,15 @@
 
 import sys
 from collections.abc import Iterable, Sequence
-from typing import IO
+from typing import IO, Any
 
 from rich import box
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.measure import Measurement
 from rich.table import Table
+from rich.text import Text
+
+from adhesion_can.printable import printable
 
 UNLIMITED = 10_000
 PIPE_WIDTH = 120
@@ -20,7 +23,22 @@ def console(file: IO[str] | None = None) -> Console:
     # On a terminal lines break between words; in a pipe a sentence stays a line.
     is_terminal = file.isatty()
     width = None if is_terminal else PIPE_WIDTH
-    return Console(file=file, width=width, highlight=False, soft_wrap=not is_terminal)
+    return _Console(
+        file=file,
+        width=width,
+        highlight=False,
+        markup=False,
+        emoji=False,
+        soft_wrap=not is_terminal,
+    )
+
+
+class _Console(Console):
+    """Console on which text of strangers is text: no control characters, no markup, no signs."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """A string as text, with escapes in place of what a terminal would obey."""
+        return super().render_str(printable(text), **options)
 
 
 class FittingTable:

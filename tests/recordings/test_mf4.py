@@ -2,12 +2,12 @@
 
 import gc
 import gzip
+import os
 import struct
 import sys
 import tracemalloc
 from contextlib import closing
 from datetime import UTC, datetime
-from time import process_time
 
 import can
 import numpy as np
@@ -520,9 +520,9 @@ def test_ten_times_as_fast_as_frame_by_frame(tmp_path):
     path = written(tmp_path / "a.mf4", (message(n) for n in range(50_000)))
 
     def seconds(read):
-        begin = process_time()
+        begin = os.times()
         assert sum(1 for _ in read()) > 0
-        return process_time() - begin
+        return sum(os.times()[:4]) - sum(begin[:4])  # with those of the process that reads
 
     blocks = min(seconds(Recording(path).blocks) for _ in range(3))
     assert seconds(Recording(path).__iter__) > 10 * blocks

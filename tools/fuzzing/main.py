@@ -7,12 +7,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, STDOUT
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from tests.fuzz.mutants import KINDS, mutant, play
 from tests.fuzz.rule import MOST_MIB
 from tests.fuzz.targets import TARGETS
 
@@ -96,6 +98,34 @@ def _memory_folder() -> str | None:
     return shared if os.access(shared, os.W_OK) else None
 
 
+def play_files(count: int, first: int) -> int:
+    """Play mutants of files through the command line; 1 where one breaks the rule."""
+    status = 0
+    for kind in KINDS:
+        began, statuses, longest_s, findings = time.monotonic(), Counter(), 0.0, []
+        for number in range(first, first + count):
+            try:
+                outcome = play(kind, mutant(kind, number), number)
+            except Exception as error:  # noqa: BLE001  whatever it is, it is a finding
+                path = BUILD / f"mutant-{number}{kind}"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(mutant(kind, number))
+                findings.append(f"    {path.relative_to(ROOT)}: {type(error).__name__}: {error}")
+                continue
+            statuses[outcome.status] += 1
+            longest_s = max(longest_s, outcome.seconds)
+        counts = ", ".join(f"{n} of status {one}" for one, n in sorted(statuses.items()))
+        took_s = time.monotonic() - began
+        print(
+            f"{kind:5} {count} mutants from {first} on in {took_s:.0f} s: {counts}; "
+            f"longest {longest_s:.1f} s of the processor, {len(findings)} findings",
+            flush=True,
+        )
+        print(*findings, sep="\n", end="\n" if findings else "", flush=True)
+        status |= bool(findings)
+    return status
+
+
 def repeat(name: str, path: Path) -> int:
     """Run one input without the fuzzer; an exception shows where it ends."""
     TARGETS[name].run(path.read_bytes())
@@ -110,11 +140,20 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=1.0, metavar="M", help="for each target")
     parser.add_argument("--runs", type=int, default=-1, metavar="N", help="most executions of each")
     parser.add_argument("--seed", type=int, default=1, metavar="S", help="of the mutations")
+    parser.add_argument(
+        "--files",
+        type=int,
+        metavar="N",
+        help="instead: N mutants of MF4, SQLite and CSV each, "
+        "through commands, from number --seed on",
+    )
     parser.add_argument("--repeat", type=Path, metavar="FILE", help="run this input alone")
     options = parser.parse_args()
     unknown = [name for name in options.targets if name not in TARGETS]
     if unknown:
         parser.error(f"no target {unknown[0]}: write some of {', '.join(TARGETS)}")
+    if options.files is not None:
+        return play_files(options.files, options.seed)
     if options.repeat:
         if len(options.targets) != 1:
             parser.error("--repeat wants one target")

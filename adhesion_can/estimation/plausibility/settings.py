@@ -1,7 +1,9 @@
 """Settings of the plausibility watch."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
+from adhesion_can.ranges import Within, require_ranges
 from adhesion_can.values import Value
 
 
@@ -25,13 +27,10 @@ class PlausibilitySettings(Value):
     """
 
     enabled: bool = True
-    mu_ceiling: float = 0.75
-    least_load: float = 0.6
-    most_load: float = 1.6
-    alarm: float = 8.0
+    mu_ceiling: Annotated[float, Within(0.05, 3)] = 0.75
+    least_load: Annotated[float, Within(0, 1)] = 0.6
+    most_load: Annotated[float, Within(1, 100)] = 1.6
+    alarm: Annotated[float, Within(3, 1000)] = 8.0
 
     def __post_init__(self) -> None:
-        if not (self.mu_ceiling > 0 and self.alarm > 0):
-            raise ValueError("mu_ceiling and alarm must be positive")
-        if not 0 <= self.least_load < self.most_load:
-            raise ValueError("least_load must be below most_load, and not negative")
+        require_ranges(self)

@@ -26,7 +26,7 @@ FRONT, BACK = 8, 128
 """Numbers of bytes before and behind the lines of a chunk: room for words across their edges."""
 
 _PIECE = 1 << 16
-_ZSTD_PIECE = 1 << 14  # packed
+_ZSTD_PIECE = 1 << 11  # packed; of zeros it holds 64 MiB
 
 
 class Packing(Enum):

@@ -15,9 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from adhesion_can.errors import TableError
+from adhesion_can.formula_cells import unquote_formula
 from adhesion_can.recordings.candump_columns.text_source import Packing
 from adhesion_can.recordings.tables.columns import (
     NO_VALUE,
+    Column,
     Columns,
     as_column,
     has_decimal_comma,
@@ -30,6 +32,9 @@ _COMMENT = re.compile(r"^[ \t]*(#|%|//)[^\r\n]*", re.MULTILINE)
 LARGEST_TEXT = 512 << 20
 """Most text of a table, unpacked, bytes: its cells take many times as much, and a packed file of
 1 MiB may hold 1 GiB."""
+ALWAYS_READ, MOST_TIMES = 32 << 20, 200
+"""Text of a packed table that is read whatever its file's size, bytes, and beyond it how many times
+that size: numbers pack to a third, and the same row over and over to a hundredth."""
 HEAD = 20
 """Lines from which the dialect is recognised."""
 
@@ -99,7 +104,7 @@ def _columns(
         below = zip(names, units, strict=True)
         known |= {name: unit for (name, _), unit in below if name and unit}
     values = {
-        name: as_column([row[place] for row in body], decimal_comma=decimal_comma)
+        name: _column([row[place] for row in body], decimal_comma=decimal_comma)
         for place, (name, _) in enumerate(names)
         if name
     }
@@ -110,6 +115,11 @@ def _columns(
     if units:
         notes.append("the first line below the heading has the units")
     return Columns(values, known, tuple(notes))
+
+
+def _column(cells: Sequence[str], *, decimal_comma: bool) -> Column:
+    column = as_column(cells, decimal_comma=decimal_comma)
+    return tuple(map(unquote_formula, column)) if isinstance(column, tuple) else column
 
 
 def _recognise(text: str, path: Path) -> Dialect:
@@ -129,7 +139,7 @@ def _recognise(text: str, path: Path) -> Dialect:
         alike = len(cells) < 2 or len(cells[0]) == len(cells[1])
         if (alike and len(cells[0]) > 1, len(cells[0])) > most:
             most = (alike and len(cells[0]) > 1, len(cells[0]))
-            heading = tuple(cell.strip() for cell in cells[0])
+            heading = tuple(unquote_formula(cell.strip()) for cell in cells[0])
             best = _commented_heading(text, Dialect(delimiter, heading), cells[0]) or Dialect(
                 delimiter, heading
             )
@@ -200,21 +210,23 @@ def _text(path: Path) -> str:
 
 
 def _read(path: Path) -> bytes:
+    most = LARGEST_TEXT
     try:
         with path.open("rb") as file:
-            content = file.read(LARGEST_TEXT + 1)
+            content = file.read(most + 1)
         if Packing.from_head(content) is Packing.GZIP:
-            content = gzip.GzipFile(fileobj=io.BytesIO(content)).read(LARGEST_TEXT + 1)
+            most = min(max(ALWAYS_READ, MOST_TIMES * len(content)), LARGEST_TEXT)
+            content = gzip.GzipFile(fileobj=io.BytesIO(content)).read(most + 1)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise TableError(
             str(path), f"the gzip file is damaged ({error})", "compress it again"
         ) from error
     except OSError as error:
         raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
-    if len(content) > LARGEST_TEXT:
+    if len(content) > most:
         raise TableError(
             str(path),
-            f"more than {LARGEST_TEXT >> 20} MiB of text",
+            f"more than {most >> 20} MiB of text",
             "cut it into parts, or write it as Parquet",
         )
     return content

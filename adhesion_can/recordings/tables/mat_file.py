@@ -2,11 +2,13 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from adhesion_can.errors import TableError
+from adhesion_can.recordings.limited import LimitError, Limits, read_limited
 from adhesion_can.recordings.tables.columns import Column, Columns
 
 MOST_DEPTH = 4
@@ -22,6 +24,18 @@ def read_mat(path: Path) -> Columns:
         TableError: The file cannot be read, or holds no vectors.
 
     """
+    try:
+        limits = Limits.of_file(path.stat().st_size)
+        (columns,) = read_limited(partial(_columns, path), limits)
+    except OSError as error:
+        raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
+    except LimitError as error:
+        mend = "save it anew in MATLAB, or write it as .csv or .parquet"
+        raise TableError(str(path), str(error), mend) from error
+    return columns
+
+
+def _columns(path: Path) -> Iterator[Columns]:
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -49,7 +63,7 @@ def read_mat(path: Path) -> Columns:
     notes = [f"vectors of {length} values are the columns"]
     if others:
         notes.append(f"of another length and not used: {', '.join(others)}")
-    return Columns(values, notes=tuple(notes))
+    yield Columns(values, notes=tuple(notes))
 
 
 def _vectors(document: Mapping[str, object], depth: int) -> Iterator[tuple[str, Column]]:

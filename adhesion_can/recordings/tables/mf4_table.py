@@ -1,15 +1,19 @@
 """Columns of a measurement file, MDF 4 (extra 'mf4'): the channel group that holds the slip."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from adhesion_can.errors import TableError
+from adhesion_can.recordings.limited import LimitError, Limits, read_limited
 from adhesion_can.recordings.mf4 import open_mf4
 from adhesion_can.recordings.tables.columns import Column, Columns
+
+MEND = "write it anew with the tool that made it, or export it as .csv or .parquet"
 
 
 def holds_channel(path: Path, name: str) -> bool:
@@ -17,12 +21,17 @@ def holds_channel(path: Path, name: str) -> bool:
 
     A file that cannot be opened, or that needs a package which is missing, is for the reader of
     recordings to refuse.
+
+    Raises:
+        TableError: Looking for it takes more than the limits allow.
+
     """
     try:
-        with _opened(path) as mdf:
-            return name in mdf
+        return any(read_limited(partial(_held, path, name), _limits(path)))
     except TableError:
         return False
+    except LimitError as error:
+        raise TableError(str(path), str(error), MEND) from error
 
 
 def read_mf4(path: Path, name: str) -> Columns:
@@ -36,6 +45,26 @@ def read_mf4(path: Path, name: str) -> Columns:
         TableError: The file cannot be read, asammdf is missing, or several groups hold the channel.
 
     """
+    try:
+        (columns,) = read_limited(partial(_columns, path, name), _limits(path))
+    except LimitError as error:
+        raise TableError(str(path), str(error), MEND) from error
+    return columns
+
+
+def _limits(path: Path) -> Limits:
+    try:
+        return Limits.of_file(path.stat().st_size)
+    except OSError as error:
+        raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
+
+
+def _held(path: Path, name: str) -> Iterator[bool]:
+    with _opened(path) as mdf:
+        yield name in mdf
+
+
+def _columns(path: Path, name: str) -> Iterator[Columns]:
     with _opened(path) as mdf:
         places = mdf.whereis(name)
         if len(places) != 1:
@@ -56,7 +85,10 @@ def read_mf4(path: Path, name: str) -> Columns:
                 units[channel.name] = signal.unit
         if master is not None:
             values.setdefault("time_s", np.asarray(mdf.get_master(group), dtype=np.float64))
-    return Columns(values, units, (f"the {len(values)} channels beside {name!r} are the columns",))
+    if len({len(column) for column in values.values()}) > 1:
+        what = f"the channels beside {name!r} are of several lengths"
+        raise TableError(str(path), what, MEND)
+    yield Columns(values, units, (f"the {len(values)} channels beside {name!r} are the columns",))
 
 
 def _column(signal: Any) -> Column:
@@ -76,7 +108,10 @@ def _column(signal: Any) -> Column:
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     try:
-        mdf = open_mf4(path)
+        with closing(open_mf4(path)) as mdf:
+            yield mdf
+    except (TableError, MemoryError):
+        raise
     except ImportError as error:
         mend = "pip install 'adhesion-can[mf4]'"
         raise TableError(str(path), "MF4 needs asammdf", mend) from error
@@ -85,7 +120,3 @@ def _opened(path: Path) -> Iterator[Any]:
     except Exception as error:  # asammdf raises whatever its parsers meet
         reason = " ".join(str(error).split())[:150]
         raise TableError(str(path), f"not readable as MF4 ({reason})", "check the file") from error
-    try:
-        yield mdf
-    finally:
-        mdf.close()

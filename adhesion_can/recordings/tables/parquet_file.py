@@ -7,6 +7,9 @@ import numpy as np
 from adhesion_can.errors import TableError
 from adhesion_can.recordings.tables.columns import Column, Columns, split_unit
 
+ALWAYS_READ, MOST_CELLS = 2_000_000, 100
+"""Cells that are read whatever the file's size, and further ones for each of its bytes."""
+
 
 def read_parquet(path: Path) -> Columns:
     """Columns of a file; what is neither number nor text is a column of texts.
@@ -23,6 +26,8 @@ def read_parquet(path: Path) -> Columns:
             str(path), "Parquet needs pyarrow", "pip install 'adhesion-can[parquet]'"
         ) from error
     try:
+        about = parquet.read_metadata(path)
+        _require_room(path, about.num_rows * about.num_columns)
         table = parquet.read_table(path)
     except (OSError, pa.ArrowException) as error:
         reason = " ".join(str(error).split())[:150]
@@ -46,3 +51,10 @@ def read_parquet(path: Path) -> Columns:
             else tuple("" if v is None else str(v) for v in cells)
         )
     return Columns(values, units)
+
+
+def _require_room(path: Path, cells: int) -> None:
+    """Raise a TableError where a small file holds very many cells, which may all be one."""
+    if cells > ALWAYS_READ + MOST_CELLS * path.stat().st_size:
+        what = f"{cells} cells in a file of {path.stat().st_size} bytes"
+        raise TableError(str(path), what, "leave out columns that do not change, or cut it")

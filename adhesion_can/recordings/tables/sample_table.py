@@ -31,6 +31,8 @@ from adhesion_can.recordings.tables.shift import shift_columns
 FORCE, LOAD = "longitudinal_force_N", "normal_load_N"
 TIME_LIMIT_S = 9e9
 """Limit of a time, s: beyond it, 285 years, stamps do not fit 64 bits as ns."""
+LARGEST = 1e30
+"""Largest number that is a measured one, in any unit: the fits' powers of larger ones overflow."""
 MOST_NEGATIVE, LEAST_NEGATIVE = 0.05, 20
 """Share of negative loads, and number of them, beyond which they are no noise about 0."""
 LARGEST, SMALLEST = 1e30, 1e-30
@@ -139,7 +141,11 @@ def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
     columns = sort_rows(apply_choices(reader(path), choices, str(path)))
     columns = shift_columns(columns, choices, str(path))
     _require_columns(columns.values, str(path))
-    numbers = {name: c for name, c in columns.values.items() if not isinstance(c, tuple)}
+    numbers = {
+        name: np.where(np.abs(c) <= LARGEST, c, np.nan)
+        for name, c in columns.values.items()
+        if not isinstance(c, tuple)
+    }
     texts = {name: c for name, c in columns.values.items() if isinstance(c, tuple)}
     segment = texts.pop("segment", None)
     if segment is not None:

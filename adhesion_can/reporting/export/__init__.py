@@ -5,6 +5,7 @@ A file appears whole or not at all, and takes the same memory however long it ge
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,6 @@ from adhesion_can.reporting.export.layout import (
     Raw,
     Rows,
     Sink,
-    SinkOpener,
 )
 from adhesion_can.reporting.export.target import (
     FOLDER_FORMATS,
@@ -120,9 +120,9 @@ def open_recording(target: Target, origin: Mapping[str, str]) -> Iterator[Writer
     module = target.load_module()
     with _input_errors(target.path):
         if target.is_folder:
-            sink: Sink = module.open_folder(target.path, target.suffix, origin)
+            sink: Sink = module.open_folder(target.path, target.suffix, origin, **target.settings)
         else:
-            sink = module.open_sink(target.path, origin, (), 9)
+            sink = module.open_sink(target.path, origin, (), 9, **target.settings)
     with _closed(target.path, sink):
         yield Writer(target.path, sink)
 
@@ -135,6 +135,7 @@ def open_table(
     *,
     name: str = "table",
     decimals: int = 6,
+    keep_formulas: bool = False,
 ) -> Iterator[TableWriter]:
     """A file for the rows of one table: `time_s`, then its fields.
 
@@ -146,6 +147,7 @@ def open_table(
         origin: Version, inputs and the like, by name; CSV has no place for them.
         name: Name of the table, where the format has one.
         decimals: Number of decimals of `time_s` in CSV.
+        keep_formulas: Whether CSV has names as they are even where a spreadsheet computes them.
 
     Raises:
         InputError: The format is unknown, an extra is missing, or the disk is full.
@@ -153,9 +155,11 @@ def open_table(
     """
     require_format(path, "output")
     group = Group(name, tuple(fields))
-    open_sink: SinkOpener = file_target(path, "output", TABLE_SUFFIXES).load_module().open_sink
+    target = replace(file_target(path, "output", TABLE_SUFFIXES), keep_formulas=keep_formulas)
     with _input_errors(path):
-        sink = open_sink(path, origin, (group,), decimals)
+        sink: Sink = target.load_module().open_sink(
+            path, origin, (group,), decimals, **target.settings
+        )
     with _closed(path, sink):
         yield TableWriter(Writer(path, sink), group)
 

@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from itertools import repeat
 from pathlib import Path
 from typing import Any, BinaryIO, cast
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.files import Temporary
+from adhesion_can.formula_cells import quote_formula
 from adhesion_can.reporting.export.growing_table import GrowingTable
 from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count
 from adhesion_can.reporting.export.message_folder import MessageFolder
@@ -31,10 +33,14 @@ class CsvFormat:
         by_message: Whether rows belong to messages: a column holds the message's name, and the
             columns of signals are named 'Message.Signal'.
         decimals: Number of decimals of the time stamps in s.
+        keep_formulas: Whether names stand as they are even where a spreadsheet computes them.
 
     """
 
-    def __init__(self, compressed: bool, by_message: bool, decimals: int) -> None:
+    def __init__(
+        self, compressed: bool, by_message: bool, decimals: int, *, keep_formulas: bool = False
+    ) -> None:
+        self._keep_formulas = keep_formulas
         self.compressed = compressed
         self.by_message = by_message
         self.decimals = decimals
@@ -74,7 +80,17 @@ class CsvFormat:
         for group in groups:
             prefix = f"{group.name}." if self.by_message else ""
             names += [prefix + field.name for field in group.fields]
-        return _line(names).encode()
+        return self.line(names).encode()
+
+    def line(self, cells: Sequence[str]) -> str:
+        """Cells of text as a line."""
+        text = io.StringIO()
+        # A line break in a name would be one in the table to whatever counts lines.
+        plain = [" ".join(cell.split()) for cell in cells]
+        if not self._keep_formulas:
+            plain = [quote_formula(cell) for cell in plain]
+        csv.writer(text, lineterminator="\n").writerow(plain)
+        return text.getvalue()
 
 
 class CsvPartFile:
@@ -106,7 +122,7 @@ class CsvPartFile:
     def _lines(self, rows: Rows) -> Iterable[str]:
         before = self._before[rows.group.name]
         after = self._width - before - len(rows.group.fields)
-        name = _line([rows.group.name])[:-1] if self._format.by_message else ""
+        name = self._format.line([rows.group.name])[:-1] if self._format.by_message else ""
         cells: list[Iterable[str]] = [time_texts(rows.t_ns, self._format.decimals)]
         if self._format.by_message:
             cells.append(repeat(name + "," * before))
@@ -118,7 +134,7 @@ class CsvPartFile:
     def _column(self, field: Field, column: Column) -> list[str]:
         numbers = column.values
         if field.text:
-            texts = [_line([field.names[number]])[:-1] for number in numbers.tolist()]
+            texts = [self._format.line([field.names[number]])[:-1] for number in numbers.tolist()]
         elif field.spec:
             texts = [format(number, field.spec) for number in numbers.tolist()]
         elif numbers.dtype.kind == "f":
@@ -137,13 +153,16 @@ class CsvMessageFile:
     Args:
         file: File.
         group: Message.
+        keep_formulas: Whether names stand as they are even where a spreadsheet computes them.
 
     """
 
     held = 0
 
-    def __init__(self, file: BinaryIO, group: Group) -> None:
-        plain = CsvFormat(compressed=False, by_message=False, decimals=9)
+    def __init__(self, file: BinaryIO, group: Group, *, keep_formulas: bool = False) -> None:
+        plain = CsvFormat(
+            compressed=False, by_message=False, decimals=9, keep_formulas=keep_formulas
+        )
         self._file = CsvPartFile(file, (group,), plain)
 
     def write(self, rows: Rows) -> None:
@@ -194,21 +213,23 @@ def _write_digits(out: NDArray[np.uint8], numbers: NDArray[np.int64]) -> None:
         rest = tenth
 
 
-def _line(cells: Sequence[str]) -> str:
-    text = io.StringIO()
-    # A line break in a name would be one in the table to whatever counts lines.
-    csv.writer(text, lineterminator="\n").writerow([" ".join(cell.split()) for cell in cells])
-    return text.getvalue()
-
-
 def open_sink(
-    path: Path, _origin: Mapping[str, str], groups: Sequence[Group], decimals: int
+    path: Path,
+    _origin: Mapping[str, str],
+    groups: Sequence[Group],
+    decimals: int,
+    *,
+    keep_formulas: bool = False,
 ) -> GrowingTable:
     """Begin a CSV file, compressed where its name ends in .gz; a `SinkOpener`."""
     compressed = path.suffix.lower() == ".gz"
-    return GrowingTable(path, CsvFormat(compressed, not groups, decimals), groups)
+    form = CsvFormat(compressed, not groups, decimals, keep_formulas=keep_formulas)
+    return GrowingTable(path, form, groups)
 
 
-def open_folder(path: Path, suffix: str, origin: Mapping[str, str]) -> MessageFolder:
+def open_folder(
+    path: Path, suffix: str, origin: Mapping[str, str], *, keep_formulas: bool = False
+) -> MessageFolder:
     """Begin a folder of CSV files; a `FolderOpener`."""
-    return MessageFolder(path, suffix, CsvMessageFile, origin)
+    open_file = partial(CsvMessageFile, keep_formulas=keep_formulas)
+    return MessageFolder(path, suffix, open_file, origin)

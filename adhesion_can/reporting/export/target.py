@@ -80,12 +80,14 @@ class Target:
         path: Path of the file or folder; '-' for stdout.
         suffix: Suffix of the format; of the files in a folder.
         is_folder: Whether it is a folder with a file a message.
+        keep_formulas: Whether CSV has names as they are even where a spreadsheet computes them.
 
     """
 
     path: Path
     suffix: str
     is_folder: bool = False
+    keep_formulas: bool = False
 
     @property
     def is_stdout(self) -> bool:
@@ -96,6 +98,12 @@ class Target:
     def by_channel(self) -> bool:
         """Whether the format keeps buses apart."""
         return self._format.by_channel
+
+    @property
+    def settings(self) -> Mapping[str, bool]:
+        """Settings of the format that are not the usual ones."""
+        is_csv = self.suffix.startswith(".csv")
+        return {"keep_formulas": True} if is_csv and self.keep_formulas else {}
 
     @property
     def text_at_once(self) -> int:

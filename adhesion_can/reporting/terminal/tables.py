@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Sequence
 
+from rich.cells import cell_len, set_cell_size
 from rich.text import Text
 
 from adhesion_can.monitoring.snapshot import (
@@ -135,10 +136,10 @@ def _message_row(view: MessageView, width: int, *, wide: bool) -> Text:
     rejected = sum(view.rejected.values())
     if not wide:
         bad = rejected + view.lost
-        text = f"{sign} {_shortened(name, NAME):{NAME}}{age:>7}{rate:>5}{_count(bad):>6}"
+        text = f"{sign} {_shortened(name, NAME)}{age:>7}{rate:>5}{_count(bad):>6}"
         return Text(text, style)
     text = (
-        f"{sign} {view.number:8} {_shortened(name, NAME):{NAME}}{age:>8}{rate:>7}"
+        f"{sign} {view.number:8} {_shortened(name, NAME)}{age:>8}{rate:>7}"
         f"{_count(rejected):>9}{_count(view.lost):>7}  {view.state}"
     )
     counts = sorted(view.rejected.items(), key=lambda item: -item[1])
@@ -151,8 +152,11 @@ def _message_row(view: MessageView, width: int, *, wide: bool) -> Text:
 
 
 def _shortened(name: str, width: int) -> str:
-    """The name; of a longer one begin and end, which mostly has the number."""
-    return name if len(name) <= width else f"{name[: width - 5]}..{name[-3:]}"
+    """The name in a number of cells; of a longer one begin and end, which mostly has the number."""
+    if cell_len(name) > width:
+        end = name[-3:] if cell_len(name[-3:]) <= 3 else name[-1:]
+        name = f"{set_cell_size(name, width - 2 - cell_len(end))}..{end}"
+    return set_cell_size(name, width)
 
 
 def _count(number: int) -> str:

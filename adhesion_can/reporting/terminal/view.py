@@ -1,13 +1,15 @@
 """The whole view of a bus: a pure function of a snapshot, of width and height, and of a page."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 from math import isinf
 
+from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
 
 from adhesion_can.monitoring.snapshot import Origin, Snapshot, Transport
+from adhesion_can.printable import printable
 from adhesion_can.reporting.terminal.boxes import boxed, fitted, side_by_side, wrapped
 from adhesion_can.reporting.terminal.curve_panel import curve_panel, history_panel
 from adhesion_can.reporting.terminal.tables import (
@@ -98,6 +100,7 @@ def draw(
 
     """
     options = options or ViewOptions()
+    snapshot = _printable(snapshot)
     keys = options.keys
     if keys is None:
         keys = LIVE_KEYS if snapshot.transport.is_live else LOG_KEYS
@@ -142,17 +145,38 @@ class MonitorView:
         yield from draw(self.snapshot, options.max_width, height, self.options)
 
 
+def _printable(snapshot: Snapshot) -> Snapshot:
+    """The snapshot with names and notes that do nothing to a terminal."""
+    transport = replace(
+        snapshot.transport,
+        name=printable(snapshot.transport.name),
+        recording=printable(snapshot.transport.recording),
+        notes=tuple(map(printable, snapshot.transport.notes)),
+    )
+    messages = tuple(replace(view, name=printable(view.name)) for view in snapshot.messages)
+    remarks = tuple(map(printable, snapshot.remarks))
+    return replace(snapshot, transport=transport, messages=messages, remarks=remarks)
+
+
 def _header(snapshot: Snapshot, width: int, title: str) -> Text:
     transport = snapshot.transport
     right = "  ".join(_state_of(snapshot, transport))
     room = width - len(title) - len(right) - 4
     name = transport.name
-    if len(name) > room:
+    if cell_len(name) > room:
         # The end of a path tells more than its begin.
-        name = f"..{name[len(name) - room + 2 :]}" if room > 4 else ""
+        name = f"..{_end(name, room - 2)}" if room > 4 else ""
     left = f"{title}  {name}"
-    text = Text(left + " " * max(width - len(left) - len(right), 2) + right, "bold reverse")
-    return text if len(text) <= width else Text(right[-width:], "bold reverse")
+    between = " " * max(width - cell_len(left) - len(right), 2)
+    text = Text(left + between + right, "bold reverse")
+    return text if text.cell_len <= width else Text(right[-width:], "bold reverse")
+
+
+def _end(text: str, width: int) -> str:
+    """End of a text that fills a number of cells at most."""
+    while cell_len(text) > width:
+        text = text[1:]
+    return text
 
 
 def _state_of(snapshot: Snapshot, transport: Transport) -> list[str]:
