@@ -27,6 +27,7 @@ def test_the_sections_are_those_of_the_files_that_users_have():
         "noise",
         "doubt",
         "instruments",
+        "plausibility",
         "tracker",
         "run_length",
         "memory",

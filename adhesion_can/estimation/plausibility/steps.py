@@ -20,8 +20,9 @@ ROLLING = 0.15
 """Slip over that of the curve below which pulled wheels roll as if they were free."""
 FLAT = 0.15
 """Change within either side, as a share of the step, below which it is a step and no ramp."""
-LEAST_EFFORT_STEP = 0.03
-"""Step of the adhesion of all axles that is looked at."""
+LEAST_EFFORT_STEP, LEVEL = 0.05, 0.25
+"""Step of the adhesion of all axles that is looked at, and change within either side, as a share of
+it, below which it is a step and no ramp."""
 ABSURD = 0.3
 """Step of a wheel speed within a cycle, as a share, that no wheelset makes."""
 LEAST_ANSWER = 0.0015
@@ -155,7 +156,10 @@ def _is_flat(rim: Array, size: float) -> bool:
 
 def is_effort_step(window: Window) -> bool:
     """Whether the efforts of all axles made a step one way, and stand there."""
-    step = after(window.adhesion) - before(window.adhesion)
-    one_way = (step > LEAST_EFFORT_STEP).all() or (step < -LEAST_EFFORT_STEP).all()
-    since = float(np.abs(window.adhesion[-1] - window.adhesion[-EDGE]).mean())
-    return bool(one_way) and since < float(np.abs(step).mean())
+    mu = window.adhesion
+    step = after(mu) - before(mu)
+    if not ((step > LEAST_EFFORT_STEP).all() or (step < -LEAST_EFFORT_STEP).all()):
+        return False
+    later = abs(float((mu[-1] - mu[-EDGE]).mean()))
+    earlier = abs(float((mu[-EDGE - GAP - 1] - mu[-2 * EDGE - GAP]).mean()))
+    return max(later, earlier) < LEVEL * abs(float(step.mean()))

@@ -239,7 +239,9 @@ class PlausibilityWatch(Stateful):
         asked = self._asked
         if asked is None:
             if curve is not None and is_effort_step(window):
-                self._asked = Asked(0, curve, before(window.adhesion), window.slip[0].copy())
+                asked = Asked(0, curve, before(window.adhesion), window.slip[0].copy())
+                if not asked.is_answered(after(window.adhesion), after(window.slip)):
+                    self._asked = asked
             return Objection.NONE
         asked = self._asked = asked._replace(cycles=asked.cycles + 1)
         if asked.cycles == ANSWER_CYCLES:
