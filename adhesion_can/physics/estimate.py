@@ -79,8 +79,6 @@ class Estimate(Value):
         family: Name of the curve family that is the most probable one; c1, c2 and c3 are those of
             the nearest Burckhardt curve. None where an estimator has Burckhardt's alone.
         objection: Why nobody vouches for the estimate, where that is so.
-        used_us: Stamp of the latest sample that was used, µs; None where none was, or it is not
-            known.
 
     """
 
@@ -103,7 +101,6 @@ class Estimate(Value):
     doubt: Doubt = Doubt.NOT_AVAILABLE
     family: str | None = None
     objection: Objection = Objection.NONE
-    used_us: int | None = None
 
     @property
     def theta(self) -> CurveParameters:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
+from math import inf
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.j1939 import IdFilter
@@ -30,7 +31,7 @@ from adhesion_can.service.inputs import FrameInputs, InputSnapshot
 from adhesion_can.service.output_messages import SETPOINT, Health, OutputMessages
 from adhesion_can.service.outputs import OutputBuilder, Outputs
 from adhesion_can.service.schedule import Schedule
-from adhesion_can.service.states import StatusMachine
+from adhesion_can.service.states import StatusMachine, UsableLimits
 
 
 @dataclass(slots=True)
@@ -92,7 +93,15 @@ class ServiceCore:
         self._inputs = FrameInputs(configuration, self.receiver)
         self._estimation = EstimationLoop(estimator or configuration.make_estimator)
         self._early = EarlyStart()
-        self._status = StatusMachine(configuration.service)
+        estimators = configuration.estimators
+        believed = estimators.plausibility
+        self._status = StatusMachine(
+            configuration.service,
+            UsableLimits(
+                estimators.identifiability.slip_max,
+                believed.mu_ceiling if believed.enabled else inf,
+            ),
+        )
         self._builder = OutputBuilder(configuration)
         self._on_setpoint = on_setpoint
         self._on_samples = on_samples

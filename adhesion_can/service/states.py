@@ -9,14 +9,17 @@ the setpoints' numbers in each status. `StatusMachine` owns the timers:
 | fault hold, `FAULT_HOLD_US` | a failed estimator, a second sender | FAULT till it ends |
 | stale, `hold_s` | the first due time with a stale input | the last values are held till it ends |
 | change, `change_s` | a change of the surface | SURFACE_CHANGE till it ends or the peak is known |
-| sample age, `estimate_s` | each sample | LOW_EXCITATION once it has ended |
+| sample age, `estimate_s` | each sample that can be used | LOW_EXCITATION once it has ended |
 """
 
 from collections.abc import Callable
 from enum import Enum, auto
 from typing import NamedTuple
 
+import numpy as np
+
 from adhesion_can.config import ServiceSettings
+from adhesion_can.estimation.tracker.points import is_usable
 from adhesion_can.physics.estimate import CHANGED, Estimate
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import Samples
@@ -24,6 +27,11 @@ from adhesion_can.physics.status import Status
 
 FAULT_HOLD_US = 1_000_000
 """Shortest time for which FAULT is sent, µs, so that no receiver misses it."""
+
+
+BELIEVED = 1.25
+"""Adhesion of a sample over the largest μ_max that is believed beyond which it is not used: what is
+above that by more than noise."""
 
 
 class Values(Enum):
@@ -94,15 +102,30 @@ def select_status(conditions: Conditions) -> Status:
     return next(row.status for row in TRANSITIONS if row.condition(conditions))
 
 
+class UsableLimits(NamedTuple):
+    """What a usable sample is.
+
+    Attributes:
+        slip_max: Largest |λ|.
+        mu_ceiling: Largest μ_max that is believed; inf: any.
+
+    """
+
+    slip_max: float
+    mu_ceiling: float
+
+
 class StatusMachine:
     """Status of the service, with the timers that it depends on.
 
     Args:
         settings: Durations of the timers.
+        limits: What a usable sample is.
 
     """
 
-    def __init__(self, settings: ServiceSettings) -> None:
+    def __init__(self, settings: ServiceSettings, limits: UsableLimits) -> None:
+        self._limits = limits
         self._hold_us = settings.hold_s * 1e6
         self._change_us = settings.change_s * 1e6
         self._sample_age_us = settings.estimate_s * 1e6
@@ -158,10 +181,18 @@ class StatusMachine:
 
         """
         if len(samples):
-            self.add_sample(int(samples.t_us[-1]))
+            self._look_at(samples)
         if is_new and estimate is not None:
             self.add_estimate(t_us, estimate)
         return self.update(t_us, estimate, stale=stale, speed_derived=speed_derived)
+
+    def _look_at(self, samples: Samples) -> None:
+        """Start the sample age anew where any sample can be used."""
+        limits = self._limits
+        usable = is_usable(samples, limits.slip_max)
+        usable &= np.abs(samples.adhesion) <= BELIEVED * limits.mu_ceiling
+        if usable.any():
+            self.add_sample(int(samples.t_us[usable][-1]))
 
     def update(
         self, t_us: int, estimate: Estimate | None, *, stale: bool, speed_derived: bool
@@ -181,8 +212,6 @@ class StatusMachine:
             self._stale_since_us = t_us
         changed_us, sample_us = self._changed_at_us, self._last_sample_us
         changing = changed_us is not None and t_us - changed_us <= self._change_us
-        if estimate is not None and estimate.used_us is not None:
-            sample_us = estimate.used_us
         silent = sample_us is None or t_us - sample_us > self._sample_age_us
         objected = estimate is not None and estimate.objection is not Objection.NONE
         identifiable = estimate is not None and estimate.identifiable.both

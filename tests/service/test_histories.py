@@ -15,11 +15,8 @@ from tests.service.test_core import status
 from tests.wire import sealed
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-NOT_YET = pytest.mark.xfail(reason="samples that were left out count as fresh", strict=False)
-SEEN = {("VehicleSpeed", 0.0), ("TractiveEffort", 0.0)}
-"""A vehicle at rest gives no samples, and axles that only coast are not blind."""
 ALONE = [
-    pytest.param(name, size, id=f"{name}-{size:g}", marks=[NOT_YET] * (name == "blinded"))
+    pytest.param(name, size, id=f"{name}-{size:g}")
     for name, kind in KINDS.items()
     for size in {kind.sizes[0], kind.sizes[-1]}
 ]
@@ -35,10 +32,9 @@ def test_each_fault_alone(name, size):
 
 
 BLINDED = [
-    pytest.param(target, size, id=f"{target}-{size:g}", marks=marks)
+    pytest.param(target, size, id=f"{target}-{size:g}")
     for target in QUANTITIES
     for size in KINDS["blinded"].sizes
-    for marks in ([] if (target, size) in SEEN else [NOT_YET],)
 ]
 
 

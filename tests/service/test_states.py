@@ -15,10 +15,12 @@ from adhesion_can.service.states import (
     VALUES,
     Conditions,
     StatusMachine,
+    UsableLimits,
     select_status,
 )
 from tests.service.test_core import KNOWN
 
+LIMITS = UsableLimits(slip_max=0.5, mu_ceiling=0.75)
 SETTINGS = ServiceSettings(hold_s=1.0, change_s=5.0, estimate_s=2.0)
 VAGUE = replace(KNOWN, identifiable=Identifiable(mu_max=True, lambda_m=False))
 
@@ -28,7 +30,7 @@ def status(machine, t_us, estimate=KNOWN, *, stale=False, speed_derived=False):
 
 
 def machine(sample_us=0):
-    new = StatusMachine(SETTINGS)
+    new = StatusMachine(SETTINGS, LIMITS)
     new.add_sample(sample_us)
     return new
 
@@ -71,7 +73,7 @@ def test_without_an_estimate_the_status_is_init_and_with_one_tracking():
     assert status(machine(), 0) is Status.TRACKING
     assert status(machine(), 0, VAGUE) is Status.LOW_EXCITATION
     assert status(machine(), 0, speed_derived=True) is Status.LOW_EXCITATION
-    assert status(StatusMachine(SETTINGS), 0) is Status.LOW_EXCITATION
+    assert status(StatusMachine(SETTINGS, LIMITS), 0) is Status.LOW_EXCITATION
 
 
 def test_a_fault_is_held_for_a_second():
@@ -80,7 +82,7 @@ def test_a_fault_is_held_for_a_second():
 
 
 def test_a_machine_begins_without_a_fault_from_the_stamp_0_on():
-    assert status(StatusMachine(SETTINGS), 0, None) is Status.INIT
+    assert status(StatusMachine(SETTINGS, LIMITS), 0, None) is Status.INIT
 
 
 def test_a_fault_is_held_for_its_time_even_over_a_restart():
@@ -147,7 +149,7 @@ def advance(machine, t_us, samples, estimate=KNOWN, *, is_new=True, **how):
 
 
 def test_what_came_starts_the_timers_before_the_status_is_told():
-    one, none = StatusMachine(SETTINGS), NO_SAMPLES
+    one, none = StatusMachine(SETTINGS, LIMITS), NO_SAMPLES
     some = samples_at(1_000_000, 2_000_000, 1_500_000)
     assert advance(one, 0, none) is Status.LOW_EXCITATION
     assert advance(one, 2_000_000, some) is Status.TRACKING

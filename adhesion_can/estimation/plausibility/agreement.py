@@ -1,12 +1,12 @@
 """Whether samples agree with a curve again, after an objection to them."""
 
 from collections import deque
-from math import inf, isfinite, sqrt
+from math import inf, sqrt
 
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.physics.burckhardt import CurveParameters
+from adhesion_can.estimation.plausibility.steps import CurveBefore
 from adhesion_can.physics.samples import Samples
 from adhesion_can.values import Stateful
 
@@ -25,24 +25,13 @@ class Agreement(Stateful):
     """Compares samples with the curve from before an objection, and with none in coasting."""
 
     def __init__(self) -> None:
-        self._theta: CurveParameters | None = None
-        self._slip_limit = self._level_limit = 0.0
+        self._curve: CurveBefore | None = None
         self._sums: deque[Array] = deque(maxlen=UPDATES)
         self._coasted: deque[float] = deque(maxlen=UPDATES)
 
-    def begin(self, theta: CurveParameters | None, lambda_m: float, mu_max: float) -> None:
-        """Begin anew.
-
-        Args:
-            theta: The curve from before, (c1, c2, c3); None where none was known.
-            lambda_m: Slip ratio of its peak, 1.
-            mu_max: Height of its peak, 1.
-
-        """
-        self._theta = theta
-        known = isfinite(lambda_m)
-        self._slip_limit = SLIP_SHARE * lambda_m if known else 0.0
-        self._level_limit = LEVEL_SHARE * mu_max if known else 0.0
+    def begin(self, curve: CurveBefore | None) -> None:
+        """Begin anew with the curve from before the objection; None where none was known."""
+        self._curve = curve
         self._sums.clear()
         self._coasted.clear()
 
@@ -66,10 +55,10 @@ class Agreement(Stateful):
             self._coasted.clear()
         if len(self._coasted) == UPDATES:
             return abs(sum(self._coasted)) < COASTING_SLIP * UPDATES
-        return self._theta is not None and self._agrees(slip, adhesion, self._theta)
+        return self._curve is not None and self._agrees(slip, adhesion, self._curve)
 
-    def _agrees(self, slip: Array, adhesion: Array, theta: CurveParameters) -> bool:
-        c1, c2, c3 = theta
+    def _agrees(self, slip: Array, adhesion: Array, curve: CurveBefore) -> bool:
+        c1, c2, c3 = curve.theta
         size, sign = np.abs(slip), np.copysign(1.0, slip)
         fall = np.exp(-c2 * size)
         residual = adhesion - sign * (c1 * (1.0 - fall) - c3 * size)
@@ -91,5 +80,5 @@ class Agreement(Stateful):
         offset = product / square if square > 0.0 else inf
         # The scatter within the window, whatever its mean; errors that last are part of it.
         std = sqrt(max(rest / count, 0.0) / square) if square > 0.0 else inf
-        agrees = abs(offset) + 2.0 * std < self._slip_limit
-        return bool(agrees and abs(level / count) < self._level_limit)
+        agrees = abs(offset) + 2.0 * std < SLIP_SHARE * curve.lambda_m
+        return bool(agrees and abs(level / count) < LEVEL_SHARE * curve.mu_max)

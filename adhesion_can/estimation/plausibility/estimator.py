@@ -10,7 +10,7 @@ import numpy as np
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.plausibility.settings import PlausibilitySettings
 from adhesion_can.estimation.plausibility.watch import PlausibilityWatch
-from adhesion_can.estimation.tracker.points import is_usable, is_valid
+from adhesion_can.estimation.tracker.points import is_valid
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import NO_SAMPLES, Samples
@@ -52,7 +52,6 @@ class WatchedEstimator(Stateful):
         """Stamp of an update, number of its samples, and of those beyond the model."""
         self._kept: Estimator | None = None
         """The estimator from before a step of the efforts whose answer is awaited."""
-        self._used_us: int | None = None
         self._objection = Objection.NONE
         self._given: Estimate | None = None
         """Latest estimate of `inner`."""
@@ -73,7 +72,7 @@ class WatchedEstimator(Stateful):
                     self.inner = self._kept
             if not self._watch.waits:
                 self._kept = None
-            self._count(samples, fed)
+            self._count(samples)
         given = self.inner.update(fed, now_us)
         if given is None:
             self._current = None
@@ -82,15 +81,13 @@ class WatchedEstimator(Stateful):
         self._given = given
         return self._current
 
-    def _count(self, samples: Samples, fed: Samples) -> None:
-        """Count what is left out, and note when a sample was used."""
+    def _count(self, samples: Samples) -> None:
+        """Count what is left out."""
         valid = is_valid(samples, self._slip_max)
         t_us = samples.t_us.item(-1)
         self._counts.append((t_us, len(samples), len(samples) - int(np.count_nonzero(valid))))
         while self._counts[0][0] < t_us - RECENT_US:
             self._counts.popleft()
-        if len(fed) and is_usable(fed, self._slip_max).any():
-            self._used_us = t_us
 
     def _vouched(self, estimate: Estimate) -> Estimate:
         """The estimate with the objections to it."""
@@ -98,10 +95,9 @@ class WatchedEstimator(Stateful):
         if objection is Objection.NONE:
             objection = self._further_objection(estimate)
         if objection is Objection.NONE:
-            return replace(estimate, used_us=self._used_us)
+            return estimate
         return replace(
             estimate,
-            used_us=self._used_us,
             objection=objection,
             mu_max_std=inf,
             lambda_m_std=inf,

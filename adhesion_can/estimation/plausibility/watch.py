@@ -92,7 +92,6 @@ class PlausibilityWatch(Stateful):
         self._known = 0
         self._before: deque[CurveBefore | None] = deque(maxlen=HISTORY)
         self._agreement = Agreement()
-        self._reference: CurveBefore | None = None
         self._share = MassShare(sum(vehicle.axle_load) / GRAVITY / vehicle.train_mass)
         self._asked: Asked | None = None
         self.jump = Objection.NONE
@@ -119,16 +118,13 @@ class PlausibilityWatch(Stateful):
             if self._agreement.add(samples):
                 self._forgive()
         else:
+            # By the time that a step of the efforts is judged, later curves have learned of it.
+            asked = self._asked
             self.jump = self._find_jump()
             if self.jump is not Objection.NONE:
+                curve = self._before[0] if asked is None and self._before else None
+                self._agreement.begin(curve if asked is None else asked.curve)
                 self._asked = None
-                self._reference = self._before[0] if self._before else None
-                reference = self._reference
-                self._agreement.begin(
-                    None if reference is None else reference.theta,
-                    inf if reference is None else reference.lambda_m,
-                    inf if reference is None else reference.mu_max,
-                )
         if self.jump is not Objection.NONE:
             return self.jump
         if self.waits:
