@@ -29,7 +29,9 @@ def formula(expression, a=0.1, acts_on="adhesion"):
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     return write(
-        tmp_path_factory.mktemp("strange") / "drive.log", readings(8.0), kept=lambda _, t_s: t_s < 4.0
+        tmp_path_factory.mktemp("strange") / "drive.log",
+        readings(8.0),
+        kept=lambda _, t_s: t_s < 4.0,
     )
 
 
