@@ -107,7 +107,10 @@ class Range:
 
 def shown(number: float) -> str:
     """A number with all its digits that matter."""
-    return str(number) if isinstance(number, int) else f"{number:.12g}"
+    if isinstance(number, int):
+        return str(number)
+    short = f"{number:g}"
+    return short if float(short) == number else f"{number:.12g}"
 
 
 def range_of(annotation: Any) -> Range:

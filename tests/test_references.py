@@ -31,7 +31,7 @@ def test_every_key_has_its_row_with_default_and_unit():
             assert f"| `{key}` |" in rows, (section, key)
     assert "| `false_alarm` | `1e-09` | 1e-100 .. 0.5 | 1 |" in page
     assert "| `hold_s` | `1` | 0 .. 3600 | s |" in page
-    assert "| `axle_load_N` | `245000` | 1 .. 10000000; 1 to 64 values | N |" in page
+    assert "| `axle_load_N` | `245000` | 1 .. 1e+07; 1 to 64 values | N |" in page
 
 
 def test_every_role_has_its_row_with_units():

@@ -113,7 +113,7 @@ class Locomotive:
     ) * 6
     axle_load: Annotated[tuple[float, ...], Within(1, 1e7), Length(1, MOST_AXLES)] = (245e3,) * 6
     wheelset_inertia: Annotated[float, Within(0, 1e6)] = 200.0
-    train_mass: Annotated[float, Within(1, 1e9)] = 1.65e6
+    train_mass: Annotated[float, Within(1, 1e12)] = 1.65e6
     geometry: Geometry | None = field(default_factory=Geometry)
     load_std: Annotated[float, Within(0, 1)] = 0.02
 

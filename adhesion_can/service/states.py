@@ -190,7 +190,10 @@ class StatusMachine:
         """Start the sample age anew where any sample can be used."""
         limits = self._limits
         usable = is_usable(samples, limits.slip_max)
-        usable &= np.abs(samples.adhesion) <= BELIEVED * limits.mu_ceiling
+        believed = np.abs(samples.adhesion) <= BELIEVED * limits.mu_ceiling
+        if 2 * np.count_nonzero(believed) < len(samples):
+            return  # what efforts or loads say of the others is no better
+        usable &= believed
         if usable.any():
             self.add_sample(int(samples.t_us[usable][-1]))
 

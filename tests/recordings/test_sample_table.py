@@ -428,10 +428,21 @@ def test_numbers_come_back_to_the_last_bit(tmp_path_factory, rows):
     rows.sort(key=lambda row: row[0])
     csv_of(path, ["time_s", "slip", "adhesion", "temp"], [map(repr, row) for row in rows])
     samples = read_table(path).samples
+    # What is smaller than anything that is measured counts as 0.
+    rows = [[x if abs(x) >= 1e-30 else 0.0 for x in row] for row in rows]
     assert samples.slip.tolist() == [row[1] for row in rows]
     assert samples.adhesion.tolist() == [row[2] for row in rows]
     assert samples.covariates["temp"].tolist() == [row[3] for row in rows]
     assert samples.t_us.tolist() == [round(row[0] * 1e6) for row in rows]
+
+
+def test_a_number_that_nothing_measures_is_missing_or_0(tmp_path):
+    path = tmp_path / "t.csv"
+    rows = [("0.1", "1e200"), ("1e-200", "0.3"), ("0.1", "inf"), ("0.2", "-0.1")]
+    csv_of(path, ["slip", "adhesion"], rows)
+    table = read_table(path)
+    assert table.samples.slip.tolist() == [0.0, 0.2]
+    assert table.left_out == 2
 
 
 @pytest.mark.parametrize("packed", [False, True])

@@ -29,8 +29,8 @@ LEAST_ANSWER = 0.0015
 """Slip below which no answer to a step of the efforts can be asked for."""
 ANSWERED = 0.4
 """Share of the answer that is asked for by which wheels or vehicle have answered."""
-OFF_CURVE = 0.03
-"""Distance of the adhesion from the curve after a step of all wheels that no curve explains."""
+OFF_CURVE = 0.015
+"""Distance from the curve that a step of all wheels adds, and that no curve explains."""
 
 
 class Window(NamedTuple):
@@ -75,6 +75,10 @@ class CurveBefore(NamedTuple):
     theta: CurveParameters
     mu_max: float
     lambda_m: float
+
+    def distance(self, mu: Array, slip: Array) -> float:
+        """Median distance of axles from the curve, 1; arrays of shape (n,)."""
+        return float(np.median(mu - np.copysign(adhesion(np.abs(slip), *self.theta), slip)))
 
     def slip_at(self, mu: Array) -> Array:
         """Slip of the rising branch with these adhesions, that of its top beyond; shape (n,)."""
@@ -141,9 +145,10 @@ def is_wheel_jump(window: Window, curve: CurveBefore | None, least: float) -> bo
     if curve is None or not one_way or not _is_flat(window.rim, size):
         return False
     mu, slip = after(window.adhesion), after(window.slip)
-    off = abs(float(np.median(mu - np.copysign(adhesion(np.abs(slip), *curve.theta), slip))))
+    off = abs(curve.distance(mu, slip))
     along = float(np.median(slip * np.sign(mu)))
     rolls = along < ROLLING * float(np.median(np.abs(curve.slip_at(mu))))
+    off -= abs(curve.distance(before(window.adhesion), before(window.slip)))
     return off > OFF_CURVE and (bool(is_even) or rolls)
 
 
