@@ -21,7 +21,7 @@ class PlausibilitySettings(Value):
         most_load: Largest sum of the measured axle loads that is believed, as a share of the static
             ones.
         alarm: Deviation of a signal from its course that is no chance, in standard deviations of
-            such deviations as the drive shows them. Smaller: faults are seen sooner and smaller
+            such deviations as the drive shows them, 1. Smaller: faults are seen sooner and smaller
             ones, and sound drives are objected to.
 
     """

@@ -136,6 +136,8 @@ def is_wheel_jump(window: Window, curve: CurveBefore | None, least: float) -> bo
     step = new * before(window.speed) / (after(window.speed) * old) - 1.0
     common = float(np.median(step))
     size = abs(common)
+    if abs(float(np.median(new / old)) - 1.0) < size / 2.0:
+        return False  # it was the vehicle speed that moved
     # Some axle may be moving along the curve by itself.
     most = MOST_AXLES * len(step)
     is_even = np.count_nonzero(np.abs(step - common) <= EVEN * size) >= most

@@ -1,0 +1,184 @@
+"""The watch in front of the estimator: steps that no rail makes, and sound readings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adhesion_can.estimation.plausibility.agreement import UPDATES, Agreement
+from adhesion_can.estimation.plausibility.course import Course, extrapolation
+from adhesion_can.estimation.plausibility.estimator import WatchedEstimator
+from adhesion_can.estimation.plausibility.settings import PlausibilitySettings
+from adhesion_can.estimation.plausibility.steps import (
+    STEPS,
+    CurveBefore,
+    Window,
+    is_effort_step,
+    is_wheel_jump,
+)
+from adhesion_can.physics.objection import WORDINGS, Objection, objection_sentence
+from adhesion_can.physics.samples import Sample, Samples
+from adhesion_can.physics.vehicle import Locomotive
+from tests.service.test_core import KNOWN
+
+CURVE = CurveBefore((0.4, 60.0, 0.3), 0.36, 0.07)
+RNG = np.random.default_rng(1)
+
+
+def curve(slip):
+    c1, c2, c3 = CURVE.theta
+    return c1 * (1.0 - np.exp(-c2 * slip)) - c3 * slip
+
+
+def window(wheels=1.0, efforts=0.0, at=7):
+    """Six axles at slips of 0.5 to 2 %, with a step of all wheels or efforts at a cycle."""
+    slip = np.tile(np.linspace(0.005, 0.02, 6), (STEPS, 1))
+    mu = curve(slip)
+    slip[at:] = wheels * (1.0 + slip[at:]) - 1.0
+    mu[at:] += efforts
+    speed = np.full(STEPS, 14.0)
+    return Window((1.0 + slip) * 14.0, mu, slip, np.full((STEPS, 6), 2.45e5), speed)
+
+
+@pytest.mark.parametrize("factor", [1.03, 0.97, 1.5, 0.5, 9.0, 1e-3])
+def test_one_factor_on_all_wheels_is_a_jump(factor):
+    assert is_wheel_jump(window(factor), CURVE, 0.003)
+    assert not is_wheel_jump(window(1.0), CURVE, 0.003)
+
+
+def test_wheels_that_move_along_the_curve_are_no_jump():
+    """All slips double within a cycle, and the adhesion with them: another effort."""
+    slip = np.tile(np.linspace(0.005, 0.02, 6), (STEPS, 1))
+    slip[7:] *= 2.0
+    given = Window((1 + slip) * 14.0, curve(slip), slip, 0 * slip, np.full(STEPS, 14.0))
+    assert not is_wheel_jump(given, CURVE, 0.003)
+
+
+def test_axles_that_a_rail_moves_differently_are_no_jump():
+    given = window()
+    slip = given.slip.copy()
+    slip[7:] += np.linspace(0.01, 0.06, 6)
+    assert not is_wheel_jump(given._replace(slip=slip, rim=(1 + slip) * 14.0), CURVE, 0.003)
+
+
+def test_a_step_of_all_efforts_is_seen_and_a_ramp_is_not():
+    assert is_effort_step(window(efforts=0.08))
+    assert is_effort_step(window(efforts=-0.08))
+    ramp = window()
+    mu = ramp.adhesion + 0.02 * np.arange(STEPS)[:, None]
+    assert not is_effort_step(ramp._replace(adhesion=mu))
+
+
+def test_a_straight_line_stays_on_its_course_and_a_step_shows_its_size():
+    course = Course(46, 2)
+    for k in range(100):
+        course.add((0.3 * k + 2.0, 0.3 * k + (5.0 if k >= 94 else 0.0)))
+    line, step = (extrapolation(46, [(40, 6)]) @ course.rows)[0]
+    assert abs(line) < 1e-9
+    assert step == pytest.approx(5.0)
+
+
+class Sure:
+    """Estimator that is sure of one curve."""
+
+    def __init__(self):
+        self.fed = 0
+
+    def update(self, samples, now_us):
+        self.fed += len(samples)
+        c1, c2, c3 = CURVE.theta
+        return replace(KNOWN, c1=c1, c2=c2, c3=c3, mu_max=0.36, lambda_m=0.07)
+
+
+def drive(change=lambda _, row: row, cycles=900, seed=3):
+    """Objections of a drive with noise, a row a cycle; and the estimator's number of samples."""
+    rng = np.random.default_rng(seed)
+    sure = Sure()
+    watched = WatchedEstimator(sure, Locomotive(), PlausibilitySettings(), 0.5)
+    seen, true_speed = [], 10.0
+    for k in range(cycles):
+        mu = 0.15 + 0.1 * np.cos((k - 600) / 60.0) + 0.03 * np.arange(6) / 6
+        true_speed += 0.02 * (2.45e5 * mu.sum() / 8e5 - 0.2)
+        speed = true_speed + 0.02 * rng.standard_normal()
+        slip = np.interp(mu, curve(np.linspace(0, 0.07, 500)), np.linspace(0, 0.07, 500))
+        rim = (1.0 + slip) * true_speed
+        speed, rim, mu = change(k, (speed, rim, mu + 0.01 * rng.standard_normal(6)))
+        rows = [
+            Sample(
+                t_us=20_000 * k,
+                axle=i + 1,
+                slip=rim[i] / speed - 1.0,
+                adhesion=mu[i],
+                creep_speed=rim[i] - speed,
+                speed=speed,
+                load=2.45e5,
+                slip_var=1e-7,
+                slip_common_var=(0.02 / speed) ** 2,
+                adhesion_var=1e-4,
+            )
+            for i in range(6)
+        ]
+        seen.append(watched.update(Samples.from_rows(rows), 20_000 * k + 10_000).objection)
+    return seen, sure.fed
+
+
+def after(change, k0=600):
+    return lambda k, row: change(*row) if k >= k0 else row
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_sound_drive_has_no_objection(seed):
+    seen, fed = drive(cycles=3000, seed=seed)
+    assert set(seen) == {Objection.NONE}
+    assert fed == 18_000
+
+
+@pytest.mark.parametrize(
+    ("change", "objection"),
+    [
+        (lambda v, rim, mu: (0.95 * v, rim, mu), Objection.SPEED_JUMP),
+        (lambda v, rim, mu: (v - 0.3, rim, mu), Objection.SPEED_JUMP),
+        (lambda v, rim, mu: (v, 1.03 * rim, mu), Objection.WHEELS_JUMP),
+        (lambda v, rim, mu: (v, 0 * rim + 0.005, mu), Objection.WHEELS_JUMP),
+        (lambda v, rim, mu: (v, rim, mu + 0.08), Objection.EFFORTS_JUMP),
+    ],
+)
+def test_a_jump_is_objected_to_within_half_a_second_and_stands(change, objection):
+    seen, _ = drive(after(change))
+    assert set(seen[:600]) == {Objection.NONE}
+    assert objection in seen[600:625]
+    assert set(seen[625:]) == {objection}
+
+
+def test_a_speed_that_stands_still_leaves_its_course():
+    held = []
+
+    def change(k, row):
+        held.append(row[0])
+        return (np.mean(held[595:600]) + 0.005 * (k % 3), *row[1:]) if k >= 600 else row
+
+    seen, _ = drive(change)
+    assert {Objection.SPEED_DEVIATES, Objection.SPEED_JUMP} & set(seen[600:700])
+
+
+def test_after_a_fault_that_ends_the_readings_agree_again():
+    seen, fed = drive(lambda k, row: (0.95 * row[0], *row[1:]) if 600 <= k < 700 else row)
+    assert Objection.SPEED_JUMP in seen[600:700]
+    assert set(seen[700 + UPDATES + 2 :]) == {Objection.NONE}
+    assert fed < 6 * 800
+
+
+def test_coasting_shows_that_wheels_and_vehicle_run_alike():
+    agreement = Agreement()
+    agreement.begin(None)
+    rest = Samples.curve(np.full(6, 0.0005), np.full(6, 0.004))
+    assert [agreement.add(rest) for _ in range(UPDATES)][-1]
+    agreement.begin(None)
+    off = Samples.curve(np.full(6, 0.03), np.full(6, 0.004))
+    assert not any(agreement.add(off) for _ in range(2 * UPDATES))
+
+
+def test_every_objection_has_words():
+    assert set(WORDINGS) == set(Objection) - {Objection.NONE}
+    assert all(": " in objection_sentence(one) for one in WORDINGS)
+    assert objection_sentence(Objection.NONE) == ""
