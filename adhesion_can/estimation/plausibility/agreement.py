@@ -1,7 +1,7 @@
 """Whether samples agree with a curve again, after an objection to them."""
 
 from collections import deque
-from math import inf, sqrt
+from math import sqrt
 
 import numpy as np
 
@@ -12,9 +12,11 @@ from adhesion_can.values import Stateful
 
 UPDATES = 40
 """Number of latest updates that have to agree."""
-SLIP_SHARE, LEVEL_SHARE = 0.08, 0.02
-"""Offset of the slips as a share of λ_m, and of the adhesion as a share of μ_max, up to which
-samples agree; the offset of the slips with two of its standard deviations."""
+SLIP_SHARE, LEVEL_SHARE = 0.08, 0.03
+"""Offset of the slips as a share of λ_m, and of the adhesion below and above half of it as a
+share of μ_max, up to which samples agree; the former with two of its standard deviations."""
+LOW, LEAST_LOW = 0.5, 0.1
+"""Slip below which samples tell an offset, as a share of λ_m, and share of samples that must."""
 COASTING = 0.02
 """Adhesion below which wheels run as the vehicle does on every rail."""
 COASTING_SLIP = 0.002
@@ -63,22 +65,33 @@ class Agreement(Stateful):
         fall = np.exp(-c2 * size)
         residual = adhesion - sign * (c1 * (1.0 - fall) - c3 * size)
         slope = c1 * c2 * fall - c3
+        low = size < LOW * curve.lambda_m
+        along = residual * sign
         self._sums.append(
             np.array(
                 [
                     len(slip),
                     slope @ slope,
                     slope @ residual,
-                    residual @ sign,
                     residual @ residual,
+                    np.count_nonzero(low),
+                    along[low].sum(),
+                    along[~low].sum(),
                 ]
             )
         )
         if len(self._sums) < UPDATES:
             return False
-        count, square, product, level, rest = np.sum(self._sums, axis=0).tolist()
-        offset = product / square if square > 0.0 else inf
+        count, square, product, rest, lower, level, upper_level = np.sum(
+            self._sums, axis=0
+        ).tolist()
+        if lower < LEAST_LOW * count or not square > 0.0:
+            return False  # near the top another rail and another error look alike
         # The scatter within the window, whatever its mean; errors that last are part of it.
-        std = sqrt(max(rest / count, 0.0) / square) if square > 0.0 else inf
-        agrees = abs(offset) + 2.0 * std < SLIP_SHARE * curve.lambda_m
-        return bool(agrees and abs(level / count) < LEVEL_SHARE * curve.mu_max)
+        offset = abs(product / square) + 2.0 * sqrt(rest / count / square)
+        limit = LEVEL_SHARE * curve.mu_max
+        return bool(
+            offset < SLIP_SHARE * curve.lambda_m
+            and abs(level) < limit * lower
+            and abs(upper_level) <= limit * (count - lower)
+        )
