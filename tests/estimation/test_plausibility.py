@@ -161,6 +161,30 @@ def test_a_speed_that_stands_still_leaves_its_course():
     assert {Objection.SPEED_DEVIATES, Objection.SPEED_JUMP} & set(seen[600:700])
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300, 0.0])
+def test_readings_without_a_value_leave_nothing_behind(value):
+    def change(k, row):
+        v, rim, mu = row
+        return (v, rim, mu * 0 + value) if 300 <= k < 310 else (v, rim, mu)
+
+    seen, _ = drive(change)
+    assert set(seen[600:]) == {Objection.NONE}
+
+
+def test_axles_that_are_lost_end_a_question():
+    """Of a step of the efforts nobody can tell with two axles left."""
+    rng = np.random.default_rng(5)
+    watched = WatchedEstimator(Sure(), Locomotive(), PlausibilitySettings(), 0.5)
+    seen = []
+    for k in range(700):
+        mu = 0.15 + (0.08 if k >= 400 else 0.0) + 0.01 * rng.standard_normal(6)
+        axles = range(6) if k < 405 else range(2)
+        rows = [Sample(20_000 * k, i + 1, 0.008, mu[i], 0.1, 12.0, 2.45e5) for i in axles]
+        seen.append(watched.update(Samples.from_rows(rows), 20_000 * k + 10_000).objection)
+    assert Objection.EFFORTS_JUMP in seen[400:405]
+    assert set(seen[420:]) == {Objection.NONE}
+
+
 def test_after_a_fault_that_ends_the_readings_agree_again():
     seen, fed = drive(lambda k, row: (0.95 * row[0], *row[1:]) if 600 <= k < 700 else row)
     assert Objection.SPEED_JUMP in seen[600:700]

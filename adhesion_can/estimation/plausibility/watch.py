@@ -16,7 +16,7 @@ its course on a sound drive is learned from the drive.
 """
 
 from collections import deque
-from math import inf, sqrt
+from math import inf, isfinite, sqrt
 
 import numpy as np
 
@@ -171,7 +171,12 @@ class PlausibilityWatch(Stateful):
             force = sum(forces[i] for i in live)
             self._travelled += seconds * force * GRAVITY / weight if weight > 0.0 else 0.0
         rims = sorted(latest[0, i] for i in live)
-        self._speeds.add((speed, rims[len(rims) // 2], self._travelled))
+        course = (speed, rims[len(rims) // 2], self._travelled)
+        if all(map(isfinite, course)):
+            self._speeds.add(course)
+        else:
+            self._travelled = 0.0
+            self._speeds.clear()
         self._steps.add(latest.ravel())
         known = estimate is not None and estimate.identifiable.both
         self._before.append(
@@ -214,10 +219,10 @@ class PlausibilityWatch(Stateful):
     def _find_step(self) -> Objection:
         """Whether all wheels, all efforts or all loads made a step at once."""
         live = self._live
-        if len(live) < LEAST_AXLES or self._speeds.count < STEPS:
-            return Objection.NONE
         rows = self._steps.rows.reshape(STEPS, 4, self._axles)[:, :, live]
-        if not np.isfinite(rows).all():
+        known = len(live) >= LEAST_AXLES and self._speeds.count >= STEPS
+        if not known or not np.isfinite(rows).all():
+            self._asked = None
             return Objection.NONE
         rim, adhesion, slip, load = rows.transpose(1, 0, 2)
         window = Window(rim, adhesion, slip, load, self._speeds.rows[-STEPS:, 0])
