@@ -254,7 +254,7 @@ def _print(outcomes: Sequence[NoiseLevelResult], out: Path, missing: InputError 
     for made in outcomes:
         shown = merit_table(made)
         screen.print(table(shown.caption, shown.columns, shown.rows))
-    lines = [fill(merit_table(outcomes[0]).note, PIPE_WIDTH), ""]
+    lines = [*fill(merit_table(outcomes[0]).note, PIPE_WIDTH).splitlines(), ""]
     for made in outcomes:
         lines += verdict(made)
     endings = (".json", ".csv") if missing else (".html", ".json", ".csv")

@@ -66,7 +66,7 @@ class SamplingSettings:
 
     """
 
-    v_min: Annotated[float, Within(0.01, 100)] = V_MIN
+    v_min: Annotated[float, Within(0.01, 1000)] = V_MIN
     max_gap_cycles: Annotated[float, Within(1, 1000)] = 3.0
     min_load_share: Annotated[float, Within(0.001, 0.99)] = 0.1
 

@@ -273,7 +273,7 @@ def test_a_restart_begins_with_a_fresh_estimator():
     for start in (0, 90_000_000):
         for frame in bench.drive(start, start + 1_000_000):
             core.feed(frame)
-        assert isinstance(core._estimation._estimator, ExtendedEstimator)
+        assert isinstance(core._estimation._estimator.inner, ExtendedEstimator)
         says.append(core.estimate)
     assert core.counts.restarts == 1
     assert says[0].theta == says[1].theta

@@ -397,7 +397,7 @@ def test_every_estimator_made_is_a_fresh_one():
     ends = []
     for _ in range(2):
         estimator = config.make_estimator()
-        assert isinstance(estimator, ExtendedEstimator)
+        assert isinstance(estimator.inner, ExtendedEstimator)
         for samples in batches:
             estimate = estimator.update(samples, int(samples.t_us[-1]))
         ends.append(estimate)

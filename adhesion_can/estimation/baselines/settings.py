@@ -32,7 +32,7 @@ class EvolutionSettings:
 
     """
 
-    population: Annotated[int, Within(4, 1000)] = 30
+    population: Annotated[int, Within(4, 20000)] = 30
     generations: Annotated[int, Within(1, 10000)] = 50
     crossover: Annotated[float, Within(0, 1)] = 0.9
     lower: Annotated[tuple[float, float, float], Within(0, 10), Within(0, 1e5), Within(0, 1000)] = (

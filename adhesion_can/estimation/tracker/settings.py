@@ -53,7 +53,7 @@ class MemorySettings(Value):
 
     """
 
-    times_s: Annotated[tuple[float, ...], Within(0.01, 1e7), Length(1, 16)] = (3600.0, 15.0, 3.0)
+    times_s: Annotated[tuple[float, ...], Within(0.01, 1e12), Length(1, 16)] = (3600.0, 15.0, 3.0)
     drift: Annotated[float, Within(0, 0.999)] = 0.01
     switch_s: Annotated[float, Within(0.01, 1e7)] = 10.0
 
@@ -154,4 +154,4 @@ class TrackerSettings(Value):
     def __post_init__(self) -> None:
         require_ranges(self)
         if self.curves % 2:
-            raise ValueError(f"curves = {self.curves} is not even")
+            raise ValueError(f"curves must be even, and is {self.curves}")

@@ -77,7 +77,8 @@ def _columns(path: Path, name: str) -> Iterator[Columns]:
         for index, channel in enumerate(mdf.groups[group].channels):
             if index == master:
                 continue
-            signal = mdf.get(group=group, index=index)
+            # Else rows whose value is marked as invalid are missing from the column.
+            signal = mdf.get(group=group, index=index, ignore_invalidation_bits=True)
             if signal.samples.ndim != 1:
                 continue
             values[channel.name] = _column(signal)
