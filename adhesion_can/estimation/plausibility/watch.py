@@ -55,8 +55,8 @@ LEAST_WHEEL_JUMP = 0.003
 """Step of most wheel speeds that is told at least, as a share of them."""
 LEAST_AXLES = 3
 """Number of axles that agree on a step by no chance."""
-ANSWER_CYCLES, FORCE_CYCLES = 10, 50
-"""Number of cycles that wheels are given to answer a step of the efforts, and the vehicle."""
+ANSWER_CYCLES = 10
+"""Number of cycles that wheels are given to answer a step of the efforts."""
 TELLING = 4.0
 """Answer of the vehicle, in standard deviations, below which none can be asked for."""
 LOADS_JUMPED = 0.15
@@ -248,19 +248,31 @@ class PlausibilityWatch(Stateful):
         if asked.cycles == ANSWER_CYCLES:
             if asked.is_answered(after(window.adhesion), after(window.slip)):
                 self._asked = None
-        elif asked.cycles >= FORCE_CYCLES:
+        elif asked.cycles == WINDOWS[1][1] and self._is_driven(1):
             self._asked = None
-            if self._speeds.is_full and not self._is_driven():
+        elif asked.cycles >= WINDOWS[2][1]:
+            self._asked = None
+            if self._is_driven(2) is False:
                 return Objection.EFFORTS_JUMP
         return Objection.NONE
 
-    def _is_driven(self) -> bool:
-        """Whether the vehicle moves as the forces of the last second say, or nobody can tell."""
-        speed, _, force = (_WEIGHTS[-1] @ self._speeds.rows).tolist()
+    def _is_driven(self, number: int) -> bool | None:
+        """Whether the vehicle moves as the forces since a step say; None where nobody can tell.
+
+        Args:
+            number: Number of the window, as long as the time since the step.
+
+        """
+        if not self._speeds.is_full:
+            return None
+        speed, _, force = (_WEIGHTS[number] @ self._speeds.rows).tolist()
         expected = self._share.value * force
-        if abs(expected) < TELLING * sqrt(self._square.item(-1)):
-            return True
-        return bool(speed * np.sign(expected) > ANSWERED * abs(expected))
+        if abs(expected) < TELLING * sqrt(self._square.item(number)):
+            return None
+        answer = speed * float(np.sign(expected))
+        # By chance a vehicle that was not driven does not answer so much before the last window.
+        least = 0.0 if number == len(WINDOWS) - 1 else TELLING * sqrt(self._square.item(number))
+        return bool(answer > max(ANSWERED * abs(expected), least))
 
     @property
     def _live(self) -> list[int]:
