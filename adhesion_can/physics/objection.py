@@ -43,7 +43,7 @@ WORDINGS: Mapping[Objection, Wording] = {
         "the vehicle speed jumped, and neither efforts nor wheels moved the vehicle", _UNTIL
     ),
     Objection.WHEELS_JUMP: Wording(
-        "all wheel speeds jumped by one factor within a cycle, which no rail does", _UNTIL
+        "all wheel speeds jumped within a cycle as no wheelset does", _UNTIL
     ),
     Objection.EFFORTS_JUMP: Wording("all efforts jumped, and no wheel answered with slip", _UNTIL),
     Objection.LOADS_JUMP: Wording(

@@ -119,10 +119,10 @@ class Asked(NamedTuple):
 
 
 def is_wheel_jump(window: Window, curve: CurveBefore | None, least: float) -> bool:
-    """Whether most wheel speeds made one step, away from the curve.
+    """Whether most wheel speeds made a step that no wheelset makes.
 
-    A rail moves axles by different amounts, and along its curve. One factor on all wheels is a
-    reading's; so are wheels that are pulled and roll as if they were free.
+    That is one large factor on all wheels, or wheels that are pulled and roll as if they were free.
+    A small factor may be a rail that changed under all axles at once.
 
     Args:
         window: The latest cycles.
@@ -151,7 +151,7 @@ def is_wheel_jump(window: Window, curve: CurveBefore | None, least: float) -> bo
     along = float(np.median(slip * np.sign(mu)))
     rolls = along < ROLLING * float(np.median(np.abs(curve.slip_at(mu))))
     off -= abs(curve.distance(before(window.adhesion), before(window.slip)))
-    return off > OFF_CURVE and (bool(is_even) or rolls)
+    return off > OFF_CURVE and rolls
 
 
 def _is_flat(rim: Array, size: float) -> bool:

@@ -61,6 +61,8 @@ TELLING = 4.0
 """Answer of the vehicle, in standard deviations, below which none can be asked for."""
 LOADS_JUMPED = 0.15
 """Step of the sum of the axle loads, as a share, that no vehicle makes."""
+ABSURD = 100.0
+"""Adhesion from which a sample has none."""
 LONGEST_GAP_CYCLES = 5.0
 """Pause, in usual cycles, after which a course begins anew."""
 HISTORY = 15
@@ -89,6 +91,7 @@ class PlausibilityWatch(Stateful):
         self._cycle_s = inf
         self._travelled = 0.0
         self._square = np.zeros(len(WINDOWS))
+        self._answer_square = np.zeros(len(WINDOWS))
         self._known = 0
         self._before: deque[CurveBefore | None] = deque(maxlen=HISTORY)
         self._agreement = Agreement()
@@ -157,7 +160,8 @@ class PlausibilityWatch(Stateful):
         place = samples.axle - 1
         latest = self._latest
         latest[0, place] = samples.speed + samples.creep_speed
-        latest[1, place] = samples.adhesion
+        # No number at all where it is absurd: products of it would overflow.
+        latest[1, place] = np.where(np.abs(samples.adhesion) < ABSURD, samples.adhesion, np.nan)
         latest[2, place] = samples.slip
         latest[3, place] = samples.load
         self._age = [age + 1 for age in self._age]
@@ -212,7 +216,10 @@ class PlausibilityWatch(Stateful):
             # What is far out counts as half of that: it may be the beginning of a fault.
             square = np.minimum(square, limit / 4.0)
         self._known += 1
-        self._square += (square - self._square) / min(self._known, MEMORY)
+        weight = 1.0 / min(self._known, MEMORY)
+        self._square += weight * (square - self._square)
+        rest = speed - self._share.value * force
+        self._answer_square += weight * (rest * rest - self._answer_square)
         self._share.add(float(speed[-1]), float(force[-1]))
         return Objection.NONE
 
@@ -267,11 +274,13 @@ class PlausibilityWatch(Stateful):
             return None
         speed, _, force = (_WEIGHTS[number] @ self._speeds.rows).tolist()
         expected = self._share.value * force
-        if abs(expected) < TELLING * sqrt(self._square.item(number)):
+        if abs(expected) < TELLING * sqrt(self._answer_square.item(number)):
             return None
         answer = speed * float(np.sign(expected))
         # By chance a vehicle that was not driven does not answer so much before the last window.
-        least = 0.0 if number == len(WINDOWS) - 1 else TELLING * sqrt(self._square.item(number))
+        least = (
+            0.0 if number == len(WINDOWS) - 1 else TELLING * sqrt(self._answer_square.item(number))
+        )
         return bool(answer > max(ANSWERED * abs(expected), least))
 
     @property
