@@ -11,7 +11,6 @@ import os
 import shutil
 import stat
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from hashlib import sha256
@@ -20,11 +19,11 @@ from tempfile import gettempdir
 from typing import Any, BinaryIO
 
 from adhesion_can.errors import InputError
+from adhesion_can.pipes import open_stream
 
 READER_WAIT_S = 60.0
 """Time for which the reader of a named pipe is waited for, s."""
 
-_READER_POLL_S = 0.02
 _ROOM = "make room, or name another folder"
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _LONGEST_LABEL = 32
@@ -232,7 +231,7 @@ class OutputFile:
                 self._temporary = Temporary(self._target)
                 self.file: BinaryIO = self._temporary.file
             else:
-                self._stream = self.file = _open_stream(path, reader_wait_s)
+                self._stream = self.file = os.fdopen(open_stream(path, reader_wait_s), "wb")
                 if random_access:
                     self._target = Path(gettempdir()) / path.name
                     self._temporary = Temporary(self._target)
@@ -366,30 +365,6 @@ def _rights(target: Path) -> int | None:
     except FileNotFoundError:
         return None
     return form & 0o777 if stat.S_ISREG(form) else None
-
-
-def _open_stream(path: Path, reader_wait_s: float) -> BinaryIO:
-    """A device or a pipe, open for writing."""
-    until_s = time.monotonic() + reader_wait_s
-    while True:
-        try:
-            # Else a pipe without a reader would be waited for without an end.
-            number = _open(path, os.O_WRONLY, "O_NONBLOCK", "O_NOCTTY")
-            break
-        except OSError as error:
-            if error.errno != errno.ENXIO or not path.is_fifo():
-                raise
-            if time.monotonic() >= until_s:
-                raise InputError(
-                    str(path), "nobody reads this pipe", "start its reader first"
-                ) from error
-        time.sleep(_READER_POLL_S)
-    if stat.S_ISREG(os.fstat(number).st_mode):
-        os.close(number)
-        raise InputError(str(path), "was a pipe or a device and became a file", "try again")
-    if sys.platform != "win32":
-        os.set_blocking(number, True)
-    return os.fdopen(number, "wb")
 
 
 def _free_part(target: Path) -> Path:

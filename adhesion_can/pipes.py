@@ -6,6 +6,7 @@ import io
 import os
 import select
 import stat
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,17 +30,24 @@ def is_stream(path: Path) -> bool:
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
 
 
-def open_stream(path: Path) -> int:
+def open_stream(path: Path, reader_s: float | None = None) -> int:
     """Descriptor of a pipe or a device, for writing.
 
+    Args:
+        path: Path of the pipe or the device.
+        reader_s: Time in which a pipe's reader must have opened it, s; None: `READER_S`.
+
     Raises:
-        InputError: Nobody reads the pipe, or it cannot be opened.
+        InputError: Nobody reads the pipe, it cannot be opened, or a file has taken its place.
 
     """
-    end_s = time.monotonic() + READER_S
+    end_s = time.monotonic() + (READER_S if reader_s is None else reader_s)
+    flags = os.O_WRONLY
+    for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY"):
+        flags |= getattr(os, name, 0)  # as far as this system has them
     while True:
         try:
-            descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+            descriptor = os.open(path, flags)
         except OSError as error:
             if not (error.errno == errno.ENXIO and path.is_fifo()):
                 reason = error.strerror or "cannot be opened"
@@ -49,8 +57,13 @@ def open_stream(path: Path) -> int:
                 raise InputError(str(path), "is a pipe that nobody reads", mend) from error
             time.sleep(_LOOK_S)
         else:
-            os.set_blocking(descriptor, True)
-            return descriptor
+            break
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise InputError(str(path), "was a pipe or a device and became a file", "try again")
+    if sys.platform != "win32":
+        os.set_blocking(descriptor, True)
+    return descriptor
 
 
 def write_whole(descriptor: int, data: bytes) -> None:

@@ -374,7 +374,7 @@ def test_files_of_a_folder_are_written_under_names_of_ours(command):
 
 def test_a_pipe_that_nobody_reads_is_told(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(InputError, match="nobody reads this pipe; start its reader first"):
+    with pytest.raises(InputError, match="is a pipe that nobody reads; start its reader first"):
         OutputFile(tmp_path / "pipe", reader_wait_s=0.1)
 
 
