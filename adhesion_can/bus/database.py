@@ -138,7 +138,9 @@ def _load_packaged() -> CanDatabase:
 def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
     """A database from its file; errors as in `load_database`."""
     # It is read twice, and what a device gives may have no end: a file alone will do.
-    mend = f"check the path ({path.absolute()}); that of a configuration's [bus] is beside it"
+    mend = (
+        f"check the path ({path.absolute()}); a path in [bus] is relative to the configuration file"
+    )
     content = read_small_file(path, LARGEST_FILE, kind=DatabaseError, mend=mend)
     if path.suffix.lower() not in DATABASE_SUFFIXES:
         raise DatabaseError(str(path), "no CAN database by its name", _GIVE_DATABASE)

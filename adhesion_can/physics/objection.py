@@ -37,31 +37,31 @@ class Wording(NamedTuple):
     mend: str
 
 
-_UNTIL = "no peak until they agree again, or coasting shows that they do"
+_UNTIL = "no peak until the readings agree again, or coasting confirms them"
 WORDINGS: Mapping[Objection, Wording] = {
     Objection.SPEED_JUMP: Wording(
-        "the vehicle speed jumped, and neither efforts nor wheels moved the vehicle", _UNTIL
+        "the vehicle speed jumped, but forces and wheel speeds did not", _UNTIL
     ),
     Objection.WHEELS_JUMP: Wording(
-        "all wheel speeds jumped within a cycle as no wheelset does", _UNTIL
+        "most wheel speeds jumped within one cycle, faster than a wheelset can", _UNTIL
     ),
-    Objection.EFFORTS_JUMP: Wording("all efforts jumped, and no wheel answered with slip", _UNTIL),
-    Objection.LOADS_JUMP: Wording(
-        "the axle loads jumped together", "no peak until they are what they were"
+    Objection.EFFORTS_JUMP: Wording(
+        "all efforts jumped, but neither slip nor vehicle speed responded", _UNTIL
     ),
+    Objection.LOADS_JUMP: Wording("all axle loads jumped at once", _UNTIL),
     Objection.SPEED_DEVIATES: Wording(
-        "the vehicle speed leaves its course, and the wheels do not", _UNTIL
+        "the vehicle speed departs from what forces and wheel speeds imply", _UNTIL
     ),
     Objection.LOADS_OFF: Wording(
-        "the axle loads are far from the static ones",
-        "check [vehicle] axle_load, or the range under [plausibility]",
+        "the axle loads differ too much from the static loads",
+        "check [vehicle] axle_load, or least_load and most_load in [plausibility]",
     ),
     Objection.BEYOND_CEILING: Wording(
-        "the adhesion is more than a rail gives",
-        "check efforts and loads; a road has more: [plausibility] mu_ceiling",
+        "the peak exceeds what a rail can provide",
+        "check efforts and loads; for tyres on a road raise [plausibility] mu_ceiling",
     ),
     Objection.SLIPS_BEYOND_MODEL: Wording(
-        "the slips are beyond the model at all axles: wheels that are locked or spin, or a sensor",
+        "most slip ratios are outside the model: locked or spinning wheels, or a faulty sensor",
         "check wheel and vehicle speed",
     ),
 }

@@ -12,6 +12,11 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.values import Stateful
 
+COURSE = 125
+"""Number of cycles of the course of the vehicle speed."""
+MEMORY = 3000.0
+"""Number of cycles over which the drive's own deviations from its course are averaged."""
+
 
 class Course(Stateful):
     """The latest values of some signals, one row a cycle.

@@ -1,11 +1,8 @@
 """How much of its forces moves the vehicle: its mass over that of the train, from the drive."""
 
+from adhesion_can.estimation.plausibility.course import COURSE, MEMORY
 from adhesion_can.values import Stateful
 
-COURSE = 125
-"""Number of cycles of the course of the vehicle speed."""
-MEMORY = 3000.0
-"""Number of cycles over which is averaged what the drive shows of it."""
 FORCE_SLACK = 1.5
 """Factor on what the forces do to the vehicle that is still motion."""
 MASS_KNOWN = 5.0

@@ -22,8 +22,8 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.plausibility.agreement import Agreement
-from adhesion_can.estimation.plausibility.course import Course, extrapolation
-from adhesion_can.estimation.plausibility.mass_share import COURSE, MEMORY, MassShare
+from adhesion_can.estimation.plausibility.course import COURSE, MEMORY, Course, extrapolation
+from adhesion_can.estimation.plausibility.mass_share import MassShare
 from adhesion_can.estimation.plausibility.settings import PlausibilitySettings
 from adhesion_can.estimation.plausibility.steps import (
     ANSWERED,
