@@ -209,6 +209,15 @@ def test_coasting_shows_that_wheels_and_vehicle_run_alike():
     assert not any(agreement.add(off) for _ in range(2 * UPDATES))
 
 
+def test_beyond_the_top_the_slip_is_that_of_the_top():
+    """Whatever the estimate says of its height, which may be that of several families."""
+    for mu_max in (0.2, 0.36, 0.5):
+        slips = CURVE._replace(mu_max=mu_max).slip_at(np.array([-0.9, -0.2, 0.0, 0.2, 0.9]))
+        assert slips[4] == pytest.approx(CURVE.lambda_m, abs=1e-3)
+        assert curve(slips[3]) == pytest.approx(0.2)
+        assert np.array_equal(slips, -slips[::-1])
+
+
 def test_every_objection_has_words():
     assert set(WORDINGS) == set(Objection) - {Objection.NONE}
     assert all(": " in objection_sentence(one) for one in WORDINGS)

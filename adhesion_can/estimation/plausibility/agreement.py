@@ -7,6 +7,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.plausibility.steps import CurveBefore
+from adhesion_can.physics.burckhardt import adhesion, adhesion_slope
 from adhesion_can.physics.samples import Samples
 from adhesion_can.values import Stateful
 
@@ -44,29 +45,26 @@ class Agreement(Stateful):
             samples: Samples of an update, at least one.
 
         """
-        slip, adhesion = samples.slip, samples.adhesion
-        usable = np.isfinite(slip) & np.isfinite(adhesion) & (np.abs(slip) < 1.0)
+        slip, mu = samples.slip, samples.adhesion
+        usable = np.isfinite(slip) & np.isfinite(mu) & (np.abs(slip) < 1.0)
         if not usable.any():
             self._sums.clear()
             self._coasted.clear()
             return False
-        slip, adhesion = slip[usable], adhesion[usable]
-        if float(np.abs(adhesion).max()) < COASTING:
+        slip, mu = slip[usable], mu[usable]
+        if float(np.abs(mu).max()) < COASTING:
             self._coasted.append(float(slip.mean()))
         else:
             self._coasted.clear()
         if len(self._coasted) == UPDATES:
             return abs(sum(self._coasted)) < COASTING_SLIP * UPDATES
-        return self._curve is not None and self._agrees(slip, adhesion, self._curve)
+        return self._curve is not None and self._agrees(slip, mu, self._curve)
 
-    def _agrees(self, slip: Array, adhesion: Array, curve: CurveBefore) -> bool:
-        c1, c2, c3 = curve.theta
-        size, sign = np.abs(slip), np.copysign(1.0, slip)
-        fall = np.exp(-c2 * size)
-        residual = adhesion - sign * (c1 * (1.0 - fall) - c3 * size)
-        slope = c1 * c2 * fall - c3
-        low = size < LOW * curve.lambda_m
-        along = residual * sign
+    def _agrees(self, slip: Array, mu: Array, curve: CurveBefore) -> bool:
+        residual = mu - adhesion(slip, *curve.theta)
+        slope = adhesion_slope(slip, *curve.theta)
+        low = np.abs(slip) < LOW * curve.lambda_m
+        along = residual * np.copysign(1.0, slip)
         self._sums.append(
             np.array(
                 [

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.physics.burckhardt import CurveParameters, adhesion
+from adhesion_can.physics.burckhardt import CurveParameters, adhesion, slip_at
 
 STEPS = 12
 """Number of cycles of wheels, adhesion, slips and loads in which steps are looked for."""
@@ -80,13 +80,12 @@ class CurveBefore(NamedTuple):
 
     def distance(self, mu: Array, slip: Array) -> float:
         """Median distance of axles from the curve, 1; arrays of shape (n,)."""
-        return float(np.median(mu - np.copysign(adhesion(np.abs(slip), *self.theta), slip)))
+        return float(np.median(mu - adhesion(slip, *self.theta)))
 
     def slip_at(self, mu: Array) -> Array:
         """Slip of the rising branch with these adhesions, that of its top beyond; shape (n,)."""
-        grid = np.linspace(0.0, self.lambda_m, 64)
-        level = adhesion(grid, *self.theta)
-        return np.asarray(np.copysign(np.interp(np.abs(mu), level, grid), mu))
+        top = adhesion(self.lambda_m, *self.theta)
+        return slip_at(np.clip(mu, -top, top), *self.theta, self.lambda_m)
 
 
 class Asked(NamedTuple):
