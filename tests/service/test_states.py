@@ -163,6 +163,26 @@ def test_what_came_starts_the_timers_before_the_status_is_told():
     assert advance(one, 3_700_000, none, changed, stale=True) is Status.STALE_INPUT
 
 
+SHARED = {"axle": 1, "speed": 10.0, "load": 1e5}
+UNUSED = {
+    "a spin": [Sample(0, slip=0.6, adhesion=0.2, creep_speed=6.0, **SHARED)],
+    "coasting": [
+        Sample(0, slip=1e-4, adhesion=0.0, creep_speed=1e-3, slip_var=1e-6, **SHARED),
+    ],
+    "efforts that no rail carries": [
+        Sample(0, slip=0.02, adhesion=1.5, creep_speed=0.2, **SHARED),
+        Sample(0, slip=0.02, adhesion=1.6, creep_speed=0.2, **SHARED),
+        Sample(0, slip=0.02, adhesion=0.2, creep_speed=0.2, **SHARED),
+    ],
+}
+
+
+@pytest.mark.parametrize("rows", UNUSED.values(), ids=UNUSED)
+def test_samples_that_no_estimate_can_use_start_no_timer(rows):
+    one = StatusMachine(SETTINGS, LIMITS)
+    assert advance(one, 0, Samples.from_rows(rows)) is Status.LOW_EXCITATION
+
+
 def test_old_samples_are_low_excitation():
     one = machine(1_000_000)
     assert status(one, 3_000_000) is Status.TRACKING
