@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
 from adhesion_can.api.inputs import RecordingLike, as_recordings, name_of
+from adhesion_can.arrays import Array
 from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.offline.stamps import in_seconds
-from adhesion_can.physics.status import Status
 from adhesion_can.recordings.sequence import blocks_in_sequence
+from adhesion_can.reporting.export import Field
 from adhesion_can.reporting.setpoints import FIELDS, setpoint_row
 from adhesion_can.result_text import html_table
 from adhesion_can.service.core import ServiceCore
@@ -25,9 +26,9 @@ class SetpointTable(dict[str, NDArray[Any]]):
 
     `time_s` (s, on the clock of the recording), `status` (text), `mu_max`, `mu_max_std`,
     `lambda_m`, `lambda_m_std`, `c1`, `c2`, `c3`, `surface_age_s` (s), `mu_max_ax1` and so on, and
-    as texts `doubt` (a name of `AdhesionQuality.Doubt`) and `family` (the most probable family of
-    curves); where not available numbers are NaN and texts empty. It is a dict,
-    so `pandas.DataFrame(table)` takes it as it is.
+    as texts `doubt` (a name of `AdhesionQuality.Doubt`), `family` (the most probable family of
+    curves) and `objection` (what the readings cannot be, or NONE); where not available numbers are
+    NaN and texts empty. It is a dict, so `pandas.DataFrame(table)` takes it as it is.
     """
 
     def to_dict(self) -> dict[str, list[Any]]:
@@ -88,17 +89,13 @@ def replay(
     require_frames_in_span(summary, from_s, name_of(opened))
     require_accepted_frame(core.receiver, summary.frames, name_of(opened))
     values = np.array(rows, dtype=np.float64).reshape(-1, len(FIELDS)).T
-    status, *numbers, doubt, family = values
-    names = np.array([status.name for status in Status])
-    texts = {
-        field.name: np.array([field.names.get(number, "") for number in column.tolist()], np.str_)
-        for field, column in zip(FIELDS[-2:], (doubt, family), strict=True)
+    columns = {
+        field.name: _texts(field, column) if field.text else column
+        for field, column in zip(FIELDS, values, strict=True)
     }
-    return SetpointTable(
-        {
-            "time_s": np.array(times, dtype=np.float64) / 1e6,
-            "status": names[status.astype(np.int64)],
-            **{field.name: column for field, column in zip(FIELDS[1:-2], numbers, strict=True)},
-            **texts,
-        }
-    )
+    return SetpointTable({"time_s": np.array(times, dtype=np.float64) / 1e6, **columns})
+
+
+def _texts(field: Field, numbers: Array) -> NDArray[np.str_]:
+    """Names that numbers stand for; '' where not available."""
+    return np.array([field.names.get(number, "") for number in numbers.tolist()], np.str_)

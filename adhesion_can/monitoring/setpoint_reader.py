@@ -7,7 +7,7 @@ from math import inf
 
 from adhesion_can.bus.checked_message import CheckedMessage, SignalValues
 from adhesion_can.bus.message_record import LATE_CYCLES
-from adhesion_can.bus.output_values import status_in, theta_in
+from adhesion_can.bus.output_values import objection_in, status_in, theta_in
 from adhesion_can.monitoring.snapshot import HistoryPoint, ServiceView
 from adhesion_can.physics.doubt import Doubt
 
@@ -51,7 +51,7 @@ class SetpointReader:
                 creep_speed=values.get("CreepSpeedSetpoint"),
             )
         elif name == MODEL:
-            view = replace(view, theta=theta_in(values))
+            view = replace(view, theta=theta_in(values), objection=objection_in(values))
         elif name == QUALITY:
             view = replace(
                 view,

@@ -6,6 +6,7 @@ from enum import Enum, StrEnum, auto
 from typing import NamedTuple
 
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 
 
@@ -152,6 +153,7 @@ class ServiceView:
         creep_speed: Creep speed to control to, m/s.
         theta: Curve parameters (c1, c2, c3).
         doubt: Condition that the residual depends on.
+        objection: What the readings cannot be, where that is why nobody vouches for the peak.
         surface_age_s: Time since the rail last changed, s.
         rejected: Number of frames that the service rejected.
         lost: Number of frames that the service lost.
@@ -169,6 +171,7 @@ class ServiceView:
     creep_speed: float | None = None
     theta: tuple[float, float, float] | None = None
     doubt: Doubt = Doubt.NOT_AVAILABLE
+    objection: Objection = Objection.NONE
     surface_age_s: float | None = None
     rejected: int | None = None
     lost: int | None = None

@@ -18,10 +18,12 @@ from adhesion_can.offline.extract_samples import Hole
 from adhesion_can.offline.fault_history import FaultHistory
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.offline.scan import Scan, SignalRange, scan
+from adhesion_can.offline.watch_samples import ObjectionSpan, watch_samples
 from adhesion_can.physics.readings import REQUIRED, Role, role_name
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.plurals import counted
+from adhesion_can.result_text import TimeScale
 
 RATE_TOLERANCE = 0.1
 """Largest share by which a message's mean cycle may differ from its nominal one."""
@@ -48,6 +50,7 @@ class CheckResult:
         warnings: Settings that the recording contradicts, a sentence each.
         noise: Noise of the sensors as their readings show it, beside the configured one.
         faults: Frames that were accepted, rejected and lost over time.
+        objections: Times in which the service would object to the readings.
         fit: Batch fit of the samples; None where none is usable or adhesion cannot be computed.
 
     """
@@ -67,6 +70,7 @@ class CheckResult:
     noise: tuple[ComparedNoise, ...] = ()
     faults: FaultHistory = field(default_factory=FaultHistory)
     fit: BatchResult | None = None
+    objections: tuple[ObjectionSpan, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
@@ -76,6 +80,7 @@ class CheckResult:
             "limits": self.limits,
             "findings": self.findings,
             "warnings": self.warnings,
+            "objections": [one.to_dict() for one in self.objections],
             "noise": {one.key: one.to_dict() for one in self.noise},
             "frames": self.frames,
             "frames_unknown": self.unknown,
@@ -142,6 +147,8 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
     """
     extractor, samples = contents.extractor, contents.samples
     counts = extractor.counts
+    fitted = _fit(samples, configuration)
+    watched = _watch(samples, fitted, configuration)
     result = CheckResult(
         extractor.receiver,
         contents.signals,
@@ -153,7 +160,8 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
         extractor.dropped,
         noise=compare_noise(contents.traces, configuration),
         faults=contents.faults,
-        fit=_fit(samples, configuration),
+        fit=fitted,
+        objections=watched,
     )
     restart_us = configuration.service.restart_s * 1e6
     hole = extractor.hole if extractor.hole.length_us > restart_us else None
@@ -166,6 +174,8 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
     _check_vehicle(result, configuration)
     _check_excitation(result, configuration)
     result.warnings.extend(one.warning for one in result.noise if one.warning)
+    times = TimeScale.beginning_at(int(samples.t_us[0]) if len(samples) else 0)
+    result.warnings.extend(one.sentence(times) for one in watched)
     return result
 
 
@@ -327,6 +337,16 @@ def _fit(samples: Samples, configuration: Configuration) -> BatchResult | None:
         return None
     estimators = configuration.estimators
     return identify(samples, estimators.identifiability, noise=estimators.noise)
+
+
+def _watch(
+    samples: Samples, fitted: BatchResult | None, configuration: Configuration
+) -> tuple[ObjectionSpan, ...]:
+    """Objections to samples; none where the watch is off or no curve was fitted."""
+    settings = configuration.estimators.plausibility
+    if fitted is None or not settings.enabled:
+        return ()
+    return tuple(watch_samples(samples, fitted.segments, configuration.vehicle, settings))
 
 
 def describe_excitation(

@@ -10,6 +10,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.export import Column, Field, TableWriter, open_table
 from adhesion_can.service.output_messages import AXLE_FRAMES
@@ -66,6 +67,13 @@ FIELDS = (
         text=True,
         optional=True,
     ),
+    Field(
+        "objection",
+        np.dtype(np.uint8),
+        comment="what the readings cannot be, where that is why nobody vouches for the peak",
+        names={float(objection): objection.name for objection in Objection},
+        text=True,
+    ),
 )
 """Columns beside `time_s`."""
 
@@ -87,13 +95,14 @@ class _RowBuffer:
     def flush(self) -> None:
         if not self._t_us:
             return
-        status, *numbers, doubt, family = np.array(self._values).T
+        status, *numbers, doubt, family, objection = np.array(self._values).T
         columns = [
             Column(status.astype(np.uint8)),
             *(Column(n, np.isnan(n)) for n in numbers),
             # A reader that knows of no missing texts finds NOT_AVAILABLE.
             _names_column(doubt, Doubt.NOT_AVAILABLE),
             _names_column(family, NO_FAMILY),
+            Column(objection.astype(np.uint8)),
         ]
         self._writer.write(np.array(self._t_us, dtype=np.int64) * 1000, columns)
         self._t_us, self._values = [], []
@@ -119,7 +128,7 @@ def setpoint_row(outputs: Outputs) -> list[float]:
     doubt = outputs.doubt
     shown = nan if doubt is Doubt.NOT_AVAILABLE else float(doubt)
     family = nan if outputs.family is None else float(_FAMILY_NUMBERS[outputs.family])
-    return [float(outputs.status), *known, shown, family]
+    return [float(outputs.status), *known, shown, family, float(outputs.objection)]
 
 
 def _names_column(numbers: Array, missing: int) -> Column:

@@ -19,11 +19,13 @@ from adhesion_can.service.outputs import Outputs, Setpoint
 
 SETPOINT = "AdhesionSetpoint"
 """Name of the message that carries status and setpoint of all axles together."""
+MODEL = "AdhesionModel"
+"""Name of the message that carries the curve."""
 QUALITY = "AdhesionQuality"
 """Name of the message that says how far the setpoints can be believed."""
-DOUBT = "Doubt"
-"""Name of the signal of `AdhesionQuality` that a user's database may lack: those written before
-the signal came still serve."""
+OBJECTION, DOUBT = "Objection", "Doubt"
+LATER_SIGNALS = {MODEL: OBJECTION, QUALITY: DOUBT}
+"""Signals that a user's database may lack: those written before the signals came still serve."""
 AXLE_FRAMES = 6
 """Number of frames of `AxleSetpoint` in a cycle, whatever the number of axles."""
 AXLE_SIGNALS = {
@@ -56,8 +58,7 @@ def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
         message = database.message(name)
         present = {s.name for s in message.signals}
         missing = {s.name for s in own.message(name).signals} - present
-        if name == QUALITY:
-            missing.discard(DOUBT)
+        missing.discard(LATER_SIGNALS.get(name, ""))
         if missing:
             raise DatabaseError(
                 f"{database.path.name}: {name}",
@@ -123,7 +124,7 @@ class OutputMessages:
         self._ahead: _Ahead | None = None
         self._composers: dict[str, Callable[[int, Outputs, Callable[[], Health]], list[Frame]]] = {
             SETPOINT: self._setpoint,
-            "AdhesionModel": self._model,
+            MODEL: self._model,
             QUALITY: self._quality,
             "AxleSetpoint": self._axles,
             "ServiceStatus": self._health,
@@ -185,7 +186,10 @@ class OutputMessages:
     def _model(self, t_us: int, outputs: Outputs, _: object) -> list[Frame]:
         theta = outputs.theta or (None, None, None)
         values = dict(zip(("C1", "C2", "C3"), theta, strict=True))
-        return [self._encoders["AdhesionModel"].frame(t_us, values)]
+        encoder = self._encoders[MODEL]
+        if OBJECTION in encoder.plan.signals:
+            values[OBJECTION] = float(outputs.objection)
+        return [encoder.frame(t_us, values)]
 
     def _quality(self, t_us: int, outputs: Outputs, _: object) -> list[Frame]:
         values: dict[str, float | None] = {

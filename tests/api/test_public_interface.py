@@ -141,7 +141,7 @@ def test_a_replay_equals_the_table_of_the_command(drive, tmp_path):
     assert rows[0] == list(table)
     for place, name in enumerate(rows[0]):
         column = [row[place] for row in rows[1:]]
-        if name in ("status", "doubt", "family"):
+        if name in ("status", "doubt", "family", "objection"):
             assert column == table[name].tolist()
         else:
             values = np.array([float(text) if text else np.nan for text in column])

@@ -18,6 +18,7 @@ from adhesion_can.bus.database import (
 )
 from adhesion_can.errors import DatabaseError
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
+from adhesion_can.physics.objection import Objection
 from tests.bus.bus_helpers import DBC, sealed
 
 STATUS = {
@@ -47,6 +48,17 @@ DOUBT = {
     7: "rate of slip",
     8: "surroundings",
     15: "not available",
+}
+OBJECTION = {
+    0: "none",
+    1: "speed jump",
+    2: "wheels jump",
+    3: "efforts jump",
+    4: "loads jump",
+    5: "speed deviates",
+    6: "loads off",
+    7: "peak beyond the ceiling",
+    8: "slips beyond the model",
 }
 RAIN = {0: "none", 1: "light", 2: "heavy", 3: "not available"}
 
@@ -110,6 +122,7 @@ CONTRACT = {
     },
     (0x201, "AdhesionSetpoint", 20, "ADHESION"): {"Status": STATUS_FIELD, **SETPOINT},
     (0x202, "AdhesionModel", 100, "ADHESION"): {
+        "Objection": (12, 4, False, 1, 0, "-", 0, 15, 0),
         "C1": u16(16, 1e-4, "-", 6.5534),
         "C2": u16(32, 0.01, "-", 655.34),
         "C3": u16(48, 1e-4, "-", 6.5534),
@@ -149,6 +162,7 @@ ENUMS = {
     "Status": STATUS,
     "State": STATUS,
     "Doubt": DOUBT,
+    "Objection": OBJECTION,
 }
 ROWS = [(*head, signals) for head, signals in CONTRACT.items()]
 IDS = [row[1] for row in ROWS]
@@ -284,6 +298,11 @@ def test_the_names_of_a_doubt_are_those_of_the_package(strict_database):
     numbers = set(message.get_signal_by_name("Doubt").choices)
     assert numbers == set(Doubt)
     assert numbers - {Doubt.NONE, Doubt.NOT_AVAILABLE} == set(DESCRIPTIONS)
+
+
+def test_the_numbers_of_an_objection_are_those_of_the_package(strict_database):
+    message = strict_database.get_message_by_name("AdhesionModel")
+    assert set(message.get_signal_by_name("Objection").choices) == set(Objection)
 
 
 def test_packaged_database_is_this_one_and_complete():

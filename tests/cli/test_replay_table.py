@@ -43,7 +43,7 @@ def test_the_csv_is_that_of_the_contract(rows):
     ]  # fmt: skip
     per_axle = [f"{n}_ax{i}" for n in ("mu_max", "lambda_m") for i in range(1, 7)]
     assert list(rows[0])[10:] == [
-        *per_axle, "speed_mps", "creep_speed_setpoint_mps", "doubt", "family",
+        *per_axle, "speed_mps", "creep_speed_setpoint_mps", "doubt", "family", "objection",
     ]  # fmt: skip
     assert len(rows) == 250
     assert rows[0]["time_s"] == "1000000.000000"
@@ -57,7 +57,7 @@ def test_parquet_has_the_same_rows_with_units(rows, tables):
     assert table.column("status").to_pylist() == [row["status"] for row in rows]
     assert table.column("doubt").to_pylist() == [row["doubt"] or None for row in rows]
     for name in table.column_names:
-        if name in ("status", "doubt", "family", "time_ns"):
+        if name in ("status", "doubt", "family", "objection", "time_ns"):
             continue
         values = [float("nan") if v is None else v for v in table.column(name).to_pylist()]
         np.testing.assert_allclose(values, [number(row[name]) for row in rows], rtol=1e-8)

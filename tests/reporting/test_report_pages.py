@@ -156,7 +156,7 @@ def test_a_replay_is_drawn_with_its_faults_and_the_command_that_repeats_it(brows
     assert headings[1:] == [
         "Overview",
         "Surfaces",
-        "Status and doubt",
+        "Status, doubt and objections",
         "Data quality",
         "Provenance",
     ]

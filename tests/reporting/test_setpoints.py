@@ -8,11 +8,13 @@ from asammdf import MDF
 from pyarrow import parquet
 
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.setpoints import FIELDS, setpoint_row, setpoint_table
 from adhesion_can.service.outputs import Outputs, Setpoint
 
 DOUBTS = [*Doubt, Doubt.NONE, Doubt.NOT_AVAILABLE]
+OBJECTIONS = ["SPEED_JUMP" if doubt is Doubt.SPEED else "NONE" for doubt in DOUBTS]
 NAMES = [None if doubt is Doubt.NOT_AVAILABLE else doubt.name for doubt in DOUBTS]
 
 
@@ -27,6 +29,7 @@ def outputs(doubt):
         12.5,
         doubt,
         None if doubt is Doubt.NOT_AVAILABLE else "polach",
+        objection=Objection.SPEED_JUMP if doubt is Doubt.SPEED else Objection.NONE,
     )
 
 
@@ -37,15 +40,16 @@ def write(path, doubts):
     return path
 
 
-def test_doubt_and_family_are_the_last_columns_and_move_no_other():
-    assert [field.name for field in FIELDS][-2:] == ["doubt", "family"]
+def test_doubt_family_and_objection_are_the_last_columns_and_move_no_other():
+    assert [field.name for field in FIELDS][-3:] == ["doubt", "family", "objection"]
     rows = [setpoint_row(outputs(doubt)) for doubt in DOUBTS]
     for row, doubt in zip(rows, DOUBTS, strict=True):
         assert len(row) == len(FIELDS)
-        np.testing.assert_array_equal(row[:-2], rows[0][:-2])
+        np.testing.assert_array_equal(row[:-3], rows[0][:-3])
         missing = doubt is Doubt.NOT_AVAILABLE
-        assert row[-2] == doubt or (np.isnan(row[-2]) and missing)
-        assert np.isnan(row[-1]) == missing
+        assert row[-3] == doubt or (np.isnan(row[-3]) and missing)
+        assert np.isnan(row[-2]) == missing
+        assert row[-1] == (doubt is Doubt.SPEED)
 
 
 def test_csv_names_each_doubt_and_leaves_empty_what_is_not_available(tmp_path):
@@ -53,14 +57,16 @@ def test_csv_names_each_doubt_and_leaves_empty_what_is_not_available(tmp_path):
         rows = list(csv.DictReader(file))
     assert [row["doubt"] for row in rows] == [name or "" for name in NAMES]
     assert [row["family"] for row in rows] == ["polach" if name else "" for name in NAMES]
+    assert [row["objection"] for row in rows] == OBJECTIONS
     assert {row["mu_max_ax1"] for row in rows} == {"0.31"}
 
 
 def test_parquet_names_each_doubt_and_has_null_where_not_available(tmp_path):
     table = parquet.read_table(write(tmp_path / "t.parquet", DOUBTS))
-    assert table.column_names[-2:] == ["doubt", "family"]
+    assert table.column_names[-3:] == ["doubt", "family", "objection"]
     assert table.column("family").to_pylist() == ["polach" if name else None for name in NAMES]
     assert table.column("doubt").to_pylist() == NAMES
+    assert table.column("objection").to_pylist() == OBJECTIONS
 
 
 def test_mf4_names_each_doubt_and_marks_what_is_not_available_as_invalid(tmp_path):
@@ -82,4 +88,5 @@ def test_a_table_without_any_doubt_is_written_all_the_same(tmp_path, suffix):
     elif suffix == "parquet":
         assert parquet.read_table(path).column("doubt").to_pylist() == [None] * 3
     else:
-        assert [line[-1] for line in path.read_text().splitlines()[1:]] == [","] * 3
+        ends = [line.split(",")[-3:] for line in path.read_text().splitlines()[1:]]
+        assert ends == [["", "", "NONE"]] * 3

@@ -14,6 +14,7 @@ from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 from adhesion_can.service.core import ServiceCore
 from tests.wire import DBC, INPUTS, REQUIRED, Bench, decoded, seal_ok, sealed, values
@@ -455,6 +456,21 @@ def test_each_doubt_goes_out_with_its_number_and_leaves_the_other_signals_alone(
     assert seal_ok(sent[-1])
 
 
+@pytest.mark.parametrize("known", list(Objection))
+def test_each_objection_goes_out_with_its_number_and_leaves_the_curve_alone(known):
+    sent, plain = (
+        [
+            f
+            for f in run(core_with(replace(KNOWN, objection=one))[0], Bench().drive(0, 200_000))
+            if f.arbitration_id == 0x202
+        ]
+        for one in (known, Objection.NONE)
+    )
+    assert sent[-1].data[1] >> 4 == known
+    assert sent[-1].data[2:] == plain[-1].data[2:]
+    assert seal_ok(sent[-1])
+
+
 def test_without_an_estimate_or_with_one_that_looks_for_none_doubt_is_not_available():
     core, estimator = core_with(None)
     bench = Bench()
@@ -754,26 +770,33 @@ def test_output_messages_that_lack_something_are_refused(tmp_path, old, new, wor
 
 
 DOUBT_LINE = ' SG_ Doubt : 12|4@1+ (1,0) [0|15] "-" DRIVE,LOCO\n'
-WITHOUT_DOUBT = (
-    (DOUBT_LINE, ""),
-    *((line + "\n", "") for line in DBC.read_text().splitlines() if " 515 Doubt " in line),
+DOUBTFUL = replace(KNOWN, doubt=Doubt.SPEED, objection=Objection.SPEED_JUMP)
+
+
+def without_signal(name, number):
+    """Changes that take a signal out of the packaged database."""
+    own = (f" SG_ {name} ", f" {number} {name} ")
+    lines = DBC.read_text().splitlines(keepends=True)
+    return ((line, "") for line in lines if any(text in line for text in own))
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), [("Doubt", 0x203), ("Objection", 0x202)], ids=["doubt", "objection"]
 )
-
-
-def test_a_database_from_before_the_doubt_keeps_working_with_its_bits_zero(tmp_path):
-    config = with_dbc(tmp_path, *WITHOUT_DOUBT)
-    doubtful = replace(KNOWN, doubt=Doubt.SPEED)
-    old, new = ServiceCore(config, lambda: FixedEstimator(doubtful)), core_with(doubtful)[0]
+def test_a_database_from_before_a_signal_keeps_working_with_its_bits_zero(tmp_path, name, number):
+    config = with_dbc(tmp_path, *without_signal(name, number))
+    old, new = ServiceCore(config, lambda: FixedEstimator(DOUBTFUL)), core_with(DOUBTFUL)[0]
     frames = list(Bench().drive(0, 500_001))
     by_old, by_new = run(old, frames), run(new, frames)
     assert len(by_old) == len(by_new)
     for one, other in zip(by_old, by_new, strict=True):
-        if one.arbitration_id == 0x203:
+        if one.arbitration_id == number:
             assert seal_ok(one)
             assert (one.data[1] >> 4, one.data[2:]) == (0, other.data[2:])
         else:
             assert one == other
     assert doubt(by_new) == "speed"
+    assert str(last(by_new, 0x202)["Objection"]) == "speed jump"
 
 
 @pytest.mark.parametrize(

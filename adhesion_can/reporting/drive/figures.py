@@ -8,6 +8,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.charts import (
     BLUE,
@@ -182,8 +183,8 @@ def _names(truth: Sequence[Mapping[str, Any]], scale: _Abscissa) -> list[dict[st
     ]  # fmt: skip
 
 
-def state_name(state: Status | Doubt) -> str:
-    """Name of a status or doubt in a text."""
+def state_name(state: Status | Doubt | Objection) -> str:
+    """Name of a status, doubt or objection in a text."""
     return state.name.lower().replace("_", " ")
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
+from adhesion_can.physics.objection import WORDINGS
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.drive.figures import overview_figure, state_name, surface_figures
 from adhesion_can.reporting.drive.recorder import DriveRecord
@@ -56,7 +57,7 @@ def page(record: DriveRecord, texts: DriveTexts, slip_max: float) -> Page:
         sections["Truth and estimate"] = list(texts.comparison)
     sections |= {
         "Surfaces": _surfaces(record, texts.truth, slip_max),
-        "Status and doubt": _states(record),
+        "Status, doubt and objections": _states(record),
         "Data quality": list(texts.quality),
     }
     return Page(
@@ -81,7 +82,7 @@ def _overview(record: DriveRecord, truth: Sequence[Mapping[str, Any]]) -> list[P
 
 
 def _verdict(record: DriveRecord) -> list[str]:
-    """Sentences on status, surfaces and doubt."""
+    """Sentences on status, surfaces, objections and doubt."""
     total = sum(record.statuses.values())
     if not total:
         return ["The service sent no setpoint."]
@@ -101,6 +102,10 @@ def _verdict(record: DriveRecord) -> list[str]:
             f"{min(sure):.3f} to {max(sure):.3f}"
         )
     found.append(sentence + ".")
+    for one, number in record.objections.most_common():
+        if one in WORDINGS:
+            wording = WORDINGS[one]
+            found.append(f"{_share(number, total)} of the time {wording.what}: {wording.mend}.")
     doubts = [(d, n) for d, n in record.doubts.most_common() if d in DESCRIPTIONS]
     if doubts:
         why = ", ".join(f"{DESCRIPTIONS[d]} ({_share(n, total)})" for d, n in doubts)
@@ -178,15 +183,19 @@ def _rest(count: int, what: str) -> str:
 
 
 def _states(record: DriveRecord) -> list[Part]:
-    """Shares of status and doubt, and the log of their changes."""
+    """Shares of status, doubt and objections, and the log of their changes."""
     total = sum(record.statuses.values())
     rows = [
         (kind, state_name(state), str(count), _share(count, total))
-        for kind, counts in (("status", record.statuses), ("doubt", record.doubts))
+        for kind, counts in (
+            ("status", record.statuses),
+            ("doubt", record.doubts),
+            ("objection", record.objections),
+        )
         for state, count in counts.most_common()
     ]
     columns = ("of", "state", "setpoints", "share")
-    parts: list[Part] = [Table("Setpoints by status and by doubt.", columns, rows)]
+    parts: list[Part] = [Table("Setpoints by status, doubt and objection.", columns, rows)]
     times = TimeScale.beginning_at(record.first_us)
     ends = [change.t_us for change in record.changes[1:]]
     if record.change_count == len(record.changes):
@@ -198,10 +207,11 @@ def _states(record: DriveRecord) -> list[Part]:
             f"{change.distance:.0f}",
             state_name(change.status),
             state_name(change.doubt),
+            state_name(change.objection),
         )
         for change, end in zip(record.changes[:MOST_ROWS], ends, strict=False)
     ]
-    headings = (f"from s{times.note}", "for s", "at m", "status", "doubt")
-    caption = "Log of the changes of status and doubt."
+    headings = (f"from s{times.note}", "for s", "at m", "status", "doubt", "objection")
+    caption = "Log of the changes of status, doubt and objection."
     parts.append(Table(caption, headings, log, _rest(record.change_count, "changes")))
     return parts

@@ -8,6 +8,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.drive.history import History, HistoryRecorder
@@ -15,18 +16,19 @@ from adhesion_can.reporting.drive.surfaces import Surface, SurfaceRecorder
 from adhesion_can.service.outputs import Outputs
 
 MOST_CHANGES = 2000
-"""Number of changes of status or doubt that are kept, the first ones; all are counted."""
+"""Number of changes of status, doubt or objection that are kept, the first; all are counted."""
 
 
 @dataclass(frozen=True, slots=True)
 class StateChange:
-    """Begin of a span with one status and one doubt.
+    """Begin of a span with one status, one doubt and one objection.
 
     Attributes:
         t_us: Stamp of the first setpoint of the span, µs.
         distance: Distance travelled by then, m.
         status: Status of the service.
         doubt: Condition that the residual depends on.
+        objection: What the readings cannot be.
 
     """
 
@@ -34,6 +36,7 @@ class StateChange:
     distance: float
     status: Status
     doubt: Doubt
+    objection: Objection
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +46,11 @@ class DriveRecord:
     Attributes:
         history: Setpoints in bins of time.
         surfaces: Surfaces in the order of their times.
-        changes: First changes of status or doubt, the begin of the drive included.
+        changes: First changes of status, doubt or objection, the begin of the drive included.
         change_count: Number of all of them.
         statuses: Number of setpoints by status.
         doubts: Number of setpoints by doubt.
+        objections: Number of setpoints by objection.
         first_us: Stamp of the first setpoint, µs; 0 where there is none.
         last_us: Stamp of the last setpoint, µs; 0 where there is none.
         distance: Distance travelled where the speed is known, m.
@@ -59,6 +63,7 @@ class DriveRecord:
     change_count: int
     statuses: Counter[Status]
     doubts: Counter[Doubt]
+    objections: Counter[Objection]
     first_us: int
     last_us: int
     distance: float
@@ -77,9 +82,10 @@ class DriveRecorder:
         self._surfaces = SurfaceRecorder(slip_max)
         self._changes: list[StateChange] = []
         self._change_count = 0
-        self._state: tuple[Status, Doubt] | None = None
+        self._state: tuple[Status, Doubt, Objection] | None = None
         self._statuses: Counter[Status] = Counter()
         self._doubts: Counter[Doubt] = Counter()
+        self._objections: Counter[Objection] = Counter()
         self._first_us: int | None = None
         self._last_us = 0
 
@@ -90,9 +96,10 @@ class DriveRecorder:
         self._last_us = t_us
         self._history.add(t_us, outputs)
         self._surfaces.add(t_us, outputs, self._history.distance)
-        state = outputs.status, outputs.doubt
+        state = outputs.status, outputs.doubt, outputs.objection
         self._statuses[state[0]] += 1
         self._doubts[state[1]] += 1
+        self._objections[state[2]] += 1
         if state != self._state:
             self._state = state
             self._change_count += 1
@@ -112,6 +119,7 @@ class DriveRecorder:
             change_count=self._change_count,
             statuses=self._statuses,
             doubts=self._doubts,
+            objections=self._objections,
             first_us=self._first_us or 0,
             last_us=self._last_us,
             distance=self._history.distance,

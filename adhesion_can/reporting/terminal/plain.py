@@ -21,6 +21,7 @@ def plain_line(snapshot: Snapshot) -> str:
             f"lambda_m {plus_minus(service.lambda_m, service.lambda_m_std)}",
             f"creep {_number(service.creep_speed, 3)} m/s",
             f"doubt {service.doubt.json_name or '-'}",
+            f"objection {service.objection.json_name or '-'}",
         ]
     speed = None if snapshot.speed is None else 3.6 * snapshot.speed
     parts.append(f"speed {_number(speed, 1)} km/h")
@@ -66,6 +67,7 @@ def as_json(snapshot: Snapshot) -> dict[str, Any]:
         "creep_setpoint_mps": None if service is None else _rounded(service.creep_speed),
         **dict(zip(("c1", "c2", "c3"), map(_rounded, theta), strict=True)),
         "doubt": None if service is None else service.doubt.json_name,
+        "objection": None if service is None else service.objection.json_name,
         "surface_age_s": None if service is None else _rounded(service.surface_age_s),
         "speed_mps": _rounded(snapshot.speed),
         "axles": [_axle(axle) for axle in snapshot.axles],

@@ -13,6 +13,7 @@ from adhesion_can.monitoring.snapshot import (
     MessageView,
     Snapshot,
 )
+from adhesion_can.physics.objection import Objection
 from adhesion_can.reporting.terminal.boxes import boxed
 
 SIGNS = {
@@ -183,6 +184,7 @@ def service_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
             "rail": _plain(service.surface_age_s, "s since its change", 1),
             "creep": _plain(service.creep_speed, "m/s wanted of all axles", 3),
             "doubt": service.doubt.name.lower().replace("_", " "),
+            **_objection(service.objection),
             "inputs": f"{rejected}, {lost}, by its own count",
             "loop": _plain(service.loop_time_us, "us, 99 % of the frames", 0),
         }
@@ -190,6 +192,13 @@ def service_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
     entries["frames"] = f"{snapshot.frames}, {snapshot.frame_rate:.0f} 1/s; {others} other ids"
     lines = [line for name, text in entries.items() for line in _entry(name, text, width - 2)]
     return boxed("the service", lines[: height - 2], width, height)
+
+
+def _objection(objection: Objection) -> dict[str, str]:
+    """Entry of an objection; none where there is none, as the panel has few lines."""
+    if objection is Objection.NONE:
+        return {}
+    return {"readings": objection.name.lower().replace("_", " ")}
 
 
 def _entry(name: str, text: str, width: int) -> list[str]:

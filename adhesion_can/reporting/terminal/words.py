@@ -14,6 +14,7 @@ from adhesion_can.monitoring.snapshot import (
     Transport,
 )
 from adhesion_can.physics.doubt import doubt_sentence
+from adhesion_can.physics.objection import Objection, objection_sentence
 from adhesion_can.physics.status import DESCRIPTIONS, Status
 from adhesion_can.result_text import plus_minus
 
@@ -92,9 +93,9 @@ def _service_sentences(snapshot: Snapshot, service: ServiceView | None) -> Itera
     reason = _reason(snapshot, service)
     if reason:
         yield Text(reason, style if service.status is Status.STALE_INPUT else "")
-    doubt = doubt_sentence(service.doubt)
-    if doubt:
-        yield Text(f"{doubt[:1].upper()}{doubt[1:]}.", "magenta")
+    for sentence in (objection_sentence(service.objection), doubt_sentence(service.doubt)):
+        if sentence:
+            yield Text(f"{sentence[:1].upper()}{sentence[1:]}.", "magenta")
     yield from map(Text, snapshot.remarks)
     if service.creep_speed is not None and snapshot.speed is not None:
         yield Text(_held(snapshot, service.creep_speed, snapshot.speed))
@@ -130,6 +131,8 @@ def _reason(snapshot: Snapshot, service: ServiceView) -> str:
         return _silent_inputs(snapshot)
     if service.status not in (Status.LOW_EXCITATION, Status.INIT, Status.SURFACE_CHANGE):
         return ""
+    if service.objection is not Objection.NONE:
+        return ""  # the objection says it, and more creep would not help
     if snapshot.is_speed_derived:
         return (
             "The vehicle speed is derived from driven axles, so that slips tell little: it needs "

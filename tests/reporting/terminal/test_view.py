@@ -25,6 +25,7 @@ from adhesion_can.monitoring.snapshot import (
 from adhesion_can.monitoring.state import MonitorState
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.objection import WORDINGS
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.terminal.boxes import boxed, fitted, wrapped
 from adhesion_can.reporting.terminal.canvas import Canvas, nice_ceiling
@@ -220,6 +221,15 @@ def test_a_doubt_is_a_sentence(doubt):
     lines = said(snapshot(service=service(doubt=doubt)))
     assert any(line.startswith("Doubt: ") and "run `diagnose`" in line for line in lines)
     assert not any("Doubt" in line for line in said(snapshot()))
+
+
+@pytest.mark.parametrize("objection", list(WORDINGS))
+def test_an_objection_is_a_sentence_in_place_of_a_call_for_creep(objection):
+    vague = service(status=Status.LOW_EXCITATION)
+    lines = said(snapshot(service=replace(vague, objection=objection)))
+    assert any(WORDINGS[objection].what[4:] in line for line in lines)
+    assert not any("It needs" in line for line in lines)
+    assert any("It needs" in line for line in said(snapshot(service=vague)))
 
 
 def test_who_estimates_and_where_nobody_does():
