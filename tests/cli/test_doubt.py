@@ -89,8 +89,8 @@ def test_a_replay_in_python_has_the_column_of_the_command(log, tmp_path, schedul
     schedule(COMING_AND_GOING)
     rows, *_ = replayed(log, tmp_path)
     table = adhesion_can.replay(log)
-    assert list(table)[-2:] == ["doubt", "family"]
-    for name in ("doubt", "family"):
+    assert list(table)[-3:] == ["doubt", "family", "objection"]
+    for name in ("doubt", "family", "objection"):
         assert table[name].tolist() == [row[name] for row in rows]
     shown = table.to_dict()["doubt"]
     assert (shown[0], shown[125]) == (None, "SPEED")

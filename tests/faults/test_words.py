@@ -64,6 +64,11 @@ def test_replay_has_it_in_its_table_and_on_its_page(drive, tmp_path):
     assert case.onset_s <= first_s <= case.onset_s + 0.5
     assert not [row for row in rows if row["objection"] != "NONE" and row["status"] == "TRACKING"]
     assert WORDINGS[Objection[first]].what in page.read_text()
+    # What was learned of the fault before it was objected to is not sent.
+    peaks = [(float(r["mu_max"]), float(r["lambda_m"])) for r in rows if r["objection"] != "NONE"]
+    known = next(row for row in reversed(rows) if float(row["time_s"]) < case.onset_s)
+    wanted = float(known["mu_max"]), float(known["lambda_m"])
+    assert all(peak == pytest.approx(wanted, rel=0.1) for peak in set(peaks))
 
 
 def test_monitor_says_it_of_what_is_on_the_bus(drive, tmp_path, capsys):

@@ -26,8 +26,8 @@ MOST_LEFT_OUT = 0.5
 class WatchedEstimator(Stateful):
     """Estimator whose samples are watched.
 
-    After a jump the samples do not reach the estimator. An estimate with an objection has no
-    known standard deviation.
+    After a jump the samples do not reach the estimator, and the estimate is the one from before. An
+    estimate with an objection has no known standard deviation.
 
     Args:
         inner: Estimator of the curve.
@@ -53,6 +53,8 @@ class WatchedEstimator(Stateful):
         self._kept: Estimator | None = None
         """The estimator from before a step of the efforts whose answer is awaited."""
         self._objection = Objection.NONE
+        self._sound: Estimate | None = None
+        """The estimate from before a jump that stands."""
         self._given: Estimate | None = None
         """Latest estimate of `inner`."""
         self._current: Estimate | None = None
@@ -61,15 +63,20 @@ class WatchedEstimator(Stateful):
         """Process samples, as `Estimator.update` defines it."""
         fed = samples
         if len(samples):
-            waited = self._watch.waits
+            waited, stood = self._watch.waits, self._watch.jump is not Objection.NONE
             self._objection = self._watch.add(samples, self._given)
             if self._watch.waits and not waited:
                 self._kept = deepcopy(self.inner)
             if self._watch.jump is not Objection.NONE:
                 fed = NO_SAMPLES
+                # What was learned between a jump and its objection is not sent: the numbers of
+                # LOW_EXCITATION are still what a careful drive begins with.
                 if self._kept is not None:
-                    # As it was before the step, of which it has learned meanwhile.
                     self.inner = self._kept
+                elif not stood:
+                    self._sound = self._watch.earlier
+            else:
+                self._sound = None
             if not self._watch.waits:
                 self._kept = None
             self._count(samples)
@@ -77,7 +84,7 @@ class WatchedEstimator(Stateful):
         if given is None:
             self._current = None
         elif given is not self._given or len(samples):
-            self._current = self._vouched(given)
+            self._current = self._vouched(self._sound or given)
         self._given = given
         return self._current
 

@@ -93,7 +93,7 @@ class PlausibilityWatch(Stateful):
         self._square = [0.0] * len(WINDOWS)
         self._answer_square = [0.0] * len(WINDOWS)
         self._known = 0
-        self._before: deque[CurveBefore | None] = deque(maxlen=HISTORY)
+        self._before: deque[Estimate | None] = deque(maxlen=HISTORY)
         self._agreement = Agreement()
         self._share = MassShare(sum(vehicle.axle_load) / GRAVITY / vehicle.train_mass)
         self._asked: Asked | None = None
@@ -104,6 +104,19 @@ class PlausibilityWatch(Stateful):
     def waits(self) -> bool:
         """Whether it waits for the answer to a step of the efforts."""
         return self._asked is not None
+
+    @property
+    def earlier(self) -> Estimate | None:
+        """The estimate from before what the latest updates may show; None where there was none."""
+        return self._before[0] if self._before else None
+
+    @property
+    def _curve(self) -> CurveBefore | None:
+        """The curve from before, where its peak was known."""
+        known = self.earlier
+        if known is None or not known.identifiable.both:
+            return None
+        return CurveBefore(known.theta, known.mu_max, known.lambda_m)
 
     def add(self, samples: Samples, estimate: Estimate | None) -> Objection:
         """Look at the samples of an update.
@@ -125,8 +138,7 @@ class PlausibilityWatch(Stateful):
             asked = self._asked
             self.jump = self._find_jump()
             if self.jump is not Objection.NONE:
-                curve = self._before[0] if asked is None and self._before else None
-                self._agreement.begin(curve if asked is None else asked.curve)
+                self._agreement.begin(self._curve if asked is None else asked.curve)
                 self._asked = None
         if self.jump is not Objection.NONE:
             return self.jump
@@ -182,12 +194,7 @@ class PlausibilityWatch(Stateful):
             self._travelled = 0.0
             self._speeds.clear()
         self._steps.add(latest.ravel())
-        known = estimate is not None and estimate.identifiable.both
-        self._before.append(
-            CurveBefore(estimate.theta, estimate.mu_max, estimate.lambda_m)
-            if estimate is not None and known
-            else None
-        )
+        self._before.append(estimate)
 
     # ------------------------------------------------------------------------------- jumps
 
@@ -236,7 +243,7 @@ class PlausibilityWatch(Stateful):
             return Objection.NONE
         rim, adhesion, slip, load = rows.transpose(1, 0, 2)
         window = Window(rim, adhesion, slip, load, self._speeds.rows[-STEPS:, 0])
-        curve = self._before[0] if self._before else None
+        curve = self._curve
         chance = self._settings.alarm * sqrt(self._square[0]) / window.speed.item(-1)
         if is_wheel_jump(window, curve, max(LEAST_WHEEL_JUMP, chance)):
             return Objection.WHEELS_JUMP

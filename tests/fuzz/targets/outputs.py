@@ -12,6 +12,7 @@ from cantools.database.conversion import BaseConversion
 
 from adhesion_can.bus.codec import AVAILABLE_FROM_BITS
 from adhesion_can.bus.database import OUTPUT_MESSAGES, CanDatabase, load_database
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 from adhesion_can.service import output_messages
 from adhesion_can.service.output_layout import PROTECTION, require_layout
@@ -30,7 +31,16 @@ _SCALES = (1, 0, -1, 2, 0.5, 1.0, 1e-5, -2e-5, 5e-324, 1e300, nan, inf, -inf, 2*
 _OFFSETS = (0, 1, -1, 0.5, -40, 1e-3, 2**63, -(2**63), 1e300, nan, inf, -(10**400))
 
 _POINT = Setpoint(0.3, 0.05, 0.5)
-_FULL = Outputs(Status.TRACKING, _POINT, {1: _POINT, 6: _POINT}, (0.4, 30.0, 0.3), inf, 0.01, 1e9)
+_FULL = Outputs(
+    Status.TRACKING,
+    _POINT,
+    {1: _POINT, 6: _POINT},
+    (0.4, 30.0, 0.3),
+    inf,
+    0.01,
+    1e9,
+    objection=Objection.SLIPS_BEYOND_MODEL,
+)
 _HEALTH = Health(10**9, 0, None)
 
 
@@ -43,7 +53,12 @@ def _sent(content):
     setpoint = point(("MuMax", "LambdaM", "CreepSpeedSetpoint"), content.setpoint)
     return {
         "AdhesionSetpoint": [{"Status": content.status, **setpoint}],
-        "AdhesionModel": [point(("C1", "C2", "C3"), content.theta or (None,) * 3)],
+        "AdhesionModel": [
+            {
+                **point(("C1", "C2", "C3"), content.theta or (None,) * 3),
+                "Objection": content.objection,
+            }
+        ],
         "AdhesionQuality": [
             {
                 "MuMaxStd": content.mu_max_std,
