@@ -10,6 +10,10 @@ the setpoints' numbers in each status. `StatusMachine` owns the timers:
 | stale, `hold_s` | the first due time with a stale input | the last values are held till it ends |
 | change, `change_s` | a change of the surface | SURFACE_CHANGE till it ends or the peak is known |
 | sample age, `estimate_s` | each sample that can be used | LOW_EXCITATION once it has ended |
+
+Once the sample age has ended, in coasting or at a standstill, the rail may have become another one
+unseen, and low efforts would not show it: only samples near the peak that is believed start it
+again.
 """
 
 from collections.abc import Callable
@@ -19,7 +23,8 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.config import ServiceSettings
-from adhesion_can.estimation.tracker.points import is_usable
+from adhesion_can.estimation.tracker.layout import SURE
+from adhesion_can.estimation.tracker.points import is_valid
 from adhesion_can.physics.estimate import CHANGED, Estimate
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import Samples
@@ -32,6 +37,11 @@ FAULT_HOLD_US = 1_000_000
 BELIEVED = 1.25
 """Adhesion of a sample over the largest μ_max that is believed beyond which it is not used: what is
 above that by more than noise."""
+
+LEAST_USABLE = 2
+"""Number of samples of an update, where it has so many, that must be usable: one may be far out."""
+MET_AGAIN = 0.8
+"""Share of μ_max that they reach after a pause before the peak is believed again."""
 
 
 class Values(Enum):
@@ -181,21 +191,35 @@ class StatusMachine:
 
         """
         if len(samples):
-            self._look_at(samples)
+            self._look_at(samples, estimate)
         if is_new and estimate is not None:
             self.add_estimate(t_us, estimate)
         return self.update(t_us, estimate, stale=stale, speed_derived=speed_derived)
 
-    def _look_at(self, samples: Samples) -> None:
-        """Start the sample age anew where any sample can be used."""
+    def _look_at(self, samples: Samples, estimate: Estimate | None) -> None:
+        """Start the sample age anew where samples can be used."""
         limits = self._limits
-        usable = is_usable(samples, limits.slip_max)
-        believed = np.abs(samples.adhesion) <= BELIEVED * limits.mu_ceiling
+        adhesion = np.abs(samples.adhesion)
+        believed = adhesion <= BELIEVED * limits.mu_ceiling
         if 2 * np.count_nonzero(believed) < len(samples):
             return  # what efforts or loads say of the others is no better
-        usable &= believed
-        if usable.any():
-            self.add_sample(int(samples.t_us[usable][-1]))
+        # Of a wheel that rolls the error of the vehicle speed, which all axles share, makes a slip.
+        usable = believed & is_valid(samples, limits.slip_max)
+        usable &= adhesion > SURE * np.sqrt(samples.adhesion_var)
+        least = min(LEAST_USABLE, len(samples))
+        if np.count_nonzero(usable) < least:
+            return
+        t_us = int(samples.t_us[usable][-1])
+        if estimate is not None and self._last_sample_us is not None and self._is_silent(t_us):
+            near = usable & (adhesion >= MET_AGAIN * estimate.mu_max)
+            if np.count_nonzero(near) < least:
+                return
+        self.add_sample(t_us)
+
+    def _is_silent(self, t_us: int) -> bool:
+        """Whether the sample age has ended."""
+        sample_us = self._last_sample_us
+        return sample_us is None or t_us - sample_us > self._sample_age_us
 
     def update(
         self, t_us: int, estimate: Estimate | None, *, stale: bool, speed_derived: bool
@@ -213,9 +237,8 @@ class StatusMachine:
             self._stale_since_us = None
         elif self._stale_since_us is None:
             self._stale_since_us = t_us
-        changed_us, sample_us = self._changed_at_us, self._last_sample_us
+        changed_us = self._changed_at_us
         changing = changed_us is not None and t_us - changed_us <= self._change_us
-        silent = sample_us is None or t_us - sample_us > self._sample_age_us
         objected = estimate is not None and estimate.objection is not Objection.NONE
         identifiable = estimate is not None and estimate.identifiable.both
         return select_status(
@@ -224,7 +247,7 @@ class StatusMachine:
                 stale=stale,
                 no_estimate=estimate is None,
                 surface_change=changing and not speed_derived and not objected,
-                low_excitation=not identifiable or speed_derived or silent,
+                low_excitation=not identifiable or speed_derived or self._is_silent(t_us),
             )
         )
 

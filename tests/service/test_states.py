@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from adhesion_can.bus.database import load_database
@@ -181,6 +182,55 @@ UNUSED = {
 def test_samples_that_no_estimate_can_use_start_no_timer(rows):
     one = StatusMachine(SETTINGS, LIMITS)
     assert advance(one, 0, Samples.from_rows(rows)) is Status.LOW_EXCITATION
+
+
+def at_adhesion(t_us, adhesion, axles=6, strays=0):
+    """Samples at an adhesion, but for some axles that are at the peak."""
+    return Samples.from_rows(
+        Sample(
+            t_us,
+            axle=axle + 1,
+            slip=0.02,
+            adhesion=KNOWN.mu_max if axle < strays else adhesion,
+            creep_speed=0.2,
+            speed=10.0,
+            load=1e5,
+            adhesion_var=1e-4,
+        )
+        for axle in range(axles)
+    )
+
+
+def test_after_a_pause_low_efforts_do_not_bring_the_peak_back():
+    """In coasting the rail may have become another one, of which low efforts tell nothing."""
+    one = StatusMachine(SETTINGS, LIMITS)
+    low, high = 0.6 * KNOWN.mu_max, 0.85 * KNOWN.mu_max
+    assert advance(one, 0, at_adhesion(0, low)) is Status.TRACKING, "there was no pause yet"
+    assert advance(one, 2_000_000, at_adhesion(2_000_000, low)) is Status.TRACKING
+    assert advance(one, 4_000_001, NO_SAMPLES) is Status.LOW_EXCITATION
+    for t_us in range(4_100_000, 9_000_000, 20_000):
+        assert advance(one, t_us, at_adhesion(t_us, low, strays=1)) is Status.LOW_EXCITATION
+    assert advance(one, 9_000_000, at_adhesion(9_000_000, high)) is Status.TRACKING
+    assert advance(one, 9_020_000, at_adhesion(9_020_000, low)) is Status.TRACKING
+    single = StatusMachine(SETTINGS, LIMITS)
+    for t_us, adhesion in ((0, low), (5_000_000, low), (5_020_000, high)):
+        found = advance(single, t_us, at_adhesion(t_us, adhesion, axles=1))
+        assert found is (Status.LOW_EXCITATION if t_us == 5_000_000 else Status.TRACKING)
+
+
+def test_rolling_wheels_start_no_timer_whatever_their_common_slip():
+    """The error of the vehicle speed is that of all axles: all slips at once are beyond theirs."""
+    rng = np.random.default_rng(1)
+    one = StatusMachine(SETTINGS, LIMITS)
+    # That two of six are beyond four deviations by chance is a matter of days.
+    for t_us in range(0, 60_000_000, 20_000):
+        slip = 0.001 * rng.standard_t(3) + 0.0002 * rng.standard_normal(6)
+        rows = replace(
+            Samples.curve(slip, 0.01 * rng.standard_normal(6), np.full(6, t_us)),
+            slip_common_var=np.full(6, 1e-6),
+            adhesion_var=np.full(6, 1e-4),
+        )
+        assert advance(one, t_us, rows) is Status.LOW_EXCITATION
 
 
 def test_old_samples_are_low_excitation():

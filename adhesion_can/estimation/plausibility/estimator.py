@@ -50,6 +50,8 @@ class WatchedEstimator(Stateful):
         self._slip_max = slip_max
         self._counts: deque[tuple[int, int, int]] = deque()
         """Stamp of an update, number of its samples, and of those beyond the model."""
+        self._recent = self._beyond = 0
+        """Sums of both."""
         self._kept: Estimator | None = None
         """The estimator from before a step of the efforts whose answer is awaited."""
         self._objection = Objection.NONE
@@ -91,10 +93,15 @@ class WatchedEstimator(Stateful):
     def _count(self, samples: Samples) -> None:
         """Count what is left out."""
         valid = is_valid(samples, self._slip_max)
-        t_us = samples.t_us.item(-1)
-        self._counts.append((t_us, len(samples), len(samples) - int(np.count_nonzero(valid))))
+        t_us, count = samples.t_us.item(-1), len(samples)
+        beyond = count - int(np.count_nonzero(valid))
+        self._counts.append((t_us, count, beyond))
+        self._recent += count
+        self._beyond += beyond
         while self._counts[0][0] < t_us - RECENT_US:
-            self._counts.popleft()
+            _, count, beyond = self._counts.popleft()
+            self._recent -= count
+            self._beyond -= beyond
 
     def _vouched(self, estimate: Estimate) -> Estimate:
         """The estimate with the objections to it."""
@@ -115,10 +122,8 @@ class WatchedEstimator(Stateful):
 
     def _further_objection(self, estimate: Estimate) -> Objection:
         """Objection by the estimate itself, or by what was left out of it."""
-        if estimate.mu_max > self._ceiling:
+        if estimate.identifiable.mu_max and estimate.mu_max > self._ceiling:
             return Objection.BEYOND_CEILING
-        total = sum([count for _, count, _ in self._counts])
-        left_out = sum([beyond for _, _, beyond in self._counts])
-        if left_out > MOST_LEFT_OUT * total:
+        if self._beyond > MOST_LEFT_OUT * self._recent:
             return Objection.SLIPS_BEYOND_MODEL
         return Objection.NONE

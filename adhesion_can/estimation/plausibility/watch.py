@@ -97,6 +97,8 @@ class PlausibilityWatch(Stateful):
         self._agreement = Agreement()
         self._share = MassShare(sum(vehicle.axle_load) / GRAVITY / vehicle.train_mass)
         self._asked: Asked | None = None
+        self._looks = False
+        """Whether a step is looked for at this update: at every other one."""
         self.jump = Objection.NONE
         """The objection by a jump that stands."""
 
@@ -200,7 +202,9 @@ class PlausibilityWatch(Stateful):
 
     def _find_jump(self) -> Objection:
         """Objection by the latest rows; NONE where they are sound."""
-        if self._steps.is_full:
+        # A step is in the gap between both sides for more than one update; a question counts them.
+        self._looks = not self._looks
+        if self._steps.is_full and (self._looks or self.waits):
             found = self._find_step()
             if found is not Objection.NONE:
                 return found
