@@ -87,6 +87,10 @@ class PlausibilityWatch(Stateful):
         self._axles = axles
         self._latest: Array = np.full((4, axles), np.nan)
         self._age = [STEPS] * axles
+        self._live: list[int] = []
+        """Places of the axles with a sample in the latest cycles."""
+        self._load_share = 1.0
+        """Sum of their loads over the static ones."""
         self._now_us = 0
         self._cycle_s = inf
         self._travelled = 0.0
@@ -146,8 +150,7 @@ class PlausibilityWatch(Stateful):
             return self.jump
         if self.waits:
             return Objection.EFFORTS_JUMP
-        share = self._load_share()
-        if not self._settings.least_load <= share <= self._settings.most_load:
+        if not self._settings.least_load <= self._load_share <= self._settings.most_load:
             return Objection.LOADS_OFF
         return Objection.NONE
 
@@ -182,9 +185,11 @@ class PlausibilityWatch(Stateful):
         for axle in place.tolist():
             self._age[axle] = 0
         speed = samples.speed.item(-1)
-        live = self._live
+        live = self._live = [i for i, age in enumerate(self._age) if age < EDGE]
         rim, mu, _, load = latest.tolist()
         weight = sum([load[i] for i in live])
+        static = sum([self._static[i] for i in live])
+        self._load_share = weight / static if static > 0.0 else 1.0
         if self._speeds.count and weight > 0.0:
             force = sum([mu[i] * load[i] for i in live])
             self._travelled += seconds * force * GRAVITY / weight
@@ -294,17 +299,6 @@ class PlausibilityWatch(Stateful):
         # By chance a vehicle that was not driven does not answer so much before the last window.
         least = 0.0 if number == len(WINDOWS) - 1 else TELLING * sqrt(self._answer_square[number])
         return bool(answer > max(ANSWERED * abs(expected), least))
-
-    @property
-    def _live(self) -> list[int]:
-        """Places of the axles with a sample in the latest cycles."""
-        return [i for i, age in enumerate(self._age) if age < EDGE]
-
-    def _load_share(self) -> float:
-        """Sum of the axle loads over the static ones."""
-        live = self._live
-        static = sum(self._static[i] for i in live)
-        return float(sum(self._latest[3, i] for i in live)) / static if static > 0.0 else 1.0
 
 
 def _averaged(old: list[float], new: list[float], weight: float) -> list[float]:
