@@ -17,6 +17,7 @@ its course on a sound drive is learned from the drive.
 
 from collections import deque
 from math import copysign, inf, isfinite, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -58,7 +59,10 @@ LEAST_AXLES = 3
 ANSWER_CYCLES = 10
 """Number of cycles that wheels are given to answer a step of the efforts."""
 TELLING = 4.0
-"""Answer of the vehicle, in standard deviations, below which none can be asked for."""
+"""Answer of the vehicle, in standard deviations, above which it was driven."""
+LOG_ODDS = 4.5
+"""Logarithm of the odds against a driven vehicle from which it was not; at least three deviations
+from the answer of a driven one."""
 LOADS_JUMPED = 0.15
 """Step of the sum of the axle loads, as a share, that no vehicle makes."""
 ABSURD = 100.0
@@ -274,31 +278,51 @@ class PlausibilityWatch(Stateful):
         if asked.cycles == ANSWER_CYCLES:
             if asked.is_answered(after(window.adhesion), after(window.slip)):
                 self._asked = None
-        elif asked.cycles == WINDOWS[1][1] and self._is_driven(1):
-            self._asked = None
+        elif asked.cycles == WINDOWS[1][1]:
+            answer = self._answer(1)
+            # By chance a vehicle that was not driven does not answer so much.
+            if answer is not None and answer.share > max(ANSWERED, TELLING / answer.sigmas):
+                self._asked = None
         elif asked.cycles >= WINDOWS[2][1]:
             self._asked = None
-            if self._is_driven(2) is False:
+            answer = self._answer(2)
+            if answer is not None and answer.share < answer.most_of_undriven:
                 return Objection.EFFORTS_JUMP
         return Objection.NONE
 
-    def _is_driven(self, number: int) -> bool | None:
-        """Whether the vehicle moves as the forces since a step say; None where nobody can tell.
+    def _answer(self, number: int) -> "_Answer | None":
+        """How the vehicle moves with the forces since a step; None where nobody can tell.
 
         Args:
             number: Number of the window, as long as the time since the step.
 
         """
-        if not self._speeds.is_full:
+        std = sqrt(self._answer_square[number])
+        if not self._speeds.is_full or not std > 0.0:
             return None
         speed, _, force = (_WEIGHTS[number] @ self._speeds.rows).tolist()
         expected = self._share.value * force
-        if abs(expected) < TELLING * sqrt(self._answer_square[number]):
+        if expected == 0.0:
             return None
-        answer = speed * float(np.sign(expected))
-        # By chance a vehicle that was not driven does not answer so much before the last window.
-        least = 0.0 if number == len(WINDOWS) - 1 else TELLING * sqrt(self._answer_square[number])
-        return bool(answer > max(ANSWERED * abs(expected), least))
+        return _Answer(speed / expected, abs(expected) / std)
+
+
+class _Answer(NamedTuple):
+    """Answer of the vehicle to a step of the forces.
+
+    Attributes:
+        share: What it is over what it would be if the forces were true.
+        sigmas: The latter in standard deviations of such answers.
+
+    """
+
+    share: float
+    sigmas: float
+
+    @property
+    def most_of_undriven(self) -> float:
+        """Share below which no vehicle was driven: 90 times as probable, and never above 0.4."""
+        return min(ANSWERED, 0.5 - LOG_ODDS / self.sigmas**2)
 
 
 def _averaged(old: list[float], new: list[float], weight: float) -> list[float]:
