@@ -198,6 +198,8 @@ class StatusMachine:
 
     def _look_at(self, samples: Samples, estimate: Estimate | None) -> None:
         """Start the sample age anew where samples can be used."""
+        if estimate is not None and estimate.objection is not Objection.NONE:
+            return
         limits = self._limits
         adhesion = np.abs(samples.adhesion)
         believed = adhesion <= BELIEVED * limits.mu_ceiling

@@ -192,6 +192,19 @@ def test_axles_that_are_lost_end_a_question():
     assert set(seen[420:]) == {Objection.NONE}
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_a_step_of_all_efforts_that_nothing_answers_stands(noise):
+    """Where the vehicle's answer is lost in the noise of its speed, too: nobody can tell."""
+    rng = np.random.default_rng(7)
+
+    def change(k, row):
+        v, rim, mu = row
+        return v + noise * rng.standard_normal(), rim, mu + (0.08 if k >= 600 else 0.0)
+
+    seen, _ = drive(change)
+    assert set(seen[660:]) == {Objection.EFFORTS_JUMP}
+
+
 def test_after_a_fault_that_ends_the_readings_agree_again():
     seen, fed = drive(lambda k, row: (0.95 * row[0], *row[1:]) if 600 <= k < 700 else row)
     assert Objection.SPEED_JUMP in seen[600:700]

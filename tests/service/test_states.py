@@ -8,6 +8,7 @@ import pytest
 from adhesion_can.bus.database import load_database
 from adhesion_can.config import ServiceSettings
 from adhesion_can.physics.estimate import Identifiable
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import Sample, Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.service.states import (
@@ -216,6 +217,22 @@ def test_after_a_pause_low_efforts_do_not_bring_the_peak_back():
     for t_us, adhesion in ((0, low), (5_000_000, low), (5_020_000, high)):
         found = advance(single, t_us, at_adhesion(t_us, adhesion, axles=1))
         assert found is (Status.LOW_EXCITATION if t_us == 5_000_000 else Status.TRACKING)
+
+
+def test_samples_with_an_objection_are_no_fresh_ones():
+    one, low = StatusMachine(SETTINGS, LIMITS), 0.6 * KNOWN.mu_max
+    objected = replace(
+        KNOWN,
+        objection=Objection.SPEED_JUMP,
+        identifiable=Identifiable(mu_max=False, lambda_m=False),
+    )
+    advance(one, 0, at_adhesion(0, low))
+    for t_us in range(20_000, 3_000_000, 20_000):
+        assert advance(one, t_us, at_adhesion(t_us, low), objected) is Status.LOW_EXCITATION
+    # What stood for longer than a pause ends as one.
+    assert advance(one, 3_000_000, at_adhesion(3_000_000, low)) is Status.LOW_EXCITATION
+    near = at_adhesion(3_020_000, 0.9 * KNOWN.mu_max)
+    assert advance(one, 3_020_000, near) is Status.TRACKING
 
 
 def test_rolling_wheels_start_no_timer_whatever_their_common_slip():

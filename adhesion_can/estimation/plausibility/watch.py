@@ -17,7 +17,6 @@ its course on a sound drive is learned from the drive.
 
 from collections import deque
 from math import copysign, inf, isfinite, sqrt
-from typing import NamedTuple
 
 import numpy as np
 
@@ -59,10 +58,8 @@ LEAST_AXLES = 3
 ANSWER_CYCLES = 10
 """Number of cycles that wheels are given to answer a step of the efforts."""
 TELLING = 4.0
-"""Answer of the vehicle, in standard deviations, above which it was driven."""
-LOG_ODDS = 4.5
-"""Logarithm of the odds against a driven vehicle from which it was not; at least three deviations
-from the answer of a driven one."""
+"""Answer of the vehicle, in standard deviations, above which it is none by chance, while there is
+time to wait for more."""
 LOADS_JUMPED = 0.15
 """Step of the sum of the axle loads, as a share, that no vehicle makes."""
 ABSURD = 100.0
@@ -278,51 +275,29 @@ class PlausibilityWatch(Stateful):
         if asked.cycles == ANSWER_CYCLES:
             if asked.is_answered(after(window.adhesion), after(window.slip)):
                 self._asked = None
-        elif asked.cycles == WINDOWS[1][1]:
-            answer = self._answer(1)
-            # By chance a vehicle that was not driven does not answer so much.
-            if answer is not None and answer.share > max(ANSWERED, TELLING / answer.sigmas):
-                self._asked = None
+        elif asked.cycles == WINDOWS[1][1] and self._is_driven(1, TELLING):
+            self._asked = None
         elif asked.cycles >= WINDOWS[2][1]:
             self._asked = None
-            answer = self._answer(2)
-            if answer is not None and answer.share < answer.most_of_undriven:
+            if not self._is_driven(2, 0.0):
                 return Objection.EFFORTS_JUMP
         return Objection.NONE
 
-    def _answer(self, number: int) -> "_Answer | None":
-        """How the vehicle moves with the forces since a step; None where nobody can tell.
+    def _is_driven(self, number: int, sigmas: float) -> bool:
+        """Whether the vehicle moves as the forces since a step say; not where nobody can tell.
 
         Args:
             number: Number of the window, as long as the time since the step.
+            sigmas: Answer, in standard deviations of such answers, below which it may be chance.
 
         """
-        std = sqrt(self._answer_square[number])
-        if not self._speeds.is_full or not std > 0.0:
-            return None
+        if not self._speeds.is_full:
+            return False
         speed, _, force = (_WEIGHTS[number] @ self._speeds.rows).tolist()
         expected = self._share.value * force
-        if expected == 0.0:
-            return None
-        return _Answer(speed / expected, abs(expected) / std)
-
-
-class _Answer(NamedTuple):
-    """Answer of the vehicle to a step of the forces.
-
-    Attributes:
-        share: What it is over what it would be if the forces were true.
-        sigmas: The latter in standard deviations of such answers.
-
-    """
-
-    share: float
-    sigmas: float
-
-    @property
-    def most_of_undriven(self) -> float:
-        """Share below which no vehicle was driven: 90 times as probable, and never above 0.4."""
-        return min(ANSWERED, 0.5 - LOG_ODDS / self.sigmas**2)
+        answer = speed * copysign(1.0, expected)
+        least = sigmas * sqrt(self._answer_square[number])
+        return bool(answer > max(ANSWERED * abs(expected), least))
 
 
 def _averaged(old: list[float], new: list[float], weight: float) -> list[float]:
