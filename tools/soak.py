@@ -2,6 +2,8 @@
 
 import argparse
 import gc
+import hashlib
+import json
 import os
 import signal
 import sys
@@ -18,6 +20,7 @@ from tests.histories.play import estimator_of, judge, play_on, shrink
 from tools.benchmarks._report import Report
 from tools.processes import end_processes, results_as_done
 
+ROOT = Path(__file__).resolve().parent.parent
 HISTORY_S = 60
 """Length of a history, s."""
 AN_HOUR = 3600 // HISTORY_S
@@ -75,10 +78,54 @@ def run_history(task: tuple[int, float]) -> tuple[int, list[str], tuple[Fault, .
     return seed, told, shrink(seed, HISTORY_S * S, faults, estimator) if found else faults
 
 
-def judge_histories(soak: Soak, jobs: int, found: Found) -> None:
+class Record:
+    """Histories that were judged before, in a file: of this code and this rate of faults alone.
+
+    Args:
+        path: The file; None keeps nothing.
+        per_minute: Faults a minute.
+
+    """
+
+    def __init__(self, path: Path | None, per_minute: float) -> None:
+        self._path = path
+        self._same = {"code": hash_of_code(), "per_minute": per_minute}
+        self.broken: dict[int, bool] = {}
+        """Whether a rule was broken, by seed."""
+        if path is not None and path.exists():
+            for line in path.read_text().splitlines():
+                entry = json.loads(line)
+                if self._same.items() <= entry.items():
+                    self.broken[entry["seed"]] = entry["broken"]
+
+    def add(self, seed: int, *, broken: bool) -> None:
+        """Note a history that was judged."""
+        self.broken[seed] = broken
+        if self._path is not None:
+            entry = {**self._same, "seed": seed, "broken": broken}
+            with self._path.open("a") as file:
+                file.write(json.dumps(entry) + "\n")
+
+
+def hash_of_code() -> str:
+    """Hash of the service and of what plays and judges the histories."""
+    digest = hashlib.sha256()
+    for folder in ("adhesion_can", "dbc", "tests/histories"):
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.suffix in (".py", ".dbc"):
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def judge_histories(soak: Soak, jobs: int, found: Found, record: Record) -> None:
     """Judge all histories; one in which a rule was broken is printed with its seed."""
     began = time.monotonic()
-    tasks = [(soak.seed + number, soak.per_minute) for number in range(soak.count)]
+    seeds = range(soak.seed, soak.seed + soak.count)
+    known = [record.broken[seed] for seed in seeds if seed in record.broken]
+    found.histories, found.broken = len(known), sum(known)
+    if known:
+        print(f"histories: {len(known)} of {soak.count} were judged before", flush=True)
+    tasks = [(seed, soak.per_minute) for seed in seeds if seed not in record.broken]
     for _, (seed, told, fewest) in results_as_done(run_history, tasks, jobs):
         found.histories += 1
         if told:
@@ -86,6 +133,7 @@ def judge_histories(soak: Soak, jobs: int, found: Found) -> None:
             print(f"seed {seed}: {len(told)} times, first {told[0]}")
             for fault in fewest:
                 print(f"    {fault}")
+        record.add(seed, broken=bool(told))
         if found.histories % 20 == 0 or found.histories == soak.count:
             took_s = time.monotonic() - began
             print(
@@ -165,6 +213,13 @@ def main() -> int:
         help="histories of a minute, each judged; or one service with the tracker for all hours, "
         f"its memory after each (by default both, memory from --hours {LEAST_H:g} on)",
     )
+    parser.add_argument(
+        "--record",
+        type=Path,
+        metavar="FILE",
+        help="keep what was judged, and go on there where the command was stopped; histories of "
+        "another code or rate of faults are run again",
+    )
     options = parser.parse_args()
     soak = Soak(options.hours, options.faults, options.seed)
     with_memory = options.only != "histories" and soak.hours >= LEAST_H
@@ -172,17 +227,18 @@ def main() -> int:
         parser.error(f"growth after the first hour needs more of them: --hours {LEAST_H:g} or more")
     jobs = None if options.only == "memory" else max(options.jobs - with_memory, 1)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    return run(soak, jobs, with_memory=with_memory)
+    record = Record(options.record, options.faults)
+    return run(soak, jobs, record, with_memory=with_memory)
 
 
-def run(soak: Soak, jobs: int | None, *, with_memory: bool) -> int:
+def run(soak: Soak, jobs: int | None, record: Record, *, with_memory: bool) -> int:
     """Run both parts, or as much as there is time for until the command is stopped."""
     found = Found()
     one_service = OneService(soak) if with_memory else None
     is_stopped, crash = False, None
     try:
         if jobs is not None:
-            judge_histories(soak, jobs, found)
+            judge_histories(soak, jobs, found, record)
         if one_service is not None:
             one_service.wait(found)
     except KeyboardInterrupt:

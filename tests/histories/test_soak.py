@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.soak import Found, OneService, Soak, run, tell
+from tools.soak import Found, OneService, Record, Soak, judge_histories, run, tell
 
 ROOT = Path(__file__).resolve().parents[2]
 DAY = Soak(24.0, 6.0, 1)
@@ -48,15 +48,40 @@ def test_a_service_that_crashed_is_no_end(monkeypatch):
 
 def test_a_crash_is_told_beside_the_figures_of_the_histories(monkeypatch, capsys):
     def judge(*arguments):
-        found = arguments[-1]
+        found = arguments[2]
         found.histories, found.broken = 60, 0
 
     monkeypatch.setattr("tools.soak.watch_memory", end_at_once)
     monkeypatch.setattr("tools.soak.judge_histories", judge)
-    assert run(DAY, 1, with_memory=True) == 1
+    assert run(DAY, 1, Record(None, 6.0), with_memory=True) == 1
     told = capsys.readouterr().out
     assert "of 60 histories of 60 s" in told
     assert "CRASHED: the one service ended after 0 h, with exit code 3" in told
+
+
+def test_what_was_judged_before_is_not_judged_again(monkeypatch, tmp_path, capsys):
+    path, judged = tmp_path / "record.jsonl", []
+
+    def play(_, tasks, __):
+        for seed, _ in tasks:
+            judged.append(seed)
+            yield 0, (seed, ["a rule"] if seed == 3 else [], ())
+            if seed == 4:
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr("tools.soak.results_as_done", play)
+    tenth = Soak(0.1, 6.0, 1)
+    with pytest.raises(KeyboardInterrupt):
+        judge_histories(tenth, 1, Found(), Record(path, 6.0))
+    found = Found()
+    judge_histories(tenth, 1, found, Record(path, 6.0))
+    assert judged == [1, 2, 3, 4, 5, 6]
+    assert (found.histories, found.broken) == (6, 1)
+    assert "4 of 6 were judged before" in capsys.readouterr().out
+    # Another rate of faults, another code: all of them again.
+    assert not Record(path, 5.0).broken
+    monkeypatch.setattr("tools.soak.hash_of_code", lambda: "another")
+    assert not Record(path, 6.0).broken
 
 
 WAITING = """
