@@ -78,11 +78,17 @@ def _plus_minus(value: float, std: float | None) -> str:
     return f"({text})e{power}" if scaled else text
 
 
-def short(value: float) -> str:
-    """Three digits, never as a power of ten."""
+def short(value: float, digits: int = 3) -> str:
+    """A few digits, never as a power of ten."""
     if not isfinite(value):
         return "-"
-    return str(np.format_float_positional(value, 3, unique=False, fractional=False, trim="-"))
+    return str(np.format_float_positional(value, digits, unique=False, fractional=False, trim="-"))
+
+
+def short_apart(low: float, high: float) -> tuple[str, str]:
+    """Both in three digits, or in as many as tell them apart."""
+    texts = [(short(low, digits), short(high, digits)) for digits in range(3, 17)]
+    return next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
 
 
 def p_text(p_value: float) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy
 
+from adhesion_can.diagnosis.formatting import short_apart
 from adhesion_can.diagnosis.refutation.block_variance import (
     MOST_LEFT,
     compute_block_variance,
@@ -248,6 +249,13 @@ def test_a_parameter_answers_for_its_own_differences_alone():
     assert of_time.spread < 0.3
     assert not of_gain.refutes
     assert not of_time.refutes
+
+
+def test_the_ends_of_an_environment_can_be_told_apart():
+    assert short_apart(8.2, 12.44) == ("8.2", "12.4")
+    assert short_apart(244_871.0, 245_122.0) == ("244900", "245100")
+    assert short_apart(-0.0, 0.0) == ("-0", "0")
+    assert short_apart(1.0, 1.0) == ("1", "1")
 
 
 def test_the_spread_is_that_between_environments():

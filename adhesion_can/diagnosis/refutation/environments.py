@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import ContactObservation, DriveData
 from adhesion_can.diagnosis.drive.kinematics import SignalKinematics
-from adhesion_can.diagnosis.formatting import short, unit_text
+from adhesion_can.diagnosis.formatting import short, short_apart, unit_text
 from adhesion_can.diagnosis.regression.model import RegressionData
 from adhesion_can.physics.channels import channel_label, channel_unit
 from adhesion_can.physics.effects import LagStates
@@ -122,7 +122,7 @@ def _divide(name: str, values: Array) -> Partition | None:
     if counts.max() > len(values) / 3:
         return _divide_at(name, values, float(levels[np.argmax(counts)]), label, unit)
     low, high = (float(edge) for edge in np.quantile(values, THIRDS))
-    low_text, high_text = (f"{short(edge)} {unit}".strip() for edge in (low, high))
+    low_text, high_text = (f"{edge} {unit}".strip() for edge in short_apart(low, high))
     labels = (
         f"{label} below {low_text}",
         f"{label} {low_text} to {high_text}",
