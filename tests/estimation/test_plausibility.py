@@ -53,6 +53,16 @@ def test_wheels_that_roll_while_they_are_pulled_are_a_jump():
     assert is_wheel_jump(given._replace(slip=slip, rim=(1 + slip) * 14.0), CURVE, 0.003)
 
 
+@pytest.mark.parametrize("standing", [1, 3, 4])
+def test_a_wheel_that_stood_still_before_hides_no_jump_of_the_others(standing):
+    given = window(1.5)
+    for reading in (0.0, 0.01):
+        still = given.rim.copy()
+        still[:, :standing] = reading
+        assert is_wheel_jump(given._replace(rim=still), CURVE, 0.003) == (standing <= 3)
+    assert not is_wheel_jump(window()._replace(rim=window().rim * [0, 1, 1, 1, 1, 1]), CURVE, 0.003)
+
+
 def test_wheels_that_move_along_the_curve_are_no_jump():
     """All slips double within a cycle, and the adhesion with them: another effort."""
     slip = np.tile(np.linspace(0.005, 0.02, 6), (STEPS, 1))

@@ -4,6 +4,7 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import CurveParameters, adhesion, slip_at
@@ -24,6 +25,10 @@ FLAT = 0.15
 LEAST_EFFORT_STEP, LEVEL = 0.05, 0.25
 """Step of the adhesion of all axles that is looked at, and change within either side, as a share of
 it, below which it is a step and no ramp."""
+LEAST_AXLES = 3
+"""Number of axles that agree on a step by no chance."""
+STANDING = 0.01
+"""Rim speed over vehicle speed below which a wheel stands still."""
 ABSURD = 0.3
 """Step of a wheel speed within a cycle, as a share, that no wheelset makes."""
 LEAST_ANSWER = 0.0015
@@ -51,6 +56,11 @@ class Window(NamedTuple):
     slip: Array
     load: Array
     speed: Array
+
+    def select(self, axles: NDArray[np.bool_]) -> "Window":
+        """Some of the axles; shape (n,)."""
+        rim, adhesion, slip, load, speed = self
+        return Window(rim[:, axles], adhesion[:, axles], slip[:, axles], load[:, axles], speed)
 
 
 def after(column: Array) -> Array:
@@ -132,8 +142,13 @@ def is_wheel_jump(window: Window, curve: CurveBefore | None, least: float) -> bo
 
     """
     old, new = before(window.rim), after(window.rim)
-    if not old.min() > 0.0:
-        return False
+    turning = old > STANDING * before(window.speed)
+    if not turning.all():
+        # A wheel that stood still before hides nothing of the others.
+        if np.count_nonzero(turning) < LEAST_AXLES:
+            return False
+        window = window.select(turning)
+        old, new = old[turning], new[turning]
     moved = abs(median((new / old).tolist()) - 1.0)
     if moved < least / 2.0:
         return False

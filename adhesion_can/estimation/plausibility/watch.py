@@ -28,6 +28,7 @@ from adhesion_can.estimation.plausibility.settings import PlausibilitySettings
 from adhesion_can.estimation.plausibility.steps import (
     ANSWERED,
     EDGE,
+    LEAST_AXLES,
     STEPS,
     Asked,
     CurveBefore,
@@ -53,8 +54,6 @@ LEAST_SPEED_JUMP = 0.002
 """Deviation of the vehicle speed that is told at least, as a share of it."""
 LEAST_WHEEL_JUMP = 0.003
 """Step of most wheel speeds that is told at least, as a share of them."""
-LEAST_AXLES = 3
-"""Number of axles that agree on a step by no chance."""
 ANSWER_CYCLES = 10
 """Number of cycles that wheels are given to answer a step of the efforts."""
 TELLING = 4.0
