@@ -74,11 +74,7 @@ def bench(folder):
     # a change of the surface that was none is said long after. No change may be said before that.
     never_late = frames_with_prompt_past(frames, 0x201, gap_us=100_000, is_whole=True)
     others = [name for name in map(status, never_late) if name not in ("TRACKING", "STALE_INPUT")]
-    # At each of the two changes the service waits for the vehicle's answer, a second at most: the
-    # rail changes under all axles at once, as an instrument's step does. Some 25 times when idle.
-    waits = others.count("LOW_EXCITATION")
-    assert len(others) - waits < 50, others
-    assert waits < 2 * 50 + 20, others
+    assert len(others) < 50, others
     prompt = list(map(status, frames_with_prompt_past(frames, 0x201)))
     if len(prompt) > 500:
         assert prompt.count("TRACKING") > 0.9 * len(prompt), prompt

@@ -274,12 +274,12 @@ class PlausibilityWatch(Stateful):
         if asked.cycles == ANSWER_CYCLES:
             if asked.is_answered(after(window.adhesion), after(window.slip)):
                 self._asked = None
-        elif asked.cycles == WINDOWS[1][1] and self._is_driven(1, TELLING):
-            self._asked = None
         elif asked.cycles >= WINDOWS[2][1]:
             self._asked = None
             if not self._is_driven(2, 0.0):
                 return Objection.EFFORTS_JUMP
+        elif asked.cycles >= WINDOWS[1][1] and self._is_driven(1, TELLING):
+            self._asked = None
         return Objection.NONE
 
     def _is_driven(self, number: int, sigmas: float) -> bool:
