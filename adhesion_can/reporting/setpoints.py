@@ -1,6 +1,6 @@
 """The setpoints of a replay as a table: `--table` in CSV, Parquet or MF4."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from math import isfinite, nan
 from pathlib import Path
@@ -24,18 +24,22 @@ def _number(name: str, comment: str, unit: str = "") -> Field:
     return Field(name, unit=unit, comment=comment, optional=True, spec=".9g")
 
 
+def _names(name: str, comment: str, names: Mapping[float, str], *, optional: bool = False) -> Field:
+    return Field(
+        name, np.dtype(np.uint8), comment=comment, names=names, text=True, optional=optional
+    )
+
+
+def _by_number(kinds: Iterable[Status | Doubt | Objection]) -> Mapping[float, str]:
+    return {float(kind): kind.name for kind in kinds}
+
+
 _AXLES = range(1, AXLE_FRAMES + 1)
 NO_FAMILY = 255
 """Number that stands for no family of curves."""
 _FAMILY_NUMBERS = {name: number for number, name in enumerate(FAMILIES)}
 FIELDS = (
-    Field(
-        "status",
-        np.dtype(np.uint8),
-        comment="status of the service",
-        names={float(status): status.name for status in Status},
-        text=True,
-    ),
+    _names("status", "status of the service", _by_number(Status)),
     _number("mu_max", "maximum adhesion coefficient"),
     _number("mu_max_std", "standard deviation of mu_max"),
     _number("lambda_m", "slip ratio at the maximum"),
@@ -48,31 +52,25 @@ FIELDS = (
     *(_number(f"lambda_m_ax{axle}", f"lambda_m of axle {axle}") for axle in _AXLES),
     _number("speed_mps", "vehicle speed", "m/s"),
     _number("creep_speed_setpoint_mps", "creep speed to control to", "m/s"),
-    Field(
+    _names(
         "doubt",
-        np.dtype(np.uint8),
-        comment="what the residual depends on, where the curve cannot explain it",
-        names={float(doubt): doubt.name for doubt in Doubt},
-        text=True,
+        "what the residual depends on, where the curve cannot explain it",
+        _by_number(Doubt),
         optional=True,
     ),
-    Field(
+    _names(
         "family",
-        np.dtype(np.uint8),
-        comment="most probable family of curves, where they are compared",
-        names={
+        "most probable family of curves, where they are compared",
+        {
             **{float(number): name for name, number in _FAMILY_NUMBERS.items()},
             float(NO_FAMILY): Doubt.NOT_AVAILABLE.name,
         },
-        text=True,
         optional=True,
     ),
-    Field(
+    _names(
         "objection",
-        np.dtype(np.uint8),
-        comment="what the readings cannot be, where that is why nobody vouches for the peak",
-        names={float(objection): objection.name for objection in Objection},
-        text=True,
+        "what the readings cannot be, where that is why nobody vouches for the peak",
+        _by_number(Objection),
     ),
 )
 """Columns beside `time_s`."""
