@@ -1,7 +1,7 @@
 """Estimator that doubts itself: a tracker, and the comparison of its model with the drive."""
 
 from dataclasses import replace
-from math import hypot, sqrt
+from math import hypot, inf, sqrt
 
 import numpy as np
 
@@ -89,6 +89,8 @@ class DoubtingTracker(Stateful):
         if self._conditions is None or not self._monitor.surface_holds:
             return widened
         pooled, theta = self._pooled(comparison, self._conditions)
+        if not _has_peak(pooled):
+            return widened
         limits = self._limits
         mu_share, lambda_share = self._monitor.assessment.instrument_std
         # The level that comes next scatters about the mean one.
@@ -151,6 +153,8 @@ class DoubtingTracker(Stateful):
             least: Least standard deviations of μ_max and λ_m, as shares of them.
 
         """
+        if not _has_peak(estimate):
+            return replace(estimate, mu_max_std=inf, lambda_m_std=inf)
         assessment, limits = self._monitor.assessment, self._limits
         mu_share, lambda_share = map(max, further_std(assessment, estimate), least)
         if assessment.plain is None:
@@ -208,3 +212,8 @@ def _widened_interval(
     more = NORMAL_90 * further_std
     below, above = scale * (middle - interval[0]), scale * (interval[1] - middle)
     return middle - hypot(below, more), middle + hypot(above, more)
+
+
+def _has_peak(found: Estimate | PeakEstimate) -> bool:
+    """Whether a curve has a peak: a flat one, as where all efforts read 0, has none."""
+    return found.mu_max > 0.0 and found.lambda_m > 0.0

@@ -379,10 +379,17 @@ def further_std(assessment: Assessment, estimate: Estimate) -> tuple[float, floa
 
     With a doubt they contain the distance to the peak of the full model. Without one they contain
     what the instruments may be wrong by, beyond what the plain curve knows.
+
+    Args:
+        assessment: Fits with and without what the model leaves out.
+        estimate: Estimate with a peak.
+
     """
     plain, full = assessment.plain, assessment.full
     if plain is None or full is None:
         return 0.0, 0.0
+    if not (plain.mu_max > 0.0 and plain.lambda_m > 0.0):
+        return inf, inf  # a flat curve, as where all efforts read 0, has no peak
     if assessment.doubt is not Doubt.NONE:
         return (
             sqrt((full.mu_max - estimate.mu_max) ** 2 + full.mu_max_std**2) / estimate.mu_max,

@@ -10,7 +10,7 @@ import pytest
 
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.doubt.estimator import DoubtingTracker
-from adhesion_can.estimation.doubt.monitor import DoubtMonitor
+from adhesion_can.estimation.doubt.monitor import UNKNOWN, DoubtMonitor, further_std
 from adhesion_can.estimation.doubt.settings import (
     EXACT,
     DoubtSettings,
@@ -19,7 +19,7 @@ from adhesion_can.estimation.doubt.settings import (
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.doubt import Doubt
-from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.estimate import Estimate, PeakEstimate
 from adhesion_can.physics.samples import Samples
 from adhesion_can.values import Stateful, Value
 from tests.estimation.doubt.doubt_helpers import AXLES, THETA, in_seconds, make_samples
@@ -214,3 +214,22 @@ def test_an_update_on_a_copy_is_the_update_where_families_know_the_peak() -> Non
         families.append(None if one is None else one.family)
     assert families[-1] == "polach"
     assert kinds_copied(copied, {}) == {np.ndarray}
+
+
+@pytest.mark.parametrize("level", [0.0, -1e-9, -1.34])
+def test_efforts_that_read_one_value_leave_an_estimate(level: float) -> None:
+    """All efforts at 0 or at an end of their range: a flat curve has no peak to take shares of."""
+    samples = make_samples(np.random.default_rng(3), 30.0)
+    blind = samples.t_us > 15e6
+    adhesion = np.where(blind, level, samples.adhesion)
+    found = run(doubting(), replace(samples, adhesion=adhesion), 0.02)
+    numbers = np.array([(*e.theta, e.mu_max, e.lambda_m) for e in found])
+    assert np.isfinite(numbers).all()
+    assert not np.isnan([(e.mu_max_std, e.lambda_m_std) for e in found]).any()
+
+
+def test_a_flat_fit_knows_nothing_of_the_peak() -> None:
+    flat = PeakEstimate(0.0, 0.0, 0.0, 0.0)
+    assessment = replace(UNKNOWN, plain=flat, full=flat._replace(mu_max=0.1))
+    estimate = run(doubting(), make_samples(np.random.default_rng(1), 5.0))[-1]
+    assert further_std(assessment, estimate) == (inf, inf)
