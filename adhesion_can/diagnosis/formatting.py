@@ -8,6 +8,7 @@ import numpy as np
 from adhesion_can.diagnosis.cause_result import ParameterValue
 from adhesion_can.physics.effects import forms_of_effect
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE, CURVE_SHAPE_TITLE
+from adhesion_can.physics.effects.effort_gain import EFFORT_GAIN, EFFORT_GAIN_TITLE
 
 LEAST_P = 1e-3
 """Smallest p-value that is printed; a smaller one is printed as being below it."""
@@ -27,6 +28,8 @@ def title(effect: str) -> str:
 
 def rival_title(effect: str) -> str:
     """Title of an effect whose sign is not known, a clause: a signal comes late or early."""
+    if effect == EFFORT_GAIN:  # of one axle, of all, in time, with the effort: it is not said
+        return EFFORT_GAIN_TITLE
     known = next(iter(forms_of_effect(effect)), None)
     below = "" if known is None else known.observability.below.partition(":")[0]
     return f"{title(effect)}, or {below}" if below else title(effect)

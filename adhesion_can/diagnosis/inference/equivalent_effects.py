@@ -10,11 +10,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.imitations import imitates_load
 from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, score_model
 from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import fit_model
+from adhesion_can.physics.effects.effort_gain import EFFORT_GAIN
+from adhesion_can.physics.effects.load_dependence import LOAD_DEPENDENCE
 
 LEAST_COSINE = 0.95
 """Cosine of two signatures, curves projected out, from which they count as the same."""
@@ -31,7 +34,7 @@ def find_equivalent_effects(found: Findings, candidate: Candidate) -> tuple[str,
 
     """
     alike = list(_find_alike(found, candidate))
-    if not alike:
+    if not alike and candidate.effect.id != LOAD_DEPENDENCE:
         return ()
     regression, best = found.prepared.regression, found.selection.best
     place = best.candidates.index(candidate)
@@ -42,7 +45,10 @@ def find_equivalent_effects(found: Findings, candidate: Candidate) -> tuple[str,
         score_model(regression, fit_model(regression, proposal.model))
         for proposal in propose_effects(regression, smaller.model, alike)
     )
-    return tuple(sorted({_id_of_last(one) for one in fits if _is_equal(one, square, explained)}))
+    equal = {_id_of_last(one) for one in fits if _is_equal(one, square, explained)}
+    if imitates_load(regression, smaller.model, candidate):
+        equal |= {EFFORT_GAIN} - best.ids
+    return tuple(sorted(equal))
 
 
 def _find_alike(found: Findings, candidate: Candidate) -> Iterator[Candidate]:

@@ -17,6 +17,7 @@ from typing import NamedTuple
 from adhesion_can.diagnosis.cause_result import Witness
 from adhesion_can.diagnosis.formatting import measured, short, unit_text, value_and_unit
 from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.imitations import find_growth
 from adhesion_can.diagnosis.inference.model_comparison import ScoredModel
 from adhesion_can.diagnosis.refutation.block_variance import MOST_LEFT, compute_variance_left
 from adhesion_can.diagnosis.refutation.environments import Partition, build_partitions
@@ -37,6 +38,8 @@ from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 
 AT_BOUND = 1.0
 """Badness of a cause with a parameter at the end of its range."""
+NO_STEP = 1.0
+"""Badness of a step that is no better than a growth."""
 LEAST_OF_EXCESS = 0.1
 """Share that the causes must have in what the sensors' noise does not explain."""
 
@@ -283,6 +286,9 @@ def _find_reasons(
     refuting = find_refuting(sizes)
     if refuting is not None:
         yield _Reason(refuting.spread, _describe_sizes(model.candidates[place], refuting))
+    growth = find_growth(regression, model, place, without)
+    if growth is not None:
+        yield _Reason(NO_STEP, _describe_growth(growth))
     pairs = zip(model.candidates[place].free_parameters, model.values[place], strict=True)
     for parameter, value in pairs:
         if parameter.is_at_bound(value):
@@ -302,6 +308,13 @@ def _describe_left(share: float) -> str:
     return (
         f"with it {100 * share:.0f} % of what the rows of a block have in common without it is "
         f"left, and a true cause leaves at most {100 * MOST_LEFT:.0f} %"
+    )
+
+
+def _describe_growth(time_s: float) -> str:
+    return (
+        f"an error that grows with a time constant of {time_s:.0f} s explains as much as one that "
+        "steps, and the radii of all wheels that warm up look the same"
     )
 
 

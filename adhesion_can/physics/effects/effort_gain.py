@@ -17,7 +17,9 @@ CONTINUOUS_ADHESION = 0.2
 """Adhesion at which a motor has its continuous rating, about: heat 1 is reached there."""
 ITERATIONS = 3
 """Fixed-point iterations from the efforts as read to the heat of the true ones."""
-_ID = "effort_gain"
+EFFORT_GAIN = "effort_gain"
+EFFORT_GAIN_TITLE = "the tractive effort is read too large or too small by a share"
+"""Title of all forms."""
 _LITERATURE = (
     "Kiencke and Nielsen, Automotive Control Systems, 2nd ed. 2005, on estimated torque; Krishnan, "
     "Electric Motor Drives, 2001, on rotor resistance and flux over temperature"
@@ -84,13 +86,13 @@ class HeatGainLaw:
 
     def _heat(self, situation: Situation, load: Array, lags: LagStates, number: int) -> Array:
         """Square of efforts relative to the continuous one, lagging."""
-        name = f"{_ID} {self.time!r} {number}"
+        name = f"{EFFORT_GAIN} {self.time!r} {number}"
         rate = 1.0 / self.time
         return lags.follow(name, situation.axle, situation.lag_time_s, load * load, rate, 0.0)
 
 
 AXLE_EFFORT_GAIN = LawEffect(
-    id=_ID,
+    id=EFFORT_GAIN,
     form="axle",
     title="the tractive effort of one axle is read too large or too small by a share",
     parameters=(
@@ -117,7 +119,7 @@ AXLE_EFFORT_GAIN = LawEffect(
 
 
 HEAT_EFFORT_GAIN = LawEffect(
-    id=_ID,
+    id=EFFORT_GAIN,
     form="heat",
     title="the tractive effort reads high or low by a share as the motors heat up",
     parameters=(
@@ -147,7 +149,7 @@ HEAT_EFFORT_GAIN = LawEffect(
 
 
 TIME_EFFORT_GAIN = LawEffect(
-    id=_ID,
+    id=EFFORT_GAIN,
     form="time",
     title="the reading of the tractive effort drifts up or down by a share over time",
     parameters=(
@@ -173,7 +175,7 @@ TIME_EFFORT_GAIN = LawEffect(
 
 
 COMMON_EFFORT_GAIN = LawEffect(
-    id=_ID,
+    id=EFFORT_GAIN,
     form="all",
     title="the tractive effort of all axles is read too large or too small by a share",
     parameters=(Parameter("gain", "1", 0.05, -_MOST, _MOST, "share by which it reads high"),),

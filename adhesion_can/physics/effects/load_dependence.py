@@ -12,7 +12,7 @@ from adhesion_can.physics.effects.base import (
 from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
-_ID, _TITLE = "load_dependence", "adhesion changes with wheel load"
+LOAD_DEPENDENCE, _TITLE = "load_dependence", "adhesion changes with wheel load"
 _REQUIRES = Requirements(load=True)
 _OBSERVABILITY = Observability(channel="axle_load", excitation="the axle load")
 REFERENCE = 100e3
@@ -23,7 +23,7 @@ REFERENCE = 100e3
 class LoadDependence:
     """Factor 1 − c5 F_Z²."""
 
-    id: str = _ID
+    id: str = LOAD_DEPENDENCE
     form: str = "burckhardt"
     title: str = _TITLE
     parameters: tuple[Parameter, ...] = (
@@ -43,7 +43,7 @@ class LoadDependence:
 class LoadPower:
     """Factor (N / 100 kN)^(−p): Hertzian contact has p = 1/3 at constant friction of its area."""
 
-    id: str = _ID
+    id: str = LOAD_DEPENDENCE
     form: str = "power"
     title: str = _TITLE
     parameters: tuple[Parameter, ...] = (

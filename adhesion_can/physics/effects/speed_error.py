@@ -38,6 +38,21 @@ class SpeedStep:
 
 
 @dataclass(frozen=True, slots=True)
+class SpeedGrowth:
+    """Relative error that grows to a final share, as the radii of wheels do that warm up."""
+
+    share: float
+    time: float
+    quantity: Quantity = Quantity.SPEED
+    needs: frozenset[Need] = frozenset({Need.SEQUENCE})
+    covariates: tuple[str, ...] = ()
+
+    def error(self, situation: Situation, _lags: LagStates) -> ReadingError:
+        """Error of the readings."""
+        return ReadingError(-self.share * np.expm1(-situation.time_s / self.time))
+
+
+@dataclass(frozen=True, slots=True)
 class SpeedPitch:
     """Relative error in proportion to the effort of all axles over their static load."""
 
@@ -133,6 +148,23 @@ STEPPED_SPEED_ERROR = LawEffect(
     law=SpeedStep,
 )
 """v measured = (1 + error) v from a time on."""
+
+
+GROWING_SPEED_ERROR = LawEffect(
+    id=_ID,
+    form="growth",
+    title="the vehicle speed is measured too high or too low by a share that grows",
+    parameters=(
+        Parameter("error", "1", 0.005, -0.05, 0.05, "share by which it reads high in the end"),
+        Parameter("time", "s", 50.0, 5.0, 500.0, "time constant", step=2.0),
+    ),
+    literature=_LITERATURE,
+    requires=Requirements(one_recording=True),
+    observability=Observability(channel="time", excitation="coasting throughout the drive"),
+    law=SpeedGrowth,
+)
+"""v measured = (1 + error (1 − e^(−t/T))) v. No candidate: the radii of all wheels, which grow with
+the heat of brakes and slip, show the same. A step that is no better is none."""
 
 
 PITCH_SPEED_ERROR = LawEffect(

@@ -1,0 +1,90 @@
+"""Laws that a named effect may stand for, and that are no candidates by themselves.
+
+A curve bends to them or an instrument has no such law in the library, so no search tries them. But
+where one of them explains the same rows as the named effect does, the name is not the only one.
+"""
+
+import numpy as np
+
+from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.inference.model_comparison import LEVEL, worse_p_value
+from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.model import Model
+from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.physics.effects.load_dependence import LOAD_DEPENDENCE
+from adhesion_can.physics.effects.speed_error import GROWING_SPEED_ERROR, STEPPED_SPEED_ERROR
+
+AS_GOOD = 0.95
+"""Share of what a step explains, from which a growth may stand in its place."""
+
+
+def imitates_load(regression: WhitenedRegression, without: Model, candidate: Candidate) -> bool:
+    """Whether a gain that follows the effort explains as much as a dependence on the load.
+
+    At the same slip an axle of larger load has the larger effort. A reading that is too large by a
+    share that grows with the effort's square, as that of a motor with saturated iron, makes the
+    adhesion rise with the load there, and at small slips leaves it as it is. The true effort is
+    taken from the model, since the reading would explain its own noise.
+
+    Args:
+        regression: Rows with weights, filter and blocks.
+        without: Model without the named effect, fitted.
+        candidate: The named effect.
+
+    """
+    if candidate.effect.id != LOAD_DEPENDENCE:
+        return False
+    data = regression.data
+    predicted = regression.evaluate_corrected(without).predicted
+    load = np.concatenate([drive.observe().load for drive in data.drives])
+    of_gain = regression.whiten((predicted**3 * (load / float(np.median(load))) ** 2)[:, None])
+    of_load = regression.whiten(regression.compute_signature(without, candidate))
+    columns = regression.build_columns(without)
+    by_gain, by_load = (_explained(regression, columns, one) for one in (of_gain, of_load))
+    return by_gain >= by_load
+
+
+def _explained(regression: WhitenedRegression, columns: Array, added: Array) -> float:
+    """Square of a residual that one more column explains.
+
+    Args:
+        regression: Rows with weights, filter and blocks.
+        columns: Whitened Jacobian of a model, and its residual last; shape (n, p + 1).
+        added: Whitened column, shape (n, 1).
+
+    """
+    grams = regression.compute_grams(np.hstack([columns[:, :-1], added, columns[:, -1:]]))
+    place = columns.shape[1] - 1
+    own = grams.project_out(range(place), [place])[:, 0]
+    square = float(own @ grams.total @ own)
+    return float(own @ grams.total[:, -1]) ** 2 / square if square > 0.0 else 0.0
+
+
+def find_growth(
+    regression: WhitenedRegression, model: Model, place: int, without: Model
+) -> float | None:
+    """Time over which an error of the vehicle speed grows, s, that explains as much as a step.
+
+    Args:
+        regression: Rows with weights, filter and blocks.
+        model: Model with the named effect, fitted.
+        place: Place of the effect among the model's.
+        without: Model without it, fitted to the same rows.
+
+    Returns:
+        Time constant; None where the effect is no step, or the step is certainly better.
+
+    """
+    if model.candidates[place].effect is not STEPPED_SPEED_ERROR:
+        return None
+    growth = Candidate(GROWING_SPEED_ERROR)
+    grown = (
+        fit_model(regression, without.with_effect(growth, start)) for start in growth.start_values
+    )
+    best = min(grown, key=lambda one: one.cross_validated_square)
+    stepped, neither = fit_model(regression, model), fit_model(regression, without)
+    by_step, by_growth = (
+        neither.cross_validated_square - one.cross_validated_square for one in (stepped, best)
+    )
+    is_worse = by_growth < AS_GOOD * by_step or worse_p_value(stepped, best) < LEVEL
+    return None if is_worse else best.model.values[-1][1]
