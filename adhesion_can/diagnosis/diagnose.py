@@ -100,8 +100,9 @@ class DiagnosisSettings:
     """Settings of a diagnosis.
 
     Attributes:
-        alpha: Significance level of effects; a channel counts at half of it. Effects must also be
-            worth naming, which makes false findings rarer than this.
+        alpha: Significance level of effects that are named. They must also be worth naming, which
+            makes false findings rarer than this.
+        channel_alpha: Significance level of channels that a residual depends on.
         rate_hz: Rows per second and axle that are used for deciding.
         seed: Seed of the random signs.
         formulas: Formulas of the user's, tested as effects are.
@@ -113,7 +114,8 @@ class DiagnosisSettings:
 
     """
 
-    alpha: float = 0.05
+    alpha: float = 0.01
+    channel_alpha: float = 0.025
     rate_hz: float = RATE_HZ
     seed: int = 1
     formulas: tuple[AnyFormula, ...] = ()
@@ -363,7 +365,7 @@ class _Analysis:
         detection = detect_effects(prepared, rng)
         # Step 5
         selection = select_effects(prepared, detection.test, most_effects)
-        alpha, seed = self.settings.alpha, self.settings.seed
+        alpha, seed = self.settings.channel_alpha, self.settings.seed
 
         # Step 6, for the models whose residual is asked for
         @cache
@@ -381,7 +383,8 @@ class _Analysis:
             saturated=tuple(find_saturated_sensors(self.drives)),
             change_times=change_times,
             block_length_s=self.block_length_s,
-            alpha=alpha,
+            alpha=self.settings.alpha,
+            channel_alpha=alpha,
         )
         found = with_formula(found.without_noise_averages).without_bent_channel
         found = part_rivals(found.without_sizeless_effects)

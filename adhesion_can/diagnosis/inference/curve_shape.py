@@ -273,7 +273,7 @@ def _leaves_slip(found: "Findings", shaped: "Findings") -> bool:
     left = [
         one
         for one in shaped.channels_of_best
-        if one.p_value <= shaped.alpha / 2 and one.gain >= SECOND_LEAST_GAIN
+        if one.p_value <= shaped.channel_alpha and one.gain >= SECOND_LEAST_GAIN
     ]
     return _explained_by_slip(left, best.rmse) > MOST_LEFT * before
 

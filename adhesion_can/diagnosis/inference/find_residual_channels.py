@@ -85,7 +85,7 @@ def find_residual_channels(
     Args:
         regression: Data with weights, filter and blocks.
         fitted: Fitted model whose residual is tested.
-        alpha: Significance level of effects; a wave counts at half of it.
+        alpha: Significance level of a wave.
         rng: Random generator of the signs.
 
     """
@@ -96,7 +96,7 @@ def find_residual_channels(
     jacobian = compute_curve_jacobian(data, model.curves, corrected)
     found = fit_residual_channels(regression, fitted, channels, bases, jacobian, rng)
     wave = find_wave(regression, model, corrected, rng)
-    if wave is not None and wave[2] <= alpha / 2:
+    if wave is not None and wave[2] <= alpha:
         channel, basis, p_value = wave
         (one,) = fit_residual_channels(regression, fitted, [channel], [basis], jacobian, rng)
         found.append(replace(one, p_value=p_value))

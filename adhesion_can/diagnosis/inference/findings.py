@@ -69,7 +69,8 @@ class Findings:
         saturated: Effort sensors whose readings are cut off at a limit.
         change_times: Times of the surface changes in each drive, s.
         block_length_s: Length of a block, s.
-        alpha: Significance level of effects; a channel counts at half of it.
+        alpha: Significance level of effects that are named.
+        channel_alpha: Significance level of channels.
         families: Fits of all curve families, Burckhardt's first; () where they were not compared.
         shape: Base curve of another family; None: it is Burckhardt's.
         refuted: Causes that helped and were refuted, the first one removed first.
@@ -87,6 +88,7 @@ class Findings:
     change_times: list[list[float]]
     block_length_s: float
     alpha: float
+    channel_alpha: float
     families: tuple[ScoredFamily, ...] = ()
     shape: ShapeFinding | None = None
     refuted: tuple[RefutedCause, ...] = ()
@@ -141,7 +143,7 @@ class Findings:
         if self.oscillates or self.saturated or plain.rmse < NOISELESS:
             return False
         explained = 1.0 - (best.rmse / plain.rmse) ** 2
-        significant = (one for one in self.channels_of_best if one.p_value <= self.alpha / 2)
+        significant = (one for one in self.channels_of_best if one.p_value <= self.channel_alpha)
         strongest = next(significant, None)
         by_channel = 0.0
         if strongest is not None:
@@ -226,7 +228,7 @@ class Findings:
 
         A factor that is linear in it is then not the form of the dependence.
         """
-        significant = (one for one in self.channels_of_best if one.p_value <= self.alpha / 2)
+        significant = (one for one in self.channels_of_best if one.p_value <= self.channel_alpha)
         left, best = next(significant, None), self.selection.best
         if left is None or left.gain < SECOND_LEAST_GAIN:
             return self
@@ -254,7 +256,7 @@ class Findings:
             return None
         for one in self.channels_of_plain:
             possible = not self.saturated or one.channel.name == "tractive_effort"
-            if possible and one.p_value <= self.alpha / 2 and one.gain >= SECOND_LEAST_GAIN:
+            if possible and one.p_value <= self.channel_alpha and one.gain >= SECOND_LEAST_GAIN:
                 return one
         return None
 

@@ -12,10 +12,16 @@ from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.physics.effects.load_dependence import LOAD_DEPENDENCE
-from adhesion_can.physics.effects.speed_error import GROWING_SPEED_ERROR, STEPPED_SPEED_ERROR
+from adhesion_can.physics.effects.speed_error import (
+    GROWING_SPEED_ERROR,
+    SPEED_ERROR,
+    STEPPED_SPEED_ERROR,
+)
+from adhesion_can.physics.effects.speed_scale import SPEED_SCALE
 
-AS_GOOD = 0.95
-"""Share of what a step explains, from which a growth may stand in its place."""
+AS_GOOD, BETTER = 0.95, 1.02
+"""Share of what a step, and what another error of the speed explains, from which a growth may stand
+in its place. A constant error is a growth within seconds, to the last hundredth."""
 
 
 def imitates_load(regression: WhitenedRegression, without: Model, candidate: Candidate) -> bool:
@@ -63,7 +69,10 @@ def _explained(regression: WhitenedRegression, columns: Array, added: Array) -> 
 def find_growth(
     regression: WhitenedRegression, model: Model, place: int, without: Model
 ) -> float | None:
-    """Time over which an error of the vehicle speed grows, s, that explains as much as a step.
+    """Time over which an error of the vehicle speed grows that explains more than a named one, s.
+
+    The radii of all wheels grow with the heat of brakes and slip, which shows as such an error. One
+    that depends on something else explains a part of it, and one that steps explains nearly all.
 
     Args:
         regression: Rows with weights, filter and blocks.
@@ -72,19 +81,26 @@ def find_growth(
         without: Model without it, fitted to the same rows.
 
     Returns:
-        Time constant; None where the effect is no step, or the step is certainly better.
+        Time constant; None where the effect is no error of the speed, of several drives or of rows
+        without order, where the growth is not certainly better, and of a step where it is certainly
+        worse.
 
     """
-    if model.candidates[place].effect is not STEPPED_SPEED_ERROR:
+    effect = model.candidates[place].effect
+    drives = regression.data.drives
+    if effect.id not in (SPEED_ERROR, SPEED_SCALE) or len(drives) > 1 or drives[0].independent:
         return None
     growth = Candidate(GROWING_SPEED_ERROR)
     grown = (
         fit_model(regression, without.with_effect(growth, start)) for start in growth.start_values
     )
     best = min(grown, key=lambda one: one.cross_validated_square)
-    stepped, neither = fit_model(regression, model), fit_model(regression, without)
-    by_step, by_growth = (
-        neither.cross_validated_square - one.cross_validated_square for one in (stepped, best)
+    named, neither = fit_model(regression, model), fit_model(regression, without)
+    by_named, by_growth = (
+        neither.cross_validated_square - one.cross_validated_square for one in (named, best)
     )
-    is_worse = by_growth < AS_GOOD * by_step or worse_p_value(stepped, best) < LEVEL
-    return None if is_worse else best.model.values[-1][1]
+    if effect is STEPPED_SPEED_ERROR:
+        explains = by_growth >= AS_GOOD * by_named and worse_p_value(named, best) >= LEVEL
+    else:
+        explains = by_growth >= BETTER * by_named and worse_p_value(best, named) < LEVEL
+    return best.model.values[-1][1] if explains else None

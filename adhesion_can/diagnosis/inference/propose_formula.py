@@ -85,7 +85,7 @@ def _left_over(found: Findings) -> ResidualChannel | None:
     possible = (
         one
         for one in found.channels_of_best
-        if one.p_value <= found.alpha / 2
+        if one.p_value <= found.channel_alpha
         and one.gain >= SECOND_LEAST_GAIN
         and _is_possible(one.channel, found)
     )
@@ -233,7 +233,7 @@ def _describes(extended: Findings, channel: str, rest: ScoredModel) -> bool:
     best = extended.selection.best
     own = (one for one in extended.channels_of_best if one.channel.name == channel)
     left = next(own, None)
-    if left is None or (left.p_value > extended.alpha / 2 and left.gain < SECOND_LEAST_GAIN):
+    if left is None or (left.p_value > extended.channel_alpha and left.gain < SECOND_LEAST_GAIN):
         return True
     remaining = best.rmse**2 * (1.0 - (1.0 - left.gain) ** 2)
     return remaining <= MOST_LEFT * (rest.rmse**2 - best.rmse**2)

@@ -38,8 +38,8 @@ from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 
 AT_BOUND = 1.0
 """Badness of a cause with a parameter at the end of its range."""
-NO_STEP = 1.0
-"""Badness of a step that is no better than a growth."""
+GROWS = 1.0
+"""Badness of an error of the speed that a growth explains as well."""
 LEAST_OF_EXCESS = 0.1
 """Share that the causes must have in what the sensors' noise does not explain."""
 
@@ -288,7 +288,7 @@ def _find_reasons(
         yield _Reason(refuting.spread, _describe_sizes(model.candidates[place], refuting))
     growth = find_growth(regression, model, place, without)
     if growth is not None:
-        yield _Reason(NO_STEP, _describe_growth(growth))
+        yield _Reason(GROWS, _describe_growth(growth))
     pairs = zip(model.candidates[place].free_parameters, model.values[place], strict=True)
     for parameter, value in pairs:
         if parameter.is_at_bound(value):
@@ -313,8 +313,8 @@ def _describe_left(share: float) -> str:
 
 def _describe_growth(time_s: float) -> str:
     return (
-        f"an error that grows with a time constant of {time_s:.0f} s explains as much as one that "
-        "steps, and the radii of all wheels that warm up look the same"
+        f"an error of the speed that grows with a time constant of {time_s:.0f} s explains as "
+        "much, and so would the radii of all wheels that warm up"
     )
 
 

@@ -18,7 +18,7 @@ from adhesion_can.physics.readings import Role
 CURVATURE = COVARIATES[Role.CURVATURE]
 RATE_WINDOW_S = 1.0
 """Time over which the acceleration is found from speeds that come one by one, s."""
-_ID = "speed_error"
+SPEED_ERROR = "speed_error"
 _NONE: frozenset[Need] = frozenset()
 
 
@@ -103,10 +103,12 @@ class SpeedLowPass:
         axle, t = situation.axle, situation.lag_time_s
         rate = situation.acceleration
         if situation.is_true and rate is not None:
-            rate = lags.follow(f"{_ID} {self.time!r}", axle, t, rate, 1.0 / max(self.time, 1e-3))
+            rate = lags.follow(
+                f"{SPEED_ERROR} {self.time!r}", axle, t, rate, 1.0 / max(self.time, 1e-3)
+            )
         elif rate is None:
             window = 1.0 / RATE_WINDOW_S
-            late = lags.follow(f"{_ID} rate", axle, t, situation.speed, window)
+            late = lags.follow(f"{SPEED_ERROR} rate", axle, t, situation.speed, window)
             rate = (situation.speed - late) * window
         return ReadingError(absolute=-self.time * rate)
 
@@ -119,7 +121,7 @@ _LITERATURE = "Malvezzi et al., Proc. IMechE F 228 (2014), on odometry"
 
 
 STEPPED_SPEED_ERROR = LawEffect(
-    id=_ID,
+    id=SPEED_ERROR,
     form="step",
     title="the vehicle speed is measured too high or too low by a share from a time on",
     parameters=(
@@ -151,7 +153,7 @@ STEPPED_SPEED_ERROR = LawEffect(
 
 
 GROWING_SPEED_ERROR = LawEffect(
-    id=_ID,
+    id=SPEED_ERROR,
     form="growth",
     title="the vehicle speed is measured too high or too low by a share that grows",
     parameters=(
@@ -164,11 +166,11 @@ GROWING_SPEED_ERROR = LawEffect(
     law=SpeedGrowth,
 )
 """v measured = (1 + error (1 − e^(−t/T))) v. No candidate: the radii of all wheels, which grow with
-the heat of brakes and slip, show the same. A step that is no better is none."""
+the heat of brakes and slip, show the same. An error that it explains better has no name."""
 
 
 PITCH_SPEED_ERROR = LawEffect(
-    id=_ID,
+    id=SPEED_ERROR,
     form="pitch",
     title="the vehicle speed is measured too high or too low as the effort pitches the body",
     parameters=(
@@ -204,7 +206,7 @@ _IN_CURVES = Observability(
 
 
 OFFSET_SPEED_ERROR = LawEffect(
-    id=_ID,
+    id=SPEED_ERROR,
     form="offset",
     title="the vehicle speed is measured beside the middle of the track, and errs in curves",
     parameters=(
@@ -219,7 +221,7 @@ OFFSET_SPEED_ERROR = LawEffect(
 
 
 CURVATURE_SPEED_ERROR = LawEffect(
-    id=_ID,
+    id=SPEED_ERROR,
     form="curvature",
     title="the vehicle speed is measured too high or too low by a share in curves",
     parameters=(Parameter("offset", "m", 1.0, -6.0, 6.0, "relative error over the curvature"),),
@@ -232,7 +234,7 @@ CURVATURE_SPEED_ERROR = LawEffect(
 
 
 LOW_PASS_SPEED_ERROR = LawEffect(
-    id=_ID,
+    id=SPEED_ERROR,
     form="low_pass",
     title="the vehicle speed is smoothed by its instrument",
     parameters=(Parameter("time", "s", 0.5, 0.0, 3.0, "time constant of the instrument"),),

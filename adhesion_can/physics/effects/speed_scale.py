@@ -6,12 +6,14 @@ from adhesion_can.physics.effects.base import Observability, Requirements, Separ
 from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.parameter import Parameter
 
+SPEED_SCALE = "speed_scale"
+
 
 @dataclass(frozen=True, slots=True)
 class SpeedScale:
     """Measured v = (1 + error) v."""
 
-    id: str = "speed_scale"
+    id: str = SPEED_SCALE
     form: str = ""
     title: str = "the vehicle speed is measured too high or too low by a share"
     parameters: tuple[Parameter, ...] = (
