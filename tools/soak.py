@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
+from types import ModuleType
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -23,6 +24,8 @@ from tools.processes import end_processes, results_as_done
 ROOT = Path(__file__).resolve().parent.parent
 HISTORY_S = 60
 """Length of a history, s."""
+_OURS = ("adhesion_can", "tests/histories")
+"""Folders of the code that a history runs."""
 AN_HOUR = 3600 // HISTORY_S
 """Histories of an hour."""
 FLAT_MIB = 1.0
@@ -108,13 +111,22 @@ class Record:
 
 
 def hash_of_code() -> str:
-    """Hash of the service and of what plays and judges the histories."""
+    """Hash of the service and of what plays and judges the histories, and of nothing else.
+
+    A change of what a service never loads, as the diagnosis, leaves the histories as they are.
+    """
+    judge(0, S, (), estimator_of(0))  # what is imported on the first use is loaded then
+    loaded = {Path(one.__file__) for one in list(sys.modules.values()) if _is_ours(one)}
     digest = hashlib.sha256()
-    for folder in ("adhesion_can", "dbc", "tests/histories"):
-        for path in sorted((ROOT / folder).rglob("*")):
-            if path.suffix in (".py", ".dbc"):
-                digest.update(path.read_bytes())
+    for path in sorted(loaded | set((ROOT / "dbc").glob("*.dbc"))):
+        digest.update(str(path.relative_to(ROOT)).encode() + path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def _is_ours(module: ModuleType) -> bool:
+    """Whether a module is of the package, or plays and judges histories."""
+    file = getattr(module, "__file__", None)
+    return file is not None and any(ROOT / folder in Path(file).parents for folder in _OURS)
 
 
 def judge_histories(soak: Soak, jobs: int, found: Found, record: Record) -> None:
