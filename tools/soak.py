@@ -8,11 +8,11 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import ModuleType
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -24,8 +24,6 @@ from tools.processes import end_processes, results_as_done
 ROOT = Path(__file__).resolve().parent.parent
 HISTORY_S = 60
 """Length of a history, s."""
-_OURS = ("adhesion_can", "tests/histories")
-"""Folders of the code that a history runs."""
 AN_HOUR = 3600 // HISTORY_S
 """Histories of an hour."""
 FLAT_MIB = 1.0
@@ -115,18 +113,24 @@ def hash_of_code() -> str:
 
     A change of what a service never loads, as the diagnosis, leaves the histories as they are.
     """
-    judge(0, S, (), estimator_of(0))  # what is imported on the first use is loaded then
-    loaded = {Path(one.__file__) for one in list(sys.modules.values()) if _is_ours(one)}
     digest = hashlib.sha256()
-    for path in sorted(loaded | set((ROOT / "dbc").glob("*.dbc"))):
+    for path in loaded_code():
         digest.update(str(path.relative_to(ROOT)).encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 
 
-def _is_ours(module: ModuleType) -> bool:
-    """Whether a module is of the package, or plays and judges histories."""
-    file = getattr(module, "__file__", None)
-    return file is not None and any(ROOT / folder in Path(file).parents for folder in _OURS)
+def loaded_code() -> list[Path]:
+    """Files that a history loads, and the databases."""
+    judge(0, S, (), estimator_of(0))  # what is imported on the first use is loaded then
+    files = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
+    ours = [ROOT / folder for folder in ("adhesion_can", "tests/histories")]
+    loaded = {Path(file) for file in files if file and _is_in(Path(file), ours)}
+    return sorted(loaded | set((ROOT / "dbc").glob("*.dbc")))
+
+
+def _is_in(path: Path, folders: Sequence[Path]) -> bool:
+    """Whether a file is in one of some folders."""
+    return any(folder in path.parents for folder in folders)
 
 
 def judge_histories(soak: Soak, jobs: int, found: Found, record: Record) -> None:

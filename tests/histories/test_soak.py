@@ -12,6 +12,11 @@ import pytest
 from tools.soak import Found, OneService, Record, Soak, judge_histories, run, tell
 
 ROOT = Path(__file__).resolve().parents[2]
+LOADED = """
+from tools.soak import ROOT, loaded_code
+for path in loaded_code():
+    print(path.relative_to(ROOT))
+"""
 DAY = Soak(24.0, 6.0, 1)
 
 
@@ -111,3 +116,13 @@ def test_processes_end_with_the_command_that_began_them(tmp_path):
         assert process.stdout.read() == "stopped\n"
         assert process.wait() == 0
     assert time.monotonic() - began < 500
+
+
+def test_the_record_holds_for_what_a_history_loads():
+    """In a process of its own, since the tests load everything."""
+    told = subprocess.run(
+        [sys.executable, "-c", LOADED], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    assert "adhesion_can/service/core.py" in told
+    assert "tests/histories/checker.py" in told
+    assert not [name for name in told if name.startswith("adhesion_can/diagnosis/")]
