@@ -97,6 +97,16 @@ def test_wheels_that_grow_warm_are_no_error_of_the_speed(seed, tmp_path):
     assert "radii of all wheels that warm up" in error["refuted_by"]
 
 
+def test_what_chance_explains_once_in_twenty_drives_has_no_name(tmp_path):
+    path = tmp_path / "drive.log"
+    make_outside("outside:shower", 26001, path)
+    answer = diagnosed(tmp_path, path)
+    assert answer.document["causes"] == [], answer.out
+    (closest,) = answer.document["closest"]
+    assert closest["effect"] == "speed_dependence"
+    assert "chance alone looks as strong in 4" in closest["refuted_by"]
+
+
 def test_a_motor_that_saturates_is_a_rival_of_the_load(tmp_path):
     path = tmp_path / "drive.log"
     make_outside("outside:motor_saturation", 25000, path)

@@ -18,8 +18,6 @@ from adhesion_can.physics.effects.channel_factor import STEP
 
 LEVEL = 0.05
 """Significance level of a difference between two models."""
-NAMING_LEVEL = 0.01
-"""Significance level of an effect that is added: of true ones in worlds by others, 99 % pass it."""
 LEAST_GAIN, SECOND_LEAST_GAIN = 0.01, 0.03
 """Share by which the RMSE of the adhesion must fall for an effect to be worth naming, and for one
 beside another: the first one's error of form must not get a name."""
@@ -134,7 +132,7 @@ def is_improvement(small: ScoredModel, large: ScoredModel, tested: float) -> boo
     by_blocks = gain_p_value(small.fitted, large.fitted) * tested
     same_family = small.fitted.model.curves.family is large.fitted.model.curves.family
     by_signs = large.sign_flips.get(frozenset(small.candidates), 1.0) if same_family else 1.0
-    return bool(worth and 2.0 * min(by_signs, by_blocks) <= NAMING_LEVEL)
+    return bool(worth and 2.0 * min(by_signs, by_blocks) <= LEVEL)
 
 
 def is_worse(best: ScoredModel, other: ScoredModel) -> bool:

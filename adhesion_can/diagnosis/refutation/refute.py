@@ -98,13 +98,16 @@ def drop_refuted(found: Findings) -> Findings:
     model = fitted.model
     trials = _try_all(regression, model)
     worst = max(trials, key=lambda trial: trial.badness)
+    reason = worst.worst_reason
     if not worst.reasons:
+        worst, reason = _find_least_sure(found, model, trials)
+    if reason is _NO_REASON:
         sizes = {model.candidates[trial.place]: trial.sizes for trial in trials}
         found = replace(found, sizes_by_environment=sizes)
         if found.share_of_excess >= LEAST_OF_EXCESS:
             return found
-        reason = _describe_excess(found)
-        return _refute_all(found, fitted, [trial.without for trial in trials], reason)
+        without = [trial.without for trial in trials]
+        return _refute_all(found, fitted, without, _describe_excess(found))
     candidate = model.candidates[worst.place]
     refuted = RefutedCause(
         candidate.effect.id,
@@ -112,11 +115,23 @@ def drop_refuted(found: Findings) -> Findings:
         worst.place,
         fitted,
         worst.without,
-        worst.worst_reason.text,
+        reason.text,
         worst.sizes,
     )
     smaller = replace(found.without_effect(worst.place), refuted=(*found.refuted, refuted))
     return drop_refuted(smaller)
+
+
+def _find_least_sure(
+    found: Findings, model: Model, trials: Sequence[_Trial]
+) -> tuple[_Trial, _Reason]:
+    """The cause with the largest p-value, and what that says against it."""
+    p_values = [found.p_value(model.candidates[trial.place]) for trial in trials]
+    largest = max(p_values)
+    trial = trials[p_values.index(largest)]
+    if largest <= found.alpha:
+        return trial, _NO_REASON
+    return trial, _Reason(AT_BOUND, _describe_chance(largest, found.alpha))
 
 
 def describe_refutation(regression: WhitenedRegression, model: Model) -> str:
@@ -308,6 +323,13 @@ def _describe_left(share: float) -> str:
     return (
         f"with it {100 * share:.0f} % of what the rows of a block have in common without it is "
         f"left, and a true cause leaves at most {100 * MOST_LEFT:.0f} %"
+    )
+
+
+def _describe_chance(p_value: float, level: float) -> str:
+    return (
+        f"chance alone looks as strong in {100 * p_value:.1f} % of drives, and for a cause it does "
+        f"in at most {100 * level:g} %"
     )
 
 
