@@ -365,14 +365,14 @@ class _Analysis:
         detection = detect_effects(prepared, rng)
         # Step 5
         selection = select_effects(prepared, detection.test, most_effects)
-        alpha, seed = self.settings.channel_alpha, self.settings.seed
+        channel_alpha, seed = self.settings.channel_alpha, self.settings.seed
 
         # Step 6, for the models whose residual is asked for
         @cache
         def search_channels(fitted: FittedModel) -> tuple[ResidualChannel, ...]:
             self.show("channels", 0.7)
             rng = np.random.default_rng(seed)
-            return tuple(find_residual_channels(prepared.regression, fitted, alpha, rng))
+            return tuple(find_residual_channels(prepared.regression, fitted, channel_alpha, rng))
 
         found = Findings(
             prepared=prepared,
@@ -384,7 +384,7 @@ class _Analysis:
             change_times=change_times,
             block_length_s=self.block_length_s,
             alpha=self.settings.alpha,
-            channel_alpha=alpha,
+            channel_alpha=channel_alpha,
         )
         found = with_formula(found.without_noise_averages).without_bent_channel
         found = part_rivals(found.without_sizeless_effects)

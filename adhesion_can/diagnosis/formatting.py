@@ -28,7 +28,7 @@ def title(effect: str) -> str:
 
 def rival_title(effect: str) -> str:
     """Title of an effect whose sign is not known, a clause: a signal comes late or early."""
-    if effect == EFFORT_GAIN:  # of one axle, of all, in time, with the effort: it is not said
+    if effect == EFFORT_GAIN:  # a rival is named by its id alone, whatever its form
         return EFFORT_GAIN_TITLE
     known = next(iter(forms_of_effect(effect)), None)
     below = "" if known is None else known.observability.below.partition(":")[0]

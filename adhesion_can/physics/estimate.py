@@ -143,3 +143,8 @@ class Estimate(Value):
         ]
         title = f"Adhesion curve from {self.samples} samples, ± standard deviation"
         return html_table(title, ("quantity", "estimate"), rows)
+
+
+def has_peak(found: Estimate | PeakEstimate) -> bool:
+    """Whether a curve has a peak: a flat one, as where all efforts read 0, has none."""
+    return found.mu_max > 0.0 and found.lambda_m > 0.0

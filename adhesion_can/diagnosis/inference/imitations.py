@@ -51,7 +51,7 @@ def imitates_load(regression: WhitenedRegression, without: Model, candidate: Can
 
 
 def _explained(regression: WhitenedRegression, columns: Array, added: Array) -> float:
-    """Square of a residual that one more column explains.
+    """Whitened sum of squares of a residual that one more column explains.
 
     Args:
         regression: Rows with weights, filter and blocks.

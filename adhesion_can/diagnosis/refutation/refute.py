@@ -36,10 +36,8 @@ from adhesion_can.diagnosis.regression.whitened_regression import (
 )
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 
-AT_BOUND = 1.0
-"""Badness of a cause with a parameter at the end of its range."""
-GROWS = 1.0
-"""Badness of an error of the speed that a growth explains as well."""
+DECISIVE = 1.0
+"""Badness of a reason that has no size of its own, as a parameter at the end of its range."""
 LEAST_OF_EXCESS = 0.1
 """Share that the causes must have in what the sensors' noise does not explain."""
 
@@ -49,7 +47,7 @@ class _Reason(NamedTuple):
 
     Attributes:
         badness: How bad it is: the share that is left, the relative spread of the sizes, or
-            `AT_BOUND`.
+            `DECISIVE`.
         text: Reason in one clause, with figures.
 
     """
@@ -131,7 +129,7 @@ def _find_least_sure(
     trial = trials[p_values.index(largest)]
     if largest <= found.alpha:
         return trial, _NO_REASON
-    return trial, _Reason(AT_BOUND, _describe_chance(largest, found.alpha))
+    return trial, _Reason(DECISIVE, _describe_chance(largest, found.alpha))
 
 
 def describe_refutation(regression: WhitenedRegression, model: Model) -> str:
@@ -303,13 +301,13 @@ def _find_reasons(
         yield _Reason(refuting.spread, _describe_sizes(model.candidates[place], refuting))
     growth = find_growth(regression, model, place, without)
     if growth is not None:
-        yield _Reason(GROWS, _describe_growth(growth))
+        yield _Reason(DECISIVE, _describe_growth(growth))
     pairs = zip(model.candidates[place].free_parameters, model.values[place], strict=True)
     for parameter, value in pairs:
         if parameter.is_at_bound(value):
             end = value_and_unit(value, parameter.unit)
             text = f"its {parameter.name} is at the end of its range, {end}"
-            yield _Reason(AT_BOUND, text)
+            yield _Reason(DECISIVE, text)
 
 
 def _describe_excess(found: Findings) -> str:

@@ -17,7 +17,7 @@ from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.curves.burckhardt import curve_with_peak
 from adhesion_can.physics.curves.nearest import nearest_burckhardt
 from adhesion_can.physics.doubt import Doubt
-from adhesion_can.physics.estimate import Estimate, Identifiable, PeakEstimate
+from adhesion_can.physics.estimate import Estimate, Identifiable, PeakEstimate, has_peak
 from adhesion_can.physics.samples import Samples
 from adhesion_can.values import Stateful
 
@@ -89,7 +89,7 @@ class DoubtingTracker(Stateful):
         if self._conditions is None or not self._monitor.surface_holds:
             return widened
         pooled, theta = self._pooled(comparison, self._conditions)
-        if not _has_peak(pooled):
+        if not has_peak(pooled):
             return widened
         limits = self._limits
         mu_share, lambda_share = self._monitor.assessment.instrument_std
@@ -153,8 +153,9 @@ class DoubtingTracker(Stateful):
             least: Least standard deviations of μ_max and λ_m, as shares of them.
 
         """
-        if not _has_peak(estimate):
-            return replace(estimate, mu_max_std=inf, lambda_m_std=inf)
+        if not has_peak(estimate):
+            nothing = Identifiable(mu_max=False, lambda_m=False)
+            return replace(estimate, mu_max_std=inf, lambda_m_std=inf, identifiable=nothing)
         assessment, limits = self._monitor.assessment, self._limits
         mu_share, lambda_share = map(max, further_std(assessment, estimate), least)
         if assessment.plain is None:
@@ -212,8 +213,3 @@ def _widened_interval(
     more = NORMAL_90 * further_std
     below, above = scale * (middle - interval[0]), scale * (interval[1] - middle)
     return middle - hypot(below, more), middle + hypot(above, more)
-
-
-def _has_peak(found: Estimate | PeakEstimate) -> bool:
-    """Whether a curve has a peak: a flat one, as where all efforts read 0, has none."""
-    return found.mu_max > 0.0 and found.lambda_m > 0.0

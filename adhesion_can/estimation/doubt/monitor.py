@@ -51,7 +51,7 @@ from adhesion_can.estimation.families.comparison import FamilyComparison, Family
 from adhesion_can.estimation.tracker.points import is_valid
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.doubt import Doubt
-from adhesion_can.physics.estimate import Estimate, PeakEstimate
+from adhesion_can.physics.estimate import Estimate, PeakEstimate, has_peak
 from adhesion_can.physics.samples import Samples
 from adhesion_can.values import Stateful, Value
 
@@ -388,8 +388,8 @@ def further_std(assessment: Assessment, estimate: Estimate) -> tuple[float, floa
     plain, full = assessment.plain, assessment.full
     if plain is None or full is None:
         return 0.0, 0.0
-    if not (plain.mu_max > 0.0 and plain.lambda_m > 0.0):
-        return inf, inf  # a flat curve, as where all efforts read 0, has no peak
+    if not has_peak(plain):
+        return inf, inf
     if assessment.doubt is not Doubt.NONE:
         return (
             sqrt((full.mu_max - estimate.mu_max) ** 2 + full.mu_max_std**2) / estimate.mu_max,
