@@ -1,6 +1,6 @@
 """Loading of CAN databases: the packaged one and the user's."""
 
-from codecs import BOM_UTF8
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache
@@ -13,7 +13,7 @@ from cantools.database.can import Database, Message, Signal
 from cantools.database.errors import Error as CantoolsError
 
 from adhesion_can.bus.database_text import require_small_ranges
-from adhesion_can.bus.lenient_database import load_without_faulty_messages
+from adhesion_can.bus.lenient_database import is_unused, load_without_faulty_messages
 from adhesion_can.errors import DatabaseError, suggest
 from adhesion_can.files import read_small_file
 
@@ -144,7 +144,7 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
     content = read_small_file(path, LARGEST_FILE, kind=DatabaseError, mend=mend)
     if path.suffix.lower() not in DATABASE_SUFFIXES:
         raise DatabaseError(str(path), "no CAN database by its name", _GIVE_DATABASE)
-    require_small_ranges(content, str(path))
+    require_small_ranges(_as_bytes(content), str(path))
     left_out: tuple[str, ...] = ()
     found: object
     try:
@@ -160,6 +160,8 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
         mend = _GIVE_DATABASE
         if "in message" in reason and not lenient:
             mend = "fix the message, or pass --lenient to skip it"
+        if is_unused(reason) and not lenient:
+            mend = "remove these statements, or pass --lenient to skip them"
         raise DatabaseError(str(path), f"not a CAN database ({reason})", mend) from error
     except (ValueError, UnicodeError, KeyError, TypeError) as error:
         reason = " ".join(str(error).split())[:200]
@@ -207,6 +209,8 @@ def _encoding(content: bytes) -> str | None:
 
     Text of that encoding with other letters than ASCII's is hardly ever UTF-8 by chance.
     """
+    if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return "utf-16"
     if content.isascii() or content.removeprefix(BOM_UTF8).lstrip().startswith(b"<"):
         return None  # XML declares its own
     try:
@@ -214,6 +218,13 @@ def _encoding(content: bytes) -> str | None:
     except UnicodeDecodeError:
         return None
     return "utf-8-sig"
+
+
+def _as_bytes(content: bytes) -> bytes:
+    """A database's content with ASCII's letters as single bytes."""
+    if _encoding(content) != "utf-16":
+        return content
+    return content.decode("utf-16", errors="replace").encode()
 
 
 def e2e_data_id(message: Message) -> int | None:

@@ -9,7 +9,15 @@ MOST_SELECTORS = 1 << 20
 """Most values of multiplexers in all ranges of a DBC; each takes some 40 bytes."""
 MOST_IDS = 1 << 16
 """Most identifiers in all ranges of a .sym file; each is a message of its own."""
-_NUMBER = re.compile(rb"[-+]?\d{1,30}")
+_NO_STATEMENT = re.compile(rb'"(?:\\"|[^"])*?"|//[^\n]*\n')
+"""Strings and comments, in which a keyword is none."""
+_SELECTORS = re.compile(
+    rb"SG_MUL_VAL_(?!\w)\s*[-+]?\d[\d.eE+-]*\s*[A-Za-z_]\w*\s+\w+(?P<ranges>[^;]*)", re.ASCII
+)
+"""`SG_MUL_VAL_ 256 Signal Selector 1-3, 5-5;`: the bare keyword stands in the list NS_ as well."""
+_NUMBER = re.compile(rb"[-+]?\d+")
+_LONGEST_NUMBER = 30
+"""Most digits of a number whose value is looked at."""
 _ID_RANGE = re.compile(rb"\bID\s*=\s*([0-9A-Fa-f]{1,16})h\s*\S([0-9A-Fa-f]{1,64})h")
 
 
@@ -36,12 +44,16 @@ def require_small_ranges(content: bytes, where: str) -> None:
 
 
 def _selectors(content: bytes) -> Iterator[int]:
-    """Number of values of each range of a DBC: `SG_MUL_VAL_ 256 Signal Selector 1-3, 5-5;`."""
-    for part in content.split(b"SG_MUL_VAL_")[1:]:
-        words = part.partition(b";")[0].split(None, 3)
-        numbers = _NUMBER.findall(words[3]) if len(words) == 4 else []
+    """Number of values of each range of a DBC's statements `SG_MUL_VAL_`."""
+    if b"SG_MUL_VAL_" not in content:
+        return
+    for statement in _SELECTORS.finditer(_NO_STATEMENT.sub(b" ", content)):
+        numbers = _NUMBER.findall(statement["ranges"])
         for first, last in zip(numbers[::2], numbers[1::2], strict=False):
-            yield int(last[1:] or b"0") - int(first) + 1  # the first character is the dash
+            if max(len(first), len(last)) > _LONGEST_NUMBER:
+                yield MOST_SELECTORS + 1
+            else:
+                yield int(last[1:] or b"0") - int(first) + 1  # the first character is the dash
 
 
 def _identifiers(content: bytes) -> Iterator[int]:

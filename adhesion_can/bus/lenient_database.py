@@ -8,6 +8,11 @@ from cantools.database.can import Database
 from cantools.database.errors import Error as CantoolsError
 
 _NAMED = re.compile(r"in message (?P<name>\w+)")
+_UNUSED = re.compile(r"^\s*(VAL_|SIG_VALTYPE_) (\d+) (\w+)", re.MULTILINE)
+"""A line of cantools' error on statements whose signal is not there."""
+_OF_A_SIGNAL = re.compile(
+    r'^[ \t]*(VAL_|SIG_VALTYPE_)\s+(\d+)\s+(\w+)(?:"(?:\\"|[^"])*?"|[^";])*;[ \t]*\n?', re.MULTILINE
+)
 
 
 def load_without_faulty_messages(text: str) -> tuple[Database, tuple[str, ...]]:
@@ -21,16 +26,29 @@ def load_without_faulty_messages(text: str) -> tuple[Database, tuple[str, ...]]:
 
     """
     left_out: list[str] = []
+    gone: set[str] = set()
     while True:
         try:
             db = cantools.database.load_string(text, database_format="dbc", strict=False)
         except (UnsupportedDatabaseFormatError, CantoolsError, ValueError) as error:
             reason = " ".join(str(error).split())[:200]
+            unused = set(_UNUSED.findall(str(error)))
             found = _NAMED.search(reason)
-            shorter = text if found is None else _without_message(text, found["name"])
-            if found is None or shorter == text:
+            if unused:
+                shorter = _without_statements(text, unused)
+                left_out += [
+                    f"{keyword} {number} {name} left out: there is no such signal"
+                    for keyword, number, name in sorted(unused)
+                    if number not in gone
+                ]
+            elif found is not None:
+                shorter, number = _without_message(text, found["name"])
+                gone.add(number)
+                left_out.append(f"message {found['name']} left out: {reason}")
+            else:
                 raise
-            left_out.append(f"message {found['name']} left out: {reason}")
+            if shorter == text:
+                raise
             text = shorter
         else:
             if not isinstance(db, Database):
@@ -38,15 +56,26 @@ def load_without_faulty_messages(text: str) -> tuple[Database, tuple[str, ...]]:
             return db, tuple(left_out)
 
 
-def _without_message(text: str, name: str) -> str:
-    """The text without the lines that define a message and its signals."""
-    kept, inside = [], False
+def is_unused(reason: str) -> bool:
+    """Whether an error of cantools says that a statement has no signal."""
+    return "unused VAL_" in reason or "unused SIG_VALTYPE_" in reason
+
+
+def _without_statements(text: str, unused: set[tuple[str, str, str]]) -> str:
+    """The text without the statements of some signals: keyword, id and name of each."""
+    return _OF_A_SIGNAL.sub(lambda it: "" if it.group(1, 2, 3) in unused else it.group(), text)
+
+
+def _without_message(text: str, name: str) -> tuple[str, str]:
+    """The text without the lines that define a message and its signals; and the message's id."""
+    kept, inside, number = [], False, ""
     for line in text.splitlines(keepends=True):
         words = line.split()
         if words[:1] == ["BO_"] and len(words) > 2:
             inside = words[2].rstrip(":") == name
+            number = words[1] if inside else number
         elif words[:1] != ["SG_"] and line.strip():
             inside = False
         if not inside:
             kept.append(line)
-    return "".join(kept)
+    return "".join(kept), number

@@ -1,13 +1,15 @@
 """Units of signals, converted to SI at the bus and nowhere else."""
 
+from collections.abc import Mapping
 from math import pi
+from unicodedata import normalize
 
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.vehicle import GRAVITY
 
 _ANGULAR = {"rad/s": 1.0, "deg/s": pi / 180, "rpm": pi / 30, "1/min": pi / 30, "1/s": 2 * pi}
 _LINEAR = {"m/s": 1.0, "km/h": 1 / 3.6, "kph": 1 / 3.6, "mph": 0.44704, "mm/s": 1e-3}
-_FORCE = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605}
+_FORCE = {"N": 1.0, "daN": 10.0, "kN": 1e3, "lbf": 4.4482216152605}
 _MASS = {"kg": GRAVITY, "t": 1000 * GRAVITY}
 _NUMBER = {"": 1.0, "-": 1.0, "1": 1.0}
 
@@ -28,6 +30,50 @@ UNITS: dict[Role, dict[str, float]] = {
 }
 """Factor to SI of every unit that a role accepts."""
 
+_SPELLINGS: Mapping[str, tuple[str, ...]] = {
+    "km/h": ("kmh", "kmph", "km/hr", "km/hour", "kmh-1"),
+    "mph": ("mi/h", "mile/h", "miles/h", "mile/hour", "miles/hour"),
+    "m/s": ("mps", "m/sec", "meter/s", "metre/s", "ms-1"),
+    "mm/s": ("mm/sec",),
+    "rad/s": ("rad/sec", "rads-1", "radian/s", "radians/s"),
+    "deg/s": ("°/s", "º/s", "deg/sec", "°/sec", "degree/s", "degrees/s", "degree/sec"),
+    "rpm": ("r/min", "rev/min", "u/min", "min-1", "/min", "umdr/min", "tr/min"),
+    "1/s": ("s-1", "/s", "rev/s", "rps", "u/s"),
+    "N": ("newton", "newtons"),
+    "lbf": ("lb-f", "pound-force"),
+    "t": ("ton", "tons", "tonne", "tonnes", "to"),
+    "kg": ("kgs", "kilogram", "kilograms"),
+    "degC": ("deg c", "degree c", "degrees c", "celsius", "grad c", "deg celsius"),
+    "%": ("percent", "prozent", "pct", "%rh"),
+    "permille": ("per mille", "promille", "mm/m"),
+}
+"""Other spellings of units in databases and tables, by the one that `UNITS` has."""
+
+
+def _plain(unit: str) -> str:
+    """A unit's letters without case, spaces and signs of powers."""
+    plain = normalize("NFKC", unit).casefold().replace("\u2212", "-")
+    return "".join(letter for letter in plain if letter not in " ^*·")
+
+
+_KNOWN_AS = {_plain(one): unit for unit, others in _SPELLINGS.items() for one in (unit, *others)}
+
+
+def find_factor(units: Mapping[str, float], unit: str) -> float | None:
+    """Factor to SI of a unit as somebody spells it; None where it is none of these.
+
+    Args:
+        units: Factor to SI by unit, as in `UNITS`.
+        unit: Unit as a database, a table or a configuration spells it: `Km/h`, `U/min`, `min-1`.
+
+    """
+    found = units.get(unit)
+    if found is not None:
+        return found
+    plain = _plain(unit)
+    by_plain = {_plain(one): factor for one, factor in units.items()}
+    return by_plain.get(plain, units.get(_KNOWN_AS.get(plain, "")) if plain else None)
+
 
 def to_si(role: Role, unit: str, wheel_radius: float | None) -> float | None:
     """Factor from a unit to the SI unit of a role; None where the role does not accept it.
@@ -42,9 +88,9 @@ def to_si(role: Role, unit: str, wheel_radius: float | None) -> float | None:
     """
     if role is Role.CHANNEL:
         return 1.0  # a channel of the user's stays in its own unit
-    factor = UNITS[role].get(unit)
+    factor = find_factor(UNITS[role], unit)
     if factor is None and role is Role.WHEEL_SPEED and wheel_radius:
-        rim = _LINEAR.get(unit)
+        rim = find_factor(_LINEAR, unit)
         factor = None if rim is None else rim / wheel_radius
     return factor
 

@@ -318,7 +318,7 @@ def test_packaged_database_is_this_one_and_complete():
 TEXT = 'VERSION ""\nBU_: A\nBO_ 256 M: 8 A\n SG_ T : 0|16@1+ (0.1,0) [0|0] "{}" A\n'
 
 
-@pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig"])
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig", "utf-16"])
 @pytest.mark.parametrize("unit", ["°C", "µm/m²", "K"])
 def test_units_are_read_in_the_encoding_that_they_are_written_in(tmp_path, encoding, unit):
     path = tmp_path / "a.dbc"
@@ -361,6 +361,36 @@ def test_ranges_that_would_fill_the_memory_are_refused(tmp_path, ranges):
     for lenient in (False, True):
         with pytest.raises(DatabaseError, match=r"SG_MUL_VAL_.* write at most 1048576"):
             load_database(path, lenient=lenient)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "SG_MUL_VAL_ // 1-1;\n 256 S // ;\n Mux 1-4000000000;",
+        "SG_MUL_VAL_ 256S Mux 1-4000000000;",
+        "SG_MUL_VAL_ +256 S Mux 1-3, 1-4000000000;",
+        'CM_ "SG_MUL_VAL_";SG_MUL_VAL_\n\n256\nS\nMux\n1\n-4000000000\n;',
+        "SG_MUL_VAL_ 256 S Mux 1-" + "9" * 5000 + ";",
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_wide_ranges_are_seen_however_they_are_written(tmp_path, statement, encoding):
+    path = tmp_path / "a.dbc"
+    path.write_text(f"{MESSAGE}{statement}\n", encoding=encoding)
+    with pytest.raises(DatabaseError, match=r"SG_MUL_VAL_.* write at most 1048576"):
+        load_database(path)
+
+
+def test_the_keyword_alone_is_no_range(tmp_path):
+    """In the list of keywords that most databases begin with, in strings and in comments."""
+    text = MESSAGE.replace('VERSION ""', 'VERSION ""\nNS_ :\n\tVAL_\n\tSG_MUL_VAL_\nBS_:\nBU_: B\n')
+    text += (
+        "// SG_MUL_VAL_ 256 S Mux 1-4000000000;\n"
+        'CM_ BO_ 256 "as SG_MUL_VAL_ 256 S Mux 1-4000000000; says";\n'
+        "SG_MUL_VAL_ 256 S Mux 2-3;\n"
+    )
+    (message,) = load_database(stranger(tmp_path, text)).db.messages
+    assert message.get_signal_by_name("S").multiplexer_ids == [1, 2, 3]
 
 
 def test_ranges_of_usual_width_are_read(tmp_path):

@@ -61,3 +61,26 @@ def test_the_command_says_what_it_left_out(tmp_path, capsys):
     assert main(["convert", str(log), "--dbc", str(path), "--lenient", "--out", str(out)]) == 0
     assert "message Big left out" in capsys.readouterr().err
     assert "100.01" in out.read_text()
+
+
+OF_BIG = 'VAL_ 3000 x 0 "a; b" 1 "on" ;\nSIG_VALTYPE_ 3000 y : 1;\n'
+WITHOUT_SIGNAL = 'VAL_ 100 w 0 "off;" 1 "on" ;\nVAL_ 100 v 0 "rest" ;\nSIG_VALTYPE_ 77 u : 1;\n'
+
+
+def test_a_message_is_left_out_with_all_that_refers_to_it(tmp_path):
+    path = written(tmp_path / "a.dbc", TOO_LARGE, SOUND, OF_BIG)
+    found = load_database(path, lenient=True)
+    assert [message.name for message in found.db.messages] == ["Speed"]
+    assert [one.split()[1] for one in found.left_out] == ["Big"]
+
+
+def test_statements_without_a_signal_are_told_and_left_out(tmp_path):
+    path = written(tmp_path / "a.dbc", SOUND, WITHOUT_SIGNAL)
+    with pytest.raises(DatabaseError, match="remove these statements, or pass --lenient"):
+        load_database(path)
+    found = load_database(path, lenient=True)
+    assert found.db.messages[0].signals[0].choices == {0: "rest"}
+    assert found.left_out == (
+        "VAL_ 100 w left out: there is no such signal",
+        "SIG_VALTYPE_ 77 u left out: there is no such signal",
+    )

@@ -6,7 +6,7 @@ from math import isfinite
 
 import numpy as np
 
-from adhesion_can.bus.units import UNITS
+from adhesion_can.bus.units import UNITS, find_factor
 from adhesion_can.errors import InputError, TableError
 from adhesion_can.physics.channels import CHANNELS
 from adhesion_can.physics.readings import Role
@@ -53,7 +53,7 @@ class ColumnChoice:
         if not isfinite(self.late_s):
             raise ValueError(f"late_s {self.late_s}: write a number of seconds")
         units = COLUMN_UNITS.get(self.name)
-        if self.unit is not None and (units is None or self.unit not in units):
+        if self.unit is not None and (units is None or find_factor(units, self.unit) is None):
             known = "none is known" if units is None else f"known: {_listed(units)}"
             raise ValueError(f"unit {self.unit!r} of {self.name}: {known}")
 
@@ -137,11 +137,12 @@ def _converted(
     unit = choice.unit if choice.unit is not None else stated
     factor = 1.0
     if known is not None and unit:
-        if unit not in known:
+        found = find_factor(known, unit)
+        if found is None:
             what = f"unit {unit!r} of column {choice.column!r} is not known"
             mend = f"--column {choice.name}='{choice.column}',unit=.. with one of {_listed(known)}"
             raise TableError(where, what, mend)
-        factor = known[unit]
+        factor = found
     factor *= choice.sign
     if factor == 1.0:
         return column, ""
