@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
-from math import inf
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.j1939 import IdFilter
@@ -94,13 +93,9 @@ class ServiceCore:
         self._estimation = EstimationLoop(estimator or configuration.make_estimator)
         self._early = EarlyStart()
         estimators = configuration.estimators
-        believed = estimators.plausibility
         self._status = StatusMachine(
             configuration.service,
-            UsableLimits(
-                estimators.identifiability.slip_max,
-                believed.mu_ceiling if believed.enabled else inf,
-            ),
+            UsableLimits(estimators.identifiability.slip_max, estimators.plausibility.largest_mu),
         )
         self._builder = OutputBuilder(configuration)
         self._on_setpoint = on_setpoint

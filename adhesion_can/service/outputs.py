@@ -63,6 +63,10 @@ class Outputs:
     objection: Objection = Objection.NONE
 
 
+LEAST_MU = 0.005
+"""Smallest μ_max that a rail may have: half of the 0.01 that crushed leaves come down to."""
+
+
 @lru_cache(maxsize=8)
 def compute_target_slip(theta: tuple[float, float, float], share: float, slip_max: float) -> float:
     """Smallest slip ratio λ with μ(λ) ≥ share · μ_max."""
@@ -77,8 +81,12 @@ def build_outputs(
     target_slip: float,
     axles: tuple[int, ...],
     speed: float | None,
+    mu_ceiling: float,
 ) -> Outputs:
     """Outputs that carry an estimate.
+
+    A peak that no rail has is 'not available' in any status, and its curve too: efforts that all
+    read 0, or the end of their range, make one near 0 or above the ceiling.
 
     Args:
         estimate: Estimate of the curve.
@@ -88,15 +96,23 @@ def build_outputs(
         target_slip: Slip ratio that the creep speed of all axles together aims at.
         axles: Numbers of the axles that have a setpoint.
         speed: Vehicle speed, m/s; None where it is not available.
+        mu_ceiling: Largest μ_max that is believed; inf: any.
 
     """
 
+    def is_of_a_rail(mu_max: float, lambda_m: float) -> bool:
+        return LEAST_MU <= mu_max <= mu_ceiling and lambda_m > 0.0
+
     def setpoint(mu_max: float, lambda_m: float) -> Setpoint:
+        if not is_of_a_rail(mu_max, lambda_m):
+            return Setpoint()
         # An axle's own curve has the pooled shape: its target slip scales with its λ_m.
-        scale = lambda_m / estimate.lambda_m if estimate.lambda_m else 0.0
+        scale = lambda_m / estimate.lambda_m
         return Setpoint(mu_max, lambda_m, target_slip * scale * creep_per_slip)
 
     pooled = (estimate.mu_max, estimate.lambda_m)
+    if not is_of_a_rail(*pooled):
+        return Outputs(status, speed=speed, objection=estimate.objection)
     return Outputs(
         status=status,
         setpoint=setpoint(*pooled),
@@ -137,6 +153,7 @@ class OutputBuilder:
     def __init__(self, configuration: Configuration) -> None:
         self._v_min = configuration.sampling.v_min
         self._share = configuration.service.target_share
+        self._mu_ceiling = configuration.estimators.plausibility.largest_mu
         self._slip_max = configuration.estimators.identifiability.slip_max
         signals = {(choice.role, choice.axle) for choice in configuration.choices}
         self._axles = tuple(
@@ -224,6 +241,7 @@ class OutputBuilder:
             compute_target_slip(estimate.theta, self._share, self._slip_max),
             self._axles,
             speed,
+            self._mu_ceiling,
         )
 
 

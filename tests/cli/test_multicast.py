@@ -16,6 +16,11 @@ from tests.wire import decoded, seal_ok
 ROOT = Path(__file__).resolve().parents[2]
 NETWORK = "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && exec "
 
+CHANGES = 2
+"""Changes of the surface in the drive."""
+MOST_OF_A_CHANGE = 75
+"""Most setpoints in 1.5 s: a second of waiting for the vehicle, and the change itself."""
+
 
 def own_network():
     """Whether a network namespace with a multicast route can be had."""
@@ -70,11 +75,13 @@ def bench(folder):
     assert all(map(seal_ok, points))
     statuses = list(map(status, points))
     assert "FAULT" not in statuses  # the interface echoes our own frames
-    # TRACKING some 970 times on an idle machine. Where inputs come late, another drive is seen:
-    # a change of the surface that was none is said long after. No change may be said before that.
+    # TRACKING some 970 times on an idle machine, with 30 others. Where inputs come late, another
+    # drive is seen: a change of the surface that was none is said long after. No change may be
+    # said before that but the two that are: each is waited for by a second at most, until the
+    # vehicle answers, which stamps that jitter hide for so long.
     never_late = frames_with_prompt_past(frames, 0x201, gap_us=100_000, is_whole=True)
     others = [name for name in map(status, never_late) if name not in ("TRACKING", "STALE_INPUT")]
-    assert len(others) < 50, others
+    assert len(others) < CHANGES * MOST_OF_A_CHANGE, others
     prompt = list(map(status, frames_with_prompt_past(frames, 0x201)))
     if len(prompt) > 500:
         assert prompt.count("TRACKING") > 0.9 * len(prompt), prompt

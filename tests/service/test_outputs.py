@@ -7,6 +7,7 @@ import pytest
 
 from adhesion_can.config import load_configuration
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.status import Status
 from adhesion_can.service.outputs import (
@@ -96,13 +97,36 @@ def test_an_axle_of_its_own_aims_at_the_same_share_of_its_own_peak(builder):
     creep = found.setpoint.creep_speed
     assert found.axles[1] == found.setpoint
     assert found.axles[2] == Setpoint(0.3, 1.5 * KNOWN.lambda_m, pytest.approx(1.5 * creep))
-    assert found.axles[3] == Setpoint(0.2, 0.0, 0.0)
+    assert found.axles[3] == Setpoint()
 
 
-def test_a_peak_at_slip_0_asks_for_no_creep(builder):
-    found = build(builder, estimate=replace(KNOWN, lambda_m=0.0))
-    assert found.setpoint.creep_speed == 0.0
-    assert all(axle.creep_speed == 0.0 for axle in found.axles.values())
+@pytest.mark.parametrize("status", CURRENT)
+@pytest.mark.parametrize(
+    "no_peak", [{"mu_max": 0.0}, {"mu_max": 0.0049}, {"mu_max": 0.7501}, {"lambda_m": 0.0}], ids=str
+)
+def test_a_peak_that_no_rail_has_is_not_available(builder, status, no_peak):
+    estimate = replace(KNOWN, objection=Objection.BEYOND_CEILING, **no_peak)
+    expected = Outputs(status, speed=10.0, objection=Objection.BEYOND_CEILING)
+    assert build(builder, status, estimate) == expected
+
+
+@pytest.mark.parametrize("mu_max", [0.005, 0.75])
+def test_the_least_and_the_largest_peak_of_a_rail_are_sent(builder, mu_max):
+    assert build(builder, estimate=replace(KNOWN, mu_max=mu_max)).setpoint.mu_max == mu_max
+
+
+def test_an_axle_whose_peak_no_rail_has_has_no_setpoint(builder):
+    found = build(builder, estimate=replace(KNOWN, per_axle={2: (1.31, 0.1)}))
+    assert found.axles[1] == found.setpoint
+    assert found.axles[2] == Setpoint()
+
+
+def test_a_raised_ceiling_and_a_watch_that_is_off_send_higher_peaks(tmp_path):
+    for number, line in enumerate(("mu_ceiling = 1.4", "enabled = false")):
+        path = tmp_path / f"{number}.toml"
+        path.write_text(f"[plausibility]\n{line}\n")
+        high = OutputBuilder(load_configuration(path))
+        assert build(high, estimate=replace(KNOWN, mu_max=1.3)).setpoint.mu_max == 1.3
 
 
 def test_an_axle_needs_wheel_speed_and_effort_of_its_own_for_a_setpoint():

@@ -1,6 +1,7 @@
 """Settings of the plausibility watch."""
 
 from dataclasses import dataclass
+from math import inf
 from typing import Annotated
 
 from adhesion_can.ranges import Within, require_ranges
@@ -31,6 +32,11 @@ class PlausibilitySettings(Value):
     least_load: Annotated[float, Within(0, 1)] = 0.6
     most_load: Annotated[float, Within(1, 100)] = 1.6
     alarm: Annotated[float, Within(3, 1000)] = 8.0
+
+    @property
+    def largest_mu(self) -> float:
+        """Largest μ_max that is believed; inf where any is."""
+        return self.mu_ceiling if self.enabled else inf
 
     def __post_init__(self) -> None:
         require_ranges(self)
