@@ -72,7 +72,9 @@ def find_factor(units: Mapping[str, float], unit: str) -> float | None:
         return found
     plain = _plain(unit)
     by_plain = {_plain(one): factor for one, factor in units.items()}
-    return by_plain.get(plain, units.get(_KNOWN_AS.get(plain, "")) if plain else None)
+    if plain in by_plain or plain not in _KNOWN_AS:
+        return by_plain.get(plain)
+    return units.get(_KNOWN_AS[plain])
 
 
 def to_si(role: Role, unit: str, wheel_radius: float | None) -> float | None:

@@ -74,3 +74,9 @@ def test_every_unit_has_the_factor_that_its_table_states():
     for units in (*UNITS.values(), *COLUMN_UNITS.values()):
         for unit, factor in units.items():
             assert find_factor(units, unit) == factor
+
+
+def test_what_nobody_knows_is_no_unit_of_anything():
+    for units in (*UNITS.values(), *COLUMN_UNITS.values()):
+        assert find_factor(units, "knots") is None
+        assert find_factor(units, "bar") is None

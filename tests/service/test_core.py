@@ -51,9 +51,9 @@ class FixedEstimator:
         return self.answer
 
 
-def core_with(answer=KNOWN):
+def core_with(answer=KNOWN, configuration=CONFIG):
     estimator = FixedEstimator(answer)
-    return ServiceCore(CONFIG, lambda: estimator), estimator
+    return ServiceCore(configuration, lambda: estimator), estimator
 
 
 def run(core, frames):
@@ -678,9 +678,11 @@ def test_axles_without_signals_have_no_setpoint(tmp_path):
     assert str(last(sent, 0x204, 6)["CreepSpeedSetpoint_Ax6"]) == "not available"
 
 
-def test_numbers_saturate_one_below_not_available():
+def test_numbers_saturate_one_below_not_available(tmp_path):
+    path = tmp_path / "unwatched.toml"
+    path.write_text("[plausibility]\nenabled = false\n")  # a ceiling would hold such a peak back
     huge = replace(KNOWN, c1=9.0, c2=900.0, c3=9.0, mu_max=5.0, lambda_m=0.9, surface_since_us=0)
-    core, _ = core_with(huge)
+    core, _ = core_with(huge, load_configuration(path))
     sent = run(core, Bench().drive(0, 100_001))
     point, model = last(sent, 0x201), last(sent, 0x202)
     assert point["MuMax"] == pytest.approx(65534 * 2e-5)
