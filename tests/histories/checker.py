@@ -7,10 +7,11 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
+from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import Frame
 from adhesion_can.recordings.candump import ReadReport, read_candump
 from adhesion_can.service.core import ServiceCore
-from adhesion_can.service.replay import replay
+from adhesion_can.service.replay import replay_blocks
 from tests.histories.faults import KINDS, Fault
 from tests.histories.inputs import SILENT_CYCLES, good_inputs, good_times, usable_times
 from tests.histories.simulated_bus import Record
@@ -322,7 +323,7 @@ def _replayed(record: Record, estimator) -> Iterator[Violation]:
     if report.passed_over:
         yield Violation("log", 0, f"{report.passed_over} lines of the log cannot be read")
     sent: list[Frame] = []
-    replay(items, ServiceCore(CONFIG, estimator), sent.append)
+    replay_blocks([Block.from_frames(items)], ServiceCore(CONFIG, estimator), sent.append)
     again = {(f.t_us, f.arbitration_id, f.data) for f in sent if f.arbitration_id != 0x211}
     # Error frames have bits for an id, which may look like one of ours.
     frames = [item for item in items if isinstance(item, Frame) and item.is_data]
