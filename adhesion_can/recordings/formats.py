@@ -1,5 +1,6 @@
-"""Format of a recording, by its name and by its first bytes."""
+"""What a file is: by its first bytes, and by its name where they show nothing."""
 
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 from pathlib import Path
 
 from adhesion_can.errors import InputError, RecordingError
@@ -13,19 +14,45 @@ MF4, SQLITE = ".mf4", ".db"
 """Those of them whose files a process of its own, and our own reader, look into."""
 CANDUMP = ".log"
 """Name of candump text as a format; its files may have another suffix or none."""
+FRAME_TABLE = "frame table"
+"""Name of the logs of other tools that have a line a frame, as a format."""
+FORMAT_NAMES = {
+    CANDUMP: "candump text",
+    FRAME_TABLE: "a table of frames",
+    ".asc": "a Vector log (.asc)",
+    ".blf": "a Vector log (.blf)",
+    ".trc": "a PEAK trace (.trc)",
+    ".csv": "python-can's .csv",
+    MF4: "a measurement file (.mf4)",
+    SQLITE: "python-can's data base (.db)",
+}
+"""What a format is called in sentences."""
 HEAD = 1 << 14
 """Number of first bytes that show a format."""
 
+_SUFFIXES = {".mdf": MF4, ".dat": MF4, ".sqlite": SQLITE, ".sqlite3": SQLITE}
+"""Formats by further suffixes."""
 _TEXT = frozenset({".log", ".txt", ""})
 _PACKED = (".gz", ".zst")
 _FIRST_BYTES = {
     b"LOGG": ".blf",
-    b"MDF ": ".mf4",
-    b"SQLite format 3\0": ".db",
+    b"MDF ": MF4,
+    b"UnFinMF ": MF4,
+    b"SQLite format 3\0": SQLITE,
     b"date ": ".asc",
     b";$FILEVERSION": ".trc",
     b"timestamp,arbitration_id": ".csv",
 }
+_OTHERS = {
+    b"PAR1": ("a Parquet file", "give a table of samples as .parquet, or frames as candump text"),
+    b"PK\x03\x04": ("a packed file (.zip, .xlsx)", "unpack it, or save the sheet as .csv"),
+    b"\x89HDF": ("a HDF5 file", "export it as .csv or .parquet"),
+    b"MATLAB": ("a MATLAB file", "name it .mat"),
+    b"VERSION": ("a CAN database", "name it with --dbc, and give a recording"),
+    b"%PDF": ("a document", "give a recording"),
+}
+"""Files that are no recordings: what they are by their first bytes, and what to do."""
+_ANOTHER_TEXT = "record with 'candump -L', or give a .asc, .blf, .trc, .csv, .db or .mf4 file"
 
 
 def _inner_suffix(path: Path) -> str:
@@ -35,37 +62,61 @@ def _inner_suffix(path: Path) -> str:
 
 
 def detect_format(path: Path, head: bytes) -> str:
-    """Suffix of the format of a recording, `CANDUMP` for candump text.
+    """Suffix of the format of a recording, `CANDUMP` for candump text, or `FRAME_TABLE`.
 
-    A name of one format and first bytes of another are an error: reading by the name would give
-    rubbish, and reading by the content would be a guess. First bytes of no known format are no
-    error, for text may begin with anything.
+    What the first bytes show counts, whatever the name. First bytes of no known format are no
+    error, for text may begin with anything: then the name counts.
 
     Args:
         path: Path of the file.
         head: First bytes of the file, unpacked.
 
     Raises:
-        RecordingError: The name is of no known format, or of another one than the content.
+        RecordingError: The name is of no known format, and the content neither.
 
     """
-    named, seen = _inner_suffix(path), _by_content(head)
-    if named in _TEXT:
-        named = CANDUMP
-    elif named not in PYTHON_CAN:
-        if seen == CANDUMP:
-            return seen
+    seen = format_of(head)
+    if seen is not None:
+        return seen
+    for first, (what, mend) in _OTHERS.items():
+        if head.startswith(first):
+            raise RecordingError(str(path), f"{what}, no recording of a bus", mend)
+    suffix = _inner_suffix(path)
+    named = CANDUMP if suffix in _TEXT else _SUFFIXES.get(suffix, suffix)
+    if named not in PYTHON_CAN | {CANDUMP}:
         raise RecordingError(
-            str(path),
-            "not candump text, nor of a suffix that python-can reads",
-            "record with 'candump -L', or give a .asc, .blf, .trc, .csv, .db or .mf4 file",
-        )
-    if seen not in (None, named):
-        what = "candump text" if seen == CANDUMP else f"a {seen} file"
-        raise RecordingError(
-            str(path), f"{what} by its content, and not what its name says", f"name it {seen}"
+            str(path), "not candump text, nor of a suffix that python-can reads", _ANOTHER_TEXT
         )
     return named
+
+
+def is_misnamed(path: Path, found: str) -> bool:
+    """Whether the name of a file says another format than the one that it has."""
+    suffix = _inner_suffix(path)
+    named = CANDUMP if suffix in _TEXT else _SUFFIXES.get(suffix, suffix)
+    return named in PYTHON_CAN | {CANDUMP} and found not in (named, FRAME_TABLE)
+
+
+def format_of(head: bytes) -> str | None:
+    """Format that the first bytes of a file show, unpacked; None where they show none."""
+    # Imported here: its forms are looked at where nothing else is seen.
+    from adhesion_can.recordings.frame_tables.forms import find_form  # noqa: PLC0415
+
+    text = as_utf8(head)
+    for first, suffix in _FIRST_BYTES.items():
+        if text.startswith(first):
+            return suffix
+    lines = text.splitlines()[:200]
+    if any(map(looks_like_candump, lines)):
+        return CANDUMP
+    return FRAME_TABLE if find_form(lines) is not None else None
+
+
+def as_utf8(text: bytes) -> bytes:
+    """First bytes of a text as UTF-8 without its mark; others as they are."""
+    if text.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return text.decode("utf-16", "replace").encode()
+    return text.removeprefix(BOM_UTF8)
 
 
 def require_text_name(path: Path, where: str) -> None:
@@ -83,11 +134,3 @@ def require_text_name(path: Path, where: str) -> None:
         text = path.name[: path.name.lower().rindex(suffix)] + CANDUMP
         mend = f"name it {text}, and let 'can_logconvert {text} {path.name}' make the other"
         raise InputError(where, "candump text is what is written, not that format", mend)
-
-
-def _by_content(head: bytes) -> str | None:
-    """Suffix of the format that the first bytes show; None where they show none."""
-    for first, suffix in _FIRST_BYTES.items():
-        if head.startswith(first):
-            return suffix
-    return CANDUMP if any(map(looks_like_candump, head.splitlines()[:200])) else None

@@ -1,10 +1,12 @@
 """Recordings of any format as frames and as blocks of frames."""
 
+import gzip
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import can
 
@@ -23,7 +25,17 @@ from adhesion_can.recordings.candump import (
 )
 from adhesion_can.recordings.candump_columns.parse import read_chunks
 from adhesion_can.recordings.candump_columns.text_source import LINE_LIMIT, Packing, TextSource
-from adhesion_can.recordings.formats import CANDUMP, COLUMNS, HEAD, MF4, SQLITE, detect_format
+from adhesion_can.recordings.formats import (
+    CANDUMP,
+    COLUMNS,
+    FORMAT_NAMES,
+    FRAME_TABLE,
+    HEAD,
+    MF4,
+    SQLITE,
+    detect_format,
+    is_misnamed,
+)
 from adhesion_can.recordings.frame_rows import join_blocks
 from adhesion_can.recordings.limited import LimitError, Limits, read_limited
 from adhesion_can.recordings.mf4_links import require_sound_links
@@ -35,6 +47,15 @@ _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
 _ROWS = 50_000  # of a block of a format that is read frame by frame
 _MF4_MEND = "write it anew with the tool that made it, or export its frames as candump text"
 
+_READERS: dict[str, tuple[Callable[[Any], can.io.generic.MessageReader], str]] = {
+    ".asc": (can.ASCReader, "rt"),
+    ".blf": (can.BLFReader, "rb"),
+    ".csv": (can.CSVReader, "rt"),
+    ".trc": (can.TRCReader, "rt"),
+    MF4: (can.MF4Reader, "rb"),
+    SQLITE: (can.SqliteReader, "rb"),
+}
+"""python-can's reader of each format, and how it wants an open file."""
 _Read = tuple[Block, int, ReadReport]
 """Block, with the position and the report behind it."""
 
@@ -71,7 +92,9 @@ class Recording:
                 str(path), error.strerror or "cannot be read", "check the path"
             ) from error
         self._format = detect_format(path, self._head())
-        if self._packing is Packing.ZSTD and self._format not in (CANDUMP, *COLUMNS):
+        if is_misnamed(path, self._format):
+            self.report.notes.append(f"{FORMAT_NAMES[self._format]} by its content")
+        if self._packing is Packing.ZSTD and self._format not in (CANDUMP, FRAME_TABLE, *COLUMNS):
             raise RecordingError(
                 str(path), "python-can reads no zstd", "unpack it with 'zstd -d', or use gzip"
             )
@@ -271,12 +294,18 @@ class Recording:
                         self.report.backwards += frame.t_us < last
                         yield frame
                     last = frame.t_us
+        except RecordingError:
+            raise
         except Exception as error:
             raise self._reader_error(error) from error
 
     @contextmanager
     def _opened(self) -> Iterator[Iterator[Frame]]:
         """Frames one by one, of a file that is closed behind them."""
+        if self._format == FRAME_TABLE:
+            with self._frame_table() as frames:
+                yield frames
+            return
         if self._format == SQLITE and self._packing is Packing.NONE:
             with closing(read_sqlite(self.path)) as frames:
                 yield frames
@@ -285,9 +314,31 @@ class Recording:
             require_sound_links(self.path)
         with (
             collect_python_can_warnings(self.report.notes),
-            can.LogReader(self.path) as self._reader,
+            self._python_can_reader() as self._reader,
         ):
             yield map(from_message, self._reader)
+
+    def _python_can_reader(self) -> can.io.generic.MessageReader:
+        """python-can's reader of the format, whatever the name of the file."""
+        reader, mode = _READERS[self._format]
+        if self._packing is Packing.NONE:
+            return reader(self.path)
+        return reader(gzip.open(self.path, mode))
+
+    @contextmanager
+    def _frame_table(self) -> Iterator[Iterator[Frame]]:
+        """Frames of a log of another tool."""
+        # Imported here: most recordings are of other formats.
+        from adhesion_can.recordings.frame_tables.forms import find_form  # noqa: PLC0415
+        from adhesion_can.recordings.frame_tables.read import read_frame_table  # noqa: PLC0415
+
+        form = find_form(self._first_lines())
+        if form is None or not form.has_times:
+            raise RecordingError(
+                str(self.path), "a table of frames without their times", "export it with them"
+            )
+        with self._source(self.report) as source:
+            yield read_frame_table(source.lines(), form, self.report)
 
     def _reader_error(self, error: Exception) -> RecordingError:
         """Error for the user, of any exception of a parser, struct.error too."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.errors import TableError
-from adhesion_can.recordings.tables.sample_table import TIME_LIMIT_S
+from adhesion_can.recordings.tables.times import TIME_LIMIT_S
 
 
 def reference_path(option: str) -> tuple[Path, str | None]:

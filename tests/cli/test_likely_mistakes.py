@@ -81,8 +81,6 @@ REFUSED = {
     "check cut.blf": "cut.blf: not one frame in it; cut.blf: the file is cut: it has 150 of the",
     "convert cut.blf --out x.csv": "no data frame in it; cut.blf: the file is cut: it has 150 of",
     "identify empty.csv": "empty.csv: a .csv with neither a 'slip' column",
-    "replay asc.log": "a .asc file by its content, and not what its name says; name it .asc",
-    "replay log.asc": "candump text by its content, and not what its name says; name it .log",
     "replay samples.csv": "a table of samples, not a recording; give it to 'identify'",
     "replay drive.log --from 100": "ends 3.000 s after its first frame, before --from 100",
     "replay drive.log --dbc drive.log": "no CAN database by its name; give a .dbc",

@@ -11,7 +11,8 @@ import pytest
 from adhesion_can.cli.main import main
 from adhesion_can.errors import TableError
 from adhesion_can.recordings.mf4_links import LinkError, require_sound_links
-from adhesion_can.recordings.tables import csv_file, parquet_file
+from adhesion_can.recordings.tables import parquet_file
+from adhesion_can.recordings.tables import text as table_text
 from adhesion_can.recordings.tables.sample_table import is_table, read_table
 from tests.fuzz.mutants import mutant, play, seeds
 from tests.recordings.test_mf4 import group, logged, unsorted_logging
@@ -109,7 +110,7 @@ def test_channels_of_several_lengths_are_no_table():
 
 
 def test_a_packed_table_may_hold_no_more_than_tables_do(tmp_path, monkeypatch):
-    monkeypatch.setattr(csv_file, "ALWAYS_READ", 1 << 20)
+    monkeypatch.setattr(table_text, "ALWAYS_READ", 1 << 20)
     path = tmp_path / "a.csv.gz"
     path.write_bytes(gzip.compress(b"time_s,slip,adhesion\n" + b"0,0,0\n" * 400_000))
     with pytest.raises(TableError, match="more than 1 MiB of text"):

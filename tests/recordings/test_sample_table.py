@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.errors import TableError
-from adhesion_can.recordings.tables import csv_file
+from adhesion_can.recordings.tables import text as table_text
 from adhesion_can.recordings.tables.sample_table import is_table, read_table
 
 ROWS = [
@@ -98,10 +98,14 @@ def test_a_csv_that_is_neither_is_an_error(tmp_path, header):
     refused(path, "slip", "arbitration_id", read=is_table)
 
 
-def test_other_suffixes_are_reported_by_name(tmp_path):
-    for name in ("a.log", "a.asc", "a.log.gz", "a", "a.csv.log", "2024.05.01"):
+def test_the_content_decides_whatever_the_name(tmp_path):
+    for name in ("a.log", "a.asc", "a.dat", "a", "a.tsv", "2024.05.01"):
         path = tmp_path / name
         path.write_text("slip,time_s,adhesion\n")
+        assert is_table(path) is True, name
+        path.write_text("(0.000000) can0 123#00\nslip,time_s,adhesion\n")
+        assert is_table(path) is False, name
+        path.write_bytes(b"slip,time_s,adhesion\n\0")
         assert is_table(path) is False, name
     for name in ("a.parquet", "a.PARQUET", "b.c.parquet"):
         assert is_table(tmp_path / name) is True, name
@@ -344,14 +348,15 @@ def test_parquet_equals_csv(tmp_path):
     assert (parquet.rows, parquet.left_out, parquet.ignored) == (4, 2, ("driver",))
 
 
-def test_parquet_stamps_that_are_dates_are_not_numbers(tmp_path):
-    path = parquet_of(
-        tmp_path / "a.parquet",
-        time_s=np.array(["2024-01-01"], "datetime64[us]"),
-        slip=[0.1],
-        adhesion=[0.2],
-    )
-    refused(path, "time_s", "numeric")
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_parquet_stamps_may_be_dates_and_spans(tmp_path, unit):
+    days = np.array(["2024-01-01", "2024-01-02"], f"datetime64[{unit}]")
+    for stamps, first in ((days, 1_704_067_200), (days - days[0], 0)):
+        path = parquet_of(
+            tmp_path / "a.parquet", time_s=stamps, slip=[0.1, 0.2], adhesion=[0.2, 0.3]
+        )
+        expected = [first * 1_000_000, (first + 86_400) * 1_000_000]
+        assert read_table(path).samples.t_us.tolist() == expected
 
 
 def test_parquet_without_columns_or_rows_is_an_error(tmp_path):
@@ -447,10 +452,10 @@ def test_a_number_that_nothing_measures_is_missing_or_0(tmp_path):
 
 @pytest.mark.parametrize("packed", [False, True])
 def test_a_small_file_that_unpacks_to_much_is_refused(tmp_path, monkeypatch, packed):
-    monkeypatch.setattr(csv_file, "LARGEST_TEXT", 1 << 20)
+    monkeypatch.setattr(table_text, "LARGEST_TEXT", 1 << 20)
     path = tmp_path / "a.csv"
     text = b"slip,adhesion\n" + b"0.1,0.2\n" * 200_000
     path.write_bytes(gzip.compress(text, 1) if packed else text)
-    for read in (read_table, is_table):
-        with pytest.raises(TableError, match="more than 1 MiB of text; cut it into parts"):
-            read(path)
+    assert is_table(path)  # by its head
+    with pytest.raises(TableError, match="more than 1 MiB of text; cut it into parts"):
+        read_table(path)

@@ -3,7 +3,7 @@
 import gzip
 import io
 import zlib
-from codecs import BOM_UTF8
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE, getincrementaldecoder
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from enum import Enum
@@ -85,6 +85,15 @@ class TextSource:
                 else _zstd_pieces(self._stored, path)
             )
             self._unpacked = _Unpacked(pieces)
+            self._file = io.BufferedReader(self._unpacked, _PIECE)
+        try:
+            mark = self._file.peek(2)[:2]
+        except BaseException:
+            self._stored.close()
+            raise
+        if mark in (BOM_UTF16_LE, BOM_UTF16_BE):
+            fault = self._unpacked
+            self._unpacked = _Unpacked(_utf8_pieces(self._file), fault)
             self._file = io.BufferedReader(self._unpacked, _PIECE)
 
     def __enter__(self) -> Self:
@@ -193,29 +202,46 @@ def _end_of_lines(text: Text) -> int:
 class _Unpacked(io.RawIOBase):
     """Pieces of bytes as a file, which ends where they cannot be unpacked.
 
-    Attributes:
-        fault: Error that ends the file early; None while there is none.
+    Args:
+        pieces: The pieces.
+        inner: What they were unpacked from before, which may have a fault of its own.
 
     """
 
-    def __init__(self, pieces: Iterator[bytes]) -> None:
-        self.fault: Exception | None = None
+    def __init__(self, pieces: Iterator[bytes], inner: "_Unpacked | None" = None) -> None:
+        self._fault: Exception | None = None
+        self._inner = inner
         self._pieces = pieces
         self._piece = memoryview(b"")
+
+    @property
+    def fault(self) -> Exception | None:
+        """Error that ends the file early; None while there is none."""
+        return self._fault or (self._inner.fault if self._inner else None)
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: Any) -> int:
-        if not self._piece and not self.fault:
+        if not self._piece and not self._fault:
             try:
                 self._piece = memoryview(next(self._pieces, b""))
             except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-                self.fault = error
+                self._fault = error
         count = min(len(buffer), len(self._piece))
         buffer[:count] = self._piece[:count]
         self._piece = self._piece[count:]
         return count
+
+
+def _utf8_pieces(file: io.BufferedReader) -> Iterator[bytes]:
+    """Text in UTF-16, as some shells and editors write it, in UTF-8."""
+    decoder = getincrementaldecoder("utf-16")("replace")
+    while piece := file.read(_PIECE):
+        if text := decoder.decode(piece).encode():
+            yield text
+    if text := decoder.decode(b"", final=True).encode():
+        yield text
 
 
 def _gzip_pieces(stored: BinaryIO) -> Iterator[bytes]:

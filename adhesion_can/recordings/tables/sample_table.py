@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.errors import TableError
 from adhesion_can.physics.samples import Samples
+from adhesion_can.recordings.formats import FRAME_TABLE, HEAD, format_of
 from adhesion_can.recordings.tables.choice import ColumnChoice, apply_choices
 from adhesion_can.recordings.tables.columns import Column, Columns
 from adhesion_can.recordings.tables.csv_file import read_csv, read_heading
@@ -27,10 +28,10 @@ from adhesion_can.recordings.tables.mf4_table import holds_channel, read_mf4
 from adhesion_can.recordings.tables.parquet_file import read_parquet
 from adhesion_can.recordings.tables.row_order import sort_rows
 from adhesion_can.recordings.tables.shift import shift_columns
+from adhesion_can.recordings.tables.text import is_text, read_head
+from adhesion_can.recordings.tables.times import TIME, TIME_LIMIT_S, with_times
 
 FORCE, LOAD = "longitudinal_force_N", "normal_load_N"
-TIME_LIMIT_S = 9e9
-"""Limit of a time, s: beyond it, 285 years, stamps do not fit 64 bits as ns."""
 LARGEST = 1e30
 """Largest number that is a measured one, in any unit: the fits' powers of larger ones overflow."""
 MOST_NEGATIVE, LEAST_NEGATIVE = 0.05, 20
@@ -49,7 +50,6 @@ _KNOWN = (
     | set(POSITION)
     | {"time_s", "slip", "adhesion", FORCE, LOAD, "speed_mps", "axle", "segment"}
 )
-_SUFFIXES = (".csv", ".parquet", ".mat")
 
 
 @dataclass(frozen=True)
@@ -97,12 +97,18 @@ def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
     suffix = _suffix(path)
     if suffix == ".mf4":
         return holds_channel(path, _slip_column(choices))
-    if suffix != ".csv":
-        return suffix in _SUFFIXES
-    heading = set(read_heading(path))
-    if "slip" in heading or any(c.name == "slip" and c.column in heading for c in choices):
+    if suffix in (".parquet", ".mat"):
         return True
-    if "arbitration_id" in heading:
+    if suffix != ".csv" and not (path.is_file() and is_text(path)):
+        return False
+    seen = format_of(read_head(path)[:HEAD].encode())
+    if seen not in (None, FRAME_TABLE, ".csv"):
+        return False
+    wanted = {"slip", _slip_column(choices)}
+    heading = set(read_heading(path, wanted))
+    if not wanted.isdisjoint(heading):
+        return True
+    if suffix != ".csv" or seen is not None or "arbitration_id" in heading:
         return False
     raise TableError(
         str(path),
@@ -137,8 +143,13 @@ def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
         ".mat": read_mat,
         ".mf4": partial(read_mf4, name=_slip_column(choices)),
     }
-    reader = readers.get(_suffix(path), read_csv)
-    columns = sort_rows(apply_choices(reader(path), choices, str(path)))
+    wanted = {"slip", _slip_column(choices)}
+    reader = readers.get(_suffix(path), partial(read_csv, wanted=wanted))
+    read = reader(path)
+    time = next((choice for choice in choices if choice.name == TIME), ColumnChoice(TIME, TIME))
+    stated = time.unit is not None or time.column in read.units
+    columns = with_times(apply_choices(read, choices, str(path)), str(path), stated=stated)
+    columns = sort_rows(columns)
     columns = shift_columns(columns, choices, str(path))
     _require_columns(columns.values, str(path))
     numbers = {

@@ -1,0 +1,1 @@
+"""Logs of other tools that have a line a frame: one table of their forms, one reader."""
