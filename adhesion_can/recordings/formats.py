@@ -76,6 +76,11 @@ def detect_format(path: Path, head: bytes) -> str:
 
     """
     seen = format_of(head)
+    if seen == MF4 and head[8:9] in (b"2", b"3"):
+        version = head[8:12].decode("latin-1")
+        raise RecordingError(
+            str(path), f"a measurement file of version {version}", "save it as version 4.10"
+        )
     if seen is not None:
         return seen
     for first, (what, mend) in _OTHERS.items():
@@ -88,6 +93,11 @@ def detect_format(path: Path, head: bytes) -> str:
             str(path), "not candump text, nor of a suffix that python-can reads", _ANOTHER_TEXT
         )
     return named
+
+
+def is_measurement(head: bytes) -> bool:
+    """Whether the first bytes are those of a measurement file (MDF)."""
+    return head.startswith((b"MDF ", b"UnFinMF "))
 
 
 def is_misnamed(path: Path, found: str) -> bool:

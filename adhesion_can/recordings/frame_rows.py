@@ -77,7 +77,7 @@ class FrameCounter:
 
     def __init__(self, report: ReadReport) -> None:
         self._report = report
-        self._last_us = 0
+        self._last_us: int | None = None
 
     def add(self, block: Block) -> None:
         """Count the next block of a recording, which has frames alone, at least one."""
@@ -86,7 +86,8 @@ class FrameCounter:
             if count:
                 self._report.kinds[name] += count
         t_us = block.t_us
-        falls = np.diff(t_us, prepend=self._last_us) < 0
+        last_us = t_us[0] if self._last_us is None else self._last_us
+        falls = np.diff(t_us, prepend=last_us) < 0
         self._report.backwards += int(np.count_nonzero(falls))
         self._last_us = int(t_us[-1])
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.frame import MAX_PAYLOAD
+from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.candump import LAST_US, ReadReport
 from adhesion_can.recordings.frame_rows import FrameCounter, NumberedBuses, payload_words
 from adhesion_can.recordings.mf4_links import require_sound_links
@@ -31,6 +32,9 @@ _REQUIRED = {
 _NUMBERS = ("BusChannel", "ID", "IDE", "DLC", "DataLength", "EDL", "BRS", "ESI", "RTR")
 _NO_BUS = 0xFFFF
 _ID_BITS = 0x1FFFFFFF
+_LARGEST_STANDARD = 0x7FF
+_SHOWN = 4
+"""Number of signals that an error names."""
 _LEAST = 1000  # records read at a time from one of many groups
 
 
@@ -71,6 +75,13 @@ def mf4_blocks(mdf: Any, report: ReadReport, size: int) -> Iterator[tuple[Block,
 
     """
     groups = _groups(mdf)
+    if not groups and (signals := _signals(mdf)):
+        shown = ", ".join(signals[:_SHOWN]) + (", .." if len(signals) > _SHOWN else "")
+        raise RecordingError(
+            str(mdf.original_name or mdf.name),
+            f"it holds decoded signals ({shown}), no frames of a bus",
+            "give the recording of the bus; a table with a slip goes to 'identify'",
+        )
     total = sum(group.left for group in groups)
     given = 0
     buses = NumberedBuses(lambda number: "" if number == _NO_BUS else f"can{number}")
@@ -173,6 +184,20 @@ def _groups(mdf: Any) -> list[_Group]:
     return groups
 
 
+def _signals(mdf: Any) -> list[str]:
+    """Names of the channels that are no times, in a file without a group of frames; else []."""
+    from asammdf.blocks import v4_constants as v4  # noqa: PLC0415
+
+    if any(group.channel_group.flags & v4.FLAG_CG_BUS_EVENT for group in mdf.groups):
+        return []
+    return [
+        channel.name
+        for index, group in enumerate(mdf.groups)
+        for place, channel in enumerate(group.channels)
+        if place != mdf.masters_db.get(index)
+    ]
+
+
 def _fields(samples: NDArray[Any], name: str) -> dict[str, NDArray[Any]]:
     """Columns of a structure that python-can's reader looks at, of the types that are usual."""
     names = samples.dtype.names or ()
@@ -197,10 +222,12 @@ def _fields(samples: NDArray[Any], name: str) -> dict[str, NDArray[Any]]:
 def _rows(fields: dict[str, NDArray[Any]], kind: Kind, t_us: NDArray[np.int64]) -> Block:
     count = len(t_us)
     kinds = np.full(count, kind, np.uint8)
-    key = fields.get("ID", np.zeros(count)).astype(np.uint32) & np.uint32(_ID_BITS)
+    number = fields.get("ID", np.zeros(count)).astype(np.uint32)
+    key = number & np.uint32(_ID_BITS)
     if kind != Kind.ERROR:
-        extended = fields.get("IDE", np.ones(count)) != 0  # as in python-can
-        key |= extended * np.uint32(EXTENDED)
+        # Where no channel says it, the highest bit of the id does; some loggers have neither.
+        said = fields.get("IDE", (number & np.uint32(EXTENDED)) | (key > _LARGEST_STANDARD))
+        key |= (said != 0) * np.uint32(EXTENDED)
     length, words = np.zeros(count, np.uint8), np.zeros((count, 1), np.uint64)
     if kind == Kind.DATA:
         length, words = _payload(fields["DataLength"], fields["DataBytes"])

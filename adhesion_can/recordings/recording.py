@@ -107,7 +107,7 @@ class Recording:
             for block in self._column_blocks(_CHUNK):
                 yield from block.items()
         elif self._format == MF4:
-            for block in self._limited(_mf4_frames):
+            for block in self._limited(_mf4_columns):
                 yield from block.items()
         else:
             yield from self._python_can()
@@ -357,11 +357,6 @@ class Recording:
 def _mf4_columns(path: Path) -> Iterator[_Read]:
     recording = Recording(path)
     return _with_report(recording, recording.mf4_blocks())
-
-
-def _mf4_frames(path: Path) -> Iterator[_Read]:
-    recording = Recording(path)
-    return _with_report(recording, recording.python_can_blocks())
 
 
 def _with_report(recording: Recording, blocks: Iterator[Block]) -> Iterator[_Read]:

@@ -40,13 +40,13 @@ def collected():
 
 
 def framewise(path):
-    """Blocks' oracle: the frames one by one, their report, and the error that ends them."""
-    recording, frames, error = Recording(path), [], None
+    """Blocks' oracle: python-can's frames, their report, and the error that ends them."""
+    recording, blocks, error = Recording(path), [], None
     try:
-        frames.extend(recording)
+        blocks.extend(recording.python_can_blocks())
     except RecordingError as stopped:
         error = str(stopped)
-    return Block.from_frames(frames), recording.report, error
+    return joined(blocks), recording.report, error
 
 
 def assert_equal(found, wanted):
@@ -212,7 +212,6 @@ LAYOUTS = {
     "sixty-four bytes": [group(300, DataBytes="(64,)u1")],
     "few bytes": [group(300, DataBytes="(3,)u1")],
     "no bus": [group(300, BusChannel=None)],
-    "no IDE": [group(300, IDE=None)],
     "no EDL": [group(300, EDL=None)],
     "wide id, whose upper bits are flags": [flagged(group(300))],
     "big-endian id": [group(300, ID=">u4")],
@@ -270,20 +269,48 @@ def test_other_buses_are_passed_over(tmp_path, bus_type):
     assert assert_same_route(path) == (0, None)
 
 
-def test_groups_that_are_no_bus_are_passed_over(tmp_path):
+def with_ids(part, flag):
+    """A group whose odd rows have an id of 29 bits, marked by the highest bit or not."""
+    part[2]["CAN_DataFrame.ID"] |= np.where(np.arange(len(part[2])) % 2, 0x18FE_0000 | flag, 0)
+    return part
+
+
+@pytest.mark.parametrize("flag", [0, 1 << 31], ids=["by its size", "by the highest bit"])
+def test_without_the_channel_ide_the_id_says_how_long_it_is(tmp_path, flag):
+    path = logged(tmp_path / "a.mf4", with_ids(group(300, IDE=None), flag))
+    blocks, _ = direct(path)
+    found = joined(blocks)
+    ids = found.key & 0x1FFF_FFFF
+    assert ((ids > 0x7FF) == np.arange(300) % 2).all()
+    assert ((found.key >> 31) == np.arange(300) % 2).all()
+    assert_equal(Block.from_frames(Recording(path)), found)
+
+
+def test_a_short_id_with_the_highest_bit_is_an_extended_one(tmp_path):
+    path = logged(tmp_path / "a.mf4", flagged(group(9, IDE=None)))
+    blocks, _ = direct(path)
+    assert (joined(blocks).key >> 31 == 1).all()
+
+
+def test_decoded_signals_are_named(tmp_path):
     with asammdf.MDF() as mdf:
-        mdf.append(asammdf.Signal(np.arange(9.0), np.arange(9.0), name="CAN_DataFrame"))
+        for name in ("speed", "force", "load", "slope", "rain"):
+            mdf.append(asammdf.Signal(np.arange(9.0), np.arange(9.0), name=name))
         mdf.save(tmp_path / "a.mf4")
-    assert assert_direct(tmp_path / "a.mf4") == []
+    with pytest.raises(
+        RecordingError, match=r"decoded signals \(speed, force, load, slope, \.\.\)"
+    ):
+        list(Recording(tmp_path / "a.mf4").blocks())
 
 
-def test_mdf_3_is_refused_as_python_can_refuses_it(tmp_path):
+def test_mdf_3_is_refused_with_its_version(tmp_path):
     with asammdf.MDF(version="3.30") as mdf:
         mdf.append(asammdf.Signal(np.arange(9.0), np.arange(9.0), name="speed"))
-        path = mdf.save(tmp_path / "a.mdf").rename(tmp_path / "a.mf4")
-    count, error = assert_same_route(path, "it is of version 3.30")
-    assert count == 0
-    assert "a.mf4: python-can stops after 0 frames" in error
+        path = mdf.save(tmp_path / "a.mdf")
+    for name in ("a.mf4", "a.dat"):
+        with pytest.raises(RecordingError, match=r"of version 3\.30; save it as version 4\.10"):
+            Recording(path.rename(tmp_path / name))
+        path = tmp_path / name
 
 
 NAMES = st.sampled_from(["CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame"])

@@ -111,8 +111,8 @@ Begin Triggerblock Sat Sep 30 15:06:13.191 2017
    0.000000 Start of measurement
    0.015991 CAN 1 Status:chip status error active
    0.015991 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%
-   {t} 1  1A2             Rx   d 8 01 02 03 04 05 06 07 08  Length = 244015 BitCount = 125 ID = 418
-   {t} 2  18FEF100x       Tx   d 3 aB cd 0f  Length = 1 BitCount = 2 ID = 3x
+   {t} 1  1A2             Rx   d 8 01 02 03 04 05 06 07 08  Length = 244015 BitCount = 125
+   {t} 2  18FEF100x       Tx   d 3 aB cd 0f  Length = 1 BitCount = 2
    {t} 1  7FF             Rx   r 8 Length = 0
    {t} 1  7FF             Rx   r
    {t} 2  ErrorFrame	ECC: 10100010

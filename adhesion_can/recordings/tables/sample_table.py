@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.errors import TableError
 from adhesion_can.physics.samples import Samples
-from adhesion_can.recordings.formats import FRAME_TABLE, HEAD, format_of
+from adhesion_can.recordings.formats import FRAME_TABLE, HEAD, format_of, is_measurement
 from adhesion_can.recordings.tables.choice import ColumnChoice, apply_choices
 from adhesion_can.recordings.tables.columns import Column, Columns
 from adhesion_can.recordings.tables.csv_file import read_csv, read_heading
@@ -94,7 +94,7 @@ def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
         TableError: The file is a .csv with the columns of neither.
 
     """
-    suffix = _suffix(path)
+    suffix = _kind(path)
     if suffix == ".mf4":
         return holds_channel(path, _slip_column(choices))
     if suffix in (".parquet", ".mat"):
@@ -122,6 +122,18 @@ def _slip_column(choices: Sequence[ColumnChoice]) -> str:
     return next((choice.column for choice in choices if choice.name == "slip"), "slip")
 
 
+def _kind(path: Path) -> str:
+    """Suffix of the format of a file: by its first bytes, or by its name."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(8)
+    except OSError:
+        return _suffix(path)
+    if is_measurement(head):
+        return ".mf4"
+    return ".parquet" if head.startswith(b"PAR1") else _suffix(path)
+
+
 def _suffix(path: Path) -> str:
     suffixes = [suffix.lower() for suffix in path.suffixes if suffix.lower() != ".gz"]
     return suffixes[-1] if suffixes else ""
@@ -144,7 +156,7 @@ def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
         ".mf4": partial(read_mf4, name=_slip_column(choices)),
     }
     wanted = {"slip", _slip_column(choices)}
-    reader = readers.get(_suffix(path), partial(read_csv, wanted=wanted))
+    reader = readers.get(_kind(path), partial(read_csv, wanted=wanted))
     read = reader(path)
     time = next((choice for choice in choices if choice.name == TIME), ColumnChoice(TIME, TIME))
     stated = time.unit is not None or time.column in read.units

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import can
 
 from adhesion_can.bus.block import Kind
+from adhesion_can.plurals import counted
 from adhesion_can.recordings.candump import DIFFERENCES, FD_LENGTHS, LAST_US, ReadReport
 from adhesion_can.recordings.trace_columns.line_layouts import Layout, learn_layout
 from adhesion_can.recordings.trace_columns.odd_lines import OddLine, PythonCanLines
@@ -28,7 +29,20 @@ _HEAD = re.compile(
     re.IGNORECASE,
 )
 _EVENTS = re.compile(rb"\s*(?:no)?\s*internal\s+events\s+logged", re.IGNORECASE)
-_STAMPED = re.compile(rb"\s*(\d{1,10})\.(\d{1,9})\s")
+_LONG = re.compile(
+    _STAMP
+    + rb"(?P<bus>\d{1,4}) +(?P<id>[0-9A-Fa-f]{1,8})(?P<x>x?) +[RT]x +d +(?P<length>9|1[0-5])"
+    + _DATA
+)
+"""CAN FD in a line of classic CAN, as some converters write it: the number codes the length."""
+_PARTS = re.compile(
+    rb"(?P<stamp>\d{1,10}\.\d{1,9})\s+(?P<bus>\d{1,4})\s+(?P<name>\S+)(?P<rest>\s+(?P<way>[RT]x)\s+"
+    rb"[dr](?:\s+(?P<code>\d{1,2})(?P<data>(?:\s+[0-9A-Fa-f]{2})*))?(?=\s|$).*)",
+    re.DOTALL,
+)
+_SAID = re.compile(rb"\bID = (?P<id>\d{1,10})(?P<x>x?)\s*$")
+"""Id at the end of a line whose name may stand in its place in front."""
+_STAMPED = re.compile(rb"\s*(-?)(\d{1,10})\.(\d{1,9})\s")
 _AROUND = re.compile(
     rb"\s*(?:$|//|;|#|date\s|base\s|(?:no\s*)?internal\s+events|(?:begin|end)\s+triggerblock"
     rb"|previous\s+log)",
@@ -36,6 +50,8 @@ _AROUND = re.compile(
 )
 """Lines without a stamp that Vector's tools write around the events."""
 _BEGINS = re.compile(rb"\s*\d+\.\d+\s+Start of measurement")
+_NUMBER = {True: re.compile(rb"[0-9A-Fa-f]{1,8}[xX]?"), False: re.compile(rb"\d{1,10}[xX]?")}
+"""Ids by whether they are hexadecimal."""
 _CODES = sorted(FD_LENGTHS)
 """Lengths of payloads by their code, bytes."""
 
@@ -69,21 +85,23 @@ class AscForm:
         self._lines.reader_behind(b"\n")
         self._is_hex = base == b"hex"
         self._clock_ns = 0 if stamps == b"relative" else None
-        self._open = 0
+        self._has_names = any(self._is_named(line) for line in first)
+        self._open = self._nameless = 0
 
     def find_layout(self, line: bytes) -> Layout | None:
         """Layout of a line; None where only python-can can read it."""
-        if not self._is_hex or self._clock_ns is not None:
+        if not self._is_hex or self._clock_ns is not None or self._has_names:
             return None
-        match = _CLASSIC.match(line)
-        kind = Kind.DATA
-        if not match:
-            match = _FD.match(line)
-            kind = Kind.FD
-        if not match:
-            return None
-        length = int(match["length"])
-        if kind is Kind.FD and not 0 < length == _CODES[int(match["code"], 16)]:
+        kind = Kind.FD
+        if match := _CLASSIC.match(line):
+            kind, length = Kind.DATA, int(match["length"])
+        elif match := _FD.match(line):
+            length = int(match["length"])
+            if not 0 < length == _CODES[int(match["code"], 16)]:
+                return None
+        elif match := _LONG.match(line):
+            length = _CODES[int(match["length"])]
+        else:
             return None
         return learn_layout(
             match,
@@ -100,11 +118,44 @@ class AscForm:
             lower = line[:20].lower()
             self._open += lower.startswith(b"begin triggerblock")
             self._open -= lower.startswith(b"end triggerblock")
-        return list(map(OddLine, self._lines.read(lines), map(self._stamp, lines)))
+        read = self._lines.read(list(map(self._plain, lines)))
+        return list(map(OddLine, read, map(self._stamp, lines)))
+
+    def _is_named(self, line: bytes) -> bool:
+        """Whether a name stands in the place of a line's id."""
+        parts, said = _PARTS.match(line.lstrip()), _SAID.search(line)
+        return bool(parts and said and parts["name"].lower() != self._id_text(said).lower())
+
+    def _id_text(self, said: re.Match[bytes]) -> bytes:
+        """Id as the lines of the file have it."""
+        number = int(said["id"])
+        return (b"%X" if self._is_hex else b"%d") % number + said["x"]
+
+    def _plain(self, line: bytes) -> bytes:
+        """A line as python-can reads it: stamp above 0, id in its place, CAN FD said to be it."""
+        stamped = _STAMPED.match(line)
+        plain = line.lstrip().removeprefix(b"-") if stamped and stamped[1] else line
+        parts = _PARTS.match(plain.lstrip())
+        if parts is None:
+            return plain
+        name, said = parts["name"], _SAID.search(plain)
+        if said and self._is_named(plain):
+            name = self._id_text(said)
+        elif not said and not _NUMBER[self._is_hex].fullmatch(name):
+            self._nameless += 1
+        code, data = int(parts["code"] or 0), (parts["data"] or b"").split()
+        if 8 < code < len(_CODES) and len(data) >= _CODES[code]:
+            length, octets = _CODES[code], b" ".join(data)
+            text = b"%s CANFD %s %s %s 0 0 %x %d %s\n"
+            return text % (parts["stamp"], parts["bus"], parts["way"], name, code, length, octets)
+        if name is parts["name"]:
+            return plain
+        return b"%s %s %s%s" % (parts["stamp"], parts["bus"], name, parts["rest"])
 
     def _stamp(self, line: bytes) -> int | None:
         match = _STAMPED.match(line)
-        t_ns = int(match[1]) * 10**9 + int(match[2].ljust(9, b"0")) if match else None
+        t_ns = int(match[2]) * 10**9 + int(match[3].ljust(9, b"0")) if match else None
+        t_ns = -t_ns if t_ns is not None and match and match[1] else t_ns
         if self._clock_ns is None or t_ns is None:
             return t_ns
         # Each event counts from the one before, frame or not; python-can takes no notice of it.
@@ -121,5 +172,8 @@ class AscForm:
         """Put what the lines say together into the notes of the recording."""
         if self._clock_ns is not None:
             report.notes.insert(0, DIFFERENCES)
+        if self._nameless:
+            count = counted(self._nameless, "line")
+            report.notes.append(f"{count} with a name in the place of the id: log ids as numbers")
         if self._open > 0:
             report.notes.append("the file lacks its last line 'End TriggerBlock': it may be cut")

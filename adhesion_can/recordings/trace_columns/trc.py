@@ -1,4 +1,7 @@
-"""Lines of PEAK's traces (.trc), versions 1.0, 1.1, 1.3, 2.0 and 2.1."""
+"""Lines of PEAK's traces (.trc), versions 1.0 to 1.3, 2.0 and 2.1.
+
+Version 1.2, and columns that a trace may lack, are written out as python-can's reader knows them.
+"""
 
 import re
 from collections.abc import Sequence
@@ -23,6 +26,7 @@ _LAST = (_ID, _LENGTH + _DATA + rb"(?=\s|$)")
 _FORMS = {
     TRCFileVersion.V1_0: (*_FIRST, *_LAST),
     TRCFileVersion.V1_1: (*_FIRST, rb"[RT]x", *_LAST),
+    TRCFileVersion.V1_2: (*_FIRST, _BUS, rb"[RT]x", *_LAST),
     TRCFileVersion.V1_3: (*_FIRST, _BUS, rb"[RT]x", _ID, rb"[!-~]+", _LAST[1]),
 }
 _COLUMNS = {
@@ -36,6 +40,17 @@ _COLUMNS = {
     "l": _LENGTH,
     "L": _LENGTH,
 }
+_VERSION = re.compile(rb"\s*;\$FILEVERSION=([\d.]+)")
+_NAMED = re.compile(rb"\s*;\$COLUMNS=([A-Za-z,]+)")
+_VERSIONS = {
+    b"1.0": TRCFileVersion.V1_0,
+    b"1.1": TRCFileVersion.V1_1,
+    b"1.2": TRCFileVersion.V1_2,
+    b"1.3": TRCFileVersion.V1_3,
+    b"2.0": TRCFileVersion.V2_0,
+    b"2.1": TRCFileVersion.V2_1,
+}
+_WITHOUT_RESERVED = re.compile(rb"(\s*\d+\)\s+\S+\s+\d+\s+\S+\s+[0-9A-Fa-f]+)\s+")
 _CODES = sorted(FD_LENGTHS)
 """Lengths of payloads by their code, bytes."""
 # Behind the head: makes the reader end it, and is no frame in any version.
@@ -61,12 +76,17 @@ class TrcForm:
             if not line.lstrip().startswith(b";"):
                 break
             head.append(line)
-        self._lines = PythonCanLines(can.TRCReader, head)
+        stated = next((found[1] for line in head if (found := _VERSION.match(line))), b"1.0")
+        if stated not in _VERSIONS:
+            known = ", ".join(version.decode() for version in _VERSIONS)
+            raise ValueError(f"version {stated.decode()} of PEAK's format, read are {known}")
+        version = _VERSIONS[stated]
+        named = next((found[1] for line in head if (found := _NAMED.match(line))), b"")
+        self._columns = named.decode("latin-1").split(",") if version >= TRCFileVersion.V2_0 else []
+        self._lacks_way = bool(self._columns) and "d" not in self._columns
+        self._lacks_reserved = version is TRCFileVersion.V1_2
+        self._lines = PythonCanLines(can.TRCReader, list(map(self._plain_head, head)))
         reader = self._lines.reader_behind(_NO_FRAME)
-        version = reader.file_version
-        if version is TRCFileVersion.UNKNOWN:
-            version = TRCFileVersion.V1_0
-        self._columns = list(reader.columns) if version >= TRCFileVersion.V2_0 else []
         self._form = _form(version, self._columns)
         start = reader.start_time if version >= TRCFileVersion.V1_1 else None
         self.start_ns = _to_ns(start) if start else 0
@@ -104,10 +124,29 @@ class TrcForm:
         """What python-can makes of each line, comments and blank lines left out."""
         found = [OddLine(None)] * len(lines)
         held = [n for n, line in enumerate(lines) if line.strip() and not _is_comment(line)]
-        for place, one in zip(held, self._lines.read([lines[n] for n in held]), strict=True):
+        plain = [self._plain(lines[n]) for n in held]
+        for place, one in zip(held, self._lines.read(plain), strict=True):
             found[place] = OddLine(one)
             self._lost += not isinstance(one, can.Message)
         return found
+
+    def _plain_head(self, line: bytes) -> bytes:
+        """A line of the head for python-can's reader."""
+        if self._lacks_way and _NAMED.match(line):
+            columns = self._columns
+            place = columns.index("I") + 1 if "I" in columns else len(columns)
+            filled = ",".join([*columns[:place], "d", *columns[place:]])
+            return f";$COLUMNS={filled}\n".encode()
+        return _VERSION.sub(b";$FILEVERSION=1.3", line) if self._lacks_reserved else line
+
+    def _plain(self, line: bytes) -> bytes:
+        """A line for python-can's reader, with the columns that it needs."""
+        if self._lacks_reserved:
+            return _WITHOUT_RESERVED.sub(rb"\1 - ", line, count=1)
+        if self._lacks_way and "I" in self._columns:
+            words = line.split(maxsplit=self._columns.index("I") + 1)
+            return b" ".join([*words[:-1], b"Rx", words[-1]]) if len(words) > 1 else line
+        return line
 
     def kind_without_frame(self, line: bytes) -> str | None:
         """Kind of a line that holds no frame, as the report counts it; None: not counted."""
@@ -138,7 +177,7 @@ def _form(version: TRCFileVersion, columns: Sequence[str]) -> re.Pattern[bytes] 
         return re.compile(rb" +".join(parts)) if parts else None
     *front, last = columns
     lengths = {"l", "L"} & set(columns)
-    if not {"O", "T", "I", "d"} <= set(front) <= _COLUMNS.keys() or last != "D":
+    if not {"O", "T", "I"} <= set(front) <= _COLUMNS.keys() or last != "D":
         return None
     if len(lengths) != 1 or columns[-2] not in lengths:
         return None
