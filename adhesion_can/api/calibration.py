@@ -41,7 +41,10 @@ def calibrate(
     require_calibration_roles(config)
     opened = as_recordings(recordings)
     drives = [
-        build_coasting_drive(load_traces(blocks_in_sequence([one]), config, str(one.path)), config)
+        build_coasting_drive(
+            load_traces(blocks_in_sequence([one], config.service.restart_s), config, str(one.path)),
+            config,
+        )
         for one in opened
     ]
     require_calibration_signals(drives, name_of(opened))

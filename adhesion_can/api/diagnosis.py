@@ -175,7 +175,9 @@ def load_inputs(
 
 def _load_recording(input_file: InputFile, config: Configuration) -> LoadedInput:
     recordings = open_recordings([input_file.path])
-    received = load_traces(blocks_in_sequence(recordings), config, str(input_file.path))
+    received = load_traces(
+        blocks_in_sequence(recordings, config.service.restart_s), config, str(input_file.path)
+    )
     return load_from_traces(
         input_file, received, describe_problems(recordings, names=[input_file.name]), config
     )

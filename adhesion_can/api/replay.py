@@ -84,7 +84,9 @@ def replay(
 
     opened = as_recordings(recordings)
     core = ServiceCore(settings, lambda: settings.make_estimator(estimator), add)
-    blocks = in_seconds(blocks_in_sequence(opened), settings.messages, name_of(opened))
+    blocks = in_seconds(
+        blocks_in_sequence(opened, settings.service.restart_s), settings.messages, name_of(opened)
+    )
     summary = replay_blocks(blocks, core, lambda _: None, from_s=from_s, to_s=to_s)
     require_frames_in_span(summary, from_s, name_of(opened))
     require_accepted_frame(core.receiver, summary.frames, name_of(opened))

@@ -1,7 +1,7 @@
 """Frames of a recording in columns: many `Frame`s and `Mark`s at a time."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -82,6 +82,10 @@ class Block:
             words=self.words[rows],
             channels=self.channels,
         )
+
+    def stamped(self, t_ns: NDArray[np.int64]) -> "Block":
+        """The rows with other stamps, ns, shape (n,)."""
+        return replace(self, t_ns=t_ns)
 
     def payload_words(self, rows: NDArray[np.int64], size: int) -> NDArray[np.uint64]:
         """Payloads of some rows as far as a message of `size` bytes reaches, shape (n, w).

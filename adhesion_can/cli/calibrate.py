@@ -127,7 +127,7 @@ def run(options: argparse.Namespace) -> int:
     loaded = []
     with reading("reading", recordings) as watched:
         for recording in recordings:
-            blocks = watched(blocks_in_sequence([recording]))
+            blocks = watched(blocks_in_sequence([recording], config.service.restart_s))
             loaded.append(load_traces(blocks, config, str(recording.path)))
     drives = [build_coasting_drive(one, config, reference) for one in loaded]
     where = ", ".join(map(str, options.log))

@@ -29,7 +29,7 @@ from adhesion_can.offline.check import CheckResult, check
 from adhesion_can.offline.check_table import TableCheck, check_table
 from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.offline.stamps import in_seconds
-from adhesion_can.recordings.problems import describe_problems, distinct_names
+from adhesion_can.recordings.problems import describe_problems, describe_remarks, distinct_names
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.recordings.tables.sample_table import read_table
 from adhesion_can.reporting.check_page import (
@@ -72,11 +72,11 @@ def run(options: argparse.Namespace) -> int:
     recordings = open_recordings(options.log)
     where = ", ".join(map(str, options.log))
     with reading("checking", recordings) as watched:
-        blocks = watched(blocks_in_sequence(recordings))
+        blocks = watched(blocks_in_sequence(recordings, config.service.restart_s))
         result = check(in_seconds(blocks, config.messages, where), config)
     require_known_id(result, options)
-    problems = describe_problems(recordings)
-    result.failures.extend(problems)
+    result.failures.extend(describe_problems(recordings, with_remarks=False))
+    result.warnings.extend(describe_remarks(recordings))
     origin = provenance(config, options.log)
     write_json(options.json, {**result.as_json(), **origin})
     lines = []

@@ -3,13 +3,14 @@
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
 from rich import filesize
 
+from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import CanDatabase, load_database
 from adhesion_can.cli.common import (
     add_json,
@@ -20,11 +21,12 @@ from adhesion_can.cli.common import (
     write_json,
 )
 from adhesion_can.cli.conversion import Conversion, counts_text
-from adhesion_can.cli.reading import reading
+from adhesion_can.cli.reading import Watched, reading
 from adhesion_can.cli.signal_filter import SignalFilter
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.recordings.drive_time import USUAL_RESTART_S, DriveTime
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import open_recordings
 from adhesion_can.reporting.export import (
@@ -162,9 +164,9 @@ def _convert(
         reading("converting", recordings) as watched,
         open_recording(target, origin) as writer,
     ):
-        for file, recording in enumerate(recordings):
-            for block in watched(recording.blocks(target.text_at_once)):
-                conversion.process(block, file, writer)
+        is_even = target.path.suffix == ".mf4"  # its viewers search by time
+        for file, block in _blocks(recordings, watched, target.text_at_once, is_even=is_even):
+            conversion.process(block, file, writer)
         conversion.require_decoded(recordings)
     document = conversion.as_json(recordings)
     document["problems"] += writer.problems()
@@ -186,9 +188,8 @@ def _convert_to_raster(
     file_target(target.path, "--out", TABLE_SUFFIXES)
     first = Conversion(*given)
     with reading("looking for signals", recordings) as watched:
-        for file, recording in enumerate(recordings):
-            for block in watched(recording.blocks()):
-                raster.expect(*first.decode(block, file))
+        for file, block in _blocks(recordings, watched, is_even=True):
+            raster.expect(*first.decode(block, file))
     first.require_decoded(recordings)
     second = Conversion(*given)
     again = open_recordings(options.log)
@@ -202,14 +203,36 @@ def _convert_to_raster(
             keep_formulas=target.keep_formulas,
         ) as table_writer,
     ):
-        for file, recording in enumerate(again):
-            for block in watched(recording.blocks()):
-                _, rows = second.decode(block, file)
-                for even, columns in raster.add(rows):
-                    table_writer.write(even, columns)
+        for file, block in _blocks(again, watched, is_even=True):
+            _, rows = second.decode(block, file)
+            for even, columns in raster.add(rows):
+                table_writer.write(even, columns)
     document = first.as_json(recordings)
     document["problems"] += raster.problems()
     return document
+
+
+def _blocks(
+    recordings: Sequence[Recording],
+    watched: Watched,
+    size: int | None = None,
+    *,
+    is_even: bool,
+) -> Iterator[tuple[int, Block]]:
+    """Blocks of all recordings with the number of their file, in whose order they stand.
+
+    Args:
+        recordings: The recordings.
+        watched: Passes blocks on, and shows the progress.
+        size: Bytes of text in a block; None: the usual ones.
+        is_even: Whether the output needs a time that runs forward.
+
+    """
+    time = DriveTime(USUAL_RESTART_S)
+    for file, recording in enumerate(recordings):
+        read = watched(recording.blocks() if size is None else recording.blocks(size))
+        for block in (time.blocks if is_even else time.by_head)(recording, read):
+            yield file, block
 
 
 def _print(document: Mapping[str, Any], file: TextIO) -> None:

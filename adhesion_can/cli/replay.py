@@ -138,7 +138,11 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
         span = {"from_s": options.from_s, "to_s": options.to_s}
         core = ServiceCore(config, make, on_setpoint, on_samples)
         blocks = channel.watch(
-            in_seconds(watched(blocks_in_sequence(recordings)), config.messages, where)
+            in_seconds(
+                watched(blocks_in_sequence(recordings, config.service.restart_s)),
+                config.messages,
+                where,
+            )
         )
         if options.realtime:
             items = chain.from_iterable(block.items() for block in blocks)

@@ -86,7 +86,11 @@ class RecordingUnit:
         self._checked: CheckResult | None = None
 
     def _blocks(self, recording: Recording) -> Iterator[Block]:
-        return in_seconds(blocks_in_sequence([recording]), self._config.messages, self.file.name)
+        return in_seconds(
+            blocks_in_sequence([recording], self._config.service.restart_s),
+            self._config.messages,
+            self.file.name,
+        )
 
     def describe(self) -> Row:
         """Times and sizes."""

@@ -23,6 +23,7 @@ from adhesion_can.physics.readings import REQUIRED, Role, role_name
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.plurals import counted
+from adhesion_can.recordings.drive_time import hole_us
 from adhesion_can.result_text import TimeScale
 
 RATE_TOLERANCE = 0.1
@@ -163,8 +164,11 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
         fit=fitted,
         objections=watched,
     )
-    restart_us = configuration.service.restart_s * 1e6
-    hole = extractor.hole if extractor.hole.length_us > restart_us else None
+    restart_s = configuration.service.restart_s
+    length_us = extractor.hole.length_us
+    # Between the stretches of a clock that was set back is no hole: the reader tells of them.
+    is_hole = length_us > restart_s * 1e6 and length_us != hole_us(restart_s)
+    hole = extractor.hole if is_hole else None
     _check_messages(result, hole)
     _check_senders(result)
     result.warnings.extend(result.receiver.unmarked)

@@ -46,7 +46,8 @@ class ReadReport:
             formats that hold other things too.
         bad_lines: Numbers of the first lines that were passed over.
         backwards: Number of frames stamped before the frame in front of them.
-        notes: Remarks on the file for the user.
+        notes: What is wrong with the file, a sentence each.
+        remarks: What the user should know of it and is not wrong, a sentence each.
 
     """
 
@@ -54,6 +55,7 @@ class ReadReport:
     bad_lines: list[int] = field(default_factory=list)
     backwards: int = 0
     notes: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     @property
     def passed_over(self) -> int:
@@ -64,6 +66,7 @@ class ReadReport:
         """Become as another one is."""
         self.kinds, self.bad_lines = other.kinds, other.bad_lines
         self.backwards, self.notes = other.backwards, other.notes
+        self.remarks = other.remarks
 
     def _pass_over(self, kind: str, number: int) -> None:
         """Count a line that could not be read."""

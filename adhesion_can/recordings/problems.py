@@ -22,13 +22,16 @@ def describe_problems(
     recordings: Sequence[Recording],
     backwards: str = "taken at that one's time",
     names: Sequence[str] | None = None,
+    *,
+    with_remarks: bool = True,
 ) -> list[str]:
-    """Sentences about lines that were passed over.
+    """Sentences about lines that were passed over, and what else is to be known of a file.
 
     Args:
         recordings: Recordings that were read to their end.
         backwards: What was done with frames that are stamped before the one in front of them.
         names: Names of the recordings for the sentences; None: by their paths.
+        with_remarks: Whether what is not wrong is among them.
 
     """
     found = []
@@ -36,6 +39,7 @@ def describe_problems(
     for name, recording in zip(names, recordings, strict=True):
         report = recording.report
         found += [f"{name}: {note}" for note in report.notes]
+        found += [f"{name}: {remark}" for remark in report.remarks] if with_remarks else []
         if report.backwards:
             count = counted(report.backwards, "frame")
             found.append(f"{name}: {count} stamped before the one in front, {backwards}")
@@ -49,6 +53,16 @@ def describe_problems(
             where = f" (line {lines}, ..)" if lines else ""  # the end of a packed file has none
             found.append(f"{name}: lines passed over: {kinds}{where}")
     return found
+
+
+def describe_remarks(recordings: Sequence[Recording]) -> list[str]:
+    """Sentences about recordings that say nothing wrong: kind, steps of the clock."""
+    names = distinct_names([recording.path for recording in recordings])
+    return [
+        f"{name}: {remark}"
+        for name, recording in zip(names, recordings, strict=True)
+        for remark in recording.report.remarks
+    ]
 
 
 def no_frame_error(

@@ -93,7 +93,7 @@ class Recording:
             ) from error
         self._format = detect_format(path, self._head())
         if is_misnamed(path, self._format):
-            self.report.notes.append(f"{FORMAT_NAMES[self._format]} by its content")
+            self.report.remarks.append(f"{FORMAT_NAMES[self._format]} by its content")
         if self._packing is Packing.ZSTD and self._format not in (CANDUMP, FRAME_TABLE, *COLUMNS):
             raise RecordingError(
                 str(path), "python-can reads no zstd", "unpack it with 'zstd -d', or use gzip"
@@ -111,6 +111,23 @@ class Recording:
                 yield from block.items()
         else:
             yield from self._python_can()
+
+    @property
+    def kind(self) -> str:
+        """What the file is, in words."""
+        return FORMAT_NAMES[self._format]
+
+    @property
+    def head_date_us(self) -> int | None:
+        """Date in the head of a file whose stamps count from it, µs since 1970; None without one.
+
+        The clock has no zone.
+        """
+        if self._format != ".asc":
+            return None
+        from adhesion_can.recordings.trace_columns.asc import head_date_us  # noqa: PLC0415
+
+        return head_date_us(self._first_lines())
 
     @property
     def sha256(self) -> str:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from adhesion_can.bus.block import Block
 from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.candump import ReadReport
+from adhesion_can.recordings.drive_time import USUAL_RESTART_S, DriveTime
 from adhesion_can.recordings.problems import no_frame_error
 from adhesion_can.recordings.recording import Recording
 
@@ -85,35 +86,28 @@ def _without_strays(blocks: Iterable[Block], report: ReadReport) -> Iterator[Blo
         yield suspect
 
 
-def blocks_in_sequence(recordings: Sequence[Recording]) -> Iterator[Block]:
-    """Recordings one after another, in blocks.
+def blocks_in_sequence(
+    recordings: Sequence[Recording], restart_s: float = USUAL_RESTART_S
+) -> Iterator[Block]:
+    """Recordings one after another, in blocks, in the time of the drive.
+
+    Args:
+        recordings: Recordings in the order of their times.
+        restart_s: Hole beyond which the service starts anew, s.
 
     Raises:
-        RecordingError: A recording begins before the one in front of it ended, or there is not one
-            frame in any of them.
+        RecordingError: A recording begins before the one in front of it ended, there is not one
+            frame in any of them, or the frames of one are sorted newest first.
 
     """
-    last: int | None = None
+    time, is_empty = DriveTime(restart_s), True
     for recording in recordings:
-        begins = True
-        for block in _without_strays(recording.blocks(), recording.report):
-            t_us = block.t_us
-            if begins and last is not None and t_us[0] < last:
-                raise _out_of_order(recording)
-            begins = False
-            latest = int(t_us.max())
-            last = latest if last is None else max(last, latest)
+        steady = _without_strays(recording.blocks(), recording.report)
+        for block in time.blocks(recording, steady):
+            is_empty = False
             yield block
-    if recordings and last is None:
+    if recordings and is_empty:
         raise no_frame_error(recordings)
-
-
-def _out_of_order(recording: Recording) -> RecordingError:
-    return RecordingError(
-        str(recording.path),
-        "begins before the recording in front of it ends",
-        "name the recordings in the order of their times, or replay them one by one",
-    )
 
 
 def open_recordings(paths: Sequence[Path]) -> list[Recording]:

@@ -271,7 +271,9 @@ def test_other_buses_are_passed_over(tmp_path, bus_type):
 
 def with_ids(part, flag):
     """A group whose odd rows have an id of 29 bits, marked by the highest bit or not."""
-    part[2]["CAN_DataFrame.ID"] |= np.where(np.arange(len(part[2])) % 2, 0x18FE_0000 | flag, 0)
+    part[2]["CAN_DataFrame.ID"] |= np.where(
+        np.arange(len(part[2])) % 2, 0x18FE_0000 | flag, 0
+    ).astype("u4")
     return part
 
 

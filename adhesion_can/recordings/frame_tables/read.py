@@ -57,7 +57,7 @@ def read_frame_table(lines: Iterable[bytes], form: Form, report: ReadReport) -> 
         report: Statistics, in which lines without a frame are counted.
 
     """
-    report.notes.insert(0, f"read as {form.name}")
+    report.remarks.insert(0, f"read as {form.name}")
     head = _Head()
     clock = _StampReader(form.clock, head)
     is_behind_head = False

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from datetime import UTC, datetime
 
 import can
 
@@ -52,8 +53,48 @@ _AROUND = re.compile(
 _BEGINS = re.compile(rb"\s*\d+\.\d+\s+Start of measurement")
 _NUMBER = {True: re.compile(rb"[0-9A-Fa-f]{1,8}[xX]?"), False: re.compile(rb"\d{1,10}[xX]?")}
 """Ids by whether they are hexadecimal."""
+_MONTHS = {
+    name: number
+    for number, names in enumerate(
+        ("jan", "feb", "mar mär", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov",
+         "dec dez"), 1,
+    )
+    for name in names.split()
+}  # fmt: skip
+_DATE = re.compile(
+    r"date\s+\w+\s+(?P<month>\w{3})\s+(?P<day>\d{1,2})\s+(?P<hour>\d{1,2}):(?P<min>\d\d):(?P<s>\d\d)"
+    r"(?:\.(?P<f>\d+))?(?:\s+(?P<half>[AaPp][Mm]))?\s+(?P<year>\d{4})$",
+    re.IGNORECASE,
+)
 _CODES = sorted(FD_LENGTHS)
 """Lengths of payloads by their code, bytes."""
+
+
+def head_date_us(first: Sequence[bytes]) -> int | None:
+    """Date in a head, µs since 1970 of a clock without a zone; None where it has none.
+
+    Args:
+        first: First lines of a file.
+
+    """
+    for line in first:
+        if not _HEAD.match(line):
+            break
+        if found := _DATE.match(line.decode("utf-8", "replace").strip()):
+            year, month = int(found["year"]), _MONTHS.get(found["month"].lower())
+            hour = int(found["hour"])
+            if found["half"]:
+                hour = hour % 12 + 12 * (found["half"].lower() == "pm")
+            try:
+                date = datetime(
+                    year, month or 0, int(found["day"]), hour, int(found["min"]), int(found["s"]),
+                    tzinfo=UTC,
+                )  # fmt: skip
+            except ValueError:
+                return None
+            part = int((found["f"] or "0").ljust(6, "0")[:6])
+            return round(date.timestamp()) * 1_000_000 + part
+    return None
 
 
 class AscForm:

@@ -18,7 +18,7 @@ from adhesion_can.reporting.export.layout import FLOAT, Column, Field, Rows
 UNITS_NS = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
 """Nanoseconds by unit of time."""
 LONGEST_EMPTY_NS = 60_000_000_000
-"""Time since the latest reading of any signal after which a hole has no more rows, ns."""
+"""Time without a reading of any signal beyond which a hole has no rows but those that hold, ns."""
 MOST_ROWS = 1 << 16
 """Largest number of rows that are in memory at once."""
 LONGEST_HOLD = 3.0
@@ -122,7 +122,8 @@ class Raster:
             from_ns, until_ns = int(at_ns[place]), int(at_ns[place + 1])
             self._holes += 1
             self._longest_ns = max(self._longest_ns, until_ns - from_ns)
-            yield from_ns + LONGEST_EMPTY_NS
+            held_ns = max((one for one in self._limits.values() if one < inf), default=0.0)
+            yield from_ns + round(min(held_ns, LONGEST_EMPTY_NS))
             steps = max(-((self._next_ns - until_ns) // self._step_ns), 0)
             self._next_ns += steps * self._step_ns
         yield int(at_ns[-1])
