@@ -200,7 +200,9 @@ def load_from_traces(
     """
     traces, v_min = received.traces(), config.sampling.v_min
     slips = slips_of_traces(traces, config.vehicle, v_min)
-    odd = require_plausible(str(input_file.path), inspect_rim_speeds(slips))
+    odd = require_plausible(
+        str(input_file.path), inspect_rim_speeds(slips), assumed=config.assume_plausible
+    )
     drive = build_drive_data_from_traces(
         input_file.name,
         traces,
@@ -211,7 +213,9 @@ def load_from_traces(
     )
     problems = problems + odd
     for points in _points_of_axles(drive):
-        problems += require_plausible(str(input_file.path), inspect_points(points))
+        problems += require_plausible(
+            str(input_file.path), inspect_points(points), assumed=config.assume_plausible
+        )
     return LoadedInput(
         input_file, drive, [*problems, *_describe_unused_frames(input_file, received)]
     )
@@ -257,7 +261,7 @@ def _load_table(input_file: InputFile, config: Configuration) -> LoadedInput:
         input_file.name, rows.samples, rows.segment, slip_max, timed=rows.timed, units=rows.units
     )
     odd = inspect_samples(rows.samples, table=True, timed=rows.timed)
-    problems = require_plausible(str(input_file.path), odd)
+    problems = require_plausible(str(input_file.path), odd, assumed=config.assume_plausible)
     return LoadedInput(
         input_file, drive, [*problems, *describe_table(input_file.name, rows, slip_max)]
     )

@@ -14,6 +14,8 @@ from adhesion_can.recordings.tables.sample_table import Table
 
 RecordingLike = str | Path | Recording
 """Recording, or path of its file."""
+ASSUMED = "assumed to be right"
+"""What stands in front of what looks wrong and was used all the same."""
 _TIME = re.compile(r"(t|time|timestamp|seconds?|zeit)(\b|_|$)", re.IGNORECASE)
 
 
@@ -47,8 +49,13 @@ def name_of(recordings: Iterable[Recording]) -> str:
     return ", ".join(str(recording.path) for recording in recordings)
 
 
-def require_plausible(where: str, findings: Iterable[Finding]) -> list[str]:
+def require_plausible(where: str, findings: Iterable[Finding], *, assumed: bool) -> list[str]:
     """Sentences about what is odd and can be lived with.
+
+    Args:
+        where: Name of the data, before each sentence.
+        findings: What is odd.
+        assumed: Whether the user says that the data are right all the same.
 
     Raises:
         InputError: With the data as they are no honest answer is possible.
@@ -56,9 +63,11 @@ def require_plausible(where: str, findings: Iterable[Finding]) -> list[str]:
     """
     sentences = []
     for finding in findings:
-        if finding.fatal:
-            raise InputError(where, finding.what, finding.mend)
-        sentences.append(f"{where}: {finding.sentence}")
+        if finding.fatal and not assumed:
+            mend = f"{finding.mend}; if the data are right, say --assume plausible"
+            raise InputError(where, finding.what, mend)
+        doubted = f"{ASSUMED}: " if finding.fatal else ""
+        sentences.append(f"{where}: {doubted}{finding.sentence}")
     return sentences
 
 

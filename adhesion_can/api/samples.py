@@ -106,7 +106,9 @@ def clean_samples(
         InputError: With the data as they are no honest answer is possible.
 
     """
-    odd = require_plausible(name, inspect_samples(samples, table=False))
+    odd = require_plausible(
+        name, inspect_samples(samples, table=False), assumed=config.assume_plausible
+    )
     left_out: Counter[str] = Counter()
     factor = 1.0
     if config.model is not None:
@@ -131,7 +133,7 @@ def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSa
     problems: list[str] = []
     for name, one in zip(distinct_names(paths), tables, strict=True):
         odd = inspect_samples(one.samples, table=True, timed=one.timed)
-        problems += require_plausible(name, odd)
+        problems += require_plausible(name, odd, assumed=config.assume_plausible)
         problems += describe_table(name, one, config.estimators.identifiability.slip_max)
     left_out: Counter[str] = Counter()
     factor = 1.0

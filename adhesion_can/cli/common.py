@@ -53,6 +53,11 @@ def add_columns(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=COLUMN[,unit=U][,sign=-1][,late_s=T]",
         help="what a column of a TABLE is, as slip=kappa,unit=percent; several times",
     )
+    parser.add_argument(
+        "--assume",
+        choices=("plausible",),
+        help="use data that look wrong all the same; the warning stands in every output",
+    )
 
 
 MODEL_ONLINE = "its effects are taken out of what is measured and stand in what is sent"
@@ -96,6 +101,8 @@ def configuration(options: argparse.Namespace) -> Configuration:
         named = {choice.name for choice in choices}
         kept = (choice for choice in config.columns if choice.name not in named)
         config = replace(config, columns=(*kept, *choices))
+    if getattr(options, "assume", None) is not None:
+        config = replace(config, assume_plausible=True)
     model = getattr(options, "model", None)
     if model is None:
         return config

@@ -93,6 +93,7 @@ class Configuration:
             the defaults.
         channels: Further signals that may be a cause, section `[channels]`.
         columns: Columns of sample tables that stand for known ones, section `[table]`.
+        assume_plausible: Whether data that look wrong are used all the same, with a warning.
         service: Settings of setpoints and states, section `[service]`.
         sampling: Limits of the formation of samples, section `[sampling]`.
         sensors: Standard deviations of the sensors' noise, section `[sensors]`.
@@ -111,6 +112,7 @@ class Configuration:
     choices: tuple[SignalChoice, ...]
     channels: tuple[UserChannel, ...] = ()
     columns: tuple[ColumnChoice, ...] = ()
+    assume_plausible: bool = False
     service: ServiceSettings = field(default_factory=ServiceSettings)
     sampling: SamplingSettings = field(default_factory=SamplingSettings)
     sensors: Sensors = field(default_factory=Sensors)

@@ -13,7 +13,7 @@ from adhesion_can.bus.roles import OPTIONAL_MESSAGES, packaged_choices
 from adhesion_can.config.channels_section import load_channels
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.config.roles_section import load_roles
-from adhesion_can.config.table_section import load_columns
+from adhesion_can.config.table_section import load_table_section
 from adhesion_can.config.toml_tables import (
     load_toml,
     nested_sections,
@@ -73,7 +73,7 @@ def load_configuration(
     roles = document.pop("roles", None)
     choices = () if roles is None else load_roles(roles, where)
     channels = load_channels(document.pop("channels", {}), where)
-    columns = load_columns(document.pop("table", {}), where)
+    columns, assume_plausible = load_table_section(document.pop("table", {}), where)
     estimator = document.pop("estimator", DEFAULT)
     if not isinstance(estimator, str):
         raise ConfigError(f"{where}: estimator", "not a name", 'write estimator = "tracker"')
@@ -91,6 +91,7 @@ def load_configuration(
             choices=(*choices, *channels.choices),
             channels=channels.channels,
             columns=columns,
+            assume_plausible=assume_plausible,
             estimator=estimator,
             where=where,
             sha256=sha256,

@@ -8,6 +8,9 @@ from adhesion_can.errors import ConfigError
 from adhesion_can.ranges import Within
 from adhesion_can.recordings.tables.choice import ColumnChoice
 
+PLAUSIBLE = "plausible"
+"""Value of `assume` with which data that look wrong are used."""
+
 
 @dataclass(frozen=True, slots=True)
 class _ColumnTable:
@@ -27,12 +30,12 @@ class _ColumnTable:
     late_s: Annotated[float, Within(-3600, 3600)] = 0.0
 
 
-def load_columns(value: object, where: str) -> tuple[ColumnChoice, ...]:
-    """Columns from the section `[table]`.
+def load_table_section(value: object, where: str) -> tuple[tuple[ColumnChoice, ...], bool]:
+    """Columns from the section `[table]`, and whether data that look wrong are used.
 
     Args:
         value: TOML table: a known name and the heading that stands for it, or a table of heading,
-            unit, sign and delay.
+            unit, sign and delay; and `assume = "plausible"`.
         where: File, for errors.
 
     Raises:
@@ -40,7 +43,11 @@ def load_columns(value: object, where: str) -> tuple[ColumnChoice, ...]:
 
     """
     choices = []
-    for name, stated in table_of(value, f"{where}: table").items():
+    stated_columns = dict(table_of(value, f"{where}: table"))
+    assumed = stated_columns.pop("assume", None)
+    if assumed not in (None, PLAUSIBLE):
+        raise ConfigError(f"{where}: table.assume", f"{assumed!r}", f'write "{PLAUSIBLE}"')
+    for name, stated in stated_columns.items():
         place = f"{where}: table.{name}"
         inner = {"column": stated} if isinstance(stated, str) else table_of(stated, place)
         if "column" not in inner:
@@ -51,4 +58,4 @@ def load_columns(value: object, where: str) -> tuple[ColumnChoice, ...]:
             choices.append(ColumnChoice(name, row.column, unit, row.sign, row.late_s))
         except ValueError as error:
             raise ConfigError(place, str(error), "correct the value") from error
-    return tuple(choices)
+    return tuple(choices), assumed is not None

@@ -36,6 +36,9 @@ LOAD_UNITS = {"kg": 9.81, "kN": 1e3, "t": 9807.0}
 """Newtons in the units in which loads are written."""
 FAST, TOO_FAST = 45.0, 140.0
 """Median speeds, m/s, that are more often km/h, and that no vehicle reaches."""
+UNSIGNED, BOTH_WAYS = 0.001, 0.1
+"""Share of the rows below 0 of a column without sign, and least share of either sign of the other
+column that shows it."""
 ROLLING_ADHESION, ROLLING_SPREAD = 0.01, 0.02
 """Adhesion below which a wheel rolls, and range of the slips of half of these rows beyond which
 they say nothing."""
@@ -106,6 +109,7 @@ def _inspect_moving(points: Points) -> list[Finding]:
         *_slip_size(points),
         *_adhesion_size(points),
         *_signs(points),
+        *_missing_sign(points),
         *_zero(points),
         *_load(points),
         *_speed(points),
@@ -238,6 +242,27 @@ def _signs(points: Points) -> Iterator[Finding]:
         mend = "both are below 0 in braking; say --column slip=slip,sign=-1, or so for the force"
     what = f"slip and force have opposite signs in {100 * opposite:.0f} % of {count} rows"
     yield Finding(what, mend)
+
+
+def _missing_sign(points: Points) -> Iterator[Finding]:
+    """A slip or a force that is never below 0 while the other is in many rows: no sign at all."""
+    clear_slip = np.abs(points.slip) > CLEAR_SLIP
+    clear_force = np.abs(points.adhesion) > CLEAR_ADHESION
+    if min(int(clear_slip.sum()), int(clear_force.sum())) < LEAST_ROWS:
+        return
+    slip_below = float(np.mean(points.slip[clear_slip] < 0))
+    force_below = float(np.mean(points.adhesion[clear_force] < 0))
+    mend = "write both below 0 in braking, the slip as (rim speed - speed) / speed"
+    for name, below, other, share in (
+        ("slip", slip_below, "force", force_below),
+        ("force", force_below, "slip", slip_below),
+    ):
+        if below <= UNSIGNED and BOTH_WAYS <= share <= 1.0 - BOTH_WAYS:
+            yield Finding(
+                f"the {name} is never below 0 while the {other} is in {100 * share:.0f} % of the "
+                "rows: its sign is missing",
+                mend,
+            )
 
 
 def _zero(points: Points) -> Iterator[Finding]:

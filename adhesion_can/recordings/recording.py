@@ -79,6 +79,10 @@ class Recording:
         self.position = 0
         """Number of bytes of the file, as stored, behind the blocks given so far."""
         self._reader: can.io.generic.MessageReader | None = None
+        if str(path) == "-":
+            raise RecordingError(
+                "-", "standard input is not read: a recording is read twice", "write it to a file"
+            )
         try:
             if path.exists() and not (path.is_file() or path.is_dir()):
                 # It is read several times: for its format, its frames and its hash.

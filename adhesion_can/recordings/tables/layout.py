@@ -141,33 +141,34 @@ def _layout(
     width = _usual_width([row for _, row in rows])
     full = [(line, row) for line, row in rows if len(trimmed(row, width)) == width]
     numeric = _numeric_places([row for _, row in full], width)
-    first = next(
-        (place for place, (_, row) in enumerate(full) if not _is_label(row, numeric)), len(full)
+    named = next((line for line, row in rows if _has_a_name(row, wanted)), 0)
+    body = next(
+        (line for line, row in full if line > named and not _is_label(row, numeric)),
+        rows[-1][0] + 1,
     )
-    body = full[first][0] if first < len(full) else rows[-1][0] + 1
     above = [(line, row) for line, row in rows if line < body]
     even = len(full) / len(rows)
     if not above:
-        if not numeric:
-            return _from_heading(rows, delimiter), even
-        return _commented_heading(lines, delimiter, width) or _from_heading(rows, delimiter), even
-    named = [
-        place
-        for place, (_, row) in enumerate(above)
-        if not set(wanted).isdisjoint(split_unit(cell)[0] for cell in _stripped(row))
-    ]
-    wide = [place for place, (_, row) in enumerate(above) if len(trimmed(row, width)) == width]
-    at = (named or wide or [len(above) - 1])[0]
-    line, heading = above[at]
-    below = above[at + 1 :]
-    units = tuple(_stripped(trimmed(below[0][1], width))) if below else ()
-    return Layout(
+        commented = _commented_heading(lines, delimiter, width) if numeric else None
+        return commented or _from_heading(rows, delimiter), even
+    wide = [line for line, row in above if len(trimmed(row, width)) == width]
+    line = named or (wide or [above[-1][0]])[0]
+    heading = next(row for number, row in above if number == line)
+    below = [(number, row) for number, row in above if number > line]
+    units = _stripped(trimmed(below[0][1], width)) if below else ()
+    found = Layout(
         delimiter,
-        _stripped(trimmed(heading, 1 if len(trimmed(heading, 1)) <= width else width)),
+        _stripped(trimmed(heading, width if len(heading) > width else 1)),
         line,
         units if len(units) == width else (),
-        body=(below[-1][0] if below else line),
-    ), even
+        body=below[-1][0] if below else line,
+    )
+    return found, even
+
+
+def _has_a_name(row: Sequence[str], wanted: Collection[str]) -> bool:
+    """Whether a row has one of the wanted names."""
+    return any(split_unit(cell)[0] in wanted for cell in row)
 
 
 def _from_heading(rows: Sequence[Row], delimiter: str) -> Layout:

@@ -183,12 +183,12 @@ def _past_midnight(seconds: Array) -> Array:
 
 def _of_magnitude(numbers: Array, where: str) -> tuple[Array, str]:
     """Seconds of a count since 1970 whose unit its size tells; a sentence where it is no second."""
-    finite = np.abs(numbers[np.isfinite(numbers)])
-    if not len(finite) or (size := float(np.median(finite))) < TIME_LIMIT_S:
+    finite = numbers[np.isfinite(numbers)]
+    if not len(finite) or (size := float(np.median(np.abs(finite)))) < TIME_LIMIT_S:
         return numbers, ""
     for unit, factor in _UNITS.items():
         if FROM_S <= size * factor <= UNTIL_S:
-            day = datetime.fromtimestamp(size * factor, UTC).date()
+            day = datetime.fromtimestamp(float(finite[0]) * factor, UTC).date()
             return numbers * factor, f"{TIME!r} is taken for {unit} since 1970: it is of {day}"
     raise TableError(
         where,
