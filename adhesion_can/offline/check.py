@@ -169,7 +169,7 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
     # Between the stretches of a clock that was set back is no hole: the reader tells of them.
     is_hole = length_us > restart_s * 1e6 and length_us != hole_us(restart_s)
     hole = extractor.hole if is_hole else None
-    _check_messages(result, hole)
+    _check_messages(result, hole, extractor.holes)
     _check_senders(result)
     result.warnings.extend(result.receiver.unmarked)
     _check_signals(result)
@@ -183,13 +183,14 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
     return result
 
 
-def _check_messages(result: CheckResult, hole: Hole | None) -> None:
+def _check_messages(result: CheckResult, hole: Hole | None, holes: int) -> None:
     """Rates, gaps and faults of each message.
 
     Args:
         result: Result to which the sentences are added.
         hole: Longest time without any frame, told once and not message by message; None: there is
-            none beyond which the service starts anew.
+            none beyond which the service starts anew, but between stretches.
+        holes: Number of such times, and of those between stretches: a gap of each message.
 
     """
     if hole is not None:
@@ -209,8 +210,7 @@ def _check_messages(result: CheckResult, hole: Hole | None) -> None:
             result.failures.append(f"{name}: {count} of {record.frames} frames rejected: {reason}")
         if record.lost:
             result.failures.append(f"{name}: {counted(record.lost, 'frame')} lost by its counter")
-        in_hole = hole is not None and record.longest_gap_us >= hole.length_us
-        if record.late > in_hole:
+        if record.late > holes:
             at = (record.gap_at_us or 0) / 1e6
             result.failures.append(
                 f"{name}: {counted(record.late, 'gap')} of more than three cycles, the longest "

@@ -58,6 +58,9 @@ class SampleExtractor:
         self.last_us = 0
         self.hole = Hole(0, 0)
         """Longest time without any frame."""
+        self.holes = 0
+        """Number of times without any frame beyond which the service starts anew."""
+        self._restart_us = configuration.service.restart_s * 1e6
         self._on_readings = on_readings
         self._on_received = on_received
         self._former = configuration.make_column_former()
@@ -113,6 +116,7 @@ class SampleExtractor:
         length_us = np.diff(at_us)
         after = np.flatnonzero(length_us > self._patience_us)
         begins, ends = np.append(at_us[0], at_us[after + 1]), np.append(at_us[after], at_us[-1])
+        self.holes += int(np.count_nonzero(length_us > self._restart_us))
         hole = int(np.argmax(length_us))
         if length_us[hole] > self.hole.length_us:
             self.hole = Hole(int(at_us[hole]), int(length_us[hole]))

@@ -20,8 +20,11 @@ from adhesion_can.recordings.recording import Recording
 
 BACK_NS = 100_000_000
 """Step back that late frames do not make, ns."""
-LASTS, LASTS_AT_END = 20, 5
-"""Frames below the stamps in front of them that make a new stretch, and at the end of a file."""
+LASTS, LASTS_AT_END = 200, 5
+"""Frames below the stamps in front of them that make a new stretch whatever follows, and at the end
+of a file."""
+SEEN = 20
+"""Frames behind a step whose messages are compared with those before it."""
 SHOWN = 3
 """Number of steps that are told one by one."""
 USUAL_RESTART_S = 60.0
@@ -173,15 +176,18 @@ class _Stretches:
         is_back = t_ns < highest - BACK_NS
         if not is_back.any():
             return None
-        least = LASTS_AT_END if is_end else LASTS
         begins = is_back & ~np.concatenate([[False], is_back[:-1]])
         for row in np.flatnonzero(begins).tolist():
-            run = is_back[row : row + LASTS]
-            if not run.all():
-                continue
-            if len(run) < LASTS and not is_end:
+            run = t_ns[row : row + LASTS]
+            above = np.flatnonzero(run >= highest[row])
+            if len(above):  # late frames end with a leap to where the others are, a clock does not
+                end = int(above[0])
+                lasts = run[end] - run[end - 1] < (highest[row] - run[0]) / 2
+            elif len(run) < LASTS and not is_end:
                 return _Step(row, is_sure=False)
-            if len(run) >= least and self._falls(rows, t_ns, row):
+            else:
+                lasts = len(run) >= LASTS_AT_END
+            if lasts and self._falls(rows, t_ns, row):
                 return _Step(row, is_sure=True)
         return None
 
@@ -194,10 +200,10 @@ class _Stretches:
         for part, stamps in parts:
             for name, t in zip(_names(part), stamps.tolist(), strict=True):
                 known[name] = max(t, known.get(name, t))
-        behind = rows.select(slice(start, start + LASTS))
+        behind = rows.select(slice(start, start + SEEN))
         met = [
             t < known[name]
-            for name, t in zip(_names(behind), t_ns[start : start + LASTS].tolist(), strict=True)
+            for name, t in zip(_names(behind), t_ns[start : start + SEEN].tolist(), strict=True)
             if name in known
         ]
         if 2 * sum(met) <= len(met):

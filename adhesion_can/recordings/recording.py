@@ -353,7 +353,9 @@ class Recording:
         from adhesion_can.recordings.frame_tables.forms import find_form  # noqa: PLC0415
         from adhesion_can.recordings.frame_tables.read import read_frame_table  # noqa: PLC0415
 
-        form = find_form(self._first_lines())
+        with self._source(ReadReport()) as source:
+            head = source.head(HEAD)
+        form = find_form(head.splitlines()[:HEAD_LINES])
         if form is None or not form.has_times:
             raise RecordingError(
                 str(self.path), "a table of frames without their times", "export it with them"

@@ -78,7 +78,8 @@ class Form:
             match = self.pattern.fullmatch(line.strip())
             return Fields(**{k: v or "" for k, v in match.groupdict().items()}) if match else None
         cells = [cell.strip().strip('"') for cell in line.strip().split(self.delimiter)]
-        needed = (*self.places.get("time", ()), *self.places["id"])
+        # A frame of fewer bytes may lack the columns of the others.
+        needed = [max(places) for places in self.places.values() if len(places) == 1]
         if len(cells) <= max(needed):
             return None
         return Fields(**{
@@ -104,8 +105,9 @@ LINES: tuple[Form, ...] = (
     _form(
         "BUSMASTER",
         Clock.TIME_OF_DAY,
-        rf"(?P<time>\d{{1,2}}:\d\d:\d\d:\d{{3,4}})\s+[RT]x\s+(?P<bus>\d+)\s+{_HEX}\s+"
-        rf"(?P<extended>[sx])(?P<remote>r?)(?P<fd>(?:-?fd)?)\s+(?P<length>\d+)\s*"
+        r"(?P<time>\d{1,2}:\d\d:\d\d:\d{1,4})\s+[RT]x\s+(?P<bus>\d+)\s+"
+        r"(?P<id>(?:0[xX])?[0-9A-Fa-f]{1,10})\s+"
+        r"(?P<extended>[sx])(?P<remote>r?)(?P<fd>(?:-?fd)?)\s+(?P<length>\d+)\s*"
         r"(?P<data>(?:[0-9A-Fa-f]{1,3}\s*)*)",
     ),
     _form(
@@ -180,11 +182,13 @@ def find_form(lines: Sequence[bytes]) -> Form | None:
     """
     texts = [line.decode("utf-8", "replace") for line in lines]
     plain = [text for text in texts if text.strip() and not _COMMENT.match(text)]
+    if plain and (headed := _of_heading(plain[0])) is not None:
+        return headed
     for form in LINES:
         first = next((n for n, text in enumerate(plain) if form.fields(text)), None)
         if first is not None and _is_usual(form, plain[first : first + LOOKED_AT]):
             return form
-    return next(filter(None, map(_of_heading, plain[:1])), None)
+    return None
 
 
 def _is_usual(form: Form, lines: Sequence[str]) -> bool:

@@ -15,7 +15,7 @@ _LARGEST_STANDARD = 0x7FF
 _DAY_US = 86_400_000_000
 _UNITS_US = {Clock.SECONDS: 1_000_000, Clock.MILLIS: 1000, Clock.MICROS: 1}
 _NUMBER = re.compile(r"(\d{1,19})(?:[.,](\d{1,12}))?")
-_CLOCK = re.compile(r"(\d{1,2}):(\d\d):(\d\d)[:.,](\d{1,9})")
+_CLOCK = re.compile(r"(\d{1,2}):(\d\d):(\d\d)([:.,])(\d{1,9})")
 _DIGITS = re.compile(r"(?:(\d{2}|\d{4}|\d{8})T)?(\d{2}):?(\d{2}):?(\d{2})[.:]?(\d{3})")
 _BEGUN = re.compile(r"(?:START DATE AND TIME )(\d{1,2}):(\d{1,2}):(\d{4})\b")
 _HEAD_TIME = re.compile(r"#\s*Time:\s*(\d{4})(\d{2})(\d{2})T")
@@ -61,7 +61,7 @@ def read_frame_table(lines: Iterable[bytes], form: Form, report: ReadReport) -> 
     head = _Head()
     clock = _StampReader(form.clock, head)
     is_behind_head = False
-    for number, raw in enumerate(lines, start=1):
+    for number, raw in enumerate(_split(lines), start=1):
         line = raw.decode("utf-8", "replace")
         fields = form.fields(line)
         frame = None if fields is None else _frame(fields, clock, form, head)
@@ -74,6 +74,19 @@ def read_frame_table(lines: Iterable[bytes], form: Form, report: ReadReport) -> 
         if line.lstrip().startswith(("***", "#", "//", ";", "@")) or not is_behind_head:
             kind = "comment"
         report.skip(kind, number, is_whole=raw.endswith(b"\n"))
+
+
+def _split(lines: Iterable[bytes]) -> Iterator[bytes]:
+    """Lines of a file of which some end with CR alone."""
+    rest = b""
+    for line in lines:
+        *whole, rest = (rest + line).splitlines(keepends=True)
+        yield from whole
+        if rest.endswith((b"\n", b"\r")):
+            yield rest
+            rest = b""
+    if rest:
+        yield rest
 
 
 def _frame(fields: Fields, clock: "_StampReader", form: Form, head: _Head) -> Frame | None:
@@ -90,10 +103,7 @@ def _frame(fields: Fields, clock: "_StampReader", form: Form, head: _Head) -> Fr
     is_fd = _is_true(fields.fd) or fields.fd.lower().endswith("fd") or len(data) > 8
     if len(data) not in FD_LENGTHS or (len(data) > 8 and not is_fd):
         return None
-    is_remote, is_error = (
-        _is_true(fields.remote) or fields.remote in ("r", "R"),
-        _is_true(fields.error),
-    )
+    is_remote, is_error = _is_remote(fields), _is_true(fields.error)
     bus = fields.bus.strip()
     return Frame(
         t_us=t_us,
@@ -105,6 +115,10 @@ def _frame(fields: Fields, clock: "_StampReader", form: Form, head: _Head) -> Fr
         is_remote=is_remote,
         is_error=is_error,
     )
+
+
+def _is_remote(fields: Fields) -> bool:
+    return _is_true(fields.remote) or fields.remote in ("r", "R")
 
 
 def _is_true(text: str) -> bool:
@@ -125,10 +139,12 @@ def _payload(fields: Fields, form: Form, *, is_decimal: bool) -> bytes:
         data = base64.b64decode(text, validate=True)
     else:
         data = bytes.fromhex(_NO_DATA_BYTE.sub("", text))
-    # A length above 8 may be a code, or that of a frame whose bytes were not all written.
-    stated = fields.length.strip()
-    length = int(stated) if stated else len(data)
-    return data[:length] if length <= 8 and fields.fd.strip() != "1" else data
+    stated = int(fields.length) if fields.length.strip() else len(data)
+    has_data = not (_is_remote(fields) or _is_true(fields.error))
+    if has_data and len(data) < stated:
+        raise ValueError("its payload is cut")
+    # A number above 8 may code the length.
+    return data[:stated] if stated <= 8 and fields.fd.strip() != "1" else data
 
 
 class _StampReader:
@@ -172,7 +188,12 @@ class _StampReader:
         """Day, where the text has it, and time of the day, µs."""
         if self._clock is Clock.TIME_OF_DAY:
             found = _CLOCK.fullmatch(text)
-            return None if found is None else (None, _micros(*found.groups()))
+            if found is None:
+                return None
+            hours, minutes, seconds, mark, part = found.groups()
+            # Behind a colon stand whole milliseconds, not always padded, or tenths of them.
+            part = part.zfill(3) if mark == ":" else part
+            return None, _micros(hours, minutes, seconds, part)
         found = _DIGITS.fullmatch(text)
         if found is None:
             return None
