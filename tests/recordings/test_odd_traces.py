@@ -35,7 +35,7 @@ def frame(n, number, data, **others):
 
 @pytest.mark.parametrize("count", [3, MANY])
 def test_the_id_at_the_end_counts_where_a_name_stands_in_its_place(tmp_path, count):
-    names = ("WHEELS", "ED", "ACC", "120", "x1")
+    names = ("WHEELS", "ED", "ACC", "120", "ADx")
     lines, wanted = [], []
     for n in range(count):
         lines.append(f"{n / 100:11.6f} 1  {names[n % 5]:15} Rx   d 2 {n:02X} 00  {SAID} ID = 288")
@@ -55,6 +55,15 @@ def test_an_id_at_the_end_that_is_that_in_front_changes_nothing(tmp_path):
     assert read(asc(tmp_path / "a.asc", lines))[0] == [
         frame(n, 0x657, bytes([n, 0])) for n in range(MANY)
     ]
+
+
+def test_a_number_is_no_name_whatever_stands_at_the_end(tmp_path):
+    lines = [
+        f"{n / 100:11.6f} 3  200             Tx   d 1 {n:02X}  {SAID} ID = 88888888x"
+        for n in range(3)
+    ]
+    frames, _ = read(asc(tmp_path / "a.asc", lines))
+    assert [one.arbitration_id for one in frames] == [0x200] * 3
 
 
 def test_decimal_ids_with_names(tmp_path):

@@ -165,7 +165,9 @@ class AscForm:
     def _is_named(self, line: bytes) -> bool:
         """Whether a name stands in the place of a line's id."""
         parts, said = _PARTS.match(line.lstrip()), _SAID.search(line)
-        return bool(parts and said and parts["name"].lower() != self._id_text(said).lower())
+        if parts is None or said is None or parts["name"][:1].isdigit():
+            return False  # no name of a database begins with a digit
+        return bool(parts["name"].lower() != self._id_text(said).lower())
 
     def _id_text(self, said: re.Match[bytes]) -> bytes:
         """Id as the lines of the file have it."""
