@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from adhesion_can.cli.main import main
+from tests.fuzz.odd_drives import odd_log, odd_table
 from tests.fuzz.rule import MOST_MIB
 from tests.recordings.test_mf4 import group, logged, unsorted_logging
 from tests.wire import Bench
@@ -28,6 +29,10 @@ LONGEST_S = 20
 """Processor time of a command, s."""
 LINES = 2
 _COMMANDS = (("check",), ("check",), ("check",), ("identify",), ("replay",), ("convert",))
+_DRIVE_COMMANDS = (("check",), ("identify",), ("replay",), ("calibrate",), ("diagnose",))
+_TABLE_COMMANDS = (("check",), ("identify",), ("diagnose",))
+DRIVES = {"drive.log": (odd_log, _DRIVE_COMMANDS), "table.csv": (odd_table, _TABLE_COMMANDS)}
+"""Kinds of odd drives, with what makes them and the commands that take them."""
 _NUMBERS = (0, 1, 2, 7, 8, 64, 255, 2**15, 2**16 - 1, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1)
 _CELLS = (
     "", "nan", "inf", "-1e999", "1e308", "-0", "=1+1", "0x10", "1,5", "'", '"', '"a\nb"', "\x00",
@@ -66,9 +71,10 @@ def play(kind, data, number=0):
         number: Number of the command.
 
     """
-    command = _COMMANDS[number % len(_COMMANDS)]
+    commands = DRIVES[kind][1] if kind in DRIVES else _COMMANDS
+    command = commands[number % len(commands)]
     with tempfile.TemporaryDirectory(dir=_memory_folder()) as folder:
-        path = Path(folder) / f"m{kind}"
+        path = Path(folder) / f"m{Path(kind).suffix or kind}"
         path.write_bytes(data)
         more = ["--out", f"{folder}/out.csv"] if command == ("convert",) else []
         out, err = io.StringIO(), io.StringIO()
@@ -175,6 +181,8 @@ KINDS = tuple(_SEEDS)
 
 def mutant(kind, number):
     """The mutant of a number: bytes of a file."""
+    if kind in DRIVES:
+        return DRIVES[kind][0](number)
     rng = random.Random(f"{kind} {number}")
     data = bytearray(rng.choice(seeds(kind)))
     own = {".mf4": (_link, _link, _field), ".db": (_field, _word, _schema), ".csv": (_cell, _row)}

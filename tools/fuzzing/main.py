@@ -8,13 +8,14 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, STDOUT
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.fuzz.mutants import KINDS, mutant, play
+from tests.fuzz.mutants import DRIVES, KINDS, mutant, play
 from tests.fuzz.rule import MOST_MIB
 from tests.fuzz.targets import TARGETS
 
@@ -98,16 +99,16 @@ def _memory_folder() -> str | None:
     return shared if os.access(shared, os.W_OK) else None
 
 
-def play_files(count: int, first: int) -> int:
+def play_files(kinds: Iterable[str], count: int, first: int) -> int:
     """Play mutants of files through the command line; 1 where one breaks the rule."""
     status = 0
-    for kind in KINDS:
+    for kind in kinds:
         began, statuses, longest_s, findings = time.monotonic(), Counter(), 0.0, []
         for number in range(first, first + count):
             try:
                 outcome = play(kind, mutant(kind, number), number)
             except Exception as error:  # noqa: BLE001  whatever it is, it is a finding
-                path = BUILD / f"mutant-{number}{kind}"
+                path = BUILD / f"mutant-{number}-{kind}"
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(mutant(kind, number))
                 findings.append(f"    {path.relative_to(ROOT)}: {type(error).__name__}: {error}")
@@ -147,13 +148,22 @@ def main() -> int:
         help="instead: N mutants of MF4, SQLite and CSV each, "
         "through commands, from number --seed on",
     )
+    parser.add_argument(
+        "--drives",
+        type=int,
+        metavar="N",
+        help="instead: N odd drives as logs and as tables each, through commands",
+    )
     parser.add_argument("--repeat", type=Path, metavar="FILE", help="run this input alone")
     options = parser.parse_args()
     unknown = [name for name in options.targets if name not in TARGETS]
     if unknown:
         parser.error(f"no target {unknown[0]}: write some of {', '.join(TARGETS)}")
-    if options.files is not None:
-        return play_files(options.files, options.seed)
+    if options.files is not None or options.drives is not None:
+        is_files = options.files is not None
+        return play_files(
+            KINDS if is_files else DRIVES, options.files or options.drives, options.seed
+        )
     if options.repeat:
         if len(options.targets) != 1:
             parser.error("--repeat wants one target")
