@@ -21,6 +21,7 @@ from typing import Any, NoReturn
 
 from adhesion_can.errors import AdhesionCanError, suggest
 from adhesion_can.printable import say
+from adhesion_can.recordings.python_can_mf4 import put_off_asammdf
 from adhesion_can.version import __version__
 
 COMMANDS: Mapping[str, str] = {
@@ -153,6 +154,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     for name in BLAS_THREADS:
         os.environ.setdefault(name, "1")  # read when the library is loaded, with the command
+    if arguments is None:  # the process is this command's alone
+        put_off_asammdf()
     try:
         options = build_parser().parse_args(arguments)
     except AdhesionCanError as error:  # of an installed extension that a help text names

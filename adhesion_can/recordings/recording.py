@@ -40,6 +40,7 @@ from adhesion_can.recordings.frame_rows import join_blocks
 from adhesion_can.recordings.limited import LimitError, Limits, read_limited
 from adhesion_can.recordings.mf4_links import require_sound_links
 from adhesion_can.recordings.python_can_messages import from_message
+from adhesion_can.recordings.python_can_mf4 import mf4_reader
 from adhesion_can.recordings.reader_losses import collect_python_can_warnings
 from adhesion_can.recordings.sqlite_frames import read_sqlite
 
@@ -52,7 +53,7 @@ _READERS: dict[str, tuple[Callable[[Any], can.io.generic.MessageReader], str]] =
     ".blf": (can.BLFReader, "rb"),
     ".csv": (can.CSVReader, "rt"),
     ".trc": (can.TRCReader, "rt"),
-    MF4: (can.MF4Reader, "rb"),
+    MF4: (mf4_reader, "rb"),
     SQLITE: (can.SqliteReader, "rb"),
 }
 """python-can's reader of each format, and how it wants an open file."""
