@@ -1,12 +1,14 @@
 """Common parts of the commands: options, opening a bus, writing JSON, progress."""
 
 import argparse
+import inspect
 import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ import can
 from adhesion_can.bus.database import CanDatabase
 from adhesion_can.cli.bars import bar
 from adhesion_can.config import Configuration, load_configuration
-from adhesion_can.errors import BusError, InputError
+from adhesion_can.errors import BusError, InputError, suggest
 from adhesion_can.files import whole_file
 from adhesion_can.printable import say
 from adhesion_can.recordings.formats import require_text_name
@@ -123,6 +125,7 @@ def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
 
         if getattr(options, "interface", None) is None and not bus_is_configured():
             raise BusError("-i", "no interface is named", "say for instance -i socketcan -c vcan0")
+        _require_known_kwargs(options)
         try:
             return create_bus_from_namespace(options)
         except argparse.ArgumentError as error:
@@ -136,6 +139,26 @@ def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
             ) from error
 
     return open_bus
+
+
+def _require_known_kwargs(options: argparse.Namespace) -> None:
+    """Raise a BusError where a word of --bus-kwargs is nearly one that the interface has.
+
+    Interfaces take whatever is given, and pass over what they do not know.
+    """
+    given = getattr(options, "bus_kwargs", None) or {}
+    interface = getattr(options, "interface", None)
+    if not given or interface not in can.interfaces.BACKENDS:
+        return
+    module, name = can.interfaces.BACKENDS[interface]
+    try:
+        known = set(inspect.signature(getattr(import_module(module), name).__init__).parameters)
+    except (ImportError, AttributeError, ValueError):
+        return  # opening the bus says what is missing
+    for word in given:
+        near = "" if word in known else suggest(word, known - {"self", "kwargs"})
+        if near:
+            raise BusError(f"--bus-kwargs {word}", f"{interface} has no such option", near)
 
 
 def bus_is_configured() -> bool:

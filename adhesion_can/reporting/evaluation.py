@@ -37,6 +37,8 @@ def verdict(found: Evaluation) -> str:
         return (
             f"{text} Its effects hold here, its curve does not: another surface, or another wheel."
         )
+    if refitted.interval[1] < 0.0:
+        return f"{text} Its effects do harm here: all of the interval is below 0."
     if not _is_sure(refitted):
         return f"{text} That its effects gain here is not certain: the interval reaches 0."
     return text

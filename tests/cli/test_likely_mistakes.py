@@ -70,6 +70,7 @@ REFUSED = {
     "experiment 4": "experiment: 1|2|3: no '4'; known: 1, 2, 3",
     "run -i socketkan -c vcan0": "near are socketcan",
     "run": "run: -i: no interface is named; say for instance -i socketcan -c vcan0",
+    "run -i udp_multicast -c 239.74.163.2 --bus-kwargs hoplimit=0": "near are hop_limit",
     "run -c vcan0": "run: -i: no interface is named",
     "replay nowhere.log": "nowhere.log: No such file or directory; check the path",
     "replay folder.log": "folder.log: Is a directory; check the path",

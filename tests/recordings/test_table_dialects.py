@@ -111,6 +111,12 @@ def test_columns_are_named_with_unit_and_sign(tmp_path):
     assert table.samples.covariates == {}
 
 
+def test_a_column_that_is_nearly_named_is_told(tmp_path):
+    path = written(tmp_path / "a.csv", names=("time_s", "Schlupf", "adhesion"))
+    with pytest.raises(TableError, match=r"no column 'Schlup' for 'slip'; near are Schlupf"):
+        is_table(path, [parse_choice("slip=Schlup")])
+
+
 def test_columns_can_be_swapped(tmp_path):
     path = written(tmp_path / "a.csv", names=("time_s", "adhesion", "slip"))
     choices = [parse_choice("slip=adhesion"), parse_choice("adhesion=slip")]

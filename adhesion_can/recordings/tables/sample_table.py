@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.errors import TableError
+from adhesion_can.errors import TableError, suggest
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.formats import FRAME_TABLE, HEAD, format_of, is_measurement
 from adhesion_can.recordings.tables.choice import ColumnChoice, apply_choices
@@ -110,6 +110,11 @@ def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
         return True
     if suffix != ".csv" or seen is not None or "arbitration_id" in heading:
         return False
+    named = _slip_column(choices)
+    if named != "slip":
+        near = suggest(named, heading)
+        mend = near or f"its columns are {', '.join(sorted(heading))[:200]}"
+        raise TableError(str(path), f"no column {named!r} for 'slip'", mend)
     raise TableError(
         str(path),
         "a .csv with neither a 'slip' column (a table) nor 'arbitration_id' (a recording)",
