@@ -100,7 +100,7 @@ def check(
         *_frames(record, schedule),
         *_times(record, schedule, end_us),
         *_numbers(points),
-        *_silence(points, good_times(inputs)),
+        *_silence(points, good_times(inputs), schedule),
         *_blindness(points, usable_times(inputs)),
         *_recovery(points, schedule, estimator),
         *_second_service(points, schedule),
@@ -138,6 +138,11 @@ class _Schedule:
             f.kind == "delayed" and f.target == name and self._overlaps(f, at_us - S, at_us, "")
             for f in self.faults
         )
+
+    def resumed_before(self, at_us: int) -> int:
+        """End of the latest pause of the host before a time, µs; the start where there is none."""
+        ends = (self.start_us + f.until_us for f in self.faults if f.kind == "stopped")
+        return max((end for end in ends if end <= at_us), default=self.start_us)
 
     def any_fault(self, from_us: int, until_us: int) -> bool:
         """Whether any fault was at work between two times."""
@@ -241,8 +246,15 @@ def _numbers(points: list[Point]) -> Iterator[Violation]:
                 yield Violation("range", point.at_us, f"{name} = {value}")
 
 
-def _silence(points: list[Point], good: Mapping[str, list[int]]) -> Iterator[Violation]:
-    """Never confident while a required input was silent for longer than allowed."""
+def _silence(
+    points: list[Point], good: Mapping[str, list[int]], schedule: _Schedule
+) -> Iterator[Violation]:
+    """Never confident while a required input was silent for longer than allowed.
+
+    Frames of a pause are dropped, and after ten cycles without any a counter is taken as it comes,
+    also one that stood still meanwhile: silence that the service can know of begins with the end of
+    the pause.
+    """
     for point in points:
         for name, times in good.items():
             # What came until the setpoint was sent may be stamped before it was due: frames are
@@ -250,7 +262,8 @@ def _silence(points: list[Point], good: Mapping[str, list[int]]) -> Iterator[Vio
             place = bisect_right(times, point.at_us)
             if not place:
                 continue
-            silent_us = point.due_us - times[place - 1]
+            since_us = max(times[place - 1], schedule.resumed_before(point.at_us))
+            silent_us = point.due_us - since_us
             allowed_us = SILENT_CYCLES * CYCLES_MS[name] * MS + SLACK_US
             if silent_us <= allowed_us:
                 continue
