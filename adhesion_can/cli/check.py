@@ -77,6 +77,8 @@ def run(options: argparse.Namespace) -> int:
     require_known_id(result, options)
     result.failures.extend(describe_problems(recordings, with_remarks=False))
     result.warnings.extend(describe_remarks(recordings))
+    names = distinct_names(options.log)
+    result.findings[:0] = [f"{n}: {r.kind}" for n, r in zip(names, recordings, strict=True)]
     origin = provenance(config, options.log)
     write_json(options.json, {**result.as_json(), **origin})
     lines = []

@@ -39,6 +39,8 @@ FAST, TOO_FAST = 45.0, 140.0
 UNSIGNED, BOTH_WAYS = 0.001, 0.1
 """Share of the rows below 0 of a column without sign, and least share of either sign of the other
 column that shows it."""
+LEAST_SPREAD = 0.2
+"""Range of most of a column's sizes, as a share of the middle one, that it has where it varies."""
 ROLLING_ADHESION, ROLLING_SPREAD = 0.01, 0.02
 """Adhesion below which a wheel rolls, and range of the slips of half of these rows beyond which
 they say nothing."""
@@ -245,19 +247,25 @@ def _signs(points: Points) -> Iterator[Finding]:
 
 
 def _missing_sign(points: Points) -> Iterator[Finding]:
-    """A slip or a force that is never below 0 while the other is in many rows: no sign at all."""
-    clear_slip = np.abs(points.slip) > CLEAR_SLIP
-    clear_force = np.abs(points.adhesion) > CLEAR_ADHESION
-    if min(int(clear_slip.sum()), int(clear_force.sum())) < LEAST_ROWS:
+    """A slip or a force that is never below 0 while the other is in many rows: no sign at all.
+
+    Rows in which either is near 0 do not count: in friction braking no force is measured. Of a
+    recording the slips have their sign, and efforts that stand still look alike.
+    """
+    clear = (np.abs(points.slip) > CLEAR_SLIP) & (np.abs(points.adhesion) > CLEAR_ADHESION)
+    is_used = float(np.median(np.abs(points.slip))) <= MOST_LINEAR
+    if not points.table or int(clear.sum()) < LEAST_ROWS or not is_used:
         return
-    slip_below = float(np.mean(points.slip[clear_slip] < 0))
-    force_below = float(np.mean(points.adhesion[clear_force] < 0))
+    slip, force = points.slip[clear], points.adhesion[clear]
     mend = "write both below 0 in braking, the slip as (rim speed - speed) / speed"
-    for name, below, other, share in (
-        ("slip", slip_below, "force", force_below),
-        ("force", force_below, "slip", slip_below),
+    for name, values, other, others in (
+        ("slip", slip, "force", force),
+        ("force", force, "slip", slip),
     ):
-        if below <= UNSIGNED and BOTH_WAYS <= share <= 1.0 - BOTH_WAYS:
+        low, middle, high = np.quantile(np.abs(values), (0.1, 0.5, 0.9))
+        varies = high - low > LEAST_SPREAD * middle  # what stands still has another fault
+        below, share = float(np.mean(values < 0)), float(np.mean(others < 0))
+        if varies and below <= UNSIGNED and BOTH_WAYS <= share <= 1.0 - BOTH_WAYS:
             yield Finding(
                 f"the {name} is never below 0 while the {other} is in {100 * share:.0f} % of the "
                 "rows: its sign is missing",

@@ -40,6 +40,15 @@ def test_signs_that_agree_are_no_finding(slip, adhesion):
     assert said(slip, adhesion) == []
 
 
+def test_a_force_that_stands_still_has_another_fault():
+    assert said(SLIP, np.full(240, 0.2) + 0.005 * RNG.standard_normal(240)) == []
+
+
+def test_friction_braking_without_a_force_is_no_finding():
+    adhesion = np.where(SLIP < 0, 0.003 * RNG.standard_normal(240), ADHESION)
+    assert said(SLIP, adhesion) == []
+
+
 def test_a_few_rows_of_coasting_with_noise_are_no_finding():
     slip = np.concatenate([np.abs(SLIP), 0.001 * RNG.standard_normal(60)])
     adhesion = np.concatenate([np.abs(ADHESION), 0.01 * RNG.standard_normal(60)])
