@@ -85,7 +85,7 @@ def load_recording_samples(
         RecordingError: A recording cannot be read, or holds no known frame.
 
     """
-    blocks = watched(blocks_in_sequence(recordings))
+    blocks = watched(blocks_in_sequence(recordings, config.service.restart_s))
     name = name_of(recordings)
     samples, _ = extract_samples(blocks, config, name)
     return clean_samples(samples, config, name, describe_problems(recordings))

@@ -37,12 +37,14 @@ class Extent:
         first_us: First stamp, µs.
         last_us: Latest stamp, µs.
         has_service: Whether it holds setpoints of a service.
+        restart_s: Hole beyond which the service starts anew, s.
 
     """
 
     first_us: int
     last_us: int
     has_service: bool
+    restart_s: float
 
     @property
     def duration_s(self) -> float:
@@ -63,9 +65,9 @@ def survey(paths: Sequence[Path], configuration: Configuration) -> Extent:
     first_us: int | None = None
     last_us = 0
     has_service = False
-    recordings = open_recordings(paths)
+    recordings, restart_s = open_recordings(paths), configuration.service.restart_s
     with reading("reading", recordings) as watched:
-        blocks = watched(blocks_in_sequence(recordings))
+        blocks = watched(blocks_in_sequence(recordings, restart_s))
         for block in in_seconds(blocks, configuration.messages, ", ".join(map(str, paths))):
             t_us = block.t_us
             first_us = int(t_us[0]) if first_us is None else first_us
@@ -73,7 +75,7 @@ def survey(paths: Sequence[Path], configuration: Configuration) -> Extent:
             has_service = has_service or bool(np.any(block.key[block.is_data] == key))
     if first_us is None:
         raise no_frame_error(recordings)
-    return Extent(first_us, last_us, has_service)
+    return Extent(first_us, last_us, has_service, restart_s)
 
 
 class LogSource:
@@ -209,7 +211,8 @@ class LogSource:
         """Begin before a time, s after the first frame, so that all is known when it is reached."""
         self._begin_us = begin_us = self._extent.first_us + round(from_s * 1e6)
         lead_s = WARM_UP_S if self._make_core is None else LEARNING_S
-        items = _items_from(self._paths, begin_us - round(lead_s * 1e6))
+        first_us = begin_us - round(lead_s * 1e6)
+        items = _items_from(self._paths, first_us, self._extent.restart_s)
         if self._make_core is None:
             self._frames = (item for item in items if isinstance(item, Frame))
         else:
@@ -220,9 +223,9 @@ class LogSource:
         self._turned_s = self._clock()
 
 
-def _items_from(paths: Sequence[Path], begin_us: int) -> Iterator[Frame | Mark]:
+def _items_from(paths: Sequence[Path], begin_us: int, restart_s: float) -> Iterator[Frame | Mark]:
     """Frames and marks of recordings from a time on, µs; those before it are passed over."""
-    for block in blocks_in_sequence(open_recordings(paths)):
+    for block in blocks_in_sequence(open_recordings(paths), restart_s):
         yield from _part_from(block, begin_us).items()
 
 

@@ -79,7 +79,7 @@ def compute_doubt_shares(
 
 def _extract(path: Path, configuration: Configuration) -> Samples:
     """Samples of the first part of a recording."""
-    blocks = blocks_in_sequence(open_recordings([path]))
+    blocks = blocks_in_sequence(open_recordings([path]), configuration.service.restart_s)
     samples, _ = extract_samples(blocks, configuration, str(path))
     if not len(samples):
         return samples

@@ -26,7 +26,7 @@ of a file."""
 SEEN = 20
 """Frames behind a step whose messages are compared with those before it."""
 SHOWN = 3
-"""Number of steps that are told one by one."""
+"""Most steps that are reported one by one."""
 USUAL_RESTART_S = 60.0
 """Hole beyond which a drive begins anew where nobody configures it, s."""
 

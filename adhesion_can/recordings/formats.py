@@ -34,10 +34,10 @@ _SUFFIXES = {".mdf": MF4, ".dat": MF4, ".sqlite": SQLITE, ".sqlite3": SQLITE}
 """Formats by further suffixes."""
 _TEXT = frozenset({".log", ".txt", ""})
 _PACKED = (".gz", ".zst")
+_MEASUREMENT = (b"MDF ", b"UnFinMF ")
 _FIRST_BYTES = {
     b"LOGG": ".blf",
-    b"MDF ": MF4,
-    b"UnFinMF ": MF4,
+    **dict.fromkeys(_MEASUREMENT, MF4),
     b"SQLite format 3\0": SQLITE,
     b"date ": ".asc",
     b";$FILEVERSION": ".trc",
@@ -86,9 +86,8 @@ def detect_format(path: Path, head: bytes) -> str:
     for first, (what, mend) in _OTHERS.items():
         if head.startswith(first):
             raise RecordingError(str(path), f"{what}, no recording of a bus", mend)
-    suffix = _inner_suffix(path)
-    named = CANDUMP if suffix in _TEXT else _SUFFIXES.get(suffix, suffix)
-    if named not in PYTHON_CAN | {CANDUMP}:
+    named = _format_by_name(path)
+    if named is None:
         raise RecordingError(
             str(path), "not candump text, nor of a suffix that python-can reads", _ANOTHER_TEXT
         )
@@ -97,14 +96,19 @@ def detect_format(path: Path, head: bytes) -> str:
 
 def is_measurement(head: bytes) -> bool:
     """Whether the first bytes are those of a measurement file (MDF)."""
-    return head.startswith((b"MDF ", b"UnFinMF "))
+    return head.startswith(_MEASUREMENT)
 
 
 def is_misnamed(path: Path, found: str) -> bool:
     """Whether the name of a file says another format than the one that it has."""
+    return found not in (_format_by_name(path) or found, FRAME_TABLE)
+
+
+def _format_by_name(path: Path) -> str | None:
+    """Format that the name of a file says; None where it is that of no recording."""
     suffix = _inner_suffix(path)
     named = CANDUMP if suffix in _TEXT else _SUFFIXES.get(suffix, suffix)
-    return named in PYTHON_CAN | {CANDUMP} and found not in (named, FRAME_TABLE)
+    return named if named in PYTHON_CAN | {CANDUMP} else None
 
 
 def format_of(head: bytes) -> str | None:

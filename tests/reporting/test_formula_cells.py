@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from adhesion_can.cli.main import main
 from adhesion_can.formula_cells import quote_formula, unquote_formula
-from adhesion_can.recordings.tables.csv_file import read_csv, read_heading
+from adhesion_can.recordings.tables.csv_file import heading_of, read_csv
+from adhesion_can.recordings.tables.text import read_head
 from adhesion_can.reporting.export import Column, Field, open_table
 from tests.test_printable import log_file
 
@@ -54,7 +55,13 @@ def written(path, names, *, keep=False):
 @pytest.mark.parametrize("name", ["a.csv", "a.csv.gz"])
 def test_a_table_reads_back_as_it_was(tmp_path, name):
     path = written(tmp_path / name, DANGEROUS)
-    assert read_heading(path) == ("time_s", "slip", "adhesion", *DANGEROUS, "text")
+    assert heading_of(read_head(path), (), path) == (
+        "time_s",
+        "slip",
+        "adhesion",
+        *DANGEROUS,
+        "text",
+    )
     columns = read_csv(path)
     assert list(columns.values) == ["time_s", "slip", "adhesion", *DANGEROUS, "text"]
     assert columns.values["text"] == ("=1+1", "-1.5")

@@ -24,24 +24,25 @@ from adhesion_can.recordings.tables.layout import (
     rows_of,
     trimmed,
 )
-from adhesion_can.recordings.tables.text import read_head, read_text
+from adhesion_can.recordings.tables.text import read_text
 
 MOST_BELOW = 50
 """Most lines below the rows that are left out; more are rows of another length."""
 
 
-def read_heading(path: Path, wanted: Collection[str] = ()) -> tuple[str, ...]:
-    """Names in the heading of a file, units taken off; () where it is empty.
+def heading_of(text: str, wanted: Collection[str], path: Path) -> tuple[str, ...]:
+    """Names in the heading of a text, units taken off; () where it is empty.
 
     Args:
-        path: Path of the file.
+        text: First lines of a file.
         wanted: Names of which the heading has one, where the file is a table.
+        path: Path of the file, for errors.
 
     Raises:
-        TableError: The file cannot be read, or is not CSV.
+        TableError: The text is not CSV.
 
     """
-    return tuple(map(unquote_formula, _recognise(read_head(path), wanted, path).names))
+    return tuple(map(unquote_formula, _recognise(text, wanted, path).names))
 
 
 def read_csv(path: Path, wanted: Collection[str] = ()) -> Columns:
@@ -101,7 +102,7 @@ def _layout_notes(layout: Layout) -> list[str]:
 
 
 def _body(text: str, layout: Layout, path: Path, notes: list[str]) -> list[list[str]]:
-    """Rows of the heading's length; others below all of them are left out and told."""
+    """Rows of the heading's length; others below all of them are left out and reported."""
     width = len(layout.heading)
     body: list[list[str]] = []
     odd: list[tuple[int, list[str]]] = []

@@ -19,7 +19,7 @@ DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": 
 """What may part the cells, and its name; spaces only where nothing else does."""
 _COMMENT = re.compile(r"[ \t]*(?:#|%|//)")
 _STATED = re.compile(r"sep=(.)\s*", re.IGNORECASE)
-"""First line by which a spreadsheet is told what parts the cells."""
+"""First line that names the delimiter for a spreadsheet."""
 LOOKED_AT = 1000
 """First lines in which the heading is looked for."""
 SAMPLED = 50

@@ -22,13 +22,13 @@ from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.formats import FRAME_TABLE, HEAD, format_of, is_measurement
 from adhesion_can.recordings.tables.choice import ColumnChoice, apply_choices
 from adhesion_can.recordings.tables.columns import Column, Columns
-from adhesion_can.recordings.tables.csv_file import read_csv, read_heading
+from adhesion_can.recordings.tables.csv_file import heading_of, read_csv
 from adhesion_can.recordings.tables.mat_file import read_mat
 from adhesion_can.recordings.tables.mf4_table import holds_channel, read_mf4
 from adhesion_can.recordings.tables.parquet_file import read_parquet
 from adhesion_can.recordings.tables.row_order import sort_rows
 from adhesion_can.recordings.tables.shift import shift_columns
-from adhesion_can.recordings.tables.text import is_text, read_head
+from adhesion_can.recordings.tables.text import read_head
 from adhesion_can.recordings.tables.times import TIME, TIME_LIMIT_S, with_times
 
 FORCE, LOAD = "longitudinal_force_N", "normal_load_N"
@@ -99,13 +99,17 @@ def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
         return holds_channel(path, _slip_column(choices))
     if suffix in (".parquet", ".mat"):
         return True
-    if suffix != ".csv" and not (path.is_file() and is_text(path)):
-        return False
-    seen = format_of(read_head(path)[:HEAD].encode())
-    if seen not in (None, FRAME_TABLE, ".csv"):
+    try:
+        head = read_head(path)
+    except TableError:
+        if suffix == ".csv":
+            raise
+        return False  # the reader of recordings says what is wrong
+    seen = format_of(head[:HEAD].encode())
+    if (suffix != ".csv" and "\0" in head) or seen not in (None, FRAME_TABLE, ".csv"):
         return False
     wanted = {"slip", _slip_column(choices)}
-    heading = set(read_heading(path, wanted))
+    heading = set(heading_of(head, wanted, path))
     if not wanted.isdisjoint(heading):
         return True
     if suffix != ".csv" or seen is not None or "arbitration_id" in heading:

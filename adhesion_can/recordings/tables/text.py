@@ -66,15 +66,6 @@ def read_head(path: Path) -> str:
     return text[: text.rfind("\n") + 1] if len(content) == HEAD and "\n" in text else text
 
 
-def is_text(path: Path) -> bool:
-    """Whether a file is text, packed or not, as far as its first bytes show it."""
-    try:
-        head = read_head(path)
-    except TableError:
-        return False
-    return "\0" not in head
-
-
 def decode(content: bytes) -> str:
     """Text of a file's bytes: UTF-8, UTF-16 with its mark, or what is written in Western Europe."""
     if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
