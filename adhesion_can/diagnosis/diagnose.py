@@ -197,6 +197,8 @@ def diagnose(
         diagnosis = build_diagnosis(used, found, confirmed, untested, other_drives=other_drives)
     if remaining is not None and remaining.refutes_plain and diagnosis.verdict is Verdict.NOTHING:
         diagnosis = replace(diagnosis, verdict=Verdict.UNEXPLAINED)
+    if remaining is not None and diagnosis.verdict is Verdict.UNEXPLAINED:
+        remaining = remaining.without_plain()
     diagnosis = _with_next_drive(diagnosis, found, confirmed, settings, show)
     show("done", 1.0)
     return replace(diagnosis, effect_grams=grams, remaining=remaining, witness=witness)

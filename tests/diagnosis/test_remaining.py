@@ -54,3 +54,17 @@ def test_where_none_is_left_the_sentence_says_what_follows():
     assert sentence.startswith("With second none of the explanations is left")
     assert "humidity is refuted, its size is 0 within its error; the plain curve" in sentence
     assert sentence.endswith("What acts is something else, or acts in another form than they say.")
+
+
+def test_the_plain_curve_alone_is_not_left_where_more_than_noise_is():
+    other = RefutedExplanation("sanding", "its size is 0 within its error")
+    found = RemainingExplanations(("first",), ("second",), (PLAIN,), (other,)).without_plain()
+    plain = RefutedExplanation(PLAIN, "something is left that is not noise")
+    assert (found.left, found.refuted) == ((), (other, plain))
+    assert found.refutes_plain
+
+
+@pytest.mark.parametrize("left", [(), ("sanding",), ("sanding", PLAIN)])
+def test_beside_others_the_plain_curve_stays(left):
+    found = RemainingExplanations(("first",), ("second",), left, ())
+    assert found.without_plain() is found

@@ -80,6 +80,16 @@ class RemainingExplanations:
         """Whether the plain curve is among what was refuted."""
         return any(one.name == PLAIN for one in self.refuted)
 
+    def without_plain(self) -> "RemainingExplanations":
+        """The same where all drives leave more than noise of the plain curve, which is refuted.
+
+        No test beside another explanation refutes it where that one turns out to have no size.
+        """
+        if self.left != (PLAIN,):
+            return self
+        plain = RefutedExplanation(PLAIN, "something is left that is not noise")
+        return replace(self, left=(), refuted=(*self.refuted, plain))
+
     @property
     def sentence(self) -> str:
         """What is left, for a reader."""
