@@ -14,6 +14,9 @@ def results_as_done(
 ) -> Iterator[tuple[int, Result]]:
     """Index of each task and its result, in the order in which they are done.
 
+    The processes end at once where a task fails, the command is stopped, or the caller leaves
+    its loop.
+
     Args:
         work: Function of a task, at the top level of a module.
         tasks: Tasks, at least one.
@@ -27,12 +30,13 @@ def results_as_done(
         initializer=signal.signal,
         initargs=(signal.SIGINT, signal.SIG_DFL),
     ) as pool:
-        waiting = {pool.submit(work, task): number for number, task in enumerate(tasks)}
         try:
+            waiting = {pool.submit(work, task): number for number, task in enumerate(tasks)}
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
-        except KeyboardInterrupt:
-            # Leaving the pool would wait for the tasks in hand.
+        except BaseException:
+            # Leaving the pool would wait for the tasks in hand. Ctrl-C in the caller's loop
+            # reaches this generator as GeneratorExit.
             end_processes()
             raise
 

@@ -97,14 +97,18 @@ if __name__ == "__main__":
     try:
         for number, _ in results_as_done(time.sleep, [0.0, 600.0, 600.0, 600.0], 2):
             print("done", number, flush=True)
+            {within}
     except KeyboardInterrupt:
         print("stopped", flush=True)
 """
 
 
-def test_processes_end_with_the_command_that_began_them(tmp_path):
+@pytest.mark.parametrize(
+    "within", ["pass", "time.sleep(600.0)"], ids=["while it waits", "in the caller's loop"]
+)
+def test_processes_end_with_the_command_that_began_them(within, tmp_path):
     script = tmp_path / "waiting.py"
-    script.write_text(WAITING)
+    script.write_text(WAITING.format(within=within))
     began = time.monotonic()
     with subprocess.Popen(
         [sys.executable, script], stdout=subprocess.PIPE, text=True,
