@@ -39,6 +39,7 @@ class MessageRecord:
         readings: Number of readings of all signals.
         stuck: Number of readings of stuck signals, which count as not available from there on.
         stuck_checks: Supervision of the signals that may be stuck, by role and axle.
+        other_channels: Channels other than the message's on which frames of this id came.
 
     """
 
@@ -57,6 +58,7 @@ class MessageRecord:
     readings: int = 0
     stuck: int = 0
     stuck_checks: dict[tuple[Role, int], StuckSignalCheck] = field(default_factory=dict)
+    other_channels: set[str] = field(default_factory=set)
 
     @classmethod
     def begin(
@@ -70,6 +72,18 @@ class MessageRecord:
                 check = StuckSignalCheck(signal.resolution, rest=-signal.offset)
                 record.stuck_checks[signal.role, signal.axle] = check
         return record
+
+    @property
+    def absence(self) -> str:
+        """Sentence about a message of which no frame came."""
+        name = f"{self.message.plan.name} ({self.message.plan.frame_id:#x})"
+        if not self.other_channels:
+            return f"{name}: not one frame in the recording"
+        heard = ", ".join(sorted(self.other_channels))
+        return (
+            f'{name}: its role has channel = "{self.message.channel}", and its frames are on '
+            f"{heard}; write the channel as the recording names it"
+        )
 
     @property
     def lost(self) -> int:

@@ -175,6 +175,7 @@ class Receiver:
             # Some formats know no channels: there a frame may be any bus's.
             if record.message.channel in (None, frame.channel) or not frame.channel:
                 return record
+            record.other_channels.add(frame.channel)
         return None
 
 

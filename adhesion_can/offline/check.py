@@ -204,7 +204,7 @@ def _check_messages(result: CheckResult, hole: Hole | None, holes: int) -> None:
         if not record.frames:
             required = record.message.roles & REQUIRED
             sentences = result.failures if required else result.limits
-            sentences.append(f"{name}: not one frame in the recording")
+            sentences.append(record.absence)
             continue
         for reason, count in record.rejected.items():
             result.failures.append(f"{name}: {count} of {record.frames} frames rejected: {reason}")

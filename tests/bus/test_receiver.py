@@ -19,7 +19,8 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.rejection import Rejection
 from adhesion_can.bus.roles import SignalChoice, bind, cycles_by_role, packaged_choices
-from adhesion_can.errors import ConfigError
+from adhesion_can.errors import ConfigError, RecordingError
+from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.physics.readings import Reading, Role
 from tests.bus.bus_helpers import payload_of, sealed
 
@@ -369,6 +370,21 @@ def test_a_role_with_a_channel_hears_that_channel_only():
     )
     assert subject.accept(Frame(0, 0x111, speed_payload(0, 500), "can0")) is None
     assert len(subject.accept(Frame(0, 0x111, speed_payload(0, 500), "can1"))) == 1
+
+
+@pytest.mark.parametrize("in_blocks", [False, True])
+def test_frames_on_another_channel_than_the_role_has_are_reported_by_both(in_blocks):
+    choice = SignalChoice(Role.VEHICLE_SPEED, 0, "VehicleSpeed", "VehicleSpeed", channel="can1")
+    subject = bound(choice)
+    frames = [Frame(i, 0x111, speed_payload(i, 500), f"can{i}") for i in (0, 2)]
+    if in_blocks:
+        block = Block.from_frames(frames)
+        subject.accept_block(block, block.t_us)
+    else:
+        for frame in frames:
+            subject.accept(frame)
+    with pytest.raises(RecordingError, match=r'has channel = "can1", .* are on can0, can2; write'):
+        require_accepted_frame(subject, 2, "a.log")
 
 
 def test_the_same_message_on_two_channels_is_two_messages_with_two_counters():
