@@ -28,7 +28,7 @@ class SignalChoice:
         signal: Name of the signal in the message.
         channel: Name of the bus that carries the message; None: any.
         unit: Unit of the signal's values.
-        factor: Factor on the value after the conversion of its unit.
+        factor: Factor on the value after the conversion of its unit; None: none is stated, 1.
         sign: Sign of the value, +1 or −1.
         offset: Zero error, subtracted last, in the role's SI unit.
         protection: E2E protection of the message.
@@ -45,7 +45,7 @@ class SignalChoice:
     signal: str
     channel: str | None = None
     unit: str | None = None
-    factor: float = 1.0
+    factor: float | None = None
     sign: int = 1
     offset: float = 0.0
     protection: Protection | None = None
@@ -58,6 +58,11 @@ class SignalChoice:
     def name(self) -> str:
         """Role as configurations spell it: `wheel_speed.1`, `vehicle_speed`."""
         return role_name(self.role, self.axle)
+
+    @property
+    def used_factor(self) -> float:
+        """Factor on the value after the conversion of its unit."""
+        return 1.0 if self.factor is None else self.factor
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,7 +260,7 @@ def _bind_signal(
         role=choice.role,
         axle=choice.axle,
         plan=signal_plan,
-        scale=factor * choice.factor * choice.sign,
+        scale=factor * choice.used_factor * choice.sign,
         offset=choice.offset,
         not_available=signal_plan.not_available if choice.not_available else None,
         at_rim=to_si(choice.role, unit, None) is None,

@@ -271,7 +271,7 @@ def _correction(
         for i, a in estimated.items()
         if a.estimate and i not in rim
     )
-    factor = {c.axle: c.factor for c in config.choices if c.role is Role.WHEEL_SPEED}
+    factor = {c.axle: c.used_factor for c in config.choices if c.role is Role.WHEEL_SPEED}
     offset = result.offset if options.speed is None else None
     errors = [a.estimate.std / a.configured for a in estimated.values() if a.estimate]
     return Correction(

@@ -77,7 +77,7 @@ def with_correction(
     for axle in scaled:
         choice = choices[Role.WHEEL_SPEED, axle]
         ratio = correction.radius_ratio[axle]
-        keys = {"factor": choice.factor * ratio}
+        keys = {"factor": choice.used_factor * ratio}
         if choice.offset:
             keys["offset"] = choice.offset * ratio
         _set_keys(roles, choice, keys, correction.factor_remark[axle])

@@ -41,7 +41,7 @@ def with_radii(configuration: Configuration, ratio: Mapping[int, float]) -> Conf
         if choice.role is not Role.WHEEL_SPEED or choice.axle not in at_rim:
             return choice
         own = ratio.get(choice.axle, 1.0)
-        return replace(choice, factor=choice.factor * own, offset=choice.offset * own)
+        return replace(choice, factor=choice.used_factor * own, offset=choice.offset * own)
 
     return replace(
         configuration,

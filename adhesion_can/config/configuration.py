@@ -43,7 +43,12 @@ UNKNOWN_CYCLE = (
     "state cycle_ms at its role, or GenMsgCycleTime in the database",
 )
 """What is wrong with a message without a cycle, and what to do about it."""
-_DIVIDED = (Role.TRACTIVE_EFFORT, Role.AXLE_LOAD)
+_SHARED = (Role.TRACTIVE_EFFORT, Role.AXLE_LOAD)
+"""Roles of which several axles may have one signal."""
+_SHARED_MEND = (
+    "write the factor of each axle: 1 where the signal is that of one axle, 0.25 where it is the "
+    "sum over four, or map each role to its own"
+)
 
 # What concerns extended models is imported where there is one: it takes a tenth of a short command.
 if TYPE_CHECKING:
@@ -172,17 +177,21 @@ class Configuration:
     def shared_signals(self) -> list[str]:
         """Sentences about signals that have two roles: what is the same says nothing of either.
 
-        A force of several axles, or their load, may be divided among them by factors.
+        A force of several axles, or their load, may be shared by them where factors are stated.
         """
         found: list[str] = []
         first: dict[tuple[str, str, str | None], SignalChoice] = {}
         for choice in (one for one in self.choices if one.role is not Role.CHANNEL):
             place = choice.message, choice.signal, choice.channel
             other = first.setdefault(place, choice)
-            divided = other.role is choice.role and choice.role in _DIVIDED and choice.factor != 1.0
-            if other is not choice and not divided:
-                signal = f"{choice.message}.{choice.signal}"
-                found.append(f"{other.name} and {choice.name} are the same signal, {signal}")
+            if other is choice:
+                continue
+            may_share = other.role is choice.role and choice.role in _SHARED
+            if may_share and choice.factor is not None:
+                continue
+            mend = _SHARED_MEND if may_share else "map each role to its own"
+            signal = f"{choice.message}.{choice.signal}"
+            found.append(f"{other.name} and {choice.name} are the same signal, {signal}; {mend}")
         return found
 
     def unknown_cycles(self) -> list[str]:
@@ -192,8 +201,8 @@ class Configuration:
     def require_identification(self) -> None:
         """ConfigError where no adhesion can be computed, or a cycle time is unknown."""
         for sentence in self.shared_signals():
-            mend = "map each role to its own signal; a force of several axles takes factors"
-            raise ConfigError(f"{self.where}: roles", sentence, mend)
+            what, _, mend = sentence.partition("; ")
+            raise ConfigError(f"{self.where}: roles", what, mend)
         missing = self.missing_for_identification()
         if missing:
             raise ConfigError(

@@ -20,7 +20,7 @@ class _RoleTable:
         signal: Signal as `Message.Signal`.
         channel: CAN channel on which the message is received; '' for any.
         unit: Unit of the signal's values; '?' for the unit of the database.
-        factor: Factor on the value after the conversion of its unit, 1.
+        factor: Factor on the value after the conversion of its unit; without it 1.
         sign: 1, or -1 where the signal counts the other way.
         offset: Zero error, in the unit of the role, subtracted last.
         protection: Protection of the message, `e2e-p01` or `none`; '' for that of the database.
@@ -35,7 +35,7 @@ class _RoleTable:
     signal: str
     channel: str = ""
     unit: str = "?"
-    factor: Annotated[float, Within(-1e12, 1e12)] = 1.0
+    factor: Annotated[float | None, Within(-1e12, 1e12)] = None
     sign: Annotated[int, Within(-1, 1)] = 1
     offset: Annotated[float, Within(-1e12, 1e12)] = 0.0
     protection: str = ""

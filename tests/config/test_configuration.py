@@ -420,7 +420,8 @@ def test_every_spelling_of_a_role_means_the_same(tmp_path, text):
     (choice,) = load(tmp_path, text).choices
     assert (choice.role, choice.axle, choice.name) == (Role.WHEEL_SPEED, 1, "wheel_speed.1")
     assert (choice.message, choice.signal) == ("WheelSpeeds1", "WheelSpeed_Ax1")
-    assert (choice.channel, choice.unit, choice.factor, choice.sign) == (None, None, 1.0, 1)
+    assert (choice.channel, choice.unit, choice.factor, choice.sign) == (None, None, None, 1)
+    assert choice.used_factor == 1
 
 
 def test_the_keys_of_a_role_arrive(tmp_path):

@@ -66,8 +66,12 @@ def test_one_signal_for_two_axles_is_refused_by_every_command():
     assert any("are the same signal" in one for one in check([], twice).failures)
 
 
-def test_a_force_of_two_axles_may_be_divided():
-    divided = with_signal("tractive_effort.2", "tractive_effort.1", factor=0.5)
-    divided.require_identification()
-    with pytest.raises(ConfigError, match="are the same signal"):
+def test_a_force_of_two_axles_may_be_shared_where_its_factor_is_stated():
+    for factor in (0.5, 1.0):
+        with_signal(
+            "tractive_effort.2", "tractive_effort.1", factor=factor
+        ).require_identification()
+    with pytest.raises(
+        ConfigError, match=r"same signal, .*; write the factor of each axle: 1 where"
+    ):
         with_signal("tractive_effort.2", "tractive_effort.1").require_identification()
