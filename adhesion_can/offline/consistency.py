@@ -5,6 +5,7 @@ change it is of another unit. Both from the correlation of columns as they stand
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,9 @@ LEAST_CORRELATION = 0.7
 LONGEST_S = 0.5
 """Longest delay with which the rest of an answer may still be true: `diagnose` tests it."""
 MOST_LEFT = 0.85
-"""Share of the unexplained variance that the best shift may leave of that without a shift."""
+"""Share of the unexplained variance that the best explanation may leave of that of another one."""
+BORDERS, BORDER_PLACES = 2, 41
+"""Changes of the rail that may stand for a delay, and places at which each is tried."""
 SPAN_ROWS = 5
 """Rows over which the change of the speed is taken."""
 FASTEST = 1.2
@@ -34,8 +37,47 @@ LEAST_RELATION = 0.6
 """Correlation of the two below which forces of others drive the vehicle."""
 
 
-def inspect_delay(t_us: NDArray[np.int64], slip: Array, adhesion: Array) -> Iterator[Finding]:
-    """The shift in time at which force and slip fit best, where it is not 0.
+class Shift(NamedTuple):
+    """Shift in time at which force and slip fit best.
+
+    Attributes:
+        by_s: Time from the slip to the force that fits it, s; below 0 where the slip is late.
+        fit: Correlation of slip and force at this shift.
+        as_it_is: Correlation of the rows as they stand.
+
+    """
+
+    by_s: float
+    fit: float
+    as_it_is: float
+
+    @property
+    def late(self) -> str:
+        """The column that is late."""
+        return "force" if self.by_s > 0 else "slip"
+
+    @property
+    def early(self) -> str:
+        """The other column."""
+        return "slip" if self.by_s > 0 else "force"
+
+    @property
+    def left(self) -> float:
+        """Share of the force's variance that the slips do not explain at this shift."""
+        return 1.0 - self.fit**2
+
+    @property
+    def mend(self) -> str:
+        """What to do about it."""
+        by = abs(self.by_s)
+        return (
+            f"put the one that is late back in time; in a table --column NAME=COLUMN,"
+            f"late_s={by:.3g} of the {self.late}, or late_s=-{by:.3g} of the {self.early}"
+        )
+
+
+def find_shift(t_us: NDArray[np.int64], slip: Array, adhesion: Array) -> Shift | None:
+    """The shift in time at which force and slip fit best; None where it is 0 or they hardly fit.
 
     Args:
         t_us: Stamps of one axle's rows, ascending, µs, shape (n,).
@@ -44,35 +86,86 @@ def inspect_delay(t_us: NDArray[np.int64], slip: Array, adhesion: Array) -> Iter
 
     """
     if len(t_us) < LEAST_ROWS or not (step_us := float(np.median(np.diff(t_us)))) > 0:
-        return
-    middle = float(np.median(np.abs(slip)))
-    if not middle > 0:
-        return
-    # Monotonic, and bent as a curve of adhesion is.
-    bent = slip / (np.abs(slip) + middle)
+        return None
+    bent = _bent(slip)
+    if bent is None:
+        return None
     most = min(MOST_SHIFT, len(t_us) // 10)
     fits = {
         shift: _correlation_at(shift, t_us, step_us, bent, adhesion)
         for shift in range(-most, most + 1)
     }
     best = max(fits, key=lambda shift: fits[shift])
-    if abs(best) < LEAST_SHIFT or fits[best] < LEAST_CORRELATION:
+    # What grows to the end of the search is no maximum.
+    if abs(best) < LEAST_SHIFT or fits[best] < LEAST_CORRELATION or abs(best) == most:
+        return None
+    return Shift(best * step_us / 1e6, fits[best], fits[0])
+
+
+def _bent(slip: Array) -> Array | None:
+    """Slips made monotonic and bent as a curve of adhesion is; None where most of them are 0."""
+    middle = float(np.median(np.abs(slip)))
+    return slip / (np.abs(slip) + middle) if middle > 0 else None
+
+
+def inspect_delay(t_us: NDArray[np.int64], slip: Array, adhesion: Array) -> Iterator[Finding]:
+    """The shift in time at which force and slip fit best, where nothing else explains them so well.
+
+    Args:
+        t_us: Stamps of one axle's rows, ascending, µs, shape (n,).
+        slip: Slip ratios, shape (n,).
+        adhesion: Adhesion coefficients, shape (n,).
+
+    """
+    shift = find_shift(t_us, slip, adhesion)
+    # Beyond its peak a curve falls: slips that come and go fit best half a period later.
+    if shift is None or shift.as_it_is <= 0.0:
         return
-    # Beyond its peak a curve falls: slips that come and go fit best half a period later. And what
-    # grows to the end of the search is no maximum.
-    if fits[0] <= 0.0 or abs(best) == most:
+    if shift.left > MOST_LEFT * (1.0 - shift.as_it_is**2):
         return
-    if 1.0 - fits[best] ** 2 > MOST_LEFT * (1.0 - max(fits[0], 0.0) ** 2):
+    by_borders = _left_by_borders(slip, adhesion)
+    if by_borders < shift.left:
         return
-    late, early = ("force", "slip") if best > 0 else ("slip", "force")
-    by = abs(best) * step_us / 1e6
-    yield Finding(
-        f"the {late} comes {by:.3g} s after the {early}: their correlation is {fits[best]:.2f} so, "
-        f"and {fits[0]:.2f} as the rows stand",
-        f"put the one that is late back in time; in a table --column NAME=COLUMN,late_s={by:.3g} "
-        f"of the {late}, or late_s=-{by:.3g} of the {early}",
-        fatal=by > LONGEST_S,
+    by = abs(shift.by_s)
+    what = (
+        f"the {shift.late} comes {by:.3g} s after the {shift.early}: their correlation is "
+        f"{shift.fit:.2f} so, and {shift.as_it_is:.2f} as the rows stand"
     )
+    if shift.left <= MOST_LEFT * by_borders:
+        yield Finding(what, shift.mend, fatal=by > LONGEST_S)
+    else:
+        what += "; or the rail changes, which explains the rows about as well"
+        yield Finding(what, f"if one is late, {shift.mend}", fatal=False)
+
+
+def _left_by_borders(slip: Array, adhesion: Array) -> float:
+    """Share of the force's variance that is left where the rail may change up to `BORDERS` times.
+
+    Between two borders the force is a straight line over the bent slips; each border is where it
+    leaves least.
+    """
+    bent, total = _bent(slip), float(np.var(adhesion)) * len(adhesion)
+    if bent is None or total <= 0:
+        return 1.0
+    borders = [0, len(slip)]
+    columns = np.stack([np.ones_like(bent), bent, adhesion, bent**2, bent * adhesion, adhesion**2])
+    sums = np.concatenate([np.zeros((6, 1)), np.cumsum(columns, axis=1)], axis=1)
+    places = np.unique(np.linspace(0, len(slip), BORDER_PLACES).astype(int))
+    for _ in range(BORDERS):
+        free = [p for p in places if min(abs(p - b) for b in borders) >= LEAST_ROWS // 2]
+        if not free:
+            break
+        borders = sorted([*borders, min(free, key=lambda p: _left(sums, sorted([*borders, p])))])
+    return _left(sums, borders) / total
+
+
+def _left(sums: Array, borders: list[int]) -> float:
+    """Sum of squares that lines between borders leave, from running sums of the moments."""
+    n, x, y, xx, xy, yy = np.diff(sums[:, borders], axis=1)
+    spread = xx - x * x / n
+    slope = (xy - x * y / n) / np.where(spread > 0, spread, 1.0)
+    left = yy - y * y / n - np.where(spread > 0, slope**2 * spread, 0.0)
+    return float(np.sum(np.maximum(left, 0.0)))
 
 
 def _correlation_at(

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.offline.consistency import (
+    MOST_LEFT,
+    find_shift,
     inspect_acceleration,
     inspect_delay,
     inspect_derived_force,
@@ -24,12 +26,17 @@ MOST_OPPOSITE = 0.8
 """Share of such rows with opposite signs from which one of the two counts the other way."""
 SLIP_LIMIT, ADHESION_LIMIT, LEAST_ADHESION = 1.5, 3.0, 0.003
 """Sizes of slip (95 % of the rows) and adhesion (99 %) beyond which, and size of the adhesion below
-which, the numbers are of another unit. Racing tyres reach 2."""
+which, the numbers are of another unit, or of a racing tyre, which reaches `RACING_ADHESION`."""
+RACING_ADHESION = 4.5
 MOST_LINEAR, LEAST_SLOPE, MOST_BEND = 0.3, 0.5, 1.6
 """Slip up to which a contact may be linear, least slope of one, and slope at small slips over that
 at larger ones below which a curve is linear."""
+CREEPING, SATURATED = (0.03, 0.2), 0.5
+"""Slips, as ratios, at which a contact has most of its adhesion, and the share that shows it."""
 LEAST_LOAD_N = 50.0
 """Median load below which no vehicle that is measured stands on a wheel."""
+MOST_LOAD_N = 500e3
+"""Load that no wheelset has; the heaviest carry 42 t."""
 LEAST_USED = 0.02
 """Largest adhesion that a measured wheel uses at least."""
 LOAD_UNITS = {"kg": 9.81, "kN": 1e3, "t": 9807.0}
@@ -151,7 +158,7 @@ def _points_of(samples: Samples, axle: int) -> Points:
     """Rows of one axle of a recording."""
     own = samples.select(samples.axle == axle)
     return Points(
-        own.slip, own.adhesion, None, own.speed, own.load, table=False, name=f"axle {axle}"
+        own.slip, own.adhesion, own.t_us, own.speed, own.load, table=False, name=f"axle {axle}"
     )
 
 
@@ -190,7 +197,22 @@ def _slip_size(points: Points) -> Iterator[Finding]:
     mend = "check the wheel radius and the units of wheel and vehicle speed"
     if points.table:
         mend = "a ratio is wanted; for percent say --column slip=slip,unit=percent"
-    yield Finding(f"the slip reaches {size:.4g}", mend)
+    spins = points.table and _saturates(points)
+    what = f"the slip reaches {size:.4g}"
+    if spins:
+        what, mend = f"{what}: the wheel spins", "leave these rows out where they are not wanted"
+    yield Finding(what, mend, fatal=not spins)
+
+
+def _saturates(points: Points) -> bool:
+    """Whether the adhesion is large where the slip is that of a contact that creeps: ratios."""
+    low, high = CREEPING
+    absolute = np.abs(points.slip)
+    creeping = (absolute > low) & (absolute < high)
+    if int(creeping.sum()) < LEAST_ROWS:
+        return False
+    used = np.abs(points.adhesion)
+    return float(np.median(used[creeping])) > SATURATED * float(np.quantile(used, 0.95))
 
 
 def _slip_slope(points: Points, size: float) -> Iterator[Finding]:
@@ -199,7 +221,10 @@ def _slip_slope(points: Points, size: float) -> Iterator[Finding]:
     low, high = (_slope(points, rows) for rows in (absolute <= size / 3, absolute > size / 3))
     if min(low, high) > 0.0 and low <= min(LEAST_SLOPE, MOST_BEND * high):
         what = f"the adhesion rises in proportion to the slip up to {size:.3g}, by {low:.2g} of it"
-        yield Finding(what, "if the slip is in percent, say --column slip=slip,unit=percent")
+        mend = (
+            "if the slip is in percent, say --column slip=slip,unit=percent; a car that drifts has"
+        )
+        yield Finding(what, f"{mend} such slips, too")
 
 
 def _slope(points: Points, rows: NDArray[np.bool_]) -> float:
@@ -213,22 +238,41 @@ def _adhesion_size(points: Points) -> Iterator[Finding]:
     by_force = points.load is not None
     if size > ADHESION_LIMIT:
         mend = "check the axle load and the unit of the tractive effort"
-        if points.table and by_force:
-            fits = (LEAST_USED < size / n < ADHESION_LIMIT for n in LOAD_UNITS.values())
-            units = [u for u, fit in zip(LOAD_UNITS, fits, strict=True) if fit] or ["t"]
-            name = "normal_load_N"
-            others = "".join(f"; if it is in {other}, unit={other}" for other in units[1:])
-            mend = f"if the load is in {units[0]}, say --column {name}={name},unit={units[0]}"
-            mend += others
+        if points.table and points.load is not None:
+            mend = _load_units(size, float(np.median(points.load))) or mend
         elif points.table:
             mend = "if it is in percent, say --column adhesion=adhesion,unit=percent"
-        yield Finding(f"the adhesion reaches {size:.4g}", mend)
+        what = f"the adhesion reaches {size:.4g}"
+        if size <= RACING_ADHESION:
+            what += ", more than any wheel but a racing tyre's has"
+        yield Finding(what, mend)
     elif by_force and 0.0 < size < LEAST_ADHESION:
         mend = "check the axle load and the unit of the tractive effort"
-        if points.table:
+        if points.table and LEAST_USED < 1e3 * size < ADHESION_LIMIT:
             name = "longitudinal_force_N"
             mend = f"if the force is in kN, say --column {name}={name},unit=kN"
         yield Finding(f"the adhesion stays below {size:.2g}", mend)
+
+
+def _load_units(size: float, load: float) -> str:
+    """What to say of a table's load, by the units that make its numbers those of a wheel; or ''.
+
+    Args:
+        size: Adhesion that is reached with the load in N.
+        load: Middle of the load's numbers.
+
+    """
+    units = [
+        unit
+        for unit, newtons in LOAD_UNITS.items()
+        if LEAST_USED < size / newtons < ADHESION_LIMIT
+        and LEAST_LOAD_N < load * newtons < MOST_LOAD_N
+    ]
+    if not units:
+        return ""
+    name = "normal_load_N"
+    others = "".join(f"; if it is in {other}, unit={other}" for other in units[1:])
+    return f"if the load is in {units[0]}, say --column {name}={name},unit={units[0]}{others}"
 
 
 def _signs(points: Points) -> Iterator[Finding]:
@@ -243,6 +287,22 @@ def _signs(points: Points) -> Iterator[Finding]:
     if points.table:
         mend = "both are below 0 in braking; say --column slip=slip,sign=-1, or so for the force"
     what = f"slip and force have opposite signs in {100 * opposite:.0f} % of {count} rows"
+    shift = None
+    if points.t_us is not None and not np.any(np.diff(points.t_us) < 0):
+        shift = find_shift(points.t_us, points.slip, points.adhesion)
+    if shift is not None:
+        # What is late by half a period of the drive has the other sign, too.
+        left_by_sign = 1.0 - min(shift.as_it_is, 0.0) ** 2
+        what += (
+            f"; the {shift.late} may come {abs(shift.by_s):.3g} s after the {shift.early}: their "
+            f"correlation is {shift.fit:.2f} so, and {-shift.as_it_is:.2f} with one sign turned"
+        )
+        if shift.left < MOST_LEFT * left_by_sign:
+            mend = shift.mend
+        elif left_by_sign < MOST_LEFT * shift.left:
+            what = what.partition("; ")[0]
+        else:
+            mend = f"{mend}; if one is late, {shift.mend}"
     yield Finding(what, mend)
 
 
@@ -330,7 +390,7 @@ def _motion(points: Points) -> Iterator[Finding]:
 
 
 def _stamps(points: Points) -> Iterator[Finding]:
-    if points.t_us is None or len(points.t_us) < 2:
+    if not points.table or points.t_us is None or len(points.t_us) < 2:
         return
     repeated = float(np.mean(np.diff(points.t_us) == 0))
     if repeated > LEAST_REPEATED:

@@ -109,6 +109,74 @@ def test_of_a_recording_no_columns_are_named(kind):
     assert "--column" not in finding.sentence
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_slips_of_a_wheel_that_spins_are_no_percent(seed):
+    """A car on ice: its wheels turn up to six times as fast as it moves."""
+    rng = np.random.default_rng(seed)
+    slip = np.exp(rng.uniform(np.log(0.02), np.log(6.0), N))
+    adhesion = 0.2 * (1.0 - np.exp(-40.0 * slip)) + 0.01 * rng.standard_normal(N)
+    (finding,) = inspect_points(Points(slip, adhesion))
+    assert "the wheel spins" in finding.what
+    assert not finding.fatal
+    # The same numbers as percent: at a tenth of a percent there is no adhesion yet.
+    adhesion = 0.2 * (1.0 - np.exp(-0.4 * slip)) + 0.01 * rng.standard_normal(N)
+    (finding,) = inspect_points(Points(slip, adhesion))
+    assert "unit=percent" in finding.mend
+    assert finding.fatal
+
+
+def test_a_racing_tyre_is_named_beside_the_unit_that_would_fit_too():
+    tyre = points(adhesion=lambda x: 12 * x, load=lambda x: x / 50)
+    (finding,) = inspect_points(tyre)
+    assert "more than any wheel but a racing tyre's has" in finding.what
+    assert "unit=kg" in finding.mend
+    assert "unit=kN" not in finding.mend  # 5 MN
+    assert finding.fatal
+
+
+def late(seed, rows, step_s=0.05):
+    """A drive whose slip comes and goes without a period, its slip late by some rows."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(2 * N) * step_s
+    knots = np.arange(0.0, t[-1] + 5.0, 1.0)
+    slip = np.interp(t, knots, 0.03 * rng.choice([-1.0, 1.0]) * (-1.0) ** np.arange(len(knots)))
+    slip *= np.interp(t, knots, rng.uniform(0.6, 1.4, len(knots)))
+    adhesion = np.sign(slip) * 0.3 * (1 - np.exp(-40 * np.abs(slip)))
+    adhesion += 0.01 * rng.standard_normal(len(t))
+    seen = np.interp(t - rows * step_s, t, slip) + 0.0005 * rng.standard_normal(len(t))
+    return seen, adhesion, np.round(t * 1e6).astype(np.int64)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_slip_late_by_half_a_swing_is_not_called_reversed(seed):
+    slip, adhesion, t_us = late(seed, 20)
+    (finding,) = inspect_points(Points(slip, adhesion, t_us))
+    assert "opposite signs" in finding.what
+    assert "the slip may come 1 s after the force" in finding.what
+    assert finding.mend.startswith("put the one that is late back in time")
+    assert "sign=-1" not in finding.mend
+    # Turned and in step: its sign explains all, and nothing is late.
+    slip, adhesion, t_us = late(seed, 0)
+    (finding,) = inspect_points(Points(-slip, adhesion, t_us))
+    assert "sign=-1" in finding.mend
+    assert "late" not in finding.sentence
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_border_of_two_surfaces_is_no_late_force(seed):
+    """Slips that grow as the rail changes fit best at a shift; two rails explain them better."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(N) * 0.05
+    slip = 0.01 + 0.05 / (1 + np.exp(-(t - 14.0) / 0.5)) * rng.uniform(0.8, 1.2)
+    slip += 0.004 * np.sin(2 * np.pi * t / 3.0)
+    level = np.where(t < 15.2, 0.1, 0.35)
+    adhesion = level * (1 - np.exp(-60 * slip)) + 0.005 * rng.standard_normal(N)
+    slip = slip + 0.0005 * rng.standard_normal(N)
+    t_us = np.round(t * 1e6).astype(np.int64)
+    found = inspect_points(Points(slip, adhesion, t_us))
+    assert not [one for one in found if one.fatal]
+
+
 def test_coasting_and_small_slips_have_no_sign():
     """Noise around zero is of either sign, and says nothing."""
     rng = np.random.default_rng(4)
