@@ -2,7 +2,6 @@
 
 import gc
 import gzip
-import os
 import struct
 import sys
 import tracemalloc
@@ -542,16 +541,3 @@ def test_memory_does_not_grow_with_the_file(tmp_path):
         assert recording.report.notes == []
     assert peaks[1] < 1.3 * peaks[0]
     assert peaks[1] < 32 << 20
-
-
-@pytest.mark.slow
-def test_ten_times_as_fast_as_frame_by_frame(tmp_path):
-    path = written(tmp_path / "a.mf4", (message(n) for n in range(50_000)))
-
-    def seconds(read):
-        begin = os.times()
-        assert sum(1 for _ in read()) > 0
-        return sum(os.times()[:4]) - sum(begin[:4])  # with those of the process that reads
-
-    blocks = min(seconds(Recording(path).blocks) for _ in range(3))
-    assert seconds(Recording(path).__iter__) > 10 * blocks

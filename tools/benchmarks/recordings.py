@@ -13,6 +13,7 @@ from _reading_ways import BUILD, ladder, ours
 from _report import aside
 from _rows import positive, row_parser, run_rows
 from _trace_ways import trace_ways
+from _whole_process import whole_process
 
 FOLDER = BUILD / "bench"
 FRAMES = 1_000_000
@@ -138,6 +139,11 @@ def exchange_row(report, options):
     exchange(report, FOLDER, FRAMES, options.rounds, same_values)
 
 
+def process_row(report, options):
+    """Whole processes, imports and all: `convert` by message beside python-can + cantools."""
+    whole_process(report, FOLDER, FRAMES, options.rounds)
+
+
 def parts_row(report, _options):
     """Where our chain's time goes on one core."""
     answer = run_process(ours("parts", data.recording(FOLDER, FRAMES)), core=0)
@@ -180,6 +186,7 @@ ROWS = {
     "traces": traces_row,
     "linear": linear_row,
     "exchange": exchange_row,
+    "process": process_row,
     "parts": parts_row,
     "replay": replay_row,
 }

@@ -1,9 +1,13 @@
 """Columns of Arrow and Parquet: types, units, comments and the names of values."""
 
 import json
+from collections.abc import Sequence
+from itertools import accumulate
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from adhesion_can.reporting.export.layout import Field
 
@@ -35,3 +39,29 @@ def arrow_field(name: str, field: Field) -> Any:
         metadata["values"] = json.dumps(field.names)
     kind = TEXT if field.text else pa.from_numpy_dtype(field.dtype)
     return pa.field(name, kind, metadata=metadata or None)
+
+
+def arrow_column(values: NDArray[Any], missing: NDArray[np.bool_] | None = None) -> Any:
+    """Arrow's array of numbers, without a copy.
+
+    `pyarrow.array` imports pandas where it is installed: longer than a short conversion takes.
+
+    Args:
+        values: Numbers, shape (n,).
+        missing: Rows without a value, shape (n,); None: there is none.
+
+    """
+    bits = None
+    if missing is not None:
+        bits = pa.py_buffer(np.packbits(~missing, bitorder="little"))
+    kind = pa.from_numpy_dtype(values.dtype)
+    numbers = pa.py_buffer(np.ascontiguousarray(values))
+    return pa.Array.from_buffers(kind, len(values), [bits, numbers])
+
+
+def arrow_texts(texts: Sequence[str]) -> Any:
+    """Arrow's array of texts, without pandas as `arrow_column`."""
+    encoded = [text.encode() for text in texts]
+    ends = np.fromiter(accumulate(map(len, encoded), initial=0), np.int32, len(texts) + 1)
+    buffers = [None, pa.py_buffer(ends), pa.py_buffer(b"".join(encoded))]
+    return pa.Array.from_buffers(pa.string(), len(texts), buffers)

@@ -10,7 +10,13 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from adhesion_can.files import OutputFile
-from adhesion_can.reporting.export.arrow_fields import TEXT, TIME_NS, TIME_S
+from adhesion_can.reporting.export.arrow_fields import (
+    TEXT,
+    TIME_NS,
+    TIME_S,
+    arrow_column,
+    arrow_texts,
+)
 from adhesion_can.reporting.export.layout import SECOND, Column, Frames, Group, Rows, in_order
 
 _TEXTS = ("channel", "message", "signal", "unit")
@@ -70,8 +76,8 @@ class ArrowLong:
             values[place] = self._values(part)[mask]
         repeated = np.repeat(t_ns, np.diff(first))
         texts = [self._names[name].array(codes[name]) for name in _TEXTS]
-        arrays = [pa.array(repeated / SECOND), pa.array(repeated), *texts[:-1]]
-        batch = pa.record_batch([*arrays, pa.array(values), texts[-1]], schema=self._schema)
+        arrays = [arrow_column(repeated / SECOND), arrow_column(repeated), *texts[:-1]]
+        batch = pa.record_batch([*arrays, arrow_column(values), texts[-1]], schema=self._schema)
         self._stream.write_batch(batch)
 
     def problems(self) -> list[str]:
@@ -146,7 +152,7 @@ class _Names:
 
     def __init__(self) -> None:
         self._code: dict[str, int] = {}
-        self._texts: Any = pa.array([], pa.string())
+        self._texts: Any = arrow_texts([])
 
     def code(self, text: str) -> int:
         return self._code.setdefault(text, len(self._code))
@@ -154,11 +160,11 @@ class _Names:
     def texts(self) -> Any:
         # The same array as long as nothing is new: it is then not written again.
         if len(self._texts) < len(self._code):
-            self._texts = pa.array(list(self._code), pa.string())
+            self._texts = arrow_texts(list(self._code))
         return self._texts
 
     def array(self, codes: NDArray[np.int32]) -> Any:
-        return pa.DictionaryArray.from_arrays(pa.array(codes), self.texts())
+        return pa.DictionaryArray.from_arrays(arrow_column(codes), self.texts())
 
 
 def _present(rows: Rows) -> NDArray[np.bool_]:

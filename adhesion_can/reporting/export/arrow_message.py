@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
-from adhesion_can.reporting.export.arrow_fields import TIME_NS, TIME_S, arrow_field
+from adhesion_can.reporting.export.arrow_fields import TIME_NS, TIME_S, arrow_column, arrow_field
 from adhesion_can.reporting.export.layout import SECOND, Column, Group, Rows
 from adhesion_can.reporting.export.message_folder import MessageFolder
 
@@ -53,10 +53,10 @@ class ArrowMessageFile:
         rows, self._rows, self.held = self._rows, [], 0
         if rows:
             t_ns = np.concatenate([part.t_ns for part in rows])
-            arrays = [pa.array(t_ns / SECOND), pa.array(t_ns)]
+            arrays = [arrow_column(t_ns / SECOND), arrow_column(t_ns)]
             for place in range(len(self._group.fields)):
                 values, missing = _joined([part.columns[place] for part in rows])
-                arrays.append(pa.array(values, mask=missing))
+                arrays.append(arrow_column(values, missing))
             self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
 
     def close(self) -> None:

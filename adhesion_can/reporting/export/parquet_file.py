@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 from pyarrow import parquet
 
 from adhesion_can.files import Temporary
-from adhesion_can.reporting.export.arrow_fields import TEXT, TIME_NS, TIME_S, arrow_field
+from adhesion_can.reporting.export.arrow_fields import (
+    TEXT,
+    TIME_NS,
+    TIME_S,
+    arrow_column,
+    arrow_field,
+    arrow_texts,
+)
 from adhesion_can.reporting.export.growing_table import GrowingTable
 from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count, in_order
 
@@ -72,7 +79,7 @@ class ParquetPartFile:
         self._format = table_format
         self._schema = table_format.schema(groups)
         self._number = {group.name: number for number, group in enumerate(groups)}
-        self._names = pa.array([group.name for group in groups], pa.string())
+        self._names = arrow_texts([group.name for group in groups])
         self._limit = max(1024, min(_ROWS, _CELLS // len(self._schema)))
         self._held: list[Any] = []
         self._held_rows = 0
@@ -104,14 +111,14 @@ class ParquetPartFile:
 
     def _table(self, rows: Sequence[Rows], size: int) -> Any:
         t_ns = in_order(rows)
-        columns = [pa.array(t_ns / SECOND)]
+        columns = [arrow_column(t_ns / SECOND)]
         by_group = {part.group.name: part for part in rows if len(part.t_ns)}
         if self._format.by_message:
             message = np.empty(size, dtype=np.int32)
             for name, part in by_group.items():
                 message[part.position] = self._number[name]
-            columns.append(pa.array(t_ns))
-            columns.append(pa.DictionaryArray.from_arrays(pa.array(message), self._names))
+            columns.append(arrow_column(t_ns))
+            columns.append(pa.DictionaryArray.from_arrays(arrow_column(message), self._names))
         for group in self._groups:
             columns += _arrays(group, by_group.get(group.name), size)
         return pa.Table.from_arrays(columns, schema=self._schema)
@@ -140,9 +147,9 @@ def _arrays(group: Group, rows: Rows | None, size: int) -> Iterator[Any]:
             numbers = sorted(field.names)
             codes = np.searchsorted(numbers, values).astype(np.int32).clip(0, len(numbers) - 1)
             names = pa.array([field.names[number] for number in numbers], pa.string())
-            yield pa.DictionaryArray.from_arrays(pa.array(codes, mask=missing), names)
+            yield pa.DictionaryArray.from_arrays(arrow_column(codes, missing), names)
         else:
-            yield pa.array(values, mask=missing)
+            yield arrow_column(values, missing)
 
 
 def _scatter(
