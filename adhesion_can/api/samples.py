@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,20 +12,13 @@ from adhesion_can.api.inputs import describe_table, name_of, require_plausible
 from adhesion_can.bus.block import Block
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.errors import InputError
-from adhesion_can.estimation.extended.correction import (
-    correct_samples,
-    mean_factor,
-    require_columns,
-)
-from adhesion_can.estimation.extended.instrument_removal import remove_instrument_errors
-from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.offline.extract_samples import extract_samples
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import blocks_in_sequence
-from adhesion_can.recordings.tables.sample_table import Table, is_table, read_table
+from adhesion_can.recordings.tables.sample_table import is_table, read_table
 
 
 class LoadedSamples(NamedTuple):
@@ -112,9 +104,10 @@ def clean_samples(
     left_out: Counter[str] = Counter()
     factor = 1.0
     if config.model is not None:
-        result = correct_samples(samples, config.model, config.vehicle.axles)
-        factor = mean_factor(samples.select(result.kept), result.samples)
-        samples, left_out = result.samples, result.left_out
+        # Imported by whoever has a model: it has all effects behind it.
+        from adhesion_can.api.effect_removal import remove_from_samples  # noqa: PLC0415
+
+        samples, factor = remove_from_samples(samples, config.model, config.vehicle.axles, left_out)
     return LoadedSamples(samples, None, [*problems, *odd], left_out, factor)
 
 
@@ -138,9 +131,11 @@ def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSa
     left_out: Counter[str] = Counter()
     factor = 1.0
     if config.model is not None:
+        from adhesion_can.api.effect_removal import remove_from_table  # noqa: PLC0415
+
         model = config.model
         parts = [
-            _without_effects(t, model, str(path), left_out)
+            remove_from_table(t, model, str(path), left_out)
             for path, t in zip(paths, tables, strict=True)
         ]
         tables = [table for table, _ in parts]
@@ -156,16 +151,3 @@ def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSa
         labels.append(own + base)
         base += int(own.max(initial=0)) + 1
     return LoadedSamples(samples, np.concatenate(labels), problems, left_out, factor)
-
-
-def _without_effects(
-    table: Table, model: ExtendedModel, where: str, left_out: Counter[str]
-) -> tuple[Table, float]:
-    """Rows of a table without the model's effects, and their mean factor: a drive of its own."""
-    require_columns(model, table.samples, where)
-    samples = remove_instrument_errors(table.samples, model.instruments, where)
-    result = correct_samples(samples, model, int(samples.axle.max(initial=1)))
-    left_out.update(result.left_out)
-    segment = None if table.segment is None else table.segment[result.kept]
-    factor = mean_factor(samples.select(result.kept), result.samples)
-    return replace(table, samples=result.samples, segment=segment), factor

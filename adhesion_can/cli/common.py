@@ -10,17 +10,19 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import can
 
 from adhesion_can.bus.database import CanDatabase
 from adhesion_can.cli.bars import bar
-from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import BusError, InputError, suggest
 from adhesion_can.files import whole_file
 from adhesion_can.printable import say
 from adhesion_can.recordings.formats import require_text_name
+
+if TYPE_CHECKING:
+    from adhesion_can.config import Configuration
 
 
 def add_configuration(parser: argparse.ArgumentParser) -> None:
@@ -90,8 +92,10 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
     can.cli.add_bus_arguments(parser, group_title="bus (python-can)")
 
 
-def configuration(options: argparse.Namespace) -> Configuration:
+def configuration(options: argparse.Namespace) -> "Configuration":
     """Configuration that the options name, with the extended model where one is named."""
+    from adhesion_can.config import load_configuration  # noqa: PLC0415  `convert` needs none
+
     lenient = getattr(options, "lenient", False)
     config = load_configuration(options.config, options.dbc, lenient=lenient)
     tell_left_out(config.database)

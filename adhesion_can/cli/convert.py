@@ -23,9 +23,7 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.conversion import Conversion, counts_text
 from adhesion_can.cli.reading import Watched, reading
 from adhesion_can.cli.signal_filter import SignalFilter
-from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
-from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.recordings.drive_time import USUAL_RESTART_S, DriveTime
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import open_recordings
@@ -42,7 +40,7 @@ from adhesion_can.reporting.export import (
 from adhesion_can.reporting.export.message_folder import LIST
 from adhesion_can.reporting.export.messages import id_text
 from adhesion_can.reporting.export.raster import Raster, parse_raster
-from adhesion_can.reporting.provenance import provenance, texts
+from adhesion_can.reporting.provenance import provenance_of_database, texts
 from adhesion_can.reporting.text import console, table
 
 
@@ -121,9 +119,7 @@ def run(options: argparse.Namespace) -> int:
     chosen = SignalFilter(database, options.signals)
     given = database, chosen if options.signals else None, options.channel
     recordings = open_recordings(options.log)
-    origin = provenance(
-        Configuration(vehicle=Locomotive(), database=database, choices=()), options.log
-    )
+    origin = provenance_of_database(database, options.log)
     convert = _convert if options.raster is None else _convert_to_raster
     document = convert(options, target, given, recordings, texts(origin))
     document["output"] = {"path": options.out, "bytes": target.size}

@@ -26,7 +26,7 @@ from adhesion_can.physics.burckhardt import SLIP_MAX
 from adhesion_can.physics.curves import FAMILIES, Conditions
 from adhesion_can.physics.effects import Contact, compute_change
 from adhesion_can.physics.effects.falling_friction import FALLING_FRICTION, PolachFriction
-from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.lag_states import LagStates
 
 FREE, POLACH = FAMILIES["free"], FAMILIES["polach"]
 NEARLY_AS_GOOD = 0.1

@@ -17,7 +17,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.physics.vehicle import Locomotive
 
 if TYPE_CHECKING:  # the effects import the instruments
-    from adhesion_can.physics.effects.lag_states import LagStates
+    from adhesion_can.physics.lag_states import LagStates
 
 LEAST_SENSOR_GAIN = 0.05
 """Least share of a true value that a reading is taken to have: of nothing no value can be told."""

@@ -113,9 +113,6 @@ def _format_by_name(path: Path) -> str | None:
 
 def format_of(head: bytes) -> str | None:
     """Format that the first bytes of a file show, unpacked; None where they show none."""
-    # Imported here: its forms are looked at where nothing else is seen.
-    from adhesion_can.recordings.frame_tables.forms import find_form  # noqa: PLC0415
-
     text = as_utf8(head)
     for first, suffix in _FIRST_BYTES.items():
         if text.startswith(first):
@@ -123,7 +120,19 @@ def format_of(head: bytes) -> str | None:
     lines = text.splitlines()[:200]
     if any(map(looks_like_candump, lines)):
         return CANDUMP
+    # Imported here: its forms are looked at where nothing else is seen.
+    from adhesion_can.recordings.frame_tables.forms import find_form  # noqa: PLC0415
+
     return FRAME_TABLE if find_form(lines) is not None else None
+
+
+def is_candump(path: Path) -> bool:
+    """Whether the first bytes of a file are candump text, not packed."""
+    try:
+        with path.open("rb") as file:
+            return format_of(file.read(HEAD)) == CANDUMP
+    except OSError:
+        return False  # its reader says what is wrong
 
 
 def as_utf8(text: bytes) -> bytes:

@@ -8,7 +8,6 @@ as a library finds python-can as it is.
 import sys
 from collections.abc import Sequence
 from importlib import reload
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
@@ -17,8 +16,11 @@ _READER = "can.io.mf4"
 """Module of python-can that reads MF4, and does without asammdf where it is not installed."""
 
 
-class _Later(MetaPathFinder):
-    """Finds no asammdf while python-can's reader is imported; everybody else gets it."""
+class _Later:
+    """Finds no asammdf while python-can's reader is imported; everybody else gets it.
+
+    A finder by its method alone: `importlib.abc` takes longer to import than this module.
+    """
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None

@@ -10,6 +10,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.candump import ReadReport
 from adhesion_can.recordings.drive_time import USUAL_RESTART_S, DriveTime
+from adhesion_can.recordings.formats import is_candump
 from adhesion_can.recordings.problems import no_frame_error
 from adhesion_can.recordings.recording import Recording
 
@@ -120,11 +121,13 @@ def open_recordings(paths: Sequence[Path]) -> list[Recording]:
         RecordingError: A file is missing, of no known format, or a table of samples.
 
     """
-    # Imported here: most commands read recordings alone, and start the faster.
-    from adhesion_can.recordings.tables.sample_table import is_table  # noqa: PLC0415
-
     for path in paths:
-        if path.exists() and is_table(path):
+        if not path.exists() or is_candump(path):
+            continue
+        # Imported here: most commands read recordings alone, and start the faster.
+        from adhesion_can.recordings.tables.sample_table import is_table  # noqa: PLC0415
+
+        if is_table(path):
             raise RecordingError(
                 str(path), "a table of samples, not a recording", "give it to 'identify'"
             )

@@ -3,23 +3,32 @@
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from adhesion_can.config import Configuration
+from adhesion_can.bus.database import CanDatabase
 from adhesion_can.files import file_sha256
 from adhesion_can.version import __version__
 
+if TYPE_CHECKING:
+    from adhesion_can.config import Configuration
 
-def provenance(configuration: Configuration, inputs: Sequence[Path] = ()) -> dict[str, Any]:
+
+def provenance(configuration: "Configuration", inputs: Sequence[Path] = ()) -> dict[str, Any]:
     """Version, and hashes of inputs, database, configuration and, where one is used, model."""
+    origin = provenance_of_database(configuration.database, inputs)
+    used = {"path": configuration.where, "sha256": configuration.sha256 or None}
     model = configuration.model
     named = {} if model is None else {"model": {"path": model.where, "sha256": model.sha256}}
+    return {**origin, "configuration": used, **named}
+
+
+def provenance_of_database(database: CanDatabase, inputs: Sequence[Path]) -> dict[str, Any]:
+    """Version, and hashes of inputs and database, where nothing is configured."""
     return {
         "version": __version__,
         "inputs": [{"path": str(path), "sha256": file_sha256(path)} for path in inputs],
-        "dbc": {"path": configuration.database.path.name, "sha256": configuration.database.sha256},
-        "configuration": {"path": configuration.where, "sha256": configuration.sha256 or None},
-        **named,
+        "dbc": {"path": database.path.name, "sha256": database.sha256},
+        "configuration": {"path": "defaults", "sha256": None},
     }
 
 

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.physics.effects.lag_states import SequentialLagStates
 from adhesion_can.physics.instrument_laws import (
     InstrumentLaw,
     Need,
@@ -20,6 +19,7 @@ from adhesion_can.physics.instrument_laws import (
     remove_errors,
 )
 from adhesion_can.physics.instruments import Instruments
+from adhesion_can.physics.lag_states import SequentialLagStates
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.sampling.equations import Measured
 from adhesion_can.values import Stateful, Value

@@ -11,9 +11,9 @@ from adhesion_can.arrays import Array
 from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase
 from adhesion_can.bus.frame import Frame, to_us
 from adhesion_can.bus.protected_message import ProtectedMessage
-from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.instrument_laws import Quantity, Situation, total_error
 from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.readings import Direction, Role, SpeedSource
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.surroundings import DEFAULT_CONDITIONS, Conditions

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete, lfilter, lfiltic
 
 from adhesion_can.physics.effects import LagStates
-from adhesion_can.physics.effects.lag_states import FEW, PAUSE_S, RememberedLagStates
+from adhesion_can.physics.lag_states import FEW, PAUSE_S, RememberedLagStates
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)
 ONE = np.ones

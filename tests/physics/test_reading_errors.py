@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.instrument_laws import (
     LEAST_SENSOR_GAIN,
     Quantity,
     ReadingError,
     total_error,
 )
+from adhesion_can.physics.lag_states import LagStates
 
 NO_SITUATION = None
 

@@ -1,9 +1,10 @@
 """Start-up of the commands against the imports that nothing can do without, in one run.
 
 Every figure is processor time (user and system) of a whole process, the median over rounds in which
-all candidates run in turn. The target of `check` holds for a check of a short log, less what the
-same check takes in a process that has everything imported; SciPy's optimisers, which its fit loads,
-are in that figure. `check --help`, all imports and options without them, is shown beside it.
+all candidates run in turn. The targets of `check` and `convert` hold for a short log, beside the
+imports of NumPy and cantools where asammdf is not installed, whatever extras are here; of `check`
+what it takes in a process that has everything imported is taken off. SciPy's optimisers, which its
+fit loads, are in that figure; `check --help`, all imports without them, is shown beside it.
 """
 
 import argparse
@@ -24,6 +25,7 @@ from adhesion_can.simulation.scenarios import scenario_by_name
 
 SHORT_S = 0.5
 """Length of the log for `check`, s."""
+BASE = "import numpy, cantools"
 MAIN = "import sys; from adhesion_can.cli.main import main; sys.exit(main())"
 WORK = """
 import contextlib, io, resource, sys
@@ -73,12 +75,14 @@ def main():
         candidates = {
             "import numpy": ("import numpy",),
             "import numpy, can, cantools": ("import numpy, can, cantools",),
+            BASE: (f"import sys; sys.modules['asammdf'] = None; {BASE}",),
             "import scipy.optimize": ("import scipy.optimize",),
             "import adhesion_can": ("import adhesion_can",),
             "--help": (MAIN, "--help"),
             "--version": (MAIN, "--version"),
             "check --help": (MAIN, "check", "--help"),
             "check of a short log": (MAIN, "check", log),
+            "convert of a short log": (MAIN, "convert", log, "--out", Path(folder) / "short.csv"),
         }
         spent = {name: [] for name in candidates}
         for _ in range(rounds):
@@ -89,13 +93,15 @@ def main():
             report.write(f"{name}: {value:.3f} s")
         work = median(work_seconds(log) for _ in range(3))
     report.write(f"work of the check: {work:.3f} s")
-    light, heavy = seconds["import numpy"], seconds["import numpy, can, cantools"]
+    light, base = seconds["import numpy"], seconds[BASE]
     for name in ("--help", "--version"):
         report.at_most(f"{name} / import numpy", seconds[name] / light, 2.0, ".2f")
-    start = seconds["check --help"] / heavy
-    report.write(f"check --help / import numpy, can, cantools: {start:.2f}")
-    whole = (seconds["check of a short log"] - work) / heavy
+    for name in ("check --help", "import numpy, can, cantools"):
+        report.write(f"{name} / {BASE} without asammdf: {seconds[name] / base:.2f}")
+    whole = (seconds["check of a short log"] - work) / base
     report.at_most("check of a short log less its work / the same", whole, 1.3, ".2f")
+    converted = seconds["convert of a short log"] / base
+    report.at_most("convert of a short log / the same", converted, 1.3, ".2f")
     report.summarise()
 
 

@@ -22,10 +22,10 @@ from adhesion_can.diagnosis.drive.kinematics import (
     TableKinematics,
 )
 from adhesion_can.physics.channels import UserChannel
-from adhesion_can.physics.effects.lag_states import PAUSE_S, LagStates, RememberedLagStates
 from adhesion_can.physics.instrument_laws import Need, Situation, TrueValues, remove_errors
 from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.kinematics import adhesion_coefficient, creep_speed
+from adhesion_can.physics.lag_states import PAUSE_S, LagStates, RememberedLagStates
 
 DELAY_MAX = {"speed": 1.0, "effort": 0.5}
 """Largest delay of a sensor that is tested, s, and largest lead of any; rows need kinematics that

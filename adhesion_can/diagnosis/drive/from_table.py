@@ -9,7 +9,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.kinematics import TableKinematics
 from adhesion_can.physics.channels import UserChannel
-from adhesion_can.physics.effects.lag_states import PAUSE_S
+from adhesion_can.physics.lag_states import PAUSE_S
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.derived_force import find_derived_force
 

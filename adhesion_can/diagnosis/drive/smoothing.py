@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.noise_memory import LastingNoise, fit_lasting_noise
-from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.sampling.traces import Trace
 
 SPEED_WINDOWS_S = (0.3, 0.6, 1.0, 1.5, 2.2, 3.0)

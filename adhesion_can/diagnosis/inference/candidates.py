@@ -26,8 +26,8 @@ from adhesion_can.physics.effects import (
     known_effects,
 )
 from adhesion_can.physics.effects.base import Requirements
-from adhesion_can.physics.effects.lag_states import PAUSE_S
 from adhesion_can.physics.instrument_laws import Need
+from adhesion_can.physics.lag_states import PAUSE_S
 from adhesion_can.physics.parameter import SearchStart, Wheelset
 
 LEAST_ROWS, LEAST_BLOCKS = 400, 9

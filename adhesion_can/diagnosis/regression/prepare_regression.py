@@ -33,7 +33,7 @@ from adhesion_can.diagnosis.regression.whitened_regression import (
     fit_model,
 )
 from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
-from adhesion_can.physics.effects.lag_states import PAUSE_S
+from adhesion_can.physics.lag_states import PAUSE_S
 
 FLAT_SLOPE, LEAST_FLAT = 2.0, 0.02
 """Slope dμ/dλ below which slip errors hardly matter, so that the residual is the noise of the

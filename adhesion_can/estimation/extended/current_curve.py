@@ -20,8 +20,8 @@ from adhesion_can.physics.effects import (
     Requirements,
     compute_change,
 )
-from adhesion_can.physics.effects.lag_states import LagRequest
 from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.lag_states import LagRequest
 
 POINTS = 96
 """Number of points of the slip grid, evenly spaced in its logarithm."""

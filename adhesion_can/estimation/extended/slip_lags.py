@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.effects import LagStates
-from adhesion_can.physics.effects.lag_states import LagRequest
+from adhesion_can.physics.lag_states import LagRequest
 from adhesion_can.physics.samples import Samples
 
 CYCLES = 64

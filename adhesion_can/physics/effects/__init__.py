@@ -21,7 +21,6 @@ from adhesion_can.physics.effects.base import (
     Requirements,
     Separation,
 )
-from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.effects.registry import (
     EFFECTS,
     effect_by_id,
@@ -29,6 +28,7 @@ from adhesion_can.physics.effects.registry import (
     forms_of_effect,
     known_effects,
 )
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
 __all__ = [

@@ -15,8 +15,8 @@ from adhesion_can.physics.effects.base import (
     Effect,
     InstrumentEffect,
 )
-from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.lag_states import LagStates
 
 MIN_FACTOR = 0.01
 """Smallest factor of effects together: the adhesion never changes its sign."""

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 from adhesion_can.arrays import Array
-from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.instruments import Instruments
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
 

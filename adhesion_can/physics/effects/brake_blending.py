@@ -6,7 +6,6 @@ from math import inf
 import numpy as np
 
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
-from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.effects.law_effect import LawEffect
 from adhesion_can.physics.instrument_laws import (
     LEAST_SENSOR_GAIN,
@@ -15,6 +14,7 @@ from adhesion_can.physics.instrument_laws import (
     ReadingError,
     Situation,
 )
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
 

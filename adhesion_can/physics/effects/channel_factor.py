@@ -12,7 +12,7 @@ import numpy as np
 
 from adhesion_can.physics.channels import channel_label, channel_unit
 from adhesion_can.physics.effects.base import Change, Contact, Observability, Requirements
-from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
 PREFIX = "channel:"

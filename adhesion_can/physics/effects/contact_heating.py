@@ -14,8 +14,8 @@ from adhesion_can.physics.effects.base import (
     Requirements,
     Separation,
 )
-from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.effects.slip_work import follow_slip_work
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
 

@@ -10,7 +10,7 @@ from adhesion_can.physics.effects.base import (
     Observability,
     Requirements,
 )
-from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter, Wheelset
 
 _SHORTEST = 1e-6  # m; no contact is as short, and a length of 0 is a rate that is not finite

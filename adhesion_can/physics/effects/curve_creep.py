@@ -11,7 +11,7 @@ from adhesion_can.physics.effects.base import (
     Observability,
     Requirements,
 )
-from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
 CURVATURE, ANGLE = "curvature_per_m", "slip_angle_deg"

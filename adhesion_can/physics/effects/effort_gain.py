@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
-from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.effects.law_effect import LawEffect
 from adhesion_can.physics.instrument_laws import Need, Quantity, ReadingError, Situation
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
 CONTINUOUS_ADHESION = 0.2

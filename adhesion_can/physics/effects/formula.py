@@ -16,9 +16,9 @@ from adhesion_can.arrays import Array
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.base import Change, Contact, Observability, Requirements
 from adhesion_can.physics.effects.expression import LAG, Expression, ExpressionError, Lag
-from adhesion_can.physics.effects.lag_states import LagStates
 from adhesion_can.physics.instrument_laws import Need, Quantity, ReadingError, Situation
 from adhesion_can.physics.instruments import Instruments
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
 FORMULA = "formula"

@@ -9,7 +9,7 @@ from adhesion_can.physics.effects.base import (
     Observability,
     Requirements,
 )
-from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
 LOAD_DEPENDENCE, _TITLE = "load_dependence", "adhesion changes with wheel load"

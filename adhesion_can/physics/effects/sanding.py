@@ -16,7 +16,7 @@ from adhesion_can.physics.effects.base import (
     Observability,
     Requirements,
 )
-from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
 CHANNEL = "sanding_active"

@@ -4,7 +4,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.effects.base import Contact
-from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.lag_states import LagStates
 
 
 def follow_slip_work(name: str, contact: Contact, time: float, lags: LagStates) -> Array:

@@ -10,7 +10,7 @@ from adhesion_can.physics.effects.base import (
     Requirements,
     Separation,
 )
-from adhesion_can.physics.effects.lag_states import LagStates
+from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter, Wheelset
 
 LARGEST_RISE = 0.25
