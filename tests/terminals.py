@@ -12,11 +12,10 @@ from contextlib import suppress
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-README = ROOT / "README.md"
 BENCH_GUIDE = ROOT / "docs" / "guides" / "bench.md"
 
 
-def bench_lines(name, document=README):
+def bench_lines(name, document):
     """Command lines of the block that a document marks with <!-- bench: name -->."""
     text = document.read_text()
     block = re.search(rf"<!-- bench: {name} -->\n```sh\n(.*?)```", text, re.DOTALL)

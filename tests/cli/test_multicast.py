@@ -1,4 +1,4 @@
-"""The README's bench over multicast, in a network of its own: nothing leaves it."""
+"""The bench guide's terminals over multicast, in a network of its own: nothing leaves it."""
 
 import shutil
 import subprocess
@@ -10,7 +10,7 @@ import pytest
 
 from adhesion_can.recordings.python_can_messages import from_message
 from tests.promptness import frames_with_prompt_past
-from tests.terminals import Terminal, bench_lines
+from tests.terminals import BENCH_GUIDE, Terminal, bench_lines
 from tests.wire import decoded, seal_ok
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,7 +31,7 @@ def own_network():
 
 
 @pytest.mark.skipif(not own_network(), reason="needs root, unshare and ip for a network of its own")
-def test_the_readme_bench_over_multicast_as_printed(tmp_path):
+def test_the_bench_over_multicast_as_printed(tmp_path):
     run_in_own_network("tests.cli.test_multicast", tmp_path)
 
 
@@ -47,7 +47,7 @@ def run_in_own_network(module, folder):
 
 def bench(folder):
     """Three terminals; what the logger wrote must carry the answers."""
-    run, simulate, logger = bench_lines("udp_multicast")
+    run, simulate, logger = bench_lines("udp_multicast", BENCH_GUIDE)
     terminals = []
 
     def open_one(command, name):
