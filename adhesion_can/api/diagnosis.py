@@ -22,7 +22,8 @@ from adhesion_can.diagnosis.result import Diagnosis, InputFile
 from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
-from adhesion_can.offline.plausibility import Points, inspect_points, inspect_samples
+from adhesion_can.offline.plausibility import inspect_points, inspect_samples
+from adhesion_can.offline.points import Points
 from adhesion_can.offline.rim_speed import inspect_rim_speeds, slips_of_traces
 from adhesion_can.offline.witness import compute_doubt_shares
 from adhesion_can.physics.driving_plan import PlanLimits

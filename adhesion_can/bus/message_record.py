@@ -74,16 +74,18 @@ class MessageRecord:
         return record
 
     @property
-    def absence(self) -> str:
-        """Sentence about a message of which no frame came."""
-        name = f"{self.message.plan.name} ({self.message.plan.frame_id:#x})"
-        if not self.other_channels:
-            return f"{name}: not one frame in the recording"
-        heard = ", ".join(sorted(self.other_channels))
-        return (
-            f'{name}: its role has channel = "{self.message.channel}", and its frames are on '
-            f"{heard}; write the channel as the recording names it"
+    def wrong_channel(self) -> tuple[str, str] | None:
+        """What is wrong with the channel of a message whose frames are all on others, and the fix.
+
+        None where a frame came on its channel, or none on any.
+        """
+        if self.frames or not self.other_channels:
+            return None
+        what = (
+            f'its role has channel = "{self.message.channel}", and its frames are on '
+            f"{', '.join(sorted(self.other_channels))}"
         )
+        return what, "write the channel by the name that the recording has"
 
     @property
     def lost(self) -> int:

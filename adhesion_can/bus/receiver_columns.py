@@ -82,8 +82,9 @@ def _rows_by_record(
             )
             yield record, rows[own]
             rows = rows[~own]
-            others = np.unique(block.channel[rows]).tolist()
-            record.other_channels.update(block.channels[place] for place in others)
+            if len(rows):
+                others = np.unique(block.channel[rows]).tolist()
+                record.other_channels.update(block.channels[place] for place in others)
 
 
 def _receive_rows(

@@ -45,9 +45,9 @@ UNKNOWN_CYCLE = (
 """What is wrong with a message without a cycle, and what to do about it."""
 _SHARED = (Role.TRACTIVE_EFFORT, Role.AXLE_LOAD)
 """Roles of which several axles may have one signal."""
-_SHARED_MEND = (
+_SHARED_FIX = (
     "write the factor of each axle: 1 where the signal is that of one axle, 0.25 where it is the "
-    "sum over four, or map each role to its own"
+    "sum over four, or map each role to its own signal"
 )
 
 # What concerns extended models is imported where there is one: it takes a tenth of a short command.
@@ -174,12 +174,12 @@ class Configuration:
             missing.append("tractive effort and wheel speed of the same axle")
         return missing
 
-    def shared_signals(self) -> list[str]:
-        """Sentences about signals that have two roles: what is the same says nothing of either.
+    def shared_signals(self) -> list[tuple[str, str]]:
+        """What is wrong with each signal that has two roles, and the fix.
 
         A force of several axles, or their load, may be shared by them where factors are stated.
         """
-        found: list[str] = []
+        found: list[tuple[str, str]] = []
         first: dict[tuple[str, str, str | None], SignalChoice] = {}
         for choice in (one for one in self.choices if one.role is not Role.CHANNEL):
             place = choice.message, choice.signal, choice.channel
@@ -189,9 +189,9 @@ class Configuration:
             may_share = other.role is choice.role and choice.role in _SHARED
             if may_share and choice.factor is not None:
                 continue
-            mend = _SHARED_MEND if may_share else "map each role to its own"
             signal = f"{choice.message}.{choice.signal}"
-            found.append(f"{other.name} and {choice.name} are the same signal, {signal}; {mend}")
+            what = f"{other.name} and {choice.name} are the same signal, {signal}"
+            found.append((what, _SHARED_FIX if may_share else "map each role to its own signal"))
         return found
 
     def unknown_cycles(self) -> list[str]:
@@ -200,9 +200,8 @@ class Configuration:
 
     def require_identification(self) -> None:
         """ConfigError where no adhesion can be computed, or a cycle time is unknown."""
-        for sentence in self.shared_signals():
-            what, _, mend = sentence.partition("; ")
-            raise ConfigError(f"{self.where}: roles", what, mend)
+        for what, fix in self.shared_signals():
+            raise ConfigError(f"{self.where}: roles", what, fix)
         missing = self.missing_for_identification()
         if missing:
             raise ConfigError(

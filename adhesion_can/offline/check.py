@@ -204,7 +204,8 @@ def _check_messages(result: CheckResult, hole: Hole | None, holes: int) -> None:
         if not record.frames:
             required = record.message.roles & REQUIRED
             sentences = result.failures if required else result.limits
-            sentences.append(record.absence)
+            wrong = record.wrong_channel or ("not one frame in the recording",)
+            sentences.append(f"{name}: {'; '.join(wrong)}")
             continue
         for reason, count in record.rejected.items():
             result.failures.append(f"{name}: {count} of {record.frames} frames rejected: {reason}")
@@ -292,7 +293,7 @@ def _check_signals(result: CheckResult) -> None:
 
 def _check_axles(result: CheckResult, configuration: Configuration) -> None:
     """Whether slip and adhesion of every axle come out plausible."""
-    result.failures.extend(configuration.shared_signals())
+    result.failures.extend("; ".join(pair) for pair in configuration.shared_signals())
     what, mend = UNKNOWN_CYCLE
     result.warnings.extend(f"{one}: {what}; {mend}" for one in configuration.unknown_cycles())
     by_axle = (Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT)

@@ -10,7 +10,8 @@ from adhesion_can.arrays import Array
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import identify
 from adhesion_can.offline.check import describe_excitation
-from adhesion_can.offline.plausibility import LEAST_ROWS, inspect_samples
+from adhesion_can.offline.plausibility import inspect_samples
+from adhesion_can.offline.points import LEAST_ROWS
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.tables.sample_table import Table
 

@@ -42,14 +42,14 @@ class Shift(NamedTuple):
 
     Attributes:
         by_s: Time from the slip to the force that fits it, s; below 0 where the slip is late.
-        fit: Correlation of slip and force at this shift.
-        as_it_is: Correlation of the rows as they stand.
+        correlation: Correlation of slip and force at this shift.
+        unshifted: Correlation of the rows as they are.
 
     """
 
     by_s: float
-    fit: float
-    as_it_is: float
+    correlation: float
+    unshifted: float
 
     @property
     def late(self) -> str:
@@ -62,12 +62,12 @@ class Shift(NamedTuple):
         return "slip" if self.by_s > 0 else "force"
 
     @property
-    def left(self) -> float:
+    def unexplained(self) -> float:
         """Share of the force's variance that the slips do not explain at this shift."""
-        return 1.0 - self.fit**2
+        return 1.0 - self.correlation**2
 
     @property
-    def mend(self) -> str:
+    def fix(self) -> str:
         """What to do about it."""
         by = abs(self.by_s)
         return (
@@ -119,26 +119,26 @@ def inspect_delay(t_us: NDArray[np.int64], slip: Array, adhesion: Array) -> Iter
     """
     shift = find_shift(t_us, slip, adhesion)
     # Beyond its peak a curve falls: slips that come and go fit best half a period later.
-    if shift is None or shift.as_it_is <= 0.0:
+    if shift is None or shift.unshifted <= 0.0:
         return
-    if shift.left > MOST_LEFT * (1.0 - shift.as_it_is**2):
+    if shift.unexplained > MOST_LEFT * (1.0 - shift.unshifted**2):
         return
-    by_borders = _left_by_borders(slip, adhesion)
-    if by_borders < shift.left:
+    by_borders = _unexplained_by_borders(slip, adhesion)
+    if by_borders < shift.unexplained:
         return
     by = abs(shift.by_s)
     what = (
         f"the {shift.late} comes {by:.3g} s after the {shift.early}: their correlation is "
-        f"{shift.fit:.2f} so, and {shift.as_it_is:.2f} as the rows stand"
+        f"{shift.correlation:.2f} so, and {shift.unshifted:.2f} as the rows stand"
     )
-    if shift.left <= MOST_LEFT * by_borders:
-        yield Finding(what, shift.mend, fatal=by > LONGEST_S)
+    if shift.unexplained <= MOST_LEFT * by_borders:
+        yield Finding(what, shift.fix, fatal=by > LONGEST_S)
     else:
         what += "; or the rail changes, which explains the rows about as well"
-        yield Finding(what, f"if one is late, {shift.mend}", fatal=False)
+        yield Finding(what, f"if one is late, {shift.fix}", fatal=False)
 
 
-def _left_by_borders(slip: Array, adhesion: Array) -> float:
+def _unexplained_by_borders(slip: Array, adhesion: Array) -> float:
     """Share of the force's variance that is left where the rail may change up to `BORDERS` times.
 
     Between two borders the force is a straight line over the bent slips; each border is where it
@@ -155,11 +155,12 @@ def _left_by_borders(slip: Array, adhesion: Array) -> float:
         free = [p for p in places if min(abs(p - b) for b in borders) >= LEAST_ROWS // 2]
         if not free:
             break
-        borders = sorted([*borders, min(free, key=lambda p: _left(sums, sorted([*borders, p])))])
-    return _left(sums, borders) / total
+        tried = [sorted([*borders, place]) for place in free]
+        borders = min(tried, key=lambda them: _residual_square(sums, them))
+    return _residual_square(sums, borders) / total
 
 
-def _left(sums: Array, borders: list[int]) -> float:
+def _residual_square(sums: Array, borders: list[int]) -> float:
     """Sum of squares that lines between borders leave, from running sums of the moments."""
     n, x, y, xx, xy, yy = np.diff(sums[:, borders], axis=1)
     spread = xx - x * x / n

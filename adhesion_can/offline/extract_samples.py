@@ -179,9 +179,10 @@ def require_accepted_frame(receiver: Receiver, frames: int, where: str) -> None:
         what, _, mend = receiver.unmarked[0].partition("; ")
         raise RecordingError(where, f"no frame of a known id; {what}", mend)
     for record in receiver.records:
-        if record.other_channels:
-            what, _, mend = record.absence.partition("; ")
-            raise RecordingError(where, what, mend)
+        if record.wrong_channel is not None:
+            what, fix = record.wrong_channel
+            name = f"{record.message.plan.name} ({record.message.plan.frame_id:#x})"
+            raise RecordingError(where, f"{name}: {what}", fix)
     names = ", ".join(
         f"{r.message.plan.name} {r.message.plan.frame_id:#x}" for r in receiver.records[:3]
     )

@@ -1,33 +1,27 @@
 """A look at slip and adhesion before anything is fitted: signs, units, stuck and repeated rows."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.offline.consistency import (
-    MOST_LEFT,
-    find_shift,
     inspect_acceleration,
     inspect_delay,
     inspect_derived_force,
 )
 from adhesion_can.offline.finding import Finding
+from adhesion_can.offline.points import LEAST_ROWS, Points
 from adhesion_can.offline.rim_speed import inspect_rim_speeds, known_ratio, slips_of_samples
+from adhesion_can.offline.signs import inspect_missing_sign, inspect_signs
 from adhesion_can.physics.samples import Samples
 
-CLEAR_SLIP, CLEAR_ADHESION = 0.002, 0.02
-"""Sizes from which slip and adhesion have a sign beyond their noise."""
-LEAST_ROWS = 20
-"""Rows, and rows with a clear sign, without which sizes and signs say nothing."""
-MOST_OPPOSITE = 0.8
-"""Share of such rows with opposite signs from which one of the two counts the other way."""
 SLIP_LIMIT, ADHESION_LIMIT, LEAST_ADHESION = 1.5, 3.0, 0.003
 """Sizes of slip (95 % of the rows) and adhesion (99 %) beyond which, and size of the adhesion below
-which, the numbers are of another unit, or of a racing tyre, which reaches `RACING_ADHESION`."""
+which, the numbers are of another unit, or of a racing tyre."""
 RACING_ADHESION = 4.5
+"""Adhesion that no racing tyre exceeds; 3.4 has been measured on one."""
 MOST_LINEAR, LEAST_SLOPE, MOST_BEND = 0.3, 0.5, 1.6
 """Slip up to which a contact may be linear, least slope of one, and slope at small slips over that
 at larger ones below which a curve is linear."""
@@ -43,11 +37,6 @@ LOAD_UNITS = {"kg": 9.81, "kN": 1e3, "t": 9807.0}
 """Newtons in the units in which loads are written."""
 FAST, TOO_FAST = 45.0, 140.0
 """Median speeds, m/s, that are more often km/h, and that no vehicle reaches."""
-UNSIGNED, BOTH_WAYS = 0.001, 0.1
-"""Share of the rows below 0 of a column without sign, and least share of either sign of the other
-column that shows it."""
-LEAST_SPREAD = 0.2
-"""Range of most of a column's sizes, as a share of the middle one, that it has where it varies."""
 ROLLING_ADHESION, ROLLING_SPREAD = 0.01, 0.02
 """Adhesion below which a wheel rolls, and range of the slips of half of these rows beyond which
 they say nothing."""
@@ -59,44 +48,6 @@ MOST_STANDING = 0.5
 """Share of the rows of an axle at rest from which it says nothing about adhesion."""
 LEAST_REPEATED, LEAST_STUCK = 0.01, 50
 """Share of repeated stamps, and rows at one value, that are told."""
-
-
-@dataclass(frozen=True, eq=False)
-class Points:
-    """Rows of a table, or of one axle of a recording; shape (n,) each.
-
-    Attributes:
-        slip: Slip ratio with its sign.
-        adhesion: Adhesion coefficient with its sign.
-        t_us: Stamps, µs; None where the rows are independent points.
-        speed: Vehicle speed, m/s; None where it is not known.
-        load: Axle load, N; None where it is not known.
-        table: Whether the rows are of a table, whose columns can be renamed.
-        name: Name of the axle, for sentences; '' where it needs none.
-
-    """
-
-    slip: Array
-    adhesion: Array
-    t_us: NDArray[np.int64] | None = None
-    speed: Array | None = None
-    load: Array | None = None
-    table: bool = True
-    name: str = ""
-
-    def select(self, rows: NDArray[np.bool_]) -> "Points":
-        """Some of the rows."""
-        t_us = None if self.t_us is None else self.t_us[rows]
-        speed = None if self.speed is None else self.speed[rows]
-        load = None if self.load is None else self.load[rows]
-        return replace(
-            self,
-            slip=self.slip[rows],
-            adhesion=self.adhesion[rows],
-            t_us=t_us,
-            speed=speed,
-            load=load,
-        )
 
 
 def inspect_points(points: Points) -> list[Finding]:
@@ -117,8 +68,8 @@ def _inspect_moving(points: Points) -> list[Finding]:
     found = [
         *_slip_size(points),
         *_adhesion_size(points),
-        *_signs(points),
-        *_missing_sign(points),
+        *inspect_signs(points),
+        *inspect_missing_sign(points),
         *_zero(points),
         *_load(points),
         *_speed(points),
@@ -221,10 +172,8 @@ def _slip_slope(points: Points, size: float) -> Iterator[Finding]:
     low, high = (_slope(points, rows) for rows in (absolute <= size / 3, absolute > size / 3))
     if min(low, high) > 0.0 and low <= min(LEAST_SLOPE, MOST_BEND * high):
         what = f"the adhesion rises in proportion to the slip up to {size:.3g}, by {low:.2g} of it"
-        mend = (
-            "if the slip is in percent, say --column slip=slip,unit=percent; a car that drifts has"
-        )
-        yield Finding(what, f"{mend} such slips, too")
+        percent = "if the slip is in percent, say --column slip=slip,unit=percent"
+        yield Finding(what, f"{percent}; a car that drifts has such slips, too")
 
 
 def _slope(points: Points, rows: NDArray[np.bool_]) -> float:
@@ -273,64 +222,6 @@ def _load_units(size: float, load: float) -> str:
     name = "normal_load_N"
     others = "".join(f"; if it is in {other}, unit={other}" for other in units[1:])
     return f"if the load is in {units[0]}, say --column {name}={name},unit={units[0]}{others}"
-
-
-def _signs(points: Points) -> Iterator[Finding]:
-    clear = (np.abs(points.slip) > CLEAR_SLIP) & (np.abs(points.adhesion) > CLEAR_ADHESION)
-    count = int(clear.sum())
-    if count < LEAST_ROWS:
-        return
-    opposite = float(np.mean(points.slip[clear] * points.adhesion[clear] < 0))
-    if opposite <= MOST_OPPOSITE or (not points.table and known_ratio(points.slip) is not None):
-        return
-    mend = "both are below 0 in braking; write sign = -1 for the role that is reversed"
-    if points.table:
-        mend = "both are below 0 in braking; say --column slip=slip,sign=-1, or so for the force"
-    what = f"slip and force have opposite signs in {100 * opposite:.0f} % of {count} rows"
-    shift = None
-    if points.t_us is not None and not np.any(np.diff(points.t_us) < 0):
-        shift = find_shift(points.t_us, points.slip, points.adhesion)
-    if shift is not None:
-        # What is late by half a period of the drive has the other sign, too.
-        left_by_sign = 1.0 - min(shift.as_it_is, 0.0) ** 2
-        what += (
-            f"; the {shift.late} may come {abs(shift.by_s):.3g} s after the {shift.early}: their "
-            f"correlation is {shift.fit:.2f} so, and {-shift.as_it_is:.2f} with one sign turned"
-        )
-        if shift.left < MOST_LEFT * left_by_sign:
-            mend = shift.mend
-        elif left_by_sign < MOST_LEFT * shift.left:
-            what = what.partition("; ")[0]
-        else:
-            mend = f"{mend}; if one is late, {shift.mend}"
-    yield Finding(what, mend)
-
-
-def _missing_sign(points: Points) -> Iterator[Finding]:
-    """A slip or a force that is never below 0 while the other is in many rows: no sign at all.
-
-    Rows in which either is near 0 do not count: in friction braking no force is measured. Of a
-    recording the slips have their sign, and efforts that stand still look alike.
-    """
-    clear = (np.abs(points.slip) > CLEAR_SLIP) & (np.abs(points.adhesion) > CLEAR_ADHESION)
-    is_used = float(np.median(np.abs(points.slip))) <= MOST_LINEAR
-    if not points.table or int(clear.sum()) < LEAST_ROWS or not is_used:
-        return
-    slip, force = points.slip[clear], points.adhesion[clear]
-    mend = "write both below 0 in braking, the slip as (rim speed - speed) / speed"
-    for name, values, other, others in (
-        ("slip", slip, "force", force),
-        ("force", force, "slip", slip),
-    ):
-        low, middle, high = np.quantile(np.abs(values), (0.1, 0.5, 0.9))
-        varies = high - low > LEAST_SPREAD * middle  # what stands still has another fault
-        below, share = float(np.mean(values < 0)), float(np.mean(others < 0))
-        if varies and below <= UNSIGNED and BOTH_WAYS <= share <= 1.0 - BOTH_WAYS:
-            yield Finding(
-                f"the {name} is never below 0 while the {other} is in {100 * share:.0f} % of the "
-                "rows: its sign is missing",
-                mend,
-            )
 
 
 def _zero(points: Points) -> Iterator[Finding]:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from adhesion_can.cli.main import main
-from adhesion_can.offline.plausibility import Points, inspect_points
+from adhesion_can.offline.plausibility import inspect_points
+from adhesion_can.offline.points import Points
 from adhesion_can.sampling.noise import estimate_signal
 from adhesion_can.sampling.traces import Trace
 from tests.diagnosis.bad_logs import readings, write

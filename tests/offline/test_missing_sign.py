@@ -8,7 +8,8 @@ import pytest
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import ConfigError
-from adhesion_can.offline.plausibility import Points, inspect_points
+from adhesion_can.offline.plausibility import inspect_points
+from adhesion_can.offline.points import Points
 
 RNG = np.random.default_rng(8)
 SLIP = RNG.uniform(0.004, 0.12, 240) * np.where(np.arange(240) % 80 < 40, 1, -1)

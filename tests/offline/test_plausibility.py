@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from adhesion_can.cli.main import main
-from adhesion_can.offline.plausibility import Points, inspect_points, longest_run
+from adhesion_can.offline.plausibility import inspect_points, longest_run
+from adhesion_can.offline.points import Points
 
 N = 600
 
@@ -135,7 +136,7 @@ def test_a_racing_tyre_is_named_beside_the_unit_that_would_fit_too():
 
 
 def late(seed, rows, step_s=0.05):
-    """A drive whose slip comes and goes without a period, its slip late by some rows."""
+    """A drive whose slip swings by changing amounts, and is late by some rows."""
     rng = np.random.default_rng(seed)
     t = np.arange(2 * N) * step_s
     knots = np.arange(0.0, t[-1] + 5.0, 1.0)

@@ -8,13 +8,13 @@ fit loads, are in that figure; `check --help`, all imports without them, is show
 """
 
 import argparse
-import resource
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 from statistics import median
 
+from _process_time import MAIN, processor_seconds
 from _report import Report
 from _rows import positive
 
@@ -26,7 +26,6 @@ from adhesion_can.simulation.scenarios import scenario_by_name
 SHORT_S = 0.5
 """Length of the log for `check`, s."""
 BASE = "import numpy, cantools"
-MAIN = "import sys; from adhesion_can.cli.main import main; sys.exit(main())"
 WORK = """
 import contextlib, io, resource, sys
 from adhesion_can.cli.main import main
@@ -40,15 +39,6 @@ with contextlib.redirect_stdout(io.StringIO()):
         main(["check", sys.argv[1]])
 print((spent() - began) / 5)
 """
-
-
-def processor_seconds(code, *arguments):
-    """User and system time of a Python process that runs the code."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [sys.executable, "-c", code, *map(str, arguments)]
-    subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def work_seconds(log):
@@ -87,7 +77,7 @@ def main():
         spent = {name: [] for name in candidates}
         for _ in range(rounds):
             for name, words in candidates.items():
-                spent[name].append(processor_seconds(*words))
+                spent[name].append(processor_seconds(sys.executable, "-c", *words))
         seconds = {name: median(values) for name, values in spent.items()}
         for name, value in seconds.items():
             report.write(f"{name}: {value:.3f} s")

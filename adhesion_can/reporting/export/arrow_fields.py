@@ -42,7 +42,7 @@ def arrow_field(name: str, field: Field) -> Any:
 
 
 def arrow_column(values: NDArray[Any], missing: NDArray[np.bool_] | None = None) -> Any:
-    """Arrow's array of numbers, without a copy.
+    """Arrow's array of numbers. It refers to the values, which must stay as they are.
 
     `pyarrow.array` imports pandas where it is installed: longer than a short conversion takes.
 
