@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from adhesion_can.cli.main import main
+from adhesion_can.recordings.candump import format_frame
 from tests.fuzz.odd_drives import odd_log, odd_table
 from tests.fuzz.rule import MOST_MIB
 from tests.recordings.test_mf4 import group, logged, unsorted_logging
@@ -31,12 +32,20 @@ LINES = 2
 _COMMANDS = (("check",), ("check",), ("check",), ("identify",), ("replay",), ("convert",))
 _DRIVE_COMMANDS = (("check",), ("identify",), ("replay",), ("calibrate",), ("diagnose",))
 _TABLE_COMMANDS = (("check",), ("identify",), ("diagnose",))
+_MODEL_COMMANDS = (("replay",), ("identify",))
 DRIVES = {"drive.log": (odd_log, _DRIVE_COMMANDS), "table.csv": (odd_table, _TABLE_COMMANDS)}
 """Kinds of odd drives, with what makes them and the commands that take them."""
 _NUMBERS = (0, 1, 2, 7, 8, 64, 255, 2**15, 2**16 - 1, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1)
 _CELLS = (
     "", "nan", "inf", "-1e999", "1e308", "-0", "=1+1", "0x10", "1,5", "'", '"', '"a\nb"', "\x00",
     "\x1b[31m", "\u202e", "9" * 400, "x" * 200_000, "time_s", "slip", "#", "None", "1_000", "٣",
+)  # fmt: skip
+
+_VALUES = (
+    "0", "0.0", "-1", "1e308", "-1e-308", "nan", "inf", "1e999", "9" * 400, "true", '""', '"x"',
+    "[]", "[[]]", "[nan]", "[1.0, 1.0, 0.0]", "{}", "1979-05-27", "[" * 3000, "3.0", "7.0", "1_0",
+    "[" + "1.0, " * 20_000 + "]", '"\\u001b[31m"', '"\\u202e"', '"' + "x" * 100_000 + '"', "0x10",
+    "2000000000",
 )  # fmt: skip
 
 
@@ -71,16 +80,22 @@ def play(kind, data, number=0):
         number: Number of the command.
 
     """
-    commands = DRIVES[kind][1] if kind in DRIVES else _COMMANDS
+    commands = _MODEL_COMMANDS if kind == ".toml" else _COMMANDS
+    commands = DRIVES[kind][1] if kind in DRIVES else commands
     command = commands[number % len(commands)]
     with tempfile.TemporaryDirectory(dir=_memory_folder()) as folder:
         path = Path(folder) / f"m{Path(kind).suffix or kind}"
         path.write_bytes(data)
-        more = ["--out", f"{folder}/out.csv"] if command == ("convert",) else []
+        line = [*command, str(path)]
+        if command == ("convert",):
+            line += ["--out", f"{folder}/out.csv"]
+        if kind == ".toml":
+            (log := Path(folder) / "drive.log").write_text(_sound_log())
+            line = [*command, str(log), "--model", str(path)]
         out, err = io.StringIO(), io.StringIO()
         before, peaks = sum(os.times()[:4]), _peaks_mib()
         with redirect_stdout(out), redirect_stderr(err):
-            status = main([*command, str(path), *more])
+            status = main(line)
         seconds = sum(os.times()[:4]) - before
     lines = err.getvalue().splitlines()
     assert status in (0, 1, 2), status
@@ -140,6 +155,12 @@ def _frames():
     return list(Bench().drive(10**12, 10**12 + 400_000))
 
 
+@cache
+def _sound_log():
+    """Candump text of the drive that models are read for."""
+    return "".join(map(format_frame, Bench().drive(10**12, 10**12 + 3_000_000)))
+
+
 def _db(folder):
     path = folder / "a.db"
     with closing(sqlite3.connect(path)) as connection:
@@ -172,7 +193,60 @@ def _csv(folder):
     yield path
 
 
-_SEEDS = {".mf4": _mf4, ".db": _db, ".csv": _csv}
+def _toml(folder):
+    for text in _MODELS:
+        (folder / "model.toml").write_text(text)
+        yield folder / "model.toml"
+
+
+_BASE = """[base]
+c1 = 0.4
+c2 = 30.0
+c3 = 0.3
+covariance = [[1e-4, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1e-4]]
+"""
+_MODELS = (
+    f"""{_BASE}
+[[effect]]
+id = "wheel_radius"
+[effect.parameters]
+error = 0.01
+axle = 1.0
+
+[[effect]]
+id = "formula"
+expression = "1 + a * max(speed - b, 0)"
+[effect.parameters]
+a = 0.001
+b = 5.0
+""",
+    f"""{_BASE}
+[curve]
+family = "magic_formula"
+peak_std = [0.1, 0.2]
+[curve.parameters]
+B = 60.0
+C = 1.3
+D = 0.4
+E = 0.0
+
+[[spline]]
+channel = "speed"
+kind = "factor"
+knots = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
+coefficients = [0.0, 0.1, 0.1, 0.0]
+
+[provenance]
+command = "diagnose"
+""",
+)
+_EXPRESSIONS = (
+    "1/(speed-speed)", "lag(speed, -1)", "lag(speed, 0/0)", "speed**speed**speed", "a" * 5000,
+    "(" * 300 + "a" + ")" * 300, "exp(exp(speed))", "log(-speed)", "__import__('os')", "1 if a",
+    "lag(lag(speed, 3), 1e-300)", "nothing * a", "max(a)", "speed.real", "1e308 * 1e308 * speed",
+)  # fmt: skip
+
+_SEEDS = {".mf4": _mf4, ".db": _db, ".csv": _csv, ".toml": _toml}
 KINDS = tuple(_SEEDS)
 
 
@@ -185,7 +259,12 @@ def mutant(kind, number):
         return DRIVES[kind][0](number)
     rng = random.Random(f"{kind} {number}")
     data = bytearray(rng.choice(seeds(kind)))
-    own = {".mf4": (_link, _link, _field), ".db": (_field, _word, _schema), ".csv": (_cell, _row)}
+    own = {
+        ".mf4": (_link, _link, _field),
+        ".db": (_field, _word, _schema),
+        ".csv": (_cell, _row),
+        ".toml": (_value, _value, _row),
+    }
     for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
         rng.choice((*own[kind], *own[kind], _flip, _hole, _cut, _repeat))(data, rng)
     return bytes(data)
@@ -275,6 +354,24 @@ def _row(data, rng):
         lines.insert(0, rng.choice((b"# comment", b"\xef\xbb\xbf", b"\xff\xfe", b"sep=;", b"%")))
     else:
         lines[at] = lines[at][: rng.randrange(len(lines[at]) + 1)]
+    data[:] = b"\n".join(lines)
+
+
+def _value(data, rng):
+    """A value is an odd one of the same or of another type, or a key has the name of another."""
+    lines = data.split(b"\n")
+    places = [at for at, line in enumerate(lines) if b" = " in line]
+    if not places:
+        return
+    at = rng.choice(places)
+    key, value = lines[at].split(b" = ", 1)
+    if rng.random() < 0.15:
+        key = lines[rng.choice(places)].split(b" = ", 1)[0]
+    elif key == b"expression":
+        value = f'"{rng.choice(_EXPRESSIONS)}"'.encode()
+    else:
+        value = rng.choice(_VALUES).encode()
+    lines[at] = key + b" = " + value
     data[:] = b"\n".join(lines)
 
 

@@ -145,7 +145,7 @@ def main() -> int:
         "--files",
         type=int,
         metavar="N",
-        help="instead: N mutants of MF4, SQLite and CSV each, "
+        help="instead: N mutants of MF4, SQLite, CSV and models each, "
         "through commands, from number --seed on",
     )
     parser.add_argument(
