@@ -1,4 +1,4 @@
-"""Mutants of MF4, SQLite, CSV and models through the command line; `tools/fuzz --files N` plays more."""
+"""Mutants of files and models through the command line; `tools/fuzz --files N` plays more."""
 
 import gc
 
