@@ -270,6 +270,8 @@ class Configuration:
 
         """
         make, settings = self.find_estimator(name), self.estimators
+        axle_load = sum(self.vehicle.axle_load) / self.vehicle.axles
+        settings = replace(settings, instruments=settings.instruments.on_load(axle_load))
         if self.model is not None:
             # The model corrects what the instruments are wrong by.
             settings = replace(settings, instruments=EXACT)

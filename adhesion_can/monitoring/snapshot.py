@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum, auto
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.objection import Objection
@@ -99,6 +99,10 @@ class AxleView:
     mu_max: float | None = None
     lambda_m: float | None = None
     creep_setpoint: float | None = None
+
+
+DriveDirection = Literal["traction", "braking"]
+"""Direction of an effort."""
 
 
 class OperatingPoint(NamedTuple):
@@ -243,6 +247,7 @@ class Snapshot:
         axles: Axles by number.
         points: Samples of the last five seconds.
         last_sample_us: Stamp of the latest sample, µs; None before the first.
+        only_direction: Direction of all efforts so far; None before the first, or for both.
         speed: Vehicle speed, m/s; None where it is not available.
         is_speed_derived: Whether the vehicle speed is derived from the driven axles.
         v_min: Vehicle speed below which there are no samples, m/s.
@@ -263,6 +268,7 @@ class Snapshot:
     axles: tuple[AxleView, ...] = ()
     points: tuple[OperatingPoint, ...] = ()
     last_sample_us: int | None = None
+    only_direction: DriveDirection | None = None
     speed: float | None = None
     is_speed_derived: bool = False
     v_min: float = 1.0

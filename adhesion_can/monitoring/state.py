@@ -23,7 +23,13 @@ from adhesion_can.bus.rejection import Rejection
 from adhesion_can.config import Configuration
 from adhesion_can.monitoring.message_table import MessageTable, WatchedMessage
 from adhesion_can.monitoring.setpoint_reader import QUALITY, SETPOINT, SetpointReader
-from adhesion_can.monitoring.snapshot import AxleView, Kind, OperatingPoint, Snapshot
+from adhesion_can.monitoring.snapshot import (
+    AxleView,
+    DriveDirection,
+    Kind,
+    OperatingPoint,
+    Snapshot,
+)
 from adhesion_can.physics.kinematics import slip_ratio
 from adhesion_can.physics.readings import Reading, Role, SpeedSource
 from adhesion_can.physics.samples import Sample
@@ -34,6 +40,8 @@ POINTS_US, POINT_STEP_US = 5_000_000, 50_000
 """Time for which samples are kept as operating points and time between two of an axle, µs."""
 AXLE_US = 200_000
 """Time over which an axle's values are the median, µs."""
+LEAST_FORCE = 0.05
+"""Adhesion from which traction and braking differ from coasting."""
 
 
 class MonitorState:
@@ -71,6 +79,7 @@ class MonitorState:
         self._recent: dict[int, deque[Sample]] = {}
         self._values: dict[tuple[Role, int], tuple[int, float | None]] = {}
         self._last_sample_us: int | None = None
+        self._directions: set[DriveDirection] = set()
 
     @property
     def now_us(self) -> int:
@@ -110,6 +119,7 @@ class MonitorState:
             axles=tuple(self._axle(axle, t_us) for axle in self._axle_numbers()),
             points=tuple(point for point in self._points if point.t_us > t_us - POINTS_US),
             last_sample_us=self._last_sample_us,
+            only_direction=next(iter(self._directions)) if len(self._directions) == 1 else None,
             speed=self._latest(Role.VEHICLE_SPEED, 0, t_us),
             is_speed_derived=self._latest(Role.SPEED_SOURCE, 0, t_us) == SpeedSource.DRIVEN_AXLES,
             v_min=self._configuration.sampling.v_min,
@@ -141,6 +151,8 @@ class MonitorState:
             recent = self._recent.setdefault(sample.axle, deque())
             recent.append(sample)
             self._last_sample_us = sample.t_us
+            if abs(sample.adhesion) > LEAST_FORCE:
+                self._directions.add("traction" if sample.adhesion > 0.0 else "braking")
             while recent[0].t_us < sample.t_us - AXLE_US:
                 recent.popleft()
             if sample.t_us // POINT_STEP_US != _previous_step(recent):

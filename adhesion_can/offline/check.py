@@ -16,6 +16,7 @@ from adhesion_can.estimation.batch_result import BatchResult
 from adhesion_can.offline.compare_noise import NOISY_ROLES, ComparedNoise, compare_noise
 from adhesion_can.offline.extract_samples import Hole
 from adhesion_can.offline.fault_history import FaultHistory
+from adhesion_can.offline.instrument_errors import propose_instruments
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.offline.scan import Scan, SignalRange, scan
 from adhesion_can.offline.watch_samples import ObjectionSpan, watch_samples
@@ -335,6 +336,7 @@ def _check_excitation(result: CheckResult, configuration: Configuration) -> None
         result.failures.append("every sample lies outside the slips that the curve is valid for")
         return
     describe_excitation(result.samples, result.fit, result.findings, result.limits)
+    result.findings.extend(propose_instruments(result.samples, result.fit, configuration))
 
 
 def _fit(samples: Samples, configuration: Configuration) -> BatchResult | None:

@@ -195,6 +195,16 @@ def test_a_long_hole_begins_new_samples():
     assert min(point.t_us for point in snapshot.points) >= 100_000_000
 
 
+def test_the_only_direction_of_the_efforts_until_both_came():
+    bench = Bench()
+    state = state_after(bench.drive(0, 600_000))
+    assert state.snapshot(0).only_direction == "traction"
+    for frame in bench.drive(600_000, 1_200_000, slip=-0.05, adhesion=-0.3):
+        state.feed(frame)
+    assert state.snapshot(0).only_direction is None
+    assert state_after([]).snapshot(0).only_direction is None
+
+
 def test_a_snapshot_changes_nothing():
     frames = list(Bench().drive(0, 600_000, names=(*REQUIRED, "AxleLoads1", "AxleLoads2")))
     watched, left = MonitorState(load_configuration()), MonitorState(load_configuration())

@@ -55,14 +55,42 @@ def compute_doubt_share(
         noise: Settings of the noise of the samples; None: the defaults.
 
     """
+    settings, directions = doubt or DoubtSettings(), build_directions(axles)
+    found = list[bool]()
+    pooled = pool_blocks(samples, start, axles, slip_max, changes_us=changes_us, noise=noise)
+    for number, (series, curve) in enumerate(pooled, start=1):
+        if number % EVERY == 0 and len(series) >= FEWEST_BLOCKS:
+            selection = select_directions(series.reduced(curve), directions, settings)
+            found.append(selection.doubt is not Doubt.NONE)
+    return sum(found) / len(found) if found else None
+
+
+def pool_blocks(
+    samples: Samples,
+    start: CurveParameters,
+    axles: int,
+    slip_max: float,
+    *,
+    changes_us: Sequence[int] = (),
+    noise: NoiseSettings | None = None,
+) -> Iterator[tuple[BlockSeries, PooledCurve]]:
+    """Blocks of a drive so far and the curve of its current surface, block by block.
+
+    Args:
+        samples: Samples of a drive in the order of their stamps.
+        start: Parameters (c1, c2, c3) of the curve at which the first block is linearised.
+        axles: Number of axles of the vehicle.
+        slip_max: Largest slip ratio of a usable sample.
+        changes_us: Stamps from which on the surface is another one, µs, ascending.
+        noise: Settings of the noise of the samples; None: the defaults.
+
+    """
     directions = build_directions(axles)
     names = [direction.name for direction in directions]
     rows, series = RowBuilder(directions, axles), BlockSeries(len(names), [names.index(TIME)])
     series.block_s = BLOCK_US * 1e-6
-    settings, theta = doubt or DoubtSettings(), _with_a_fall(start)
-    found, noise_std, changes = list[bool](), 0.0, 0
-    parts = _split_into_blocks(samples, slip_max, noise or NoiseSettings())
-    for number, part in enumerate(parts, start=1):
+    theta, noise_std, changes = _with_a_fall(start), 0.0, 0
+    for part in _split_into_blocks(samples, slip_max, noise or NoiseSettings()):
         before, changes = changes, bisect_right(changes_us, int(part.t_us[-1]))
         if changes > before and series.blocks:
             series.end_surface(len(series.blocks), PooledCurve(theta))
@@ -70,10 +98,7 @@ def compute_doubt_share(
         noise_std = noise_std or float(np.sqrt(np.median(part.adhesion_var)))
         series.append(Block.from_rows(rows.build(part, theta, noise_std)))
         theta = fit_blocks(series.blocks, theta).theta
-        if number % EVERY == 0 and len(series) >= FEWEST_BLOCKS:
-            selection = select_directions(series.reduced(PooledCurve(theta)), directions, settings)
-            found.append(selection.doubt is not Doubt.NONE)
-    return sum(found) / len(found) if found else None
+        yield series, PooledCurve(theta)
 
 
 def _with_a_fall(theta: CurveParameters) -> CurveParameters:

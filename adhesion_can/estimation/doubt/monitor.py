@@ -132,7 +132,7 @@ class DoubtMonitor(Stateful):
         names = [direction.name for direction in self._directions]
         stds = {
             SPEED_SCALE: instruments.speed_error_std,
-            EFFORT_BIAS: instruments.effort_bias_std / BIAS_UNIT,
+            EFFORT_BIAS: instruments.used_bias_std / BIAS_UNIT,
         }
         # What may be wrong before the data show it, by coefficient.
         self._instruments = {

@@ -1,6 +1,6 @@
 """Settings of the doubt, and what the instruments may be wrong by before anything is known."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from adhesion_can.ranges import Within, require_ranges
@@ -35,6 +35,13 @@ class DoubtSettings(Value):
         require_ranges(self)
 
 
+HEAVY_LOAD = 245e3
+"""Static load of a heavy locomotive's axle, N."""
+EFFORT_BIAS_SHARE = 1000.0 / HEAVY_LOAD
+"""Plausible bias of the efforts as a share of the static axle load, 1: 1 % of a rated effort of
+0.41 times the load, the adhesion that drives are laid out for."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentUncertainty(Value):
     """Errors of the instruments that all axles share, before the data show them.
@@ -45,17 +52,35 @@ class InstrumentUncertainty(Value):
     Attributes:
         speed_error_std: Relative standard deviation of the vehicle speed's scale, 1. A radar over
             ground has 0.2 to 0.5 % (mounting angle), a worn reference wheel as much.
-        effort_bias_std: Standard deviation of the efforts' common bias, N. The torque that an
-            inverter computes from flux and current is off by about 1 % of its rated one, which is
-            worth 75 to 100 kN at the rim of a heavy locomotive's wheelset.
+        effort_bias_std: Standard deviation of the efforts' common bias, N; None for 0.41 % of the
+            mean static axle load (1000 N of 245 kN). The torque that an inverter computes from flux
+            and current is off by about 1 % of its rated one, and a drive is rated for some 0.4 of
+            its load at the rim.
 
     """
 
     speed_error_std: Annotated[float, Within(0, 1)] = 0.003
-    effort_bias_std: Annotated[float, Within(0, 1e6)] = 1000.0
+    effort_bias_std: Annotated[float | None, Within(0, 1e6)] = None
 
     def __post_init__(self) -> None:
         require_ranges(self)
+
+    def on_load(self, axle_load: float) -> "InstrumentUncertainty":
+        """These errors, with the efforts' bias of a vehicle where none is stated.
+
+        Args:
+            axle_load: Mean static load of an axle, N.
+
+        """
+        if self.effort_bias_std is not None:
+            return self
+        return replace(self, effort_bias_std=EFFORT_BIAS_SHARE * axle_load)
+
+    @property
+    def used_bias_std(self) -> float:
+        """Standard deviation of the efforts' common bias, N; a heavy locomotive's by default."""
+        stated = self.effort_bias_std
+        return EFFORT_BIAS_SHARE * HEAVY_LOAD if stated is None else stated
 
 
 EXACT = InstrumentUncertainty(speed_error_std=0.0, effort_bias_std=0.0)

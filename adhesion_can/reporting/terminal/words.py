@@ -39,6 +39,8 @@ SAMPLE_AGE_US = 2_000_000
 """Age of the latest sample from which it is said why there are none, µs."""
 SURE = 0.05
 """Largest relative standard deviation of a peak that counts as narrow."""
+WELL_BEYOND = 1.3
+"""Slip over λ_m from which the fall of the curve is seen."""
 HELD = 0.2
 """Largest relative distance from the creep setpoint of an axle that holds it."""
 SHOWN_SILENT = 4
@@ -170,6 +172,12 @@ def _needed_creep(snapshot: Snapshot, service: ServiceView) -> str:
     near = f"slip reached {reached:.3f} in the last 5 s, the peak is expected near"
     if reached < service.lambda_m:
         return f"It needs more creep to tell the peak: {near} {service.lambda_m:.3f}."
+    if snapshot.only_direction and reached > WELL_BEYOND * service.lambda_m:
+        other = "brake" if snapshot.only_direction == "traction" else "pull"
+        return (
+            f"Only {snapshot.only_direction} so far, which shows no common error of speed or "
+            f"efforts: {other} or coast once, or state smaller errors in [instruments]."
+        )
     if _is_narrow(service.mu_max, service.mu_max_std) and not _is_narrow(
         service.lambda_m, service.lambda_m_std
     ):

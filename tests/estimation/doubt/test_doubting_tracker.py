@@ -112,7 +112,7 @@ def test_instruments_count_until_braking_shows_them() -> None:
     exact = run(doubting(EXACT), pulling)[-1]
     vague = run(doubting(), pulling)[-1]
     both = run(doubting(), samples)[-1]
-    bias = InstrumentUncertainty().effort_bias_std / 2.2e5
+    bias = InstrumentUncertainty().used_bias_std / 2.2e5
     assert exact.mu_max_std < 0.2 * bias
     assert 0.7 * bias < vague.mu_max_std < 1.5 * bias
     assert both.mu_max_std < 0.2 * bias

@@ -195,6 +195,18 @@ def test_more_creep_is_asked_for_below_the_peak():
     assert any("to tell where the peak is" in line for line in said(shown))
 
 
+@pytest.mark.parametrize(("only", "other"), [("traction", "brake"), ("braking", "pull")])
+def test_one_direction_alone_leaves_the_instruments_in_doubt(only, other):
+    """Samples beyond the peak are there: more creep would not help."""
+    low = service(status=Status.LOW_EXCITATION, mu_max_std=0.05, lambda_m_std=0.01)
+    words = (
+        f"Only {only} so far, which shows no common error of speed or efforts: {other} or coast "
+        "once, or state smaller errors in [instruments]."
+    )
+    assert any(words in line for line in said(snapshot(service=low, only_direction=only)))
+    assert not any("[instruments]" in line for line in said(snapshot(service=low)))
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
