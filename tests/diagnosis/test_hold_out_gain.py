@@ -13,6 +13,7 @@ from adhesion_can.diagnosis.inference.hold_out_gain import (
     evaluate_hold_out,
     gain_interval,
     interval_where_it_acts,
+    is_significant,
 )
 from adhesion_can.diagnosis.inference.split_hold_out import split_by_length, split_hold_out
 from adhesion_can.diagnosis.regression.candidate import Candidate
@@ -20,6 +21,7 @@ from adhesion_can.diagnosis.regression.model import Model, RegressionData
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
+from adhesion_can.diagnosis.result import Gain
 from adhesion_can.physics.effects import effect_by_id
 from tests.diagnosis.diagnosis_helpers import build_table_drive, burckhardt
 
@@ -210,6 +212,43 @@ def test_what_was_held_out_had_no_part_in_the_fit(other_drives):
     assert again.parameter_vector == pytest.approx(extended.parameter_vector)
     louder = evaluate_hold_out(regression, plain, again, None, other_drives=other_drives)
     assert np.std(louder.after) == pytest.approx(np.hypot(0.01, 0.05), rel=0.14)
+
+
+@pytest.mark.parametrize("other_drives", [False, True])
+def test_rows_of_another_law_do_not_move_the_model_that_predicts_them(other_drives):
+    """Where humidity raises the adhesion of the rows held out, the model predicts a fall.
+
+    A model that has seen them finds a law between both, and misses them by less.
+    """
+    drive, t = humid_table(np.random.default_rng(5))
+    number = np.floor(t / 10).astype(np.int64)
+    held = number % 3 == 1
+    humidity = drive.covariates["relative_humidity_percent"]
+    turned = (1 + 0.006 * (humidity - 60)) / (1 - 0.006 * (humidity - 60))
+    drive = replace(drive, effort=np.where(held, turned, 1.0) * drive.effort)
+    regression = build_regression(drive, np.where(held, -1 - number, number))
+    plain = fit_model(regression, Model(SegmentCurves(np.array([[0.3, 3.5, 0.3]])))).model
+    extended = fit_model(regression, plain.with_effect(Candidate(effect_by_id("humidity")))).model
+    assert extended.active_effects[0].values == pytest.approx([-0.006], rel=0.1)
+    result = evaluate_hold_out(regression, plain, extended, None, other_drives=other_drives)
+    # Twice the slope between truth and prediction; curves of their own take off its mean.
+    gap = 0.012 * (humidity[held] - (humidity[held].mean() if other_drives else 60))
+    missed = gap * burckhardt(0.11 * np.sin(2 * np.pi * t[held] / 7.0))
+    assert np.std(result.after) == pytest.approx(np.hypot(np.std(missed), 0.01), rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("percent", "low", "is_sure"),
+    [
+        (5.0, 1.0, True),
+        (5.0, -1.0, False),
+        (5.0, 0.0, False),
+        (-1.0, -2.0, False),
+        (5.0, -np.inf, True),
+    ],
+)
+def test_a_gain_is_significant_where_its_interval_leaves_zero_out(percent, low, is_sure):
+    assert is_significant(Gain(1.0, 0.95, 0.5, percent, (low, 9.0), "", ())) is is_sure
 
 
 def test_another_drive_has_a_surface_of_its_own():
