@@ -62,4 +62,4 @@ def suggest(name: str, known: Iterable[str]) -> str:
 
     forms = {one.lower(): one for one in known}
     found = get_close_matches(name.lower(), forms, n=3, cutoff=0.5)
-    return f"near are {', '.join(forms[one] for one in found)}" if found else ""
+    return f"similar names: {', '.join(forms[one] for one in found)}" if found else ""

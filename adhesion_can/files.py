@@ -246,7 +246,7 @@ class OutputFile:
         """
         aside = self._temporary
         if aside is None:
-            raise ValueError("an output without random access cannot begin anew")
+            raise ValueError("an output without random access cannot start again")
         with _told(self._path, _ROOM):
             aside.file.close()
             self._temporary = Temporary(self._target)

@@ -54,7 +54,7 @@ def open_stream(path: Path, reader_s: float | None = None) -> int:
                 raise InputError(str(path), reason, "name another file") from error
             if time.monotonic() >= end_s:
                 mend = "start its reader first, or name a file"
-                raise InputError(str(path), "is a pipe that nobody reads", mend) from error
+                raise InputError(str(path), "is a pipe without a reader", mend) from error
             time.sleep(_LOOK_S)
         else:
             break

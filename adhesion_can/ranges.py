@@ -88,12 +88,12 @@ class Range:
         length = self.length
         if length and not length.least <= len(values) <= length.most:
             bounds = f"{length.least} to {length.most}"
-            sentence = f"{name} must have {bounds} values, and has {len(values)}"
+            sentence = f"{name} must have {bounds} values, not {len(values)}"
             raise OutOfRangeError(sentence, f"{len(values)} values", f"write {bounds}")
         each = self.each * len(values) if len(self.each) == 1 else self.each
         for one, within in zip(values, each, strict=bool(each)):
             if one not in within:
-                sentence = f"{name} must be within {within}, and is {shown(one)}"
+                sentence = f"{name} must be within {within}, not {shown(one)}"
                 mend = f"write {shown(within.lowest)} to {shown(within.highest)}"
                 raise OutOfRangeError(sentence, f"{shown(one)} is not within {within}", mend)
 

@@ -72,7 +72,7 @@ class TimeScale:
     @property
     def note(self) -> str:
         """Clause for a title, with a comma in front; '' where there is nothing to say."""
-        return f", time from {self.begin} on" if self.begin else ""
+        return f", time since {self.begin}" if self.begin else ""
 
     def span(self, from_us: int, to_us: int) -> str:
         """Both ends of a span, s."""

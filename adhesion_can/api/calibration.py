@@ -108,7 +108,7 @@ def require_calibration_signals(
             speeds,
             "vehicle speed that is independent of the driven axles",
             where,
-            "give one of another recorder with --speed CSV[:COLUMN]",
+            "give the speed of another recorder with --speed CSV[:COLUMN]",
         )
     else:
         stamps = np.concatenate([trace.t_us for trace in wheels]) / 1e6
@@ -118,7 +118,7 @@ def require_calibration_signals(
                 f"--speed {speed}",
                 f"its times ({times[0]:.1f} to {times[-1]:.1f} s) lie outside the recording's "
                 f"({stamps.min():.1f} to {stamps.max():.1f} s)",
-                "bring both onto one clock",
+                "convert both to one clock",
             )
     efforts = [trace for drive in drives for trace in drive.effort.values()]
     if efforts:
@@ -126,10 +126,10 @@ def require_calibration_signals(
             efforts,
             "tractive effort, so coasting cannot be detected",
             where,
-            "check the roles tractive_effort; without them segments of steady speed are used",
+            "check the roles tractive_effort; without them, calibration uses spans of steady speed",
         )
 
 
 def _require_readings(traces: list[Trace], what: str, where: str, mend: str) -> None:
     if not any(np.isfinite(trace.value).any() for trace in traces):
-        raise RecordingError(where, f"holds no {what}", mend)
+        raise RecordingError(where, f"has no {what}", mend)

@@ -141,10 +141,12 @@ def _duplicate_error(input_file: InputFile, before: InputFile) -> InputError:
     if input_file.held_out and not before.held_out:
         return InputError(
             f"--holdout {input_file.path}",
-            f"holds the same as the input {before.path}",
-            "hold out another drive, or leave --holdout away",
+            f"has the same content as the input {before.path}",
+            "hold out another drive, or remove --holdout",
         )
-    return InputError(str(input_file.path), f"holds the same as {before.path}", "give it once")
+    return InputError(
+        str(input_file.path), f"has the same content as {before.path}", "give it once"
+    )
 
 
 def load_inputs(
@@ -244,13 +246,13 @@ def _describe_unused_frames(input_file: InputFile, received: LoadedTraces) -> li
     problems += [f"{input_file.name}: {sentence}" for sentence in received.stuck]
     if received.derived:
         problems.append(
-            f"{input_file.name}: {received.derived} vehicle speeds derived from the driven axles "
-            "were left out: they carry no slip"
+            f"{input_file.name}: dropped {received.derived} vehicle speeds that are derived from "
+            "the driven axles: they contain no slip"
         )
     if received.trailing:
         problems.append(
-            f"{input_file.name}: the vehicle speed comes from a trailing axle, and the error of "
-            "its radius is in every slip"
+            f"{input_file.name}: the vehicle speed comes from a trailing axle; every slip "
+            "contains the error of its radius"
         )
     return problems
 
@@ -280,7 +282,10 @@ def read_formulas(texts: Iterable[str]) -> tuple[AnyFormula, ...]:
         try:
             found.append(parse_formula(text))
         except ExpressionError as error:
-            mend = "write it as '1 + a * max(wind - b, 0) where a=0.1, b=5', the size first"
+            mend = (
+                "write it as '1 + a * max(wind - b, 0) where a=0.1, b=5', with the size as the "
+                "first constant"
+            )
             raise InputError(f"formula {text!r}", str(error), mend) from error
     return tuple(found)
 
@@ -297,17 +302,17 @@ def _require_formula_applies(formula: AnyFormula, drive: DriveData) -> None:
         there = ", ".join(("slip", *drive.covariates))
         what = f"{drive.name} has no {lacking}"
         raise InputError(
-            where, what, f"known there: {there}; speed and load where they are measured"
+            where, what, f"known there: {there}; also speed and load if they are measured"
         )
     values = (0.0, *(p.typical for p in formula.parameters[1:]))
     factor = _compute_formula(drive, formula, values)
     if not np.isfinite(factor).all():
-        what = f"it is no number in {int((~np.isfinite(factor)).sum())} rows of {drive.name}"
+        what = f"it is not a number in {int((~np.isfinite(factor)).sum())} rows of {drive.name}"
         raise InputError(where, what, "correct the expression, or start from other constants")
     if np.ptp(factor) > 1e-9:
         size = formula.parameters[0].name
         what = f"with {size} = 0 the factor still varies"
-        raise InputError(where, what, "name first the constant that switches it off")
+        raise InputError(where, what, "name the constant that switches it off first")
 
 
 def _compute_formula(drive: DriveData, formula: AnyFormula, values: tuple[float, ...]) -> Array:
@@ -356,7 +361,7 @@ def diagnose_inputs(
         if part and not any(len(read.drive) for read in part):
             raise InputError(
                 ", ".join(str(read.input_file.path) for read in part),
-                f"not one usable row: {explain_empty(part[0])}",
+                f"no usable row: {explain_empty(part[0])}",
                 "give a drive in which the vehicle moves and its axles pull or brake",
             )
     drives, holdout = ([read.drive for read in part] for part in parts)

@@ -43,11 +43,11 @@ def evaluate_inputs(loaded: Sequence[LoadedInput], config: Configuration) -> Eva
 
     """
     if config.model is None:
-        raise InputError("model", "there is none", "give a model or the path of its file")
+        raise InputError("model", "no model is given", "give a model or the path of its file")
     drives = [one.drive for one in loaded]
     if not any(map(len, drives)):
         names = ", ".join(str(one.input_file.path) for one in loaded)
         reason = explain_empty(loaded[0])
         mend = "give a drive in which the vehicle moves and its axles pull or brake"
-        raise InputError(names, f"not one usable row: {reason}", mend)
+        raise InputError(names, f"no usable row: {reason}", mend)
     return _evaluate(drives, config.model)

@@ -104,7 +104,7 @@ def identify(
     if result is None:
         raise InputError(
             where,
-            "not one usable sample (a moving vehicle, slip within the curve's range)",
+            "no usable sample (a moving vehicle, slip within the curve's range)",
             "give slip ratios, not percent, of a drive in which the axles pull or brake",
         )
     return result

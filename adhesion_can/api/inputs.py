@@ -64,7 +64,7 @@ def require_plausible(where: str, findings: Iterable[Finding], *, assumed: bool)
     sentences = []
     for finding in findings:
         if finding.fatal and not assumed:
-            mend = f"{finding.mend}; if the data are right, say --assume plausible"
+            mend = f"{finding.mend}; if the data are right, pass --assume plausible"
             raise InputError(where, finding.what, mend)
         doubted = f"{ASSUMED}: " if finding.fatal else ""
         sentences.append(f"{where}: {doubted}{finding.sentence}")
@@ -89,8 +89,8 @@ def _describe_times(table: Table) -> list[str]:
     likely = [name for name in table.samples.covariates if _TIME.match(name)]
     if table.timed or not likely:
         return []
-    what = "no column time_s, so the rows count as independent points"
-    return [f"{what}; if {likely[0]!r} is their time, say --column time_s={likely[0]}"]
+    what = "no column time_s: the rows are treated as independent points"
+    return [f"{what}; if {likely[0]!r} is their time, pass --column time_s={likely[0]}"]
 
 
 def describe_left_out(table: Table, slip_max: float) -> list[str]:
@@ -103,10 +103,10 @@ def describe_left_out(table: Table, slip_max: float) -> list[str]:
     """
     found = []
     if table.unloaded:
-        found.append(f"{table.unloaded} of {table.rows} rows left out: no load above 0")
+        found.append(f"dropped {table.unloaded} of {table.rows} rows: no load above 0")
     if lost := table.left_out - table.unloaded:
         rows = f"{lost} of {table.rows} rows"
-        found.append(f"{rows} without a finite time, slip and adhesion")
+        found.append(f"dropped {rows} without a finite time, slip and adhesion")
     samples = table.samples
     large = np.abs(samples.slip) > slip_max
     for reason, odd in (
@@ -115,7 +115,7 @@ def describe_left_out(table: Table, slip_max: float) -> list[str]:
         ("no load above 0", ~(samples.load > 0)),
     ):
         if odd.any():
-            found.append(f"{int(odd.sum())} of {table.rows} rows left out: {reason}")
+            found.append(f"dropped {int(odd.sum())} of {table.rows} rows: {reason}")
     usable = ~large & (samples.speed > 0) & (samples.load > 0)
     for column, values in samples.covariates.items():
         missing = int((~np.isfinite(values[usable])).sum())
@@ -123,5 +123,6 @@ def describe_left_out(table: Table, slip_max: float) -> list[str]:
             rows = f"{missing} of {int(usable.sum())} rows"
             found.append(f"column {column!r} not used: it is empty in {rows}")
     return found + [
-        f"column {column!r} not used: its texts do not group the rows" for column in table.ignored
+        f"column {column!r} not used: its texts do not form groups of rows"
+        for column in table.ignored
     ]

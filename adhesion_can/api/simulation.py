@@ -223,7 +223,7 @@ def _effects_of_model(
     model = config.model
     if model is None:
         return ()
-    mend = "take the spline out of the model"
+    mend = "remove the spline from the model"
     require_channels(model, COVARIATES.values(), "the simulated locomotive", mend)
     require_axles(model, config.vehicle.axles)
     given = {text.partition("=")[0].partition(":")[0] for text in texts}
@@ -231,7 +231,7 @@ def _effects_of_model(
         if active.effect.id in given:
             raise InputError(
                 f"{prefix}effect {active.effect.id}",
-                f"is in the {prefix}model as well",
+                f"is also in the {prefix}model",
                 "give it once",
             )
     return model.actives

@@ -84,7 +84,7 @@ class CanDatabase:
         raise DatabaseError(
             self.path.name,
             f"no message {name}",
-            "name another database with --dbc, or map the role to your message with --config",
+            "pass another database with --dbc, or map the role to your message with --config",
         )
 
     def signal(self, message_name: str, signal_name: str, role: str) -> tuple[Message, Signal]:
@@ -108,7 +108,7 @@ class CanDatabase:
             near = suggest(f"{message_name}.{signal_name}", there)
             raise DatabaseError(
                 where,
-                f"no such {'message' if message is None else 'signal'}, needed for role {role}",
+                f"no such {'message' if message is None else 'signal'}; the role {role} needs it",
                 f"{near or 'cantools dump lists what there is'}; map the role to your own "
                 "Message.Signal in a file for --config",
             )
@@ -143,7 +143,7 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
     )
     content = read_small_file(path, LARGEST_FILE, kind=DatabaseError, mend=mend)
     if path.suffix.lower() not in DATABASE_SUFFIXES:
-        raise DatabaseError(str(path), "no CAN database by its name", _GIVE_DATABASE)
+        raise DatabaseError(str(path), "not a CAN database, judging by its name", _GIVE_DATABASE)
     require_small_ranges(_as_bytes(content), str(path))
     left_out: tuple[str, ...] = ()
     found: object
@@ -245,7 +245,9 @@ def e2e_data_id(message: Message) -> int | None:
         number = -1
     if not 0 <= number <= 0xFFFF:
         raise DatabaseError(
-            f"{message.name}: E2EDataId", f"{attribute.value!r} is no data id", "write 0 to 65535"
+            f"{message.name}: E2EDataId",
+            f"{attribute.value!r} is not a data id",
+            "write 0 to 65535",
         )
     return number
 

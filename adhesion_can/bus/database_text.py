@@ -39,7 +39,7 @@ def require_small_ranges(content: bytes, where: str) -> None:
         numbers = sum(max(count, 0) for count in counts)
         if numbers > most:
             raise DatabaseError(
-                where, f"ranges {what} hold {numbers} numbers", f"write at most {most} in all"
+                where, f"ranges {what} contain {numbers} numbers", f"write at most {most} in all"
             )
 
 

@@ -256,7 +256,9 @@ class _MessageDecoder:
         self.signals = MessageSignals(message, wanted, undecodable)
         data_id = e2e_data_id(message)
         if data_id is not None and message.length < 2:
-            undecodable[f"{message.name}.E2EDataId"] = f"no room for it in {message.length} bytes"
+            undecodable[f"{message.name}.E2EDataId"] = (
+                f"it does not fit into {message.length} bytes"
+            )
             data_id = None
         self._acceptance = MessageAcceptance(
             CONVERT_POLICY, message.length, data_id, cycle_us(message)

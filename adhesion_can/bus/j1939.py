@@ -79,9 +79,9 @@ def unmarked_sentence(name: str, named: int, heard: int) -> str:
 
     """
     return (
-        f"{name} ({named:#x}): {heard:#x} has its parameter group {parameter_group(named)} "
-        "from another sender or with another priority; if the database is one of J1939, "
-        "mark the message so (VFrameFormat J1939PG), and whoever sends it is heard"
+        f"{name} ({named:#x}): {heard:#x} carries its parameter group {parameter_group(named)} "
+        "from another sender or with another priority; to receive it from any sender, mark the "
+        "message as J1939 in the database (VFrameFormat J1939PG)"
     )
 
 

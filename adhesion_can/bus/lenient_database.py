@@ -37,14 +37,14 @@ def load_without_faulty_messages(text: str) -> tuple[Database, tuple[str, ...]]:
             if unused:
                 shorter = _without_statements(text, unused)
                 left_out += [
-                    f"{keyword} {number} {name} left out: there is no such signal"
+                    f"skipped {keyword} {number} {name}: there is no such signal"
                     for keyword, number, name in sorted(unused)
                     if number not in gone
                 ]
             elif found is not None:
                 shorter, number = _without_message(text, found["name"])
                 gone.add(number)
-                left_out.append(f"message {found['name']} left out: {reason}")
+                left_out.append(f"skipped message {found['name']}: {reason}")
             else:
                 raise
             if shorter == text:

@@ -82,10 +82,10 @@ class MessageRecord:
         if self.frames or not self.other_channels:
             return None
         what = (
-            f'its role has channel = "{self.message.channel}", and its frames are on '
+            f'its role has channel = "{self.message.channel}", but its frames are on '
             f"{', '.join(sorted(self.other_channels))}"
         )
-        return what, "write the channel by the name that the recording has"
+        return what, "write the channel as the recording names it"
 
     @property
     def lost(self) -> int:

@@ -94,9 +94,9 @@ class Receiver:
     def stuck_sentences(self) -> list[str]:
         """Sentences about messages of which readings were left out, since they were stuck."""
         return [
-            f"{record.message.plan.name} ({record.message.plan.frame_id:#x}): {record.stuck} "
-            "readings of a stuck signal left out: its value stood still while its frames came, "
-            "and used to change (stuck_check = false for a role that may stand still)"
+            f"{record.message.plan.name} ({record.message.plan.frame_id:#x}): dropped "
+            f"{record.stuck} readings of a stuck signal: frames arrived but its value no longer "
+            "changed (if it may stay constant, set stuck_check = false for its role)"
             for record in self.records
             if record.stuck
         ]

@@ -203,8 +203,8 @@ def _bind_message(
     if data_id is not None and plan.size < 2:
         raise ConfigError(
             f"{where}: roles.{choices[0].name}",
-            f"{message.name} has {plan.size} byte and no room for checksum and counter",
-            'state protection = "none"',
+            f"{message.name} has {plan.size} byte, too few for checksum and counter",
+            'write protection = "none"',
         )
     cycle = _agreed(choices, "cycle_us", where) or cycle_us(message) or 0
     return BoundMessage(
@@ -227,7 +227,7 @@ def _data_id(choices: Sequence[SignalChoice], message: Message, where: str) -> i
         raise ConfigError(
             f"{where}: roles.{choices[0].name}",
             f"{message.name} has no attribute E2EDataId for its protection e2e-p01",
-            'state data_id, or protection = "none"',
+            'write data_id, or protection = "none"',
         )
     return data_id
 
@@ -252,8 +252,8 @@ def _bind_signal(
     if factor is None:
         raise ConfigError(
             f"{where}: roles.{choice.name}",
-            f"unit {unit!r} of {choice.message}.{choice.signal} is none of {choice.role}",
-            f"state one of {known_units(choice.role)}",
+            f"unit {unit!r} of {choice.message}.{choice.signal} does not measure {choice.role}",
+            f"write one of {known_units(choice.role)}",
         )
     signal_plan = plan.signals[signal.name]
     return BoundSignal(
@@ -276,8 +276,8 @@ def _agreed(choices: Sequence[SignalChoice], key: str, where: str) -> Any:
         word = "cycle_ms" if key == "cycle_us" else key
         raise ConfigError(
             f"{where}: {names}",
-            f"different {word} for one message {choices[0].message}",
-            "state the same for all of them",
+            f"message {choices[0].message} has different {word}",
+            "write the same for all of its roles",
         )
     return stated.pop() if stated else None
 

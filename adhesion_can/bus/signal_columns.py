@@ -260,16 +260,16 @@ class _Selection:
 def _obstacle(signal: Signal, size: int) -> str | None:
     """Why a signal cannot be decoded; None: it can."""
     if size > MAX_PAYLOAD:
-        return f"in a message of {size} bytes, of which no frame has more than {MAX_PAYLOAD}"
+        return f"in a message of {size} bytes, while a frame has at most {MAX_PAYLOAD}"
     if signal.length > 64:
         return "longer than 64 bits"
     if signal.conversion.is_float and signal.length not in (16, 32, 64):
         return f"a float of {signal.length} bits"
     plan = SignalPlan.from_signal(signal, size)
     if plan.shift < 0 or plan.shift + signal.length > 8 * size:
-        return f"reaches over the {size} bytes of its message"
+        return f"reaches beyond the {size} bytes of its message"
     if not (math.isfinite(plan.scale) and math.isfinite(plan.offset)):
-        return "its factor or offset is beyond all numbers"
+        return "its factor or offset is not finite"
     return None
 
 
@@ -277,7 +277,7 @@ def _namesake(signal: Signal, message: Message) -> str | None:
     """Why a name does not tell which signal it is: another one of it in the same frames."""
     for other in message.signals:
         if other is not signal and other.name == signal.name and _meet(signal, other):
-            return "another signal of this name stands in the same frames"
+            return "another signal in the same frames has this name"
     return None
 
 

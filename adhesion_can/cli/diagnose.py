@@ -114,7 +114,7 @@ def run(options: argparse.Namespace) -> int:
     command = build_command_line(options)
     problems = [problem for read in loaded for problem in read.problems]
     problems += [
-        f"{read.input_file.name}: not one usable row: {explain_empty(read)}"
+        f"{read.input_file.name}: no usable row: {explain_empty(read)}"
         for read in loaded
         if not len(read.drive)
     ]

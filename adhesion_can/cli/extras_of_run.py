@@ -25,11 +25,11 @@ def read_secoc(options: argparse.Namespace, sizes: Mapping[str, int]) -> Callabl
     """
     if options.secoc_key is None:
         if options.secoc_trip is not None:
-            raise InputError("--secoc-trip", "there is no key", "say --secoc-key FILE")
+            raise InputError("--secoc-trip", "there is no key", "pass --secoc-key FILE")
         return lambda frame: frame
     where = f"--secoc-key {options.secoc_key}"
     if options.secoc_trip is None:
-        raise InputError(where, "the trip counter has no file", "say --secoc-trip FILE")
+        raise InputError(where, "the trip counter has no file", "pass --secoc-trip FILE")
     if not getattr(options, "fd", False):  # python-can leaves out what is not given
         raise InputError(where, "secured frames need CAN FD", "open the bus with --fd")
     try:

@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     if result is None:
         raise InputError(
             ", ".join(map(str, options.inputs)),
-            "not one usable sample (a moving vehicle, slip within the curve's range)",
+            "no usable sample (a moving vehicle, slip within the curve's range)",
             "; ".join(left_out_lines(left_out)) or "see the result of 'adhesion-can check'",
         )
     extension = {} if config.model is None else _extension_json(config.model, loaded)

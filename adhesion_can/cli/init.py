@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     initial = InitialConfiguration(database, guessed, count_axles(guessed), given)
     if not options.yes:
         if not sys.stdin.isatty():
-            raise InputError(str(options.dbc), _summary(initial), "say --yes to take the guesses")
+            raise InputError(str(options.dbc), _summary(initial), "pass --yes to take the guesses")
         initial = _ask(initial)
     text = initial_text(initial, options.out)
     if options.out is None:

@@ -53,7 +53,7 @@ def load_channels(value: object, where: str) -> UserChannels:
         if not re.fullmatch(r"[A-Za-z]\w*", name):
             raise ConfigError(place, "not a name", "write letters, digits and _")
         if name in _RESERVED:
-            raise ConfigError(place, "the catalogue has a channel of that name", "take another one")
+            raise ConfigError(place, "a built-in channel has this name", "choose another name")
         table = {"signal": stated} if isinstance(stated, str) else table_of(stated, place)
         texts = _texts(table, place)
         choice = load_choice(Role.CHANNEL, number, table, place)
@@ -68,5 +68,5 @@ def _texts(table: dict[str, Any], place: str) -> _Texts:
     found: Mapping[str, Any] = {key: table.pop(key, "") for key in ("unit", "label")}
     for key, value in found.items():
         if not isinstance(value, str):
-            raise ConfigError(f"{place}.{key}", f"{value!r} is not a text", "write it in quotes")
+            raise ConfigError(f"{place}.{key}", f"{value!r} is not a string", "write it in quotes")
     return _Texts(found["unit"], found["label"])

@@ -40,14 +40,14 @@ from adhesion_can.sampling.former import SampleFormer
 
 UNKNOWN_CYCLE = (
     "its cycle is unknown, so a stale input cannot be detected",
-    "state cycle_ms at its role, or GenMsgCycleTime in the database",
+    "write cycle_ms at its role, or GenMsgCycleTime in the database",
 )
 """What is wrong with a message without a cycle, and what to do about it."""
 _SHARED = (Role.TRACTIVE_EFFORT, Role.AXLE_LOAD)
 """Roles of which several axles may have one signal."""
 _SHARED_FIX = (
-    "write the factor of each axle: 1 where the signal is that of one axle, 0.25 where it is the "
-    "sum over four, or map each role to its own signal"
+    "write a factor for each axle: 1 if the signal is the value of one axle, 0.25 if it is the "
+    "sum of four; or map each role to its own signal"
 )
 
 # What concerns extended models is imported where there is one: it takes a tenth of a short command.
@@ -223,8 +223,8 @@ class Configuration:
         )
 
         given = self.covariates()
-        mend = "map its role under [roles], or take the effect out of the model"
-        require_channels(self.model, given, f"no role of {self.where}", mend)
+        mend = "map its role under [roles], or remove the effect from the model"
+        require_channels(self.model, given, f"no role for {self.where}", mend)
         require_axles(self.model, self.vehicle.axles)
 
     def make_former(self) -> SampleFormer:

@@ -14,7 +14,7 @@ from adhesion_can.physics.readings import Role
 REQUIRED = (Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT)
 """Roles without which there is no adhesion coefficient."""
 _CHECKSUMS = ("crc", "checksum", "chksum", "pruefsumme")
-_SIGN_OF_EFFORT = "positive in traction along the direction of travel; else add sign = -1"
+_SIGN_OF_EFFORT = "positive in traction along the direction of travel; otherwise add sign = -1"
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def initial_text(initial: InitialConfiguration, target: Path | None) -> str:
 
 def _vehicle(initial: InitialConfiguration) -> str:
     axles = f'"{FILL_IN}"' if initial.axles is None else str(initial.axles)
-    lines = ["[vehicle]", f"axles = {axles}  # of the axles with a wheel speed"]
+    lines = ["[vehicle]", f"axles = {axles}  # those with a wheel speed"]
     for key, meaning in VEHICLE_DATA.items():
         value = initial.vehicle.get(key)
         lines.append(
@@ -88,7 +88,7 @@ def _vehicle(initial: InitialConfiguration) -> str:
         )
     lines += [
         "",
-        "# For the transfer of load under effort; without it none is computed:",
+        "# For load transfer under effort; without this section none is computed:",
         "# [vehicle.geometry]",
         "# axles_per_bogie = [2, 2]",
         "# pivot_distance_m = ..    # between the bogies' centres",
@@ -108,14 +108,14 @@ def _roles(initial: InitialConfiguration) -> str:
         )
         lines += [f"#   {note}" for note in _notes(guess)]
     for name, rivals in guessed.rivals.items():
-        lines.append(f"# {name}: unclear, one of these or none; uncomment the right one:")
+        lines.append(f"# {name}: unclear; uncomment the right line, if any:")
         lines += [f"# {quoted(name)} = {quoted(rival.place)}  # {_why(rival)}" for rival in rivals]
     known = {guess.role for guess in guessed.taken} | {
         rival.role for rivals in guessed.rivals.values() for rival in rivals
     }
     absent = [role for role in Role if role not in known and role is not Role.CHANNEL]
     if absent:
-        lines.append("# Not found; map them where the bus has them:")
+        lines.append("# Not found; map those that the bus carries:")
     for role in absent:
         needed = "needed for adhesion" if role in REQUIRED else "optional"
         name = f"{role}.1" if role.per_axle else str(role)
@@ -141,8 +141,8 @@ def _notes(guess: RoleGuess) -> list[str]:
     )
     if checksum and e2e_data_id(message) is None:
         notes.append(
-            f"{_comment(checksum)} is not checked, for the database has no E2EDataId; of AUTOSAR "
-            "E2E profile 1 state data_id"
+            f"{_comment(checksum)} is not checked, because the database has no E2EDataId; for "
+            "AUTOSAR E2E profile 1, write data_id"
         )
     if guess.role is Role.TRACTIVE_EFFORT and guess.axle == 1:
         notes.append(_SIGN_OF_EFFORT)

@@ -57,7 +57,9 @@ def load_configuration(
         )
     if path.suffix.lower() in DATABASE_SUFFIXES:
         raise ConfigError(
-            str(path), "a CAN database by its name, not a configuration", "give it with --dbc"
+            str(path),
+            "a CAN database, judging by its name, not a configuration",
+            "pass it with --dbc",
         )
     document, sha256 = load_toml(path)
     where = path.name

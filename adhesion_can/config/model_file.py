@@ -194,8 +194,8 @@ def _definition(table: dict[str, Any], where: str) -> Effect:
         if key in table:
             raise ConfigError(
                 f"{where}.{key}",
-                f"{name} has none",
-                f"write id = {quoted(FORMULA)}, or leave it",
+                f"{name} takes none",
+                f"write id = {quoted(FORMULA)}, or remove this key",
             )
     forms = forms_of_effect(name)
     if not forms:
@@ -252,7 +252,7 @@ def write_model(model: ExtendedModel, path: Path) -> None:
 def model_text(model: ExtendedModel) -> str:
     """Text of a model's file."""
     lines = [
-        "# Extended model of adhesion-can: give it to run, replay or identify with --model.",
+        "# Extended model of adhesion-can: pass it to run, replay or identify with --model.",
         "",
     ]
     lines += ["[base]"]
@@ -278,7 +278,7 @@ def model_text(model: ExtendedModel) -> str:
         lines += [
             "",
             "[[spline]]",
-            "# adhesion over a channel, as it was seen: no known effect",
+            "# adhesion over a channel as observed; no known effect describes it",
         ]
         lines += [f"channel = {quoted(spline.channel)}", f"kind = {quoted(spline.kind)}"]
         lines += [f"knots = {_list(spline.knots)}", f"coefficients = {_list(spline.coefficients)}"]
@@ -293,10 +293,12 @@ def _curve_lines(curve: BaseCurve | None) -> list[str]:
     if curve is None:
         return []
     family = curve.family
-    lines = ["", "[curve]", f"# {family.title}; c1, c2, c3 above: a Burckhardt curve beside it"]
+    lines = ["", "[curve]", f"# {family.title}; c1, c2, c3 above: the nearest Burckhardt curve"]
     lines += [f"family = {quoted(family.name)}", *_matrix(curve.covariance)]
     if any(curve.peak_std):
-        lines.append(f"peak_std = {_list(curve.peak_std)}  # of mu_max and lambda_m by the form")
+        lines.append(
+            f"peak_std = {_list(curve.peak_std)}  # of mu_max and lambda_m, from the uncertain form"
+        )
     lines.append("[curve.parameters]")
     return lines + [
         f"{p.name} = {_number(value)}  # {p.unit}; {p.meaning}"

@@ -131,7 +131,7 @@ def _role(name: str, place: str) -> tuple[Role, int]:
     known = ", ".join(f"{role}.AXLE" if role.per_axle else str(role) for role in of_roles)
     role = next((role for role in of_roles if role == base), None)
     if role is None:
-        mend = f"known: {known}; further signals stand under [channels]"
+        mend = f"known: {known}; put other signals under [channels]"
         raise ConfigError(place, "unknown role", mend)
     fits = re.fullmatch("[1-9][0-9]{0,3}", axle) if role.per_axle else name == base
     if not fits:

@@ -57,11 +57,11 @@ def load_toml(path: Path) -> TomlFile:
         document = tomllib.loads(text)
     except RecursionError as error:
         raise ConfigError(
-            str(path), "values nested too deeply", "no key of ours has lists within lists of lists"
+            str(path), "values nested too deeply", "lists may be nested two deep at most"
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(
-            str(path), f"not TOML ({error})", "correct the line that it names"
+            str(path), f"not TOML ({error})", "correct the line that is named"
         ) from error
     except ValueError as error:  # Python reads no integer of so many digits
         raise ConfigError(str(path), f"not TOML ({error})", _INTEGERS) from error
@@ -81,7 +81,7 @@ def _require_short_keys(text: str, where: str) -> None:
                 raise ConfigError(
                     f"{where}: {piece.strip()[:20]}..",
                     f"a key of more than {MOST_KEY_PARTS} parts",
-                    "none of ours has more than three",
+                    "no key has more than three",
                 )
 
 

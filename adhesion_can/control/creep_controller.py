@@ -44,10 +44,10 @@ SPINNING, SPIN_CREEP = 3.0, 0.05
 class Mode(Enum):
     """What the controller goes by; the value is what to tell of it."""
 
-    SLOW = "the train hardly moves: a small slip is held"
-    SEARCH = "searching the peak by pairs of axles"
+    SLOW = "the train hardly moves: holding a small slip"
+    SEARCH = "searching for the peak with pairs of axles"
     HOLD = "holding the service's slip"
-    STEADY = "creep speeds swing: one slip for all axles, which climbs slowly"
+    STEADY = "creep speeds oscillate: one slip for all axles, rising slowly"
 
 
 class CreepController:

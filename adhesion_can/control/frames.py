@@ -317,14 +317,14 @@ def find_cycle_us(configuration: Configuration) -> int:
             raise ConfigError(
                 configuration.where,
                 f"no signal has the role {name}",
-                "the controller needs it; name it in [roles]",
+                "the controller needs it; map it in [roles]",
             )
         cycle_us = cycles[role, axle]
         if not cycle_us:
             raise ConfigError(
                 configuration.where,
                 f"the cycle of {name} is unknown",
-                "state cycle_ms at its role, or GenMsgCycleTime in the database",
+                "write cycle_ms at its role, or GenMsgCycleTime in the database",
             )
         if role is Role.WHEEL_SPEED:
             longest_us = max(longest_us, cycle_us)

@@ -50,7 +50,9 @@ class PlanFollower:
         self, vehicle: Locomotive, plan: DrivingPlan, settings: ControlSettings | None = None
     ) -> None:
         if plan.most_axle > vehicle.axles:
-            raise ValueError(f"the plan has an axle {plan.most_axle}, the vehicle {vehicle.axles}")
+            raise ValueError(
+                f"the plan uses axle {plan.most_axle}, but the vehicle has {vehicle.axles}"
+            )
         if not vehicle.wheelset_inertia > 0.0:
             raise ValueError("the wheelsets have no inertia to control")
         given = settings or ControlSettings()
@@ -83,10 +85,10 @@ class PlanFollower:
     def phase(self) -> str:
         """What is driven, for a reader."""
         if self.is_over:
-            return "the plan is over: no effort is demanded"
+            return "the plan has ended: no effort is demanded"
         number = self.step_number
         if number is None:
-            return f"approaching {self.plan.start_speed:g} m/s, at which the plan begins"
+            return f"approaching {self.plan.start_speed:g} m/s, the start of the plan"
         return f"step {number + 1} of {len(self.plan.steps)}: {self.plan.steps[number].description}"
 
     def step(self, measured: Measurement, _advice: Advice) -> Array:

@@ -51,17 +51,19 @@ class Directions(NamedTuple):
         found = []
         if self.opposite:
             share = f"{100 * self.opposite:.0f} % of the samples beyond the peak"
-            found.append(f"in {share} slip and adhesion have opposite signs")
+            found.append(f"slip and adhesion have opposite signs in {share}")
         if self.difference:
             way = "above" if self.difference > 0.0 else "below"
             share = f"{100 * abs(self.difference):.0f} % of mu_max"
-            found.append(f"near the peak the adhesion of traction is {share} {way} that of braking")
+            found.append(
+                f"near the peak, adhesion in traction is {share} {way} adhesion in braking"
+            )
         if not found:
             return ""
         return (
-            f"{', and '.join(found)}: one curve does not hold for all, and its peak is not "
-            "identified. A force may not be measured (friction brakes), a slip may be none of the "
-            "contact (bends); 'adhesion-can diagnose' looks for an effect"
+            f"{', and '.join(found)}: one curve does not fit both, so its peak is not "
+            "identified. Friction brakes that the effort does not contain, or slip in bends, "
+            "may be the reason; 'adhesion-can diagnose' looks for it"
         )
 
 

@@ -159,14 +159,14 @@ def plan_hold_out(samples: Samples, *, independent: bool) -> HoldOutPlan:
         for row in folds:
             dealt = [rng.permutation(parts) for _ in range(-(-n // parts))]
             row[order] = np.concatenate(dealt)[:n]
-        text = f"each of {n} points, predicted from nine tenths of the others, {REPEATS} times"
+        text = f"{n} points, each predicted from nine tenths of the others, {REPEATS} times"
         return HoldOutPlan(folds, np.arange(n), text)
     since = (samples.t_us - samples.t_us.min()) * 1e-6
     length = max(float(since.max()) / BLOCKS, SHORTEST_BLOCK_S)
     block = (since // length).astype(np.int64)
     if block.max() + 1 < FOLDS:  # too short for blocks of their own
         block = np.minimum(np.arange(n) * FOLDS // max(n, 1), FOLDS - 1)
-    text = f"each fifth of blocks of {length:.1f} s, predicted from the others"
+    text = f"blocks of {length:.1f} s in five groups, each predicted from the other four"
     return HoldOutPlan((block % FOLDS)[None], block, text)
 
 

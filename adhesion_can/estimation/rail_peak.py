@@ -69,27 +69,26 @@ class RailPeak:
     def sentence(self) -> str:
         """What holds, in one line."""
         if self.burckhardt_holds:
-            return "Burckhardt's form holds: no other curve family contradicts its peak."
+            return "Burckhardt's form fits: no other curve family contradicts its peak."
         mu_max, lambda_m, mu_max_std, lambda_m_std = self.peak
         known, common = self.identifiable, self.common
-        several = ", which the data cannot separate" if len(self.plausible) > 1 else ""
+        several = " (the data cannot distinguish them)" if len(self.plausible) > 1 else ""
         peak = (
-            f"the peak is {plus_minus(mu_max, mu_max_std if known.mu_max else None)} at a slip of "
-            f"{plus_minus(lambda_m, lambda_m_std if known.lambda_m else None)} by "
-            f"{_enumerate(self.plausible)}{several}, at {self.speed:.1f} m/s, with errors common "
-            f"to all samples of {common.slip:g} in slip and {100 * common.adhesion:g} % in adhesion"
+            f"the peak is {plus_minus(mu_max, mu_max_std if known.mu_max else None)} at a slip "
+            f"of {plus_minus(lambda_m, lambda_m_std if known.lambda_m else None)} with "
+            f"{_enumerate(self.plausible)}{several}, at {self.speed:.1f} m/s; the errors include "
+            f"{common.slip:g} of slip and {100 * common.adhesion:g} % of adhesion that all "
+            "samples share"
         )
         if self.misfit:
             return (
-                f"No curve family holds: {self.plausible[0]}, the best, leaves "
-                f"{100 * self.misfit:.1f} % of mu_max beyond the noise; {peak}, and that misfit."
+                f"No curve family fits: the best, {self.plausible[0]}, leaves a misfit of "
+                f"{100 * self.misfit:.1f} % of mu_max beyond the noise; {peak}, and this misfit."
             )
         certain = BURCKHARDT not in self.plausible
-        form = (
-            "Burckhardt's form does not hold" if certain else "The form of the curve is uncertain"
-        )
+        form = "Burckhardt's form does not fit" if certain else "The form of the curve is uncertain"
         plain = f"{self.plain.mu_max:.4f} at {self.plain.lambda_m:.4f}"
-        return f"{form} (Burckhardt's curve would give {plain}): {peak}."
+        return f"{form} (Burckhardt's curve gives {plain}): {peak}."
 
     def to_dict(self) -> dict[str, Any]:
         """Families, and the peak of Burckhardt's own curve, as JSON has them."""

@@ -146,9 +146,9 @@ def known_estimators() -> Mapping[str, MakeEstimator]:
     known = dict(ESTIMATORS)
     for plugin in load_plugins(GROUP):
         if plugin.name in known:
-            raise plugin.error(f"there is an estimator {plugin.name!r} already")
+            raise plugin.error(f"an estimator {plugin.name!r} exists already")
         if not callable(plugin.value):
-            raise plugin.error("its object cannot be called, and so makes no estimator")
+            raise plugin.error("its object cannot be called to make an estimator")
         known[plugin.name] = plugin.value
     return known
 

@@ -119,7 +119,7 @@ def _open(file: InputFile, config: Configuration) -> "RecordingUnit | TableUnit"
 def _identify(analysis: Analysis, unit: "RecordingUnit | TableUnit") -> Row:
     result = unit.identify()
     if result is None:
-        what = "not one usable sample (a moving vehicle, slip within the curve's range)"
+        what = "no usable sample (a moving vehicle, slip within the curve's range)"
         raise TableError(unit.file.name, what, "see the columns of 'check'")
     analysis.rows["segments"] = segment_rows(result, unit.position)
     return {}

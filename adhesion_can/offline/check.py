@@ -196,16 +196,15 @@ def _check_messages(result: CheckResult, hole: Hole | None, holes: int) -> None:
     """
     if hole is not None:
         result.failures.append(
-            f"no frame of any message for {hole.length_us / 1e6:.0f} s from "
-            f"{hole.from_us / 1e6:.3f} s on: two recordings, or a clock that was set; give the "
-            "parts one by one"
+            f"no frames for {hole.length_us / 1e6:.0f} s, from {hole.from_us / 1e6:.3f} s on: "
+            "the file holds two recordings, or its clock was set; check the parts separately"
         )
     for record in result.receiver.records:
         name = f"{record.message.plan.name} ({record.message.plan.frame_id:#x})"
         if not record.frames:
             required = record.message.roles & REQUIRED
             sentences = result.failures if required else result.limits
-            wrong = record.wrong_channel or ("not one frame in the recording",)
+            wrong = record.wrong_channel or ("no frames in the recording",)
             sentences.append(f"{name}: {'; '.join(wrong)}")
             continue
         for reason, count in record.rejected.items():
@@ -231,7 +230,7 @@ def _check_messages(result: CheckResult, hole: Hole | None, holes: int) -> None:
     result.failures.extend(result.receiver.stuck_sentences)
     if result.clamped:
         result.failures.append(
-            f"{counted(result.clamped, 'frame')} stamped before the one in front"
+            f"{counted(result.clamped, 'frame')} stamped earlier than the previous frame"
         )
 
 
@@ -241,12 +240,11 @@ def _check_senders(result: CheckResult) -> None:
     senders = result.receiver.senders
     for named, heard in senders.heard.items():
         others = ", ".join(f"{k:#04x}" for k in sorted(senders.others.get(named, ())))
-        further = f"; also sent, and not used: by {others}" if others else ""
+        further = f"; ignored: the same message from {others}" if others else ""
         if heard != source_address(named) or others:
             result.warnings.append(
-                f"{names[named]}: parameter group {parameter_group(named)} is taken from source "
-                f"address {heard:#04x}, the database has "
-                f"{source_address(named):#04x}{further}"
+                f"{names[named]}: parameter group {parameter_group(named)} is read from source "
+                f"address {heard:#04x}; the database names {source_address(named):#04x}{further}"
             )
 
 
@@ -258,8 +256,8 @@ def _check_loads(result: CheckResult, configuration: Configuration) -> None:
             continue
         if not seen.lowest / LOAD_TOLERANCE <= load <= seen.highest * LOAD_TOLERANCE:
             result.failures.append(
-                f"axle {axle}: axle_load_N = {load:g} in [vehicle], measured "
-                f"{seen.lowest:.6g} to {seen.highest:.6g} N; correct it, or the unit of the role"
+                f"axle {axle}: axle_load_N = {load:g} in [vehicle], but {seen.lowest:.6g} to "
+                f"{seen.highest:.6g} N is measured; correct it, or the unit of the role"
             )
 
 
@@ -280,8 +278,8 @@ def _check_vehicle(result: CheckResult, configuration: Configuration) -> None:
     ]
     if kept:
         result.warnings.append(
-            f"{', '.join(kept)}: of the default locomotive, a heavy Co-Co; write your vehicle's "
-            "own into [vehicle]"
+            f"{', '.join(kept)}: taken from the default locomotive, a heavy Co-Co; write your "
+            "vehicle's values into [vehicle]"
         )
 
 
@@ -307,7 +305,7 @@ def _check_axles(result: CheckResult, configuration: Configuration) -> None:
                 f"{' or '.join(lacking)}; map it, or write the number of axles in [vehicle]"
             )
         elif len(result.samples) and not np.any(result.samples.axle == axle):
-            result.failures.append(f"axle {axle}: not one sample could be formed")
+            result.failures.append(f"axle {axle}: no sample could be formed")
     for finding in inspect_samples(result.samples, table=False):
         is_wrong = finding.fatal and not configuration.assume_plausible
         (result.failures if is_wrong else result.warnings).append(finding.sentence)
@@ -317,23 +315,21 @@ def _check_excitation(result: CheckResult, configuration: Configuration) -> None
     missing = configuration.missing_for_identification()
     if missing:
         result.failures.append(
-            f"no role gives {' or '.join(missing)}: the adhesion coefficient, and with it mu_max "
-            "and lambda_m, cannot be estimated"
+            f"no role gives {' or '.join(missing)}, so adhesion, mu_max and lambda_m cannot be "
+            "estimated"
         )
         roles = configuration.roles()
         if {Role.WHEEL_SPEED, Role.VEHICLE_SPEED} <= roles:
-            result.findings.append("slip ratios can be formed: wheel and vehicle speed are there")
+            result.findings.append("slip ratios: wheel and vehicle speed are available")
         elif Role.WHEEL_SPEED in roles:
-            result.findings.append(
-                "wheel speeds can be compared with each other and with a reference"
-            )
+            result.findings.append("wheel speeds, compared with each other and with a reference")
         return
     if not len(result.samples):
         reasons = ", ".join(f"{why} ({n})" for why, n in result.dropped.items()) or "no data"
-        result.failures.append(f"not one sample could be formed: {reasons}")
+        result.failures.append(f"no sample could be formed: {reasons}")
         return
     if result.fit is None:
-        result.failures.append("every sample lies outside the slips that the curve is valid for")
+        result.failures.append("every sample lies outside the slip range of the curve")
         return
     describe_excitation(result.samples, result.fit, result.findings, result.limits)
     result.findings.extend(propose_instruments(result.samples, result.fit, configuration))
@@ -378,4 +374,4 @@ def describe_excitation(
     if known:
         findings.append(text)
     elif not differing:
-        limits.append(f"{text}: the slip never goes far enough beyond it")
+        limits.append(f"{text}: the slip never goes far enough beyond the peak")

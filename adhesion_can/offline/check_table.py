@@ -112,7 +112,7 @@ def _slow_rows(table: Table) -> Iterator[str]:
         unit = "ms" if step_s < 1e3 * SLOW_ROWS_S else "us"
         yield (
             f"time_s: the rows of an axle are {step_s:.4g} s apart; if the column is in {unit}, "
-            f"say --column time_s=time_s,unit={unit}"
+            f"pass --column time_s=time_s,unit={unit}"
         )
 
 
@@ -135,9 +135,7 @@ def _columns(table: Table) -> list[ColumnRange]:
         if name not in without or not np.array_equal(values, without[name])
     ]
     covariates = samples.covariates.items()
-    return found + [
-        _range(name, "channel that may be a cause", values) for name, values in covariates
-    ]
+    return found + [_range(name, "candidate cause", values) for name, values in covariates]
 
 
 def _range(name: str, meaning: str, values: Array) -> ColumnRange:
@@ -154,9 +152,9 @@ def _check_excitation(result: TableCheck, table: Table, config: Configuration) -
     labels = table.segment if table.timed else np.zeros(len(samples), dtype=np.int64)
     fitted = identify(samples, estimators.identifiability, labels=labels, noise=estimators.noise)
     if fitted is None:
-        result.failures.append("every row lies outside the slips that the curve is valid for")
+        result.failures.append("every row lies outside the slip range of the curve")
         return
     for sign, way in ((1.0, "traction"), (-1.0, "braking")):
         if not np.any(sign * samples.slip > 0.0):
-            result.limits.append(f"no {way}: errors of the instruments are part of the curve")
+            result.limits.append(f"no {way}: instrument errors cannot be separated from the curve")
     describe_excitation(samples, fitted, result.findings, result.limits)

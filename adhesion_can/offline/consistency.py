@@ -71,8 +71,8 @@ class Shift(NamedTuple):
         """What to do about it."""
         by = abs(self.by_s)
         return (
-            f"put the one that is late back in time; in a table --column NAME=COLUMN,"
-            f"late_s={by:.3g} of the {self.late}, or late_s=-{by:.3g} of the {self.early}"
+            f"shift the late one; in a table, pass --column NAME=COLUMN,late_s={by:.3g} for the "
+            f"{self.late}, or late_s=-{by:.3g} for the {self.early}"
         )
 
 
@@ -128,13 +128,13 @@ def inspect_delay(t_us: NDArray[np.int64], slip: Array, adhesion: Array) -> Iter
         return
     by = abs(shift.by_s)
     what = (
-        f"the {shift.late} comes {by:.3g} s after the {shift.early}: their correlation is "
-        f"{shift.correlation:.2f} so, and {shift.unshifted:.2f} as the rows stand"
+        f"the {shift.late} lags the {shift.early} by {by:.3g} s: their correlation is "
+        f"{shift.correlation:.2f} with this shift, and {shift.unshifted:.2f} without"
     )
     if shift.unexplained <= MOST_LEFT * by_borders:
         yield Finding(what, shift.fix, fatal=by > LONGEST_S)
     else:
-        what += "; or the rail changes, which explains the rows about as well"
+        what += "; a change of the rail explains the rows about as well"
         yield Finding(what, f"if one is late, {shift.fix}", fatal=False)
 
 
@@ -196,8 +196,8 @@ def inspect_acceleration(
     if ratio is None or ratio < FASTEST:
         return
     yield Finding(
-        f"the speed changes {ratio:.1f} times as fast as this adhesion on all axles can change it",
-        "if the column is in km/h, say --column speed_mps=speed_mps,unit=km/h",
+        f"the speed changes {ratio:.1f} times faster than this adhesion on all axles allows",
+        "if the column is in km/h, pass --column speed_mps=speed_mps,unit=km/h",
         fatal=False,
     )
 
@@ -216,10 +216,10 @@ def inspect_derived_force(
     found = find_derived_force(t_us, speed, adhesion)
     if found is not None:
         yield Finding(
-            "the force is computed from the speed: its rate of change explains "
-            f"{100 * found.explained:.0f} % of the force, and their noise has a correlation of "
+            "the force is computed from the speed: the rate of change of the speed explains "
+            f"{100 * found.explained:.0f} % of the force, and their noise correlates by "
             f"{found.shared:.2f}",
-            "no delay between force and speed can be told from such data; give a measured force",
+            "such data show no delay between force and speed; use a measured force",
             fatal=False,
         )
 

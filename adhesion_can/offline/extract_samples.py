@@ -174,7 +174,7 @@ def require_accepted_frame(receiver: Receiver, frames: int, where: str) -> None:
             "check database and protection; 'adhesion-can check' shows more",
         )
     if not frames:
-        raise RecordingError(where, "not one frame in it", NO_FRAME_MEND)
+        raise RecordingError(where, "it has no frames", NO_FRAME_MEND)
     if receiver.unmarked:
         what, _, mend = receiver.unmarked[0].partition("; ")
         raise RecordingError(where, f"no frame of a known id; {what}", mend)
@@ -188,6 +188,6 @@ def require_accepted_frame(receiver: Receiver, frames: int, where: str) -> None:
     )
     raise RecordingError(
         where,
-        f"none of its {frames} frames is one that is listened for ({names}, ..)",
-        "name your database with --dbc or your roles with --config",
+        f"none of its {frames} frames has a configured id ({names}, ..)",
+        "pass your database with --dbc, or your roles with --config",
     )

@@ -130,9 +130,9 @@ def _standing(points: Points) -> Iterator[Finding]:
     if points.table or int(unbraked.sum()) < LEAST_ROWS:
         return
     yield Finding(
-        "the wheel stands still while the vehicle moves, in "
-        f"{int(at_rest.sum())} of {len(at_rest)} samples",
-        "repair the sensor of its speed, or cut the recording where it fails",
+        f"the wheel does not turn while the vehicle moves, in {int(at_rest.sum())} of "
+        f"{len(at_rest)} samples",
+        "repair its speed sensor, or cut the recording where the sensor fails",
         fatal=float(at_rest.mean()) >= MOST_STANDING,
     )
 
@@ -147,11 +147,11 @@ def _slip_size(points: Points) -> Iterator[Finding]:
         return  # told as a ratio of the speeds
     mend = "check the wheel radius and the units of wheel and vehicle speed"
     if points.table:
-        mend = "a ratio is wanted; for percent say --column slip=slip,unit=percent"
+        mend = "give the slip as a ratio; for percent pass --column slip=slip,unit=percent"
     spins = points.table and _saturates(points)
     what = f"the slip reaches {size:.4g}"
     if spins:
-        what, mend = f"{what}: the wheel spins", "leave these rows out where they are not wanted"
+        what, mend = f"{what}: the wheel spins", "remove these rows if you do not want them"
     yield Finding(what, mend, fatal=not spins)
 
 
@@ -171,9 +171,12 @@ def _slip_slope(points: Points, size: float) -> Iterator[Finding]:
     absolute = np.abs(points.slip)
     low, high = (_slope(points, rows) for rows in (absolute <= size / 3, absolute > size / 3))
     if min(low, high) > 0.0 and low <= min(LEAST_SLOPE, MOST_BEND * high):
-        what = f"the adhesion rises in proportion to the slip up to {size:.3g}, by {low:.2g} of it"
-        percent = "if the slip is in percent, say --column slip=slip,unit=percent"
-        yield Finding(what, f"{percent}; a car that drifts has such slips, too")
+        what = (
+            f"the adhesion rises in proportion to the slip up to {size:.3g}, with a slope of "
+            f"{low:.2g}"
+        )
+        percent = "if the slip is in percent, pass --column slip=slip,unit=percent"
+        yield Finding(what, f"{percent}; a drifting car also reaches such slips")
 
 
 def _slope(points: Points, rows: NDArray[np.bool_]) -> float:
@@ -190,16 +193,16 @@ def _adhesion_size(points: Points) -> Iterator[Finding]:
         if points.table and points.load is not None:
             mend = _load_units(size, float(np.median(points.load))) or mend
         elif points.table:
-            mend = "if it is in percent, say --column adhesion=adhesion,unit=percent"
+            mend = "if it is in percent, pass --column adhesion=adhesion,unit=percent"
         what = f"the adhesion reaches {size:.4g}"
         if size <= RACING_ADHESION:
-            what += ", more than any wheel but a racing tyre's has"
+            what += ", which only a racing tyre reaches"
         yield Finding(what, mend)
     elif by_force and 0.0 < size < LEAST_ADHESION:
         mend = "check the axle load and the unit of the tractive effort"
         if points.table and LEAST_USED < 1e3 * size < ADHESION_LIMIT:
             name = "longitudinal_force_N"
-            mend = f"if the force is in kN, say --column {name}={name},unit=kN"
+            mend = f"if the force is in kN, pass --column {name}={name},unit=kN"
         yield Finding(f"the adhesion stays below {size:.2g}", mend)
 
 
@@ -221,7 +224,7 @@ def _load_units(size: float, load: float) -> str:
         return ""
     name = "normal_load_N"
     others = "".join(f"; if it is in {other}, unit={other}" for other in units[1:])
-    return f"if the load is in {units[0]}, say --column {name}={name},unit={units[0]}{others}"
+    return f"if the load is in {units[0]}, pass --column {name}={name},unit={units[0]}{others}"
 
 
 def _zero(points: Points) -> Iterator[Finding]:
@@ -234,9 +237,9 @@ def _zero(points: Points) -> Iterator[Finding]:
         return
     ratio = 1.0 + float(middle)
     yield Finding(
-        f"without adhesion the rim runs at {ratio:.4g} times the vehicle speed",
-        f"check the wheel radius, of which {1.0 / ratio:.4g} times the configured one would fit, "
-        "and the scales of wheel and vehicle speed; `calibrate` finds them from coasting",
+        f"while coasting, the rim speed is {ratio:.4g} times the vehicle speed",
+        f"check the wheel radius ({1.0 / ratio:.4g} times the configured one would fit) and the "
+        "scales of wheel and vehicle speed; `calibrate` finds them from coasting",
         fatal=abs(middle) > ROLLING_LIMIT,
     )
 
@@ -261,7 +264,7 @@ def _speed(points: Points) -> Iterator[Finding]:
     if middle > FAST:
         mend = "check the unit of the vehicle speed"
         if points.table:
-            mend = "if the column is in km/h, say --column speed_mps=speed_mps,unit=km/h"
+            mend = "if the column is in km/h, pass --column speed_mps=speed_mps,unit=km/h"
         what = f"the speed is about {middle:.0f} m/s, {3.6 * middle:.0f} km/h"
         yield Finding(what, mend, fatal=middle > TOO_FAST)
 
@@ -285,7 +288,7 @@ def _stamps(points: Points) -> Iterator[Finding]:
         return
     repeated = float(np.mean(np.diff(points.t_us) == 0))
     if repeated > LEAST_REPEATED:
-        what = f"{100 * repeated:.1f} % of the rows have the stamp of the row before"
+        what = f"{100 * repeated:.1f} % of the rows have the same stamp as the previous row"
         yield Finding(
             what, "take 'time_s' from a finer clock, or give an 'axle' column", fatal=False
         )
@@ -298,8 +301,10 @@ def _stuck(points: Points) -> Iterator[Finding]:
     ):
         run = longest_run(values, other)
         if run is not None and run[0] >= max(LEAST_STUCK, len(values) // 20):
-            what = f"the {name} stands at {run[1]:.4g} for {run[0]} rows while the other moves"
-            yield Finding(what, "leave those rows out, or repair the sensor", fatal=False)
+            what = (
+                f"the {name} stays at {run[1]:.4g} for {run[0]} rows while the other signal changes"
+            )
+            yield Finding(what, "remove those rows, or repair the sensor", fatal=False)
 
 
 def longest_run(values: Array, other: Array) -> tuple[int, float] | None:

@@ -23,15 +23,15 @@ SLIPPING = (0.4, 2.5)
 _VEHICLE_UNIT = "check the unit of vehicle_speed"
 _WHEEL_UNIT = "check the unit of wheel_speed"
 MENDS: Mapping[float, str] = {
-    -1.0: "the wheel speed counts the other way: change sign of wheel_speed",
+    -1.0: "the wheel speed has the opposite sign: change sign of wheel_speed",
     1 / 3.6: f"{_VEHICLE_UNIT}: it may be in km/h",
     3.6: f"{_VEHICLE_UNIT}: it may be in m/s",
     0.5 / pi: f"{_WHEEL_UNIT}: it may be in 1/s",
     2 * pi: f"{_WHEEL_UNIT}: it may be in rad/s",
     30 / pi: f"{_WHEEL_UNIT}: it may be in rpm",
-    pi / 30: f"{_WHEEL_UNIT}: it may be in rad/s and not in rpm",
+    pi / 30: f"{_WHEEL_UNIT}: it may be in rad/s, not in rpm",
     180 / pi: f"{_WHEEL_UNIT}: it may be in deg/s",
-    pi / 180: f"{_WHEEL_UNIT}: it may be in rad/s and not in deg/s",
+    pi / 180: f"{_WHEEL_UNIT}: it may be in rad/s, not in deg/s",
     2.0: "check the wheel radius: it may be a diameter",
     1e3: "check the wheel radius: it may be in mm",
 }
@@ -51,7 +51,7 @@ def inspect_rim_speeds(slips: Mapping[int, Array]) -> list[Finding]:
         if known is not None:
             axles.setdefault(known, []).append(axle)
     return [
-        Finding(f"{_name(own)}: the rim runs at {ratio:.3g} times the vehicle speed", MENDS[ratio])
+        Finding(f"{_name(own)}: the rim speed is {ratio:.3g} times the vehicle speed", MENDS[ratio])
         for ratio, own in axles.items()
     ]
 

@@ -32,17 +32,21 @@ def inspect_signs(points: Points) -> Iterator[Finding]:
     if opposite <= MOST_OPPOSITE or (not points.table and known_ratio(points.slip) is not None):
         return
     what = f"slip and force have opposite signs in {100 * opposite:.0f} % of {count} rows"
-    turn = "both are below 0 in braking; write sign = -1 for the role that is reversed"
+    turn = "in braking both are below 0; write sign = -1 for the reversed role"
     if points.table:
-        turn = "both are below 0 in braking; say --column slip=slip,sign=-1, or so for the force"
+        turn = (
+            "in braking both are below 0; pass --column slip=slip,sign=-1, or the same for the "
+            "force"
+        )
     shift = _shift(points)
     unexplained_by_sign = 1.0 if shift is None else 1.0 - min(shift.unshifted, 0.0) ** 2
     if shift is None or unexplained_by_sign < MOST_LEFT * shift.unexplained:
         yield Finding(what, turn)
         return
     what += (
-        f"; the {shift.late} may come {abs(shift.by_s):.3g} s after the {shift.early}: their "
-        f"correlation is {shift.correlation:.2f} so, {-shift.unshifted:.2f} with one sign turned"
+        f"; the {shift.late} may lag the {shift.early} by {abs(shift.by_s):.3g} s: their "
+        f"correlation is {shift.correlation:.2f} with this shift, and {-shift.unshifted:.2f} "
+        "with one sign reversed"
     )
     if shift.unexplained < MOST_LEFT * unexplained_by_sign:
         yield Finding(what, shift.fix)
@@ -68,7 +72,7 @@ def inspect_missing_sign(points: Points) -> Iterator[Finding]:
     if not points.table or int(clear.sum()) < LEAST_ROWS or not is_used:
         return
     slip, force = points.slip[clear], points.adhesion[clear]
-    mend = "write both below 0 in braking, the slip as (rim speed - speed) / speed"
+    mend = "write both below 0 in braking; the slip is (rim speed - speed) / speed"
     for name, values, other, others in (
         ("slip", slip, "force", force),
         ("force", force, "slip", slip),
@@ -78,7 +82,7 @@ def inspect_missing_sign(points: Points) -> Iterator[Finding]:
         below, share = float(np.mean(values < 0)), float(np.mean(others < 0))
         if varies and below <= UNSIGNED and BOTH_WAYS <= share <= 1.0 - BOTH_WAYS:
             yield Finding(
-                f"the {name} is never below 0 while the {other} is in {100 * share:.0f} % of the "
-                "rows: its sign is missing",
+                f"the {name} is never below 0, but the {other} is in {100 * share:.0f} % of the "
+                f"rows: the {name} has no sign",
                 mend,
             )

@@ -16,8 +16,8 @@ _UNITS: Mapping[float, str] = {
     1e3: "in ms",
     1e6: "in us",
     1e9: "in ns",
-    1e-3: "a thousandth of the seconds",
-    1e-6: "a millionth of the seconds",
+    1e-3: "a thousandth of the time in seconds",
+    1e-6: "a millionth of the time in seconds",
 }
 
 
@@ -54,13 +54,13 @@ def _require_seconds(block: Block, messages: Sequence[BoundMessage], where: str)
         cycle_us = float(np.median(np.diff(t_us)))
         ratios.append(cycle_us / message.cycle_us)
         example = example or (
-            f"{plan.name} comes every {cycle_us / 1e3:.10g} ms, its cycle is "
+            f"{plan.name} arrives every {cycle_us / 1e3:.10g} ms; its cycle is "
             f"{message.cycle_us / 1e3:g} ms"
         )
     for factor, unit in _UNITS.items():
         if ratios and np.all(np.abs(np.array(ratios) / factor - 1.0) < TOLERANCE):
             raise RecordingError(
                 where,
-                f"its stamps look to be {unit} ({example})",
+                f"its stamps seem to be {unit} ({example})",
                 "write them in seconds, or correct cycle_ms in the file of --config",
             )

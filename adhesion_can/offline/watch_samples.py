@@ -33,7 +33,9 @@ class ObjectionSpan(NamedTuple):
     def sentence(self, times: TimeScale) -> str:
         """What is objected to, with the times."""
         what = WORDINGS[self.objection].what
-        return f"{times.span(self.from_us, self.to_us)} s: {what}; no peak is known meanwhile"
+        return (
+            f"{times.span(self.from_us, self.to_us)} s: {what}; during this time no peak is known"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """For `--json`."""

@@ -61,7 +61,7 @@ class CandumpReader(BinaryIOMessageReader):
         if report.passed_over:
             places = ", ".join(map(str, report.bad_lines))
             name = getattr(self.file, "name", "candump text")
-            _log.warning("%s: %d lines passed over (%s)", name, report.passed_over, places)
+            _log.warning("%s: skipped %d lines (%s)", name, report.passed_over, places)
 
     def _readable(self, lines: Iterator[bytes]) -> Iterator[str]:
         """Lines as python-can's reader takes them; others of frames are written anew for it."""

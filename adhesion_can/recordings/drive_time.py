@@ -156,7 +156,7 @@ class _Stretches:
         if first_ns + self._offset_ns < 0:
             self._offset_ns = -first_ns
             self._recording.report.remarks.append(
-                f"stamps begin at {first_ns / 1e9:.3f} s and are moved to 0"
+                f"stamps start at {first_ns / 1e9:.3f} s and are shifted to 0"
             )
 
     def _done(self, rows: Block, t_ns: NDArray[np.int64]) -> Block:
@@ -212,7 +212,7 @@ class _Stretches:
             raise RecordingError(
                 str(self._recording.path),
                 "its frames are sorted newest first",
-                "turn the lines around, as 'tac' does",
+                "reverse the lines, for example with 'tac'",
             )
         return True
 
@@ -230,7 +230,9 @@ class _Stretches:
         report.backwards = max(report.backwards - len(self._steps), 0)
         shown = ", ".join(self._steps[:SHOWN]) + (", .." if len(self._steps) > SHOWN else "")
         times = counted(len(self._steps), "time")
-        report.remarks.append(f"the clock steps back {times} ({shown}): a new stretch begins there")
+        report.remarks.append(
+            f"the clock steps back {times} ({shown}); each step starts a new part"
+        )
 
 
 def _names(rows: Block) -> list[tuple[str, int]]:
@@ -245,6 +247,6 @@ def _names(rows: Block) -> list[tuple[str, int]]:
 def _out_of_order(recording: Recording) -> RecordingError:
     return RecordingError(
         str(recording.path),
-        "begins before the recording in front of it ends",
+        "starts before the previous recording ends",
         "name the recordings in the order of their times, or replay them one by one",
     )

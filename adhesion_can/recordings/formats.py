@@ -85,11 +85,13 @@ def detect_format(path: Path, head: bytes) -> str:
         return seen
     for first, (what, mend) in _OTHERS.items():
         if head.startswith(first):
-            raise RecordingError(str(path), f"{what}, no recording of a bus", mend)
+            raise RecordingError(str(path), f"{what}, not a recording of a bus", mend)
     named = _format_by_name(path)
     if named is None:
         raise RecordingError(
-            str(path), "not candump text, nor of a suffix that python-can reads", _ANOTHER_TEXT
+            str(path),
+            "not candump text, and python-can reads no file with this suffix",
+            _ANOTHER_TEXT,
         )
     return named
 
@@ -152,8 +154,8 @@ def require_text_name(path: Path, where: str) -> None:
     """
     suffix = _inner_suffix(path)
     if path.suffix.lower() == ".zst":
-        raise InputError(where, "candump text is packed as .gz alone", f"name it {path.stem}.gz")
+        raise InputError(where, "candump text is compressed as .gz only", f"name it {path.stem}.gz")
     if suffix in PYTHON_CAN:
         text = path.name[: path.name.lower().rindex(suffix)] + CANDUMP
-        mend = f"name it {text}, and let 'can_logconvert {text} {path.name}' make the other"
-        raise InputError(where, "candump text is what is written, not that format", mend)
+        mend = f"name it {text}, then convert it with 'can_logconvert {text} {path.name}'"
+        raise InputError(where, "the file is written as candump text, not in that format", mend)

@@ -111,7 +111,7 @@ def _reason(status: int, limits: Limits) -> str:
     """Why a process ended early, by its exit status; that of a signal is negative."""
     name = signal.Signals(-status).name if status < 0 else ""
     if name == "SIGXCPU":
-        return f"reading it takes more than {limits.processor_s} s of the processor"
+        return f"reading it takes more than {limits.processor_s} s of processor time"
     return f"its reader ended early ({name or f'status {status}'})"
 
 

@@ -79,8 +79,8 @@ def mf4_blocks(mdf: Any, report: ReadReport, size: int) -> Iterator[tuple[Block,
         shown = ", ".join(signals[:_SHOWN]) + (", .." if len(signals) > _SHOWN else "")
         raise RecordingError(
             str(mdf.original_name or mdf.name),
-            f"it holds decoded signals ({shown}), no frames of a bus",
-            "give the recording of the bus; a table with a slip goes to 'identify'",
+            f"it holds decoded signals ({shown}), not frames of a bus",
+            "give the recording of the bus; 'identify' reads a table with a slip column",
         )
     total = sum(group.left for group in groups)
     given = 0
@@ -157,7 +157,7 @@ class _Group:
             raise NotInColumnsError(f"{self._name} lacks {', '.join(sorted(missing))}")
         seconds = stamps + self._start
         if not (np.abs(seconds) <= LAST_US / 1e6).all():
-            raise NotInColumnsError("stamps that are no time")
+            raise NotInColumnsError("stamps that are not times")
         # The group's earlier records do not count: they are given by now, and so is every row of
         # another group that stands in front of them.
         order = np.maximum.accumulate(seconds)

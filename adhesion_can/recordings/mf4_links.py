@@ -68,7 +68,7 @@ def require_sound_links(path: Path) -> None:
     with path.open("rb") as file:
         head = file.read(_FIRST_BLOCK)
         if len(head) < _FIRST_BLOCK or head[:3] not in (b"MDF", b"UnF"):
-            raise LinkError("it does not begin as MDF does")
+            raise LinkError("it does not start like an MDF file")
         if head[_VERSION_AT : _VERSION_AT + 1] < b"4":
             return
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
@@ -84,14 +84,14 @@ def _follow(data: mmap.mmap) -> None:
         body = at + _HEAD.size + 8 * links
         if kind not in kinds or body > len(data):
             if kinds[0] in _COUNTED:
-                raise LinkError(f"a link leads to {at}, where no {kinds[0]} block is")
+                raise LinkError(f"a link points to {at}, where there is no {kinds[0]} block")
             continue
         if kind == "DZ":
             _require_size(data, at, body)
         if kind not in _FOLLOWED:
             continue
         if at in seen:
-            raise LinkError(f"two links lead to the {kind} block at {at}: a chain has no end")
+            raise LinkError(f"two links point to the {kind} block at {at}: its chain is a loop")
         seen.add(at)
         places = _FOLLOWED[kind]
         if kind in _LISTS:

@@ -20,7 +20,7 @@ def distinct_names(paths: Sequence[Path]) -> list[str]:
 
 def describe_problems(
     recordings: Sequence[Recording],
-    backwards: str = "taken at that one's time",
+    backwards: str = "read with the time of the previous frame",
     names: Sequence[str] | None = None,
     *,
     with_remarks: bool = True,
@@ -42,7 +42,7 @@ def describe_problems(
         found += [f"{name}: {remark}" for remark in report.remarks] if with_remarks else []
         if report.backwards:
             count = counted(report.backwards, "frame")
-            found.append(f"{name}: {count} stamped before the one in front, {backwards}")
+            found.append(f"{name}: {count} stamped earlier than the previous frame, {backwards}")
         if report.passed_over:
             kinds = ", ".join(
                 f"{report.kinds[kind]} {kind}"
@@ -51,7 +51,7 @@ def describe_problems(
             )
             lines = ", ".join(map(str, report.bad_lines[:5]))
             where = f" (line {lines}, ..)" if lines else ""  # the end of a packed file has none
-            found.append(f"{name}: lines passed over: {kinds}{where}")
+            found.append(f"{name}: lines skipped: {kinds}{where}")
     return found
 
 
@@ -66,7 +66,7 @@ def describe_remarks(recordings: Sequence[Recording]) -> list[str]:
 
 
 def no_frame_error(
-    recordings: Sequence[Recording], what: str = "not one frame in it"
+    recordings: Sequence[Recording], what: str = "it has no frames"
 ) -> RecordingError:
     """Error for recordings without a frame, with what was passed over: the file may be cut.
 

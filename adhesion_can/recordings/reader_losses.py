@@ -43,4 +43,4 @@ def collect_python_can_warnings(notes: list[str]) -> Iterator[None]:
         logger.removeHandler(counter)
         if counter.count:
             lines = "a warning" if counter.count == 1 else f"{counter.count} warnings"
-            notes.append(f"python-can gives {lines} on lines or frames in it: {counter.first}")
+            notes.append(f"python-can reports {lines} about its lines or frames: {counter.first}")

@@ -46,7 +46,7 @@ from adhesion_can.recordings.sqlite_frames import read_sqlite
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
 _ROWS = 50_000  # of a block of a format that is read frame by frame
-_MF4_MEND = "write it anew with the tool that made it, or export its frames as candump text"
+_MF4_MEND = "write it again with the tool that made it, or export its frames as candump text"
 
 _READERS: dict[str, tuple[Callable[[Any], can.io.generic.MessageReader], str]] = {
     ".asc": (can.ASCReader, "rt"),
@@ -82,7 +82,9 @@ class Recording:
         self._reader: can.io.generic.MessageReader | None = None
         if str(path) == "-":
             raise RecordingError(
-                "-", "standard input is not read: a recording is read twice", "write it to a file"
+                "-",
+                "standard input cannot be read: a recording is read twice",
+                "write it to a file",
             )
         try:
             if path.exists() and not (path.is_file() or path.is_dir()):
@@ -98,7 +100,7 @@ class Recording:
             ) from error
         self._format = detect_format(path, self._head())
         if is_misnamed(path, self._format):
-            self.report.remarks.append(f"{FORMAT_NAMES[self._format]} by its content")
+            self.report.remarks.append(f"{FORMAT_NAMES[self._format]}, judging by its content")
         if self._packing is Packing.ZSTD and self._format not in (CANDUMP, FRAME_TABLE, *COLUMNS):
             raise RecordingError(
                 str(path), "python-can reads no zstd", "unpack it with 'zstd -d', or use gzip"
@@ -217,7 +219,7 @@ class Recording:
             except Exception as error:  # of a head; python-can's parsers raise whatever they meet
                 raise RecordingError(
                     str(self.path),
-                    f"its head cannot be read ({_reason(error)})",
+                    f"its header cannot be read ({_reason(error)})",
                     "record or export it again",
                 ) from error
             for block, self.position in join_blocks(found, size // _CHUNK):
@@ -228,7 +230,7 @@ class Recording:
             lines = list(islice(source.lines(), HEAD_LINES))
         first = lines[0] if lines else b""
         if len(first) == LINE_LIMIT and b"\r" in first:
-            raise ValueError("no line feed ends its lines")
+            raise ValueError("its lines do not end with a line feed")
         return [piece for line in lines for piece in line.splitlines(keepends=True)]
 
     def _limited(self, work: Callable[[Path], Iterator[_Read]]) -> Iterator[Block]:
@@ -374,7 +376,7 @@ class Recording:
         return RecordingError(
             str(self.path),
             f"{who} stops after {sum(self.report.kinds.values())} frames ({_reason(error)})",
-            "convert the file to candump text, whose bad lines are passed over",
+            "convert the file to candump text, where bad lines are skipped",
         )
 
 

@@ -63,7 +63,7 @@ def read_reference(option: str) -> tuple[NDArray[np.int64], Array]:
         if any(cell.strip() for cell in row)
     ]
     if not any(isfinite(speed) for _, speed in values):
-        raise TableError(str(path), f"not one number in {name!r}", "check the column")
+        raise TableError(str(path), f"{name!r} has no numbers", "check the column")
     if any(after < before for (before, _), (after, _) in pairwise(values)):
         raise TableError(str(path), "its times run backwards", "sort it by time_s")
     time_s, speed = np.array(values).T
@@ -77,5 +77,5 @@ def _numbers(row: list[str], places: tuple[int, int], where: str) -> tuple[float
     except (IndexError, ValueError) as error:
         raise TableError(where, "not numbers under the header", "correct the line") from error
     if not abs(time_s) < TIME_LIMIT_S:
-        raise TableError(where, f"{time_s} is no time", "correct the line")
+        raise TableError(where, f"{time_s} is not a time", "correct the line")
     return time_s, speed if isfinite(speed) else np.nan

@@ -59,7 +59,7 @@ class _StrayDetector:
         self._report.kinds["stray"] += 1
         if self._report.kinds["stray"] == 1:
             self._report.notes.append(
-                "frames with a broken stamp far ahead are left out, the first of "
+                "dropped frames whose stamp is far ahead of the others, the first at "
                 f"{t_us / 1e6:.6f} s"
             )
 

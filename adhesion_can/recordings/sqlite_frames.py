@@ -73,7 +73,7 @@ def _require_table(connection: sqlite3.Connection) -> None:
     if not kinds:
         raise ValueError(f"no such table: {TABLE}")
     if kinds != ["table"]:
-        raise ValueError(f"its {TABLE} are no table but a view")
+        raise ValueError(f"its {TABLE} is a view, not a table")
     hidden = [
         kind for (kind,) in connection.execute("SELECT hidden FROM pragma_table_xinfo(?)", (TABLE,))
     ]

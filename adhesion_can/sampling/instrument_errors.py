@@ -25,7 +25,7 @@ from adhesion_can.sampling.equations import Measured
 from adhesion_can.values import Stateful, Value
 
 Stamps = NDArray[np.int64]
-NOT_CORRECTED = "what an instrument's error depends on is not available"
+NOT_CORRECTED = "a channel that the instrument's error depends on is not available"
 """Reason why a wheel speed gave no sample."""
 
 

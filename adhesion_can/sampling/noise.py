@@ -173,7 +173,7 @@ def estimate_signal(trace: Trace, step: float = 0.0) -> NoiseEstimate:
     total = var * max(level / float(by_stride[0]), 1.0)
     if total <= LEAST_STEP_SHARE * rounding:
         bound = sqrt(max(total - rounding, 0.0))
-        reason = "the step of the signal hides it"
+        reason = "the resolution of the signal hides it"
         return NoiseEstimate(bound, sqrt(rounding), lasts_s, seen_s, reason)
     std = sqrt(total - rounding)
     return NoiseEstimate(std, 0.5 * found[order].std_error * total / std, lasts_s, seen_s)
@@ -189,13 +189,13 @@ def _unknown(value: Array, var: float, rounding: float) -> str:
 
     """
     if not np.isfinite(var):
-        return "no stretch without gaps is long enough"
+        return "no part without gaps is long enough"
     moved = np.diff(value, axis=-1)
     repeats = float((moved == 0.0).sum()) / max(int(np.isfinite(moved).sum()), 1)
     if repeats == 1.0:
         return "the signal is constant"
     if repeats > REPEATED and var > LEAST_STEP_SHARE * rounding:
-        return f"{100 * repeats:.0f} % of its readings repeat the one before"
+        return f"{100 * repeats:.0f} % of its readings repeat the previous one"
     return ""
 
 

@@ -28,7 +28,7 @@ class Counter(NamedTuple):
 
 COUNTERS = (
     Counter("received", "frames_received", "frames received", lambda s: s.counts.received),
-    Counter("sent", "frames_sent", "frames that the bus took", lambda s: s.bus.sent),
+    Counter("sent", "frames_sent", "frames that the bus accepted", lambda s: s.bus.sent),
     Counter(
         "send_errors", "send_errors", "frames that the bus refused", lambda s: s.bus.send_errors
     ),
@@ -48,7 +48,7 @@ COUNTERS = (
     Counter(
         "overdue",
         "frames_overdue",
-        "frames not sent, since they were due too long ago",
+        "frames dropped because they were overdue",
         lambda s: s.counts.overdue,
     ),
     Counter(
@@ -60,7 +60,7 @@ COUNTERS = (
     Counter(
         "bus_off",
         "bus_off",
-        "times that the controller left the bus for its errors",
+        "times that the controller left the bus after errors (bus-off)",
         lambda s: s.counts.bus_off,
     ),
     Counter(
@@ -70,19 +70,19 @@ COUNTERS = (
     Counter(
         "frames_lost",
         "frames_lost",
-        "input frames lost, by their counters and by the kernel",
+        "input frames lost, from their counters and the kernel",
         lambda s: s.core.receiver.lost + s.core.counts.receive_drops,
     ),
     Counter(
         "frames_clamped",
         "frames_clamped",
-        "frames stamped before the present time",
+        "frames stamped earlier than the frame before",
         lambda s: s.core.counts.clamped,
     ),
     Counter(
         "readings_stuck",
         "readings_stuck",
-        "readings left out, since their signal was stuck",
+        "readings dropped because their signal was stuck",
         lambda s: s.core.receiver.stuck,
     ),
     Counter(

@@ -40,10 +40,12 @@ def file_lock(path: Path, where: str, *, wait_s: float = 0.0) -> Iterator[None]:
         number = _locked(place, where, time.monotonic() + wait_s)
     except BlockingIOError as error:
         what = "is in use by another process of adhesion-can"
-        raise InputError(where, what, f"end that one, or name another file ({place})") from error
+        raise InputError(
+            where, what, f"stop that process, or name another file ({place})"
+        ) from error
     except OSError as error:
         what = f"cannot be locked by {place.name} ({error.strerror})"
-        raise InputError(where, what, "name another file, in a folder of yours") from error
+        raise InputError(where, what, "name another file, in a folder that you own") from error
     try:
         yield
     finally:
@@ -59,7 +61,7 @@ def _locked(place: Path, where: str, until_s: float) -> int | None:
             number = os.open(place, flags, 0o600)
         except OSError as error:
             if error.errno == errno.ELOOP:
-                mend = "remove that link, or name another file"
+                mend = "remove the link, or name another file"
                 raise InputError(where, f"its lock {place.name} is a link", mend) from error
             if error.errno in (errno.EROFS, errno.EACCES) and not place.exists():
                 return None
@@ -77,8 +79,8 @@ def _locked(place: Path, where: str, until_s: float) -> int | None:
 
 def _require_file(number: int, place: Path, where: str) -> None:
     if not stat.S_ISREG(os.fstat(number).st_mode):
-        mend = "remove that, or name another file"
-        raise InputError(where, f"its lock {place.name} is no file", mend)
+        mend = "remove it, or name another file"
+        raise InputError(where, f"its lock {place.name} is not a file", mend)
 
 
 def _take(number: int, until_s: float) -> None:

@@ -110,9 +110,9 @@ class FrameLog:
         try:
             self._begin(path)
         except InputError as error:
-            self._notify(f"--log: {error}; the service goes on without a log")
+            self._notify(f"--log: {error}; the service continues without a log")
         else:
-            self._notify(f"--log: goes on in {path.name}")
+            self._notify(f"--log: continues in {path.name}")
 
     def _end(self, error: OSError | None = None) -> None:
         """End the file, whole, or as a part at an error of the disk."""
@@ -129,8 +129,8 @@ class FrameLog:
             reason = told
         if reason is not None:
             self._notify(
-                f"--log: {reason}; it ends here, what was written stays in *.part; SIGHUP begins "
-                "another one"
+                f"--log: {reason}; logging has stopped; the lines so far are in *.part; SIGHUP "
+                "starts a new log"
             )
 
 
@@ -184,12 +184,14 @@ class LogBehind:
         """Wait for the end, as long as a disk or a reader may take; returns whether it came."""
         has_ended = self._lines.wait(self._end_s)
         if not has_ended:
-            self._notify(f"--log: {self.lost} lines lost: they were not taken by the end")
+            self._notify(
+                f"--log: {self.lost} lines lost: they were not written before the service ended"
+            )
         return has_ended
 
     def _tell_hole(self) -> None:
-        self._notify("--log: lines are lost from here on: what takes them does not keep up")
+        self._notify("--log: losing lines: the disk or the reader is too slow")
 
     def _mark_hole(self, lines: int) -> None:
-        self._lines.put(f"# {lines} lines lost: what takes them did not keep up\n")
-        self._notify(f"--log: goes on, {lines} lines lost")
+        self._lines.put(f"# {lines} lines lost: the disk or the reader was too slow\n")
+        self._notify(f"--log: continues; {lines} lines lost")

@@ -143,7 +143,7 @@ def state_from_text(text: str, vehicle: str, now_us: int, most_age_s: float) -> 
     young = tuple(one for one in surfaces if now_us - one.seen_us <= most_age_s * 1e6)
     if surfaces and not young:
         age_h = (now_us - surfaces[-1].seen_us) / 3.6e9
-        raise StateError(f"too old: its latest surface was seen {age_h:.1f} h ago")
+        raise StateError(f"too old: it last saw a surface {age_h:.1f} h ago")
     return KeptState(vehicle, young[-MOST_SURFACES:])
 
 
@@ -154,13 +154,13 @@ def _document(text: str) -> dict[str, Any]:
         document = json.loads(text)
         checksum = _checksum(document)
     except (ValueError, RecursionError) as error:
-        raise StateError("damaged: no JSON") from error
+        raise StateError("damaged: not JSON") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise StateError("it is no state of adhesion-can")
+        raise StateError("it is not a state file of adhesion-can")
     if document.get("version") != VERSION:
         raise StateError(f"version {document.get('version')!r}, this service reads {VERSION}")
     if document.pop("sha256", None) != checksum:
-        raise StateError("damaged: the checksum does not fit")
+        raise StateError("damaged: the checksum is wrong")
     if not {"vehicle", "surfaces"} <= set(document):
         raise StateError("damaged: vehicle or surfaces missing")
     return document
@@ -178,7 +178,7 @@ def _surface(table: Any) -> KeptSurface:
     if not (all(map(isfinite, (c1, c2, c3))) and c1 > 0 and c2 > 0 and 0 <= c3 < c1 * c2):
         raise ValueError("no curve")
     if any(map(gt, (c1, c2, c3), LARGEST_BASE)):
-        raise ValueError("a curve that no contact has")
+        raise ValueError("a curve that no wheel/rail contact has")
     since_us, seen_us = (int(table[name]) for name in ("since_us", "seen_us"))
     if max(abs(since_us), abs(seen_us)) > LATEST_US:
         raise ValueError("no time")

@@ -239,13 +239,13 @@ class LiveService:
         for name in signals:
             if name not in self._stuck_signals:
                 self._notify(
-                    f"{name} is stuck: its frames come, but a value that used to change stands "
-                    "still; not available until it changes (stuck_check = false for that role "
-                    "where it may)"
+                    f"{name} is stuck: its frames arrive but its value no longer changes; it "
+                    "counts as not available until it does (if it may stay constant, set "
+                    "stuck_check = false for its role)"
                 )
         for name in self._stuck_signals:
             if name not in signals:
-                self._notify(f"{name} changes again")
+                self._notify(f"{name} is no longer stuck")
         self._stuck_signals = signals
 
     def _tell_overload(self) -> None:
@@ -253,15 +253,16 @@ class LiveService:
         if self._queue.is_overloaded and not self._overload_told:
             self._overload_told = True
             self._notify(
-                "more frames come than are handled here: the oldest are dropped (frames_lost), "
-                "setpoints go on; end what runs beside, or send fewer frames of our inputs"
+                "overload: dropping the oldest frames (frames_lost); setpoints continue; stop "
+                "other programs on this machine, or send fewer input frames"
             )
 
     def _tell_bus_off(self) -> None:
         self.counts.bus_off += 1
         self._notify(
-            "the controller left the bus for its errors (bus-off): nothing is received or sent "
-            "until it is restarted; `ip link set can0 type can restart-ms 100` lets it try"
+            "the CAN controller left the bus after errors (bus-off); it receives and sends "
+            "nothing until it is restarted; `ip link set can0 type can restart-ms 100` restarts "
+            "it automatically"
         )
 
     def _handle_own_id(self, frame: Frame) -> None:
@@ -273,8 +274,8 @@ class LiveService:
         if not self.counts.foreign_outputs:
             name = self.core.messages.find_name(frame.arbitration_id)
             self._notify(
-                f"another sender of {name} ({frame.arbitration_id:#x}) on this bus: status FAULT "
-                "while it sends; stop it, or give this service a database with other ids"
+                f"another node on this bus sends {name} ({frame.arbitration_id:#x}); the status "
+                "is FAULT while it does; stop it, or give this service a database with other ids"
             )
         self.counts.foreign_outputs += 1
         mark = Mark(max(frame.t_us, self.core.now_us), SECOND_SENDER)

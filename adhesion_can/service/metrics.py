@@ -35,7 +35,7 @@ GAUGES: tuple[tuple[str, str, Callable[[Outputs], float | None]], ...] = (
     ("lambda_m_std", "its standard deviation", lambda out: out.lambda_m_std),
     (
         "creep_speed_setpoint_meters_per_second",
-        "creep speed that is recommended",
+        "recommended creep speed",
         lambda out: out.setpoint.creep_speed,
     ),
     ("surface_age_seconds", "time since the rail changed", lambda out: out.surface_age_s),
@@ -66,7 +66,7 @@ class ServiceCollector(Collector):
             value = counter.read(service)
             yield CounterMetricFamily(f"{PREFIX}{counter.metric}", counter.meaning, value)
         lost = self._log_lines_lost()
-        yield CounterMetricFamily(f"{PREFIX}log_lines_lost", "lines that the log lost", lost)
+        yield CounterMetricFamily(f"{PREFIX}log_lines_lost", "lines lost from the log", lost)
         yield self._collect_rejected()
         yield self._collect_lateness()
         if (loop_us := service.core.loop_time_p99_us) is not None:
@@ -103,7 +103,7 @@ class ServiceCollector(Collector):
         bounds = [str(bound / 1e6) for bound in BOUNDS_US] + ["+Inf"]
         return HistogramMetricFamily(
             f"{PREFIX}setpoint_lateness_seconds",
-            "time from a setpoint's due time until it was sent",
+            "delay of setpoints after their due time",
             buckets=list(zip(bounds, accumulate(lateness.counts), strict=True)),
             sum_value=lateness.sum_us / 1e6,
         )

@@ -36,7 +36,7 @@ def require_layout(message: Message, own: Message, where: str) -> None:
         if _page(signal) != _page(original):
             raise DatabaseError(
                 where,
-                f"its signal {signal.name} is multiplexed otherwise than the one that is sent",
+                f"its signal {signal.name} is multiplexed differently from the one that is sent",
                 f"write {_page_text(original)}",
             )
     plan, own_plan = MessagePlan(message), MessagePlan(own)
@@ -66,8 +66,8 @@ def _require_protection(plan: SignalPlan, own: SignalPlan, where: str) -> None:
     if _bits(plan) != _bits(own) or scaling != (False, False, 1, 0):
         raise DatabaseError(
             where,
-            f"its signal {plan.name} is not where it is sent",
-            f"begin at bit {own.shift} with {own.length} bits, no sign, factor 1 and offset 0",
+            f"its signal {plan.name} has another position than the one that is sent",
+            f"start it at bit {own.shift} with {own.length} bits, no sign, factor 1 and offset 0",
         )
 
 
@@ -77,13 +77,15 @@ def _require_values(plan: SignalPlan, own: SignalPlan, where: str) -> None:
     Values beyond the range of a signal saturate: a status would be another one.
     """
     if not abs(plan.scale) > 0.0:
-        raise DatabaseError(where, f"its signal {plan.name} has the factor 0", "give it another")
+        raise DatabaseError(
+            where, f"its signal {plan.name} has the factor 0", "give it another factor"
+        )
     if own.not_available is not None:
         if plan.not_available is None:
             raise DatabaseError(
                 where,
                 f"its signal {plan.name} cannot say 'not available'",
-                "give it 8 bits or more, and no float",
+                "make it an integer of 8 bits or more",
             )
         return
     for number in range(int(own.minimum or 0), int(own.maximum or 0) + 1):
@@ -101,7 +103,9 @@ def _require_places(plan: MessagePlan, signals: list[Signal], where: str) -> Non
     for name, own in bits.items():
         if own & _PROTECTED_BITS:
             raise DatabaseError(
-                where, f"its signal {name} lies on checksum or counter", "begin at bit 12 or later"
+                where,
+                f"its signal {name} overlaps the checksum or counter",
+                "start it at bit 12 or later",
             )
     for one, other in combinations(signals, 2):
         pages = [set(signal.multiplexer_ids or ()) for signal in (one, other)]

@@ -63,7 +63,7 @@ def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
             raise DatabaseError(
                 f"{database.path.name}: {name}",
                 f"no signal {', '.join(sorted(missing))}",
-                "take the message over from our own database, or leave all output messages out",
+                "copy the message from dbc/adhesion.dbc, or remove all output messages",
             )
         if cycle_us(message) is None:
             raise DatabaseError(

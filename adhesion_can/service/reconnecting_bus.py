@@ -17,8 +17,8 @@ BUS_LOST_CODES = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBA
 CHECKED_FRAMES = 50
 """Number of frames sent from one look to the next at whether the interface sends them at all."""
 LISTEN_ONLY = (
-    "nothing of ours gets on the bus: the adapter only listens; for SocketCAN `ip link set can0 "
-    "down; ip link set can0 type can listen-only off; ip link set can0 up`"
+    "the adapter only listens, so no frame of this service reaches the bus; for SocketCAN run "
+    "`ip link set can0 down; ip link set can0 type can listen-only off; ip link set can0 up`"
 )
 OPENING_ERRORS = (can.CanError, OSError, ValueError, BusError)
 """Errors by which python-can's interfaces and the commands say that a bus cannot be opened."""
@@ -85,7 +85,7 @@ class ReconnectingBus:
         except OPENING_ERRORS as error:
             if not wait_for_it or isinstance(error, can.CanInterfaceNotImplementedError):
                 raise
-            self._notify(f"the bus cannot be opened yet ({error}); trying again")
+            self._notify(f"cannot open the bus yet ({error}); trying again")
             self._plan_next_attempt()
 
     @property
@@ -136,7 +136,7 @@ class ReconnectingBus:
             if code in BUS_LOST_CODES:
                 self._close_lost_bus(error)
             elif self.send_errors == 1:
-                self._notify(f"the bus does not take our frames: {error}")
+                self._notify(f"the bus does not accept frames: {error}")
             return False
         self.sent += 1
         self._confirm_bus()
@@ -191,7 +191,7 @@ class ReconnectingBus:
 
     def _close_lost_bus(self, error: Exception) -> None:
         if not self._reopened_unconfirmed:
-            self._notify(f"the bus is gone ({error}); trying to open it again")
+            self._notify(f"the bus is gone ({error}); reopening it")
             self._failed_attempts = -1
         # Else it could be opened and carried nothing: the pauses go on growing.
         self._reopened_unconfirmed = False
@@ -200,7 +200,7 @@ class ReconnectingBus:
             try:
                 self._bus.shutdown()
             except (can.CanError, OSError) as at_close:
-                self._notify(f"closing it failed as well ({at_close})")
+                self._notify(f"closing it also failed ({at_close})")
         self._bus = None
         self._plan_next_attempt()
 

@@ -29,13 +29,13 @@ def read_key(path: Path) -> bytes:
         status = os.fstat(file.fileno())
         text = file.read(_MOST_BYTES + 1)
     if status.st_uid not in (0, os.geteuid()):
-        raise InputError(where, "belongs to another user", "take it over with chown")
+        raise InputError(where, "belongs to another user", "change its owner with chown")
     if status.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise InputError(where, "others than its owner have rights on it", f"chmod 600 {path}")
+        raise InputError(where, "users other than its owner can access it", f"chmod 600 {path}")
     if re.fullmatch(rb"[0-9A-Fa-f]{%d}\s*" % (2 * KEY_BYTES), text) is None:
         raise InputError(
             where,
-            f"has not the {2 * KEY_BYTES} hexadecimal digits of a key",
+            f"does not hold a key of {2 * KEY_BYTES} hexadecimal digits",
             f"make one: openssl rand -hex {KEY_BYTES}",
         )
     return bytes.fromhex(text.decode().strip())
@@ -74,7 +74,7 @@ class TripFile:
         if re.fullmatch(rb"[0-9]{1,10}\s*", text) is None:
             raise InputError(
                 str(self._path),
-                "is no trip counter",
-                "write a number higher than all that were used with this key",
+                "is not a trip counter",
+                "write a number larger than any that was used with this key",
             )
         return int(text)

@@ -76,7 +76,9 @@ class StampClock:
         may_have_waited = not awaited and 0 <= offset_us <= WAITED_US
         if abs(offset_us) > STEP_US and not may_have_waited:
             self.offset_us = offset_us
-            self._notify(f"the bus stamps by another clock: {offset_us / 1e6:+.3f} s are added")
+            self._notify(
+                f"the bus stamps frames with another clock; adding {offset_us / 1e6:+.3f} s"
+            )
 
     def _compare(self, received_us: int) -> None:
         """Change the offset where all of the last frames ask for it, by the least of them."""
@@ -94,12 +96,11 @@ class StampClock:
         if received_us - self._changes_us[0] < CHANGES_US and len(self._changes_us) == MOST_CHANGES:
             self.usable = False
             self._notify(
-                "the stamps of the bus jump or stand still: from now on a frame has the time of "
-                "its arrival"
+                "the stamps of the bus jump or stand still; using arrival times from now on"
             )
         elif abs(by_us) > STEP_US:
             self.steps += 1
             self._notify(
-                f"the clock of the bus's stamps was set by {-by_us / 1e6:+.3f} s; the time here "
-                "goes on evenly"
+                f"the clock of the bus was set by {-by_us / 1e6:+.3f} s; the service's time "
+                "continues evenly"
             )

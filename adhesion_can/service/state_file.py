@@ -46,7 +46,7 @@ def read_state(config: Configuration, path: Path, notify: Callable[[str], None])
         text = content.decode("utf-8", errors="replace")
         return state_from_text(text, empty.vehicle, now_us, config.service.state_age_s)
     except StateError as error:
-        notify(f"{where} is not used: {error}; begins cold, {_put_aside(path, where)}")
+        notify(f"{where} is not used: {error}; starting cold; {_put_aside(path, where)}")
         return empty
 
 
@@ -64,7 +64,7 @@ def _put_aside(path: Path, where: str) -> str:
     except OSError as error:
         reason = error.strerror or "no reason given"
         if error.errno in _NOT_WRITABLE:
-            return f"it stays where it is, since it cannot be renamed ({reason})"
-        what = f"is not used and cannot be renamed to {refused.name} ({reason})"
+            return f"it cannot be renamed ({reason}) and stays in place"
+        what = f"can be neither used nor renamed to {refused.name} ({reason})"
         raise InputError(where, what, f"move {refused} out of the way") from error
-    return f"it is {refused.name} now"
+    return f"renamed to {refused.name}"

@@ -66,7 +66,7 @@ class StateKeeper:
         """Wait for the end, as long as a disk may take; returns whether it came."""
         has_ended = self._states.wait(DISK_END_S)
         if not has_ended:
-            self._notify(f"--state {self._path}: the disk did not take it by the end")
+            self._notify(f"--state {self._path}: not written before the service ended")
         return has_ended
 
     def _write(self, state: KeptState) -> None:
@@ -75,10 +75,10 @@ class StateKeeper:
                 file.write(state_to_text(state))
         except (InputError, OSError) as error:
             if not self._failed:
-                self._notify(f"--state: {error}; tried again at each interval")
+                self._notify(f"--state: {error}; trying again at each interval")
             self._failed = True
             return
         if self._failed:
-            self._notify(f"--state {self._path}: written again")
+            self._notify(f"--state {self._path}: can be written again")
         self._failed = False
         self.written += 1

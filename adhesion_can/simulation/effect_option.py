@@ -64,7 +64,7 @@ def _parse(text: str, vehicle: Locomotive) -> ActiveEffect:
         key, _, number = pair.partition("=")
         named = next((p for p in others if p.name == key.strip()), None)
         if named is None:
-            known = ", ".join(p.name for p in others) or "none beside the size"
+            known = ", ".join(p.name for p in others) or "it has none except the size"
             raise InputError(where, f"no parameter {key.strip()!r}", f"known: {known}")
         values[named.name] = _parse_number(number, named, where, vehicle.axles)
     active = ActiveEffect(effect, tuple(values.values()))
@@ -81,7 +81,7 @@ def _find_effect(name: str, where: str) -> Effect:
     try:
         return effect_by_id(effect_id, form)
     except KeyError as error:
-        known = ", ".join(form for form in forms if form) or "it has one only, leave it out"
+        known = ", ".join(form for form in forms if form) or "it has only one form; remove this"
         raise InputError(where, f"no form {form!r}", f"known: {known}") from error
 
 
@@ -100,7 +100,7 @@ def _parse_number(text: str, parameter: Parameter, where: str, axles: int = 0) -
             f"give {parameter.lower:g} to {upper:g}{unit}",
         )
     if parameter.axle and value != round(value):
-        raise InputError(where, f"{text} is no axle", f"give 1 to {axles}")
+        raise InputError(where, f"{text} is not an axle", f"give 1 to {axles}")
     return value
 
 

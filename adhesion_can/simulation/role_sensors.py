@@ -41,14 +41,15 @@ class RoleTransmitter:
             if plan.multiplexed.get(signal.plan.name):
                 raise InputError(
                     f"roles.{signal.name}",
-                    f"{plan.name}.{signal.plan.name} is multiplexed, and the simulation sends none",
-                    "map the role to another signal, or leave it out",
+                    f"{plan.name}.{signal.plan.name} is multiplexed, which the simulation does "
+                    "not support",
+                    "map the role to another signal, or remove it",
                 )
         if message.cycle_us is None:
             raise InputError(
                 f"roles.{message.signals[0].name}",
-                f"the cycle of {plan.name} is unknown, so nobody knows when to send it",
-                "state cycle_ms at its role, or GenMsgCycleTime in the database",
+                f"the cycle of {plan.name} is unknown",
+                "write cycle_ms at its role, or GenMsgCycleTime in the database",
             )
         self.name = plan.name
         self.signals = message.signals

@@ -100,8 +100,8 @@ class Simulation:
         if not vehicle.wheelset_inertia > 0:
             raise InputError(
                 "vehicle",
-                f"the real inertia of a wheelset would be {vehicle.wheelset_inertia:g} kg m^2",
-                "a locomotive that runs needs more than 0",
+                f"the wheelset's inertia would be {vehicle.wheelset_inertia:g} kg m^2",
+                "it must be above 0",
             )
         self.plant = Plant(
             vehicle,
@@ -151,8 +151,8 @@ class Simulation:
             effects = ", ".join(active.effect.id for active in self.settings.effects)
             raise InputError(
                 f"effects ({effects})",
-                f"the adhesion or what follows from it has no finite value at {time_s:.3f} s",
-                "correct the formula or the size, or leave the effect out",
+                f"the simulation has no finite value at {time_s:.3f} s",
+                "correct the formula or the size, or remove the effect",
             )
         plant.time_s = self.now_us / 1e6  # steps added up would drift off the bus's clock
         self._latest = self._state()
@@ -221,15 +221,15 @@ class Simulation:
         """Sentence about what the drive does, and why."""
         drive, time_s = self._drive, self.now_us / 1e6
         low, high = drive.settings.slip_low, drive.settings.slip_high
-        probing = f"The drive probes, it sweeps its slips from {low:g} to {high:g}"
+        probing = f"Probing: the drive sweeps the slip from {low:g} to {high:g}"
         if drive.holds(time_s):
             return "The drive holds the creep setpoint: the service knows the peak."
         if not drive.obey:
-            return f"{probing}: it obeys nobody."
+            return f"{probing} and ignores the service."
         if not drive.command.known:
-            return f"{probing}: the service does not know the peak yet."
+            return f"{probing} to find the peak."
         rest_s = drive.settings.probe_s - (time_s - drive.command.since_s)
-        return f"{probing}: the peak is known, it makes sure for {max(rest_s, 0.0):.1f} s more."
+        return f"{probing} to find the peak. {max(rest_s, 0.0):.1f} s left."
 
     def adhesion_used(self) -> float:
         """Adhesion that the axles use now, Σ F / Σ N."""

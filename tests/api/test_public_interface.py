@@ -77,8 +77,8 @@ def test_times_show_a_change_of_the_surface():
         (SLIP, ADHESION[:-1], r"slip \(500,\), adhesion \(499,\)"),
         (SLIP.reshape(2, -1), ADHESION.reshape(2, -1), "shapes differ"),
         (["a", "b"], [0.1, 0.2], "not numbers"),
-        (100 + SLIP, ADHESION, "not one usable sample"),
-        ([], [], "not one usable sample"),
+        (100 + SLIP, ADHESION, "no usable sample"),
+        ([], [], "no usable sample"),
     ],
 )
 def test_arrays_that_do_not_fit_are_an_error_that_says_why(slip, adhesion, words):

@@ -168,8 +168,8 @@ def test_what_cannot_be_decoded_is_left_out_and_reported():
     assert decoder.report.undecodable == {
         "Box": "a container of other messages",
         "Odd.Wide": "longer than 64 bits",
-        "Odd.Behind": "reaches over the 16 bytes of its message",
-        "Odd.Early": "reaches over the 16 bytes of its message",
+        "Odd.Behind": "reaches beyond the 16 bytes of its message",
+        "Odd.Early": "reaches beyond the 16 bytes of its message",
     }
 
 
@@ -185,7 +185,7 @@ BA_ "E2EDataId" BO_ 5 7;
     (columns,) = decoder.decode(Block.from_frames([Frame(0, 5, b"\x09")]))
     assert columns.signals["S"].values.tolist() == [9]
     assert columns.outcome.tolist() == [0]
-    assert decoder.report.undecodable == {"Short.E2EDataId": "no room for it in 1 bytes"}
+    assert decoder.report.undecodable == {"Short.E2EDataId": "it does not fit into 1 bytes"}
 
 
 def test_a_row_of_unknown_selector_keeps_its_counter():
@@ -281,10 +281,10 @@ def test_messages_of_one_name_are_counted_each_for_itself():
 @pytest.mark.parametrize(
     ("line", "reason"),
     [
-        ('SG_ S : 8|8@1+ (1,0) [0|0] "" B', "another signal of this name"),
-        ('SG_ S m1 : 8|8@1+ (1,0) [0|0] "" B', "another signal of this name"),
-        (f'SG_ T : 8|8@1+ ({10**400},0) [0|0] "" B', "beyond all numbers"),
-        (f'SG_ T : 8|8@1+ (1,{10**400}) [0|0] "" B', "beyond all numbers"),
+        ('SG_ S : 8|8@1+ (1,0) [0|0] "" B', "has this name"),
+        ('SG_ S m1 : 8|8@1+ (1,0) [0|0] "" B', "has this name"),
+        (f'SG_ T : 8|8@1+ ({10**400},0) [0|0] "" B', "is not finite"),
+        (f'SG_ T : 8|8@1+ (1,{10**400}) [0|0] "" B', "is not finite"),
     ],
 )
 def test_a_signal_that_is_no_number_has_a_reason(line, reason):

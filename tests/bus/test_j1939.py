@@ -151,7 +151,7 @@ def test_check_says_that_a_database_is_not_marked_as_one_of_j1939(dbc, marked):
         assert not hints
     else:
         (hint,) = hints
-        assert hint.startswith("EEC1 (0xcf004fe): 0xcf00400 has its parameter group 61444")
+        assert hint.startswith("EEC1 (0xcf004fe): 0xcf00400 carries its parameter group 61444")
 
 
 def test_frames_and_blocks_find_the_same_sender_of_a_group(dbc):
@@ -232,7 +232,7 @@ def test_where_nothing_else_is_heard_the_commands_say_it_too(dbc, tmp_path, caps
     log.write_text("".join(map(format_frame, frames_of(0x0CF00400))))
     assert main([command, str(log), "--config", str(config)]) == 2
     said = capsys.readouterr().err
-    assert "no frame of a known id; EEC1 (0xcf004fe): 0xcf00400 has its parameter group" in said
+    assert "no frame of a known id; EEC1 (0xcf004fe): 0xcf00400 carries its parameter group" in said
     assert "VFrameFormat J1939PG" in said
 
 
@@ -243,7 +243,7 @@ def test_convert_says_it_where_the_database_alone_lacks_the_mark(dbc, tmp_path, 
     words = ["convert", str(log), "--dbc", str(dbc), "--out", str(tmp_path / "a.csv")]
     assert main(words) == 2
     said = capsys.readouterr().err
-    assert "EEC1 (0xcf004fe): 0xcf00400 has its parameter group 61444 from another sender" in said
+    assert "EEC1 (0xcf004fe): 0xcf00400 carries its parameter group 61444 from another sender" in said
     log.write_text("(0.000000) can0 064#1027000000000000\n")
     assert main(words) == 2
     assert "name the database of this bus with --dbc" in capsys.readouterr().err

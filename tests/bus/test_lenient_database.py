@@ -81,6 +81,6 @@ def test_statements_without_a_signal_are_told_and_left_out(tmp_path):
     found = load_database(path, lenient=True)
     assert found.db.messages[0].signals[0].choices == {0: "rest"}
     assert found.left_out == (
-        "VAL_ 100 w left out: there is no such signal",
-        "SIG_VALTYPE_ 77 u left out: there is no such signal",
+        "skipped VAL_ 100 w: there is no such signal",
+        "skipped SIG_VALTYPE_ 77 u: there is no such signal",
     )

@@ -405,7 +405,7 @@ def test_a_dbc_without_a_needed_signal(capsys, tmp_path, recording):
     (tmp_path / "mine.dbc").write_text(text)
     line = fails(capsys, "replay", recording / "a.log", "--dbc", tmp_path / "mine.dbc")
     assert (
-        "mine.dbc: WheelSpeeds2.WheelSpeed_Ax5: no such signal, needed for role wheel_speed.5"
+        "mine.dbc: WheelSpeeds2.WheelSpeed_Ax5: no such signal; the role wheel_speed.5 needs it"
         in line
     )
     assert "--config" in line
@@ -515,7 +515,7 @@ def test_recordings_out_of_order(capsys, recording, tmp_path):
     (tmp_path / "1.log").write_text("".join(lines[:2000]))
     (tmp_path / "2.log").write_text("".join(lines[2000:4000]))
     line = fails(capsys, "replay", tmp_path / "2.log", tmp_path / "1.log")
-    assert "begins before the recording in front of it ends" in line
+    assert "starts before the previous recording ends" in line
 
 
 # --- as installed

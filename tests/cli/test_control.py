@@ -78,7 +78,7 @@ def bench(folder):
         assert shares["search"] + shares["hold"] + shares["steady"] > 0.5
         assert document["rejected"] < 0.01 * document["received"]
     said = (folder / "control.err").read_text()
-    assert "SEARCH: searching the peak by pairs of axles" in said
+    assert "SEARCH: searching for the peak with pairs of axles" in said
     last = decoded(demands[-1])
     assert (
         str(last["EffortDemand_Ax1"]) in ("not available", "0.0") or last["EffortDemand_Ax1"] < 2e5

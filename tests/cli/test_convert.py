@@ -148,7 +148,7 @@ def test_the_report_tells_what_became_of_every_frame_and_line(log, tmp_path, cap
     assert document["output"] == {"path": str(tmp_path / "o.csv"), "bytes": size}
     assert re.search(r"WheelSpeeds1 0x101 +22 +19 +repeat: 2, checksum: 1 +1\b", out)
     assert "unknown ids: 2 frames (0x7A0: 1, 0x18FEF100: 1)" in out
-    assert "a.log: lines passed over: 1 malformed (line 6, ..)" in out
+    assert "a.log: lines skipped: 1 malformed (line 6, ..)" in out
 
 
 def test_json_on_stdout_is_all_that_stands_there(log, tmp_path, capsys):
@@ -342,7 +342,7 @@ def test_what_was_written_before_stays_where_nothing_is_decoded(log, tmp_path, c
     ("lines", "options", "message"),
     [
         ("", (), "no data frame in it"),
-        ("garbage\n", (), "no data frame in it; a.log: lines passed over: 1 malformed"),
+        ("garbage\n", (), "no data frame in it; a.log: lines skipped: 1 malformed"),
         (line(1, 0x101, bytes(8)), (), "every known frame is rejected (checksum: 1)"),
         (line(1, 0x101, bytes(3)), (), "every known frame is rejected (length: 1)"),
         (

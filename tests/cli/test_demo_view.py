@@ -34,7 +34,7 @@ def test_it_fills_the_terminal_and_tells_both(bench, size):
     lines = draw(view.snapshot, *size, view.options)
     assert [len(line) for line in lines] == [size[0]] * size[1]
     text = " ".join(" ".join(line.plain for line in lines).split())
-    probes = "The drive probes, it sweeps its slips from 0.002 to 0.2: the service does not know"
+    probes = "Probing: the drive sweeps the slip from 0.002 to 0.2 to find the peak."
     assert probes in text
     assert "x truth" in text
     assert view.snapshot.true_peak.mu_max == pytest.approx(0.3731, abs=1e-4)
@@ -42,9 +42,9 @@ def test_it_fills_the_terminal_and_tells_both(bench, size):
 
 def test_the_drive_says_why_it_probes_until_it_holds(bench):
     simulation = bench.simulation
-    assert simulation.describe_drive().endswith("the service does not know the peak yet.")
+    assert simulation.describe_drive().endswith("to find the peak.")
     simulation.receive(setpoint())
-    assert simulation.describe_drive().endswith("it makes sure for 3.0 s more.")
+    assert simulation.describe_drive().endswith("to find the peak. 3.0 s left.")
     while simulation.now_us < 3_100_000:
         simulation.step()
     holds = "The drive holds the creep setpoint: the service knows the peak."
@@ -54,4 +54,4 @@ def test_the_drive_says_why_it_probes_until_it_holds(bench):
 def test_a_drive_that_obeys_nobody_says_so(tmp_path):
     settings = RunSettings(scenario_by_name("dry"), 1.0)
     bench = demo._Bench(load_configuration(), settings, tmp_path / "demo.log")
-    assert bench.simulation.describe_drive().endswith("it obeys nobody.")
+    assert bench.simulation.describe_drive().endswith("ignores the service.")

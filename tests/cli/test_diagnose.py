@@ -224,10 +224,10 @@ def test_one_file_without_a_usable_row_is_left_out_and_told(tables, tmp_path, ca
     still = tmp_path / "still.csv"
     still.write_text("time_s,slip,adhesion\n0,7,0.1\n1,8,0.1\n")
     assert diagnose(tables[0], still) == 0
-    assert "still.csv: not one usable row: 2 slip, speed or load out of range" in (
+    assert "still.csv: no usable row: 2 slip, speed or load out of range" in (
         capsys.readouterr().out
     )
-    assert "not one usable row" in fails(capsys, still)
+    assert "no usable row" in fails(capsys, still)
     assert "still.csv" in fails(capsys, tables[0], "--holdout", still)
 
 

@@ -19,11 +19,11 @@ def test_one_of_a_thing_is_told_in_singular():
     one = Outcome("/a/1.log", "a", "x", None, None, 60.0)
     (said,) = lines(one)
     assert said.startswith("1 unit of 1 vehicle: 1 analysed in 10 s (0.0 h of recordings, 6 x")
-    failed = Outcome("/b/2.log", "b", None, "read", "/b/2.log: not one frame in it")
+    failed = Outcome("/b/2.log", "b", None, "read", "/b/2.log: it has no frames")
     said, failures, error = lines(one, failed)
     assert said.startswith("2 units of 2 vehicles: 2 analysed")
     assert failures.startswith("1 unit failed; the data set has the errors; --retry-failed")
-    assert error == "  read: /b/2.log: not one frame in it"
+    assert error == "  read: /b/2.log: it has no frames"
 
 
 def test_names_of_one_recording_are_told_up_to_a_few():

@@ -83,7 +83,7 @@ def test_without_a_terminal_nothing_is_taken_silently(tmp_path, capsys, monkeypa
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     assert "12 roles guessed" in line
-    assert "say --yes" in line
+    assert "pass --yes" in line
     assert not out.exists()
 
 
@@ -102,4 +102,4 @@ def test_rivals_are_asked_and_empty_answers_leave_them_open(tmp_path, monkeypatc
     monkeypatch.setattr(sys, "stdin", Terminal(""))
     assert main(["init", "--dbc", str(dbc), "--out", str(out)]) == 0
     assert "vehicle_speed" not in tomllib.loads(out.read_text())["roles"]
-    assert "# vehicle_speed: unclear, one of these or none" in out.read_text()
+    assert "# vehicle_speed: unclear; uncomment the right line, if any" in out.read_text()

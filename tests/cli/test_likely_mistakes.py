@@ -74,25 +74,25 @@ REFUSED = {
     "run -c vcan0": "run: -i: no interface is named",
     "replay nowhere.log": "nowhere.log: No such file or directory; check the path",
     "replay folder.log": "folder.log: Is a directory; check the path",
-    "replay empty.log": "empty.log: not one frame in it; is it a recording of a bus",
-    "replay cut.log.gz": "cut.log.gz: not one frame in it; cut.log.gz: the compressed file ends",
-    "replay cut.log.gz --realtime": "not one frame in it; cut.log.gz: the compressed file ends",
-    "check cut.log.gz": "not one frame in it; cut.log.gz: the compressed file ends early",
-    "diagnose cut.log.gz": "not one frame in it; cut.log.gz: the compressed file ends early",
-    "check cut.blf": "cut.blf: not one frame in it; cut.blf: the file is cut: it has 150 of the",
-    "convert cut.blf --out x.csv": "no data frame in it; cut.blf: the file is cut: it has 150 of",
+    "replay empty.log": "empty.log: it has no frames; is it a recording of a bus",
+    "replay cut.log.gz": "cut.log.gz: it has no frames; cut.log.gz: the compressed file ends",
+    "replay cut.log.gz --realtime": "it has no frames; cut.log.gz: the compressed file ends",
+    "check cut.log.gz": "it has no frames; cut.log.gz: the compressed file ends early",
+    "diagnose cut.log.gz": "it has no frames; cut.log.gz: the compressed file ends early",
+    "check cut.blf": "cut.blf: it has no frames; cut.blf: the file is truncated: it has 150 of the",
+    "convert cut.blf --out x.csv": "no data frame in it; cut.blf: the file is truncated: it has 150 of",
     "identify empty.csv": "empty.csv: a .csv with neither a 'slip' column",
     "replay samples.csv": "a table of samples, not a recording; give it to 'identify'",
     "replay drive.log --from 100": "ends 3.000 s after its first frame, before --from 100",
-    "replay drive.log --dbc drive.log": "no CAN database by its name; give a .dbc",
-    "replay drive.log --config rpm.dbc": "a CAN database by its name, not a configuration; give",
-    "check drive.log --dbc other_ids.dbc": "is one that is listened for (WheelSpeeds1 0x4e9",
-    "replay ms.log": "its stamps look to be in ms (WheelSpeeds1 comes every 10000 ms",
-    "identify us.log": "its stamps look to be in us",
-    "check us.log": "its stamps look to be in us",
-    "replay us.log": "its stamps look to be in us",
-    "replay us.log --realtime": "its stamps look to be in us",
-    "diagnose thousandth.log": "its stamps look to be a thousandth of the seconds",
+    "replay drive.log --dbc drive.log": "not a CAN database, judging by its name; give a .dbc",
+    "replay drive.log --config rpm.dbc": "a CAN database, judging by its name, not a configuration; pass",
+    "check drive.log --dbc other_ids.dbc": "has a configured id (WheelSpeeds1 0x4e9",
+    "replay ms.log": "its stamps seem to be in ms (WheelSpeeds1 arrives every 10000 ms",
+    "identify us.log": "its stamps seem to be in us",
+    "check us.log": "its stamps seem to be in us",
+    "replay us.log": "its stamps seem to be in us",
+    "replay us.log --realtime": "its stamps seem to be in us",
+    "diagnose thousandth.log": "its stamps seem to be a thousandth of the time in seconds",
     "calibrate drive.log": "of the simulated scenarios 'sweep' coasts",
 }
 """The line by what is typed, after 'adhesion-can', in a folder with the files of the fixture."""
@@ -117,9 +117,9 @@ def test_a_mistake_is_one_line_that_names_the_mend(folder, monkeypatch, capsys, 
 
 
 FOUND = {
-    "check drive.log --dbc rpm.dbc": "wheel_speed: it may be in rad/s and not in rpm",
-    "check ms.csv": "if the column is in ms, say --column time_s=time_s,unit=ms",
-    "check us.csv": "if the column is in us, say --column time_s=time_s,unit=us",
+    "check drive.log --dbc rpm.dbc": "wheel_speed: it may be in rad/s, not in rpm",
+    "check ms.csv": "if the column is in ms, pass --column time_s=time_s,unit=ms",
+    "check us.csv": "if the column is in us, pass --column time_s=time_s,unit=us",
 }
 """A sentence of `check` by what is typed."""
 
@@ -142,4 +142,4 @@ def test_a_hole_or_another_rate_is_no_other_unit(folder, capsys, tmp_path):
     (tmp_path / "slow.log").write_text(with_stamps(text, lambda t: 2 * t))
     for name in ("hole", "slow"):
         main(["check", str(tmp_path / f"{name}.log")])
-        assert "stamps look to be" not in capsys.readouterr().out
+        assert "stamps seem to be" not in capsys.readouterr().out

@@ -209,7 +209,7 @@ def test_a_recording_in_other_units_is_refused_as_by_the_other_commands(logs, tm
             stamp, rest = line[1:].split(") ", 1)
             file.write(f"({1e3 * float(stamp):.6f}) {rest}")
     assert main(["monitor", str(path), "--plain"]) == 2
-    assert "its stamps look to be in ms" in capsys.readouterr().err
+    assert "its stamps seem to be in ms" in capsys.readouterr().err
 
 
 def test_objects_of_json_and_a_span_of_the_recording(logs, capsys, tmp_path):
@@ -363,7 +363,7 @@ def test_a_bus_that_goes_down_is_opened_again():
     listener.stop()
     assert [frame.data for frame in found] == [b"\x01", b"\x02"]
     assert first.is_shut
-    assert any("trying to open it again" in note for note in notes)
+    assert any("reopening it" in note for note in notes)
 
 
 def test_what_ends_the_thread_is_told():

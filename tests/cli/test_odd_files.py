@@ -59,7 +59,7 @@ def test_no_line_ends_the_reading(kind, packed, tmp_path):
     assert document["frames"] == frames
     assert document["frames_rejected"] == 0
     assert document["lines"] == {"frame": frames, **lines}
-    passed_over = [p for p in document["problems"] if "lines passed over" in p]
+    passed_over = [p for p in document["problems"] if "lines skipped" in p]
     assert len(passed_over) == bool({"cut", "malformed"} & lines.keys())
 
     assert main(["convert", str(log), "--out", str(tmp_path / "o.csv"), "--json", str(told)]) == 0

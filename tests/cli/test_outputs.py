@@ -83,12 +83,12 @@ REFUSED = [
     ("simulate --scenario dry --log c.toml --config c.toml", INPUT),
     ("run -i virtual -c x --log c.toml --config c.toml", INPUT),
     ("run -i virtual -c x --log a --state a", "is the file of --log too"),
-    ("simulate --scenario dry --log a.BLF", "name it a.log, and let 'can_logconvert a.log a.BLF'"),
+    ("simulate --scenario dry --log a.BLF", "name it a.log, then convert it with 'can_logconvert a.log a.BLF'"),
     ("simulate --scenario dry --log a.db.b.db", "name it a.db.b.log, and let"),
-    ("run -i virtual -c x --log a.csv.gz", "candump text is what is written"),
-    ("replay drive.log --frames a.asc", "candump text is what is written"),
-    ("replay drive.log --frames a.log.zst", "is packed as .gz alone; name it a.log.gz"),
-    ("monitor drive.log --plain --record a.mf4", "candump text is what is written"),
+    ("run -i virtual -c x --log a.csv.gz", "the file is written as candump text"),
+    ("replay drive.log --frames a.asc", "the file is written as candump text"),
+    ("replay drive.log --frames a.log.zst", "is compressed as .gz only; name it a.log.gz"),
+    ("monitor drive.log --plain --record a.mf4", "the file is written as candump text"),
     ("demo --out folder --json folder/demo.log", "is the file of --out demo.log too"),
     ("experiment 1 --out folder --json folder/experiment-1.csv", TOO),
 ]
@@ -246,8 +246,8 @@ def test_files_of_one_name_in_two_folders_are_told_apart(files, capsys):
     assert main(["convert", "drive.log", "folder/drive.log", "--out", "o.csv"]) == 0
     out = capsys.readouterr().out
     assert "folder/drive.log: begins before the end of the file in front of it" in out
-    assert "\ndrive.log: lines passed over: 1 malformed" in out
-    assert "\nfolder/drive.log: lines passed over: 1 malformed" in out
+    assert "\ndrive.log: lines skipped: 1 malformed" in out
+    assert "\nfolder/drive.log: lines skipped: 1 malformed" in out
 
 
 def test_a_file_that_is_given_twice_begins_twice(files, capsys):

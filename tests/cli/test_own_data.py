@@ -76,7 +76,7 @@ def test_check_says_what_it_took_for_what(folder, capsys):
     out = " ".join(capsys.readouterr().out.split())
     for words in (
         "cells separated by semicolons, decimal commas",
-        "the first line below the heading has the units",
+        "the first line below the heading is read as units",
         "slip from 'kappa' in percent with the sign changed",
         "speed_mps from 'v' in km/h",
         "rail=dry",

@@ -90,13 +90,13 @@ def test_channels_beside_the_packaged_roles(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ('speed = "A.b"', "the catalogue has a channel of that name"),
-        ('relative_humidity_percent = "A.b"', "the catalogue has"),
+        ('speed = "A.b"', "a built-in channel has this name"),
+        ('relative_humidity_percent = "A.b"', "a built-in channel has"),
         ('"a b" = "A.b"', "not a name"),
         ("film = 5", "not a table"),
         ('film = "x"', "is not Message.Signal"),
         ('film = { unit = "um" }', "names no signal"),
-        ('film = { signal = "A.b", unit = 5 }', "is not a text"),
+        ('film = { signal = "A.b", unit = 5 }', "is not a string"),
         ('film = { signal = "A.b", colour = "red" }', "unknown key"),
     ],
 )
@@ -110,5 +110,5 @@ def test_what_is_no_channel_is_an_error(tmp_path, text, says):
 def test_a_role_cannot_be_a_channel(tmp_path):
     path = tmp_path / "c.toml"
     path.write_text('[roles]\n"channel.1" = "A.b"\n')
-    with pytest.raises(ConfigError, match=r"further signals stand under \[channels\]"):
+    with pytest.raises(ConfigError, match=r"put other signals under \[channels\]"):
         load_configuration(path)

@@ -136,7 +136,7 @@ WRONG = {
     "text for a number": ("c2 = 60", 'c2 = "60"', "base.c2"),
     "boolean for a number": ("c2 = 60", "c2 = true", "base.c2"),
     "not finite": ("c2 = 60", "c2 = inf", "base.c2"),
-    "no contact": ("c2 = 60", "c2 = 1e300", "no contact has a c1, c2 or c3 above"),
+    "no contact": ("c2 = 60", "c2 = 1e300", "c1, c2 and c3 are limited to"),
     "falling from the start": ("c2 = 60", "c2 = 0.5", "c3 not negative and below c1 c2"),
     "covariance of the base": ("[[1e-6, 0, 0], ", "[", "3 rows of 3"),
     "negative variance": ("[[1e-6, 0, 0]", "[[-1e-6, 0, 0]", "not negative"),

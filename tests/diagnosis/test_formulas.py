@@ -132,7 +132,7 @@ def test_a_formula_without_a_value_at_other_constants_is_searched_where_it_has_o
         ("1 + a * max(sun - b, 0) where a=1, b=2", "t.csv has no sun"),
         ("1 + a * speed where a=1", "t.csv has no speed"),
         ("1 + a * load where a=1", "t.csv has no load"),
-        ("1 + a * log(wind - 5) where a=1", "no number in"),
+        ("1 + a * log(wind - 5) where a=1", "not a number in"),
         ("1 + (a + b) * wind where a=1, b=1", "with a = 0 the factor still varies"),
         ("1 + a * wind", "names no constants"),
     ],

@@ -119,7 +119,7 @@ def test_a_numba_that_cannot_be_used_is_told(caplog):
         raise ImportError("Numba needs NumPy 2.2 or less")
 
     assert choose(refusing) is plain
-    assert "the estimator goes on without it: Numba needs NumPy 2.2 or less" in caplog.text
+    assert "the estimator continues without it: Numba needs NumPy 2.2 or less" in caplog.text
 
 
 def test_the_switch_leaves_numba_alone(monkeypatch):

@@ -170,7 +170,7 @@ def test_a_contact_with_two_humps_has_no_family():
     (rail,) = identify(samples, labels=labels, judge_family=True).rails
     assert rail.name is None
     assert rail.misfit > 0.01
-    assert rail.sentence.startswith("No curve family holds")
+    assert rail.sentence.startswith("No curve family fits")
     # Wider than what the families alone say: what is left is in it.
     assert rail.peak.mu_max_std > rail.misfit * rail.peak.mu_max
     assert rail.to_dict()["name"] is None
@@ -181,7 +181,7 @@ def test_where_others_fit_better_and_burckhardt_as_well_all_of_them_count(capsys
     points = Path(__file__).parents[2] / "docs" / "gallery" / "eurosprinter_points.csv"
     assert main(["identify", str(points)]) == 0
     first = capsys.readouterr().out.splitlines()[0]
-    assert first.startswith("The form of the curve is uncertain (Burckhardt's curve would give")
+    assert first.startswith("The form of the curve is uncertain (Burckhardt's curve gives")
     (rail,) = adhesion_can.identify(points).rails
     assert "burckhardt" in rail.plausible
     assert not rail.burckhardt_holds
@@ -209,9 +209,9 @@ def test_text_and_json_state_the_peak_of_the_rail(tmp_path, capsys):
     path, out = write_points(tmp_path / "t.csv", samples), tmp_path / "o.json"
     assert main(["identify", str(path), "--json", str(out)]) == 0
     first = capsys.readouterr().out.splitlines()[0]
-    assert first.startswith("Burckhardt's form does not hold (Burckhardt's curve would give")
+    assert first.startswith("Burckhardt's form does not fit (Burckhardt's curve gives")
     assert " at a slip of 0.0" in first
-    assert "at 10.0 m/s, with errors common to all samples of 0.004 in slip and 2 %" in first
+    assert "at 10.0 m/s; the errors include 0.004 of slip and 2 %" in first
     document = json.loads(out.read_text())
     height, place = law.peak(SPEED, FILE_LOAD)
     for name, true in (("mu_max", height), ("lambda_m", place)):
@@ -244,7 +244,7 @@ def test_one_short_line_where_burckhardt_holds(tmp_path, capsys):
     assert main(["identify", str(path), "--json", str(out)]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith(
-        "Burckhardt's form holds: no other curve family contradicts its peak.\n"
+        "Burckhardt's form fits: no other curve family contradicts its peak.\n"
     )
     document = json.loads(out.read_text())
     assert document["family"]["name"] == "burckhardt"

@@ -61,7 +61,7 @@ def test_a_data_set_holds_what_one_process_finds(made, drives):
 def test_a_unit_that_cannot_be_read_is_a_row_with_its_error(made):
     row = units(made / "out")["torn.log"]
     assert (row["status"], row["failed_step"], row["vehicle"]) == ("failed", "read", "bad")
-    assert "torn.log: not one frame in it; torn.log: lines passed over: 1 malfor" in row["error"]
+    assert "torn.log: it has no frames; torn.log: lines skipped: 1 malfor" in row["error"]
     assert row["sha256"]
     assert row["verdict"] is None
 

@@ -12,7 +12,7 @@ from adhesion_can.sampling.noise import estimate_signal
 from adhesion_can.sampling.traces import Trace
 from tests.diagnosis.bad_logs import readings, write
 
-SAYS = "the wheel stands still while the vehicle moves"
+SAYS = "the wheel does not turn while the vehicle moves"
 N = 600
 
 

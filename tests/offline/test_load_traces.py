@@ -89,5 +89,5 @@ def test_a_recording_without_a_known_frame_is_an_error(load):
     foreign = Block.from_frames([Frame(0, 0x7A0, b"x")])
     with pytest.raises(RecordingError, match="none of its 1 frames"):
         load([foreign], CONFIG, "x.log")
-    with pytest.raises(RecordingError, match="not one frame in it"):
+    with pytest.raises(RecordingError, match="it has no frames"):
         load([], CONFIG, "x.log")

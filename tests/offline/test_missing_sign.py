@@ -18,7 +18,7 @@ ADHESION = np.sign(SLIP) * (0.44 * (1 - np.exp(-60 * np.abs(SLIP))) - 0.5 * np.a
 
 def said(slip, adhesion):
     return [
-        one for one in inspect_points(Points(slip, adhesion)) if "its sign is missing" in one.what
+        one for one in inspect_points(Points(slip, adhesion)) if "has no sign" in one.what
     ]
 
 
@@ -66,7 +66,7 @@ def table(tmp_path):
 
 def test_assume_plausible_goes_on_and_says_so(table, tmp_path, capsys):
     assert main(["identify", str(table)]) == 2
-    assert "if the data are right, say --assume plausible" in capsys.readouterr().err
+    assert "if the data are right, pass --assume plausible" in capsys.readouterr().err
     out = tmp_path / "o.json"
     assert main(["identify", str(table), "--assume", "plausible", "--json", str(out)]) == 0
     assert "assumed to be right: the slip is never below 0" in capsys.readouterr().out

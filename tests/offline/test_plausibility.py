@@ -48,7 +48,7 @@ FATAL = {
 TOLD = {
     "both in kN": ({"load": lambda x: x / 1e4}, "the load is about"),
     "speed in km/h": ({"speed": lambda x: 3.6 * x + 10.0}, "unit=km/h"),
-    "stamps repeated": ({"t_us": lambda t: t // 200_000 * 200_000}, "the stamp of the row before"),
+    "stamps repeated": ({"t_us": lambda t: t // 200_000 * 200_000}, "the same stamp as the previous row"),
     "slip stuck": ({"slip": stuck}, "the slip stands at"),
     "adhesion stuck": ({"adhesion": stuck}, "the adhesion stands at"),
 }
@@ -129,7 +129,7 @@ def test_slips_of_a_wheel_that_spins_are_no_percent(seed):
 def test_a_racing_tyre_is_named_beside_the_unit_that_would_fit_too():
     tyre = points(adhesion=lambda x: 12 * x, load=lambda x: x / 50)
     (finding,) = inspect_points(tyre)
-    assert "more than any wheel but a racing tyre's has" in finding.what
+    assert "which only a racing tyre reaches" in finding.what
     assert "unit=kg" in finding.mend
     assert "unit=kN" not in finding.mend  # 5 MN
     assert finding.fatal
@@ -154,7 +154,7 @@ def test_a_slip_late_by_half_a_swing_is_not_called_reversed(seed):
     (finding,) = inspect_points(Points(slip, adhesion, t_us))
     assert "opposite signs" in finding.what
     assert "the slip may come 1 s after the force" in finding.what
-    assert finding.mend.startswith("put the one that is late back in time")
+    assert finding.mend.startswith("shift the late one")
     assert "sign=-1" not in finding.mend
     # Turned and in step: its sign explains all, and nothing is late.
     slip, adhesion, t_us = late(seed, 0)
@@ -217,6 +217,6 @@ def test_a_radius_that_a_rolling_wheel_contradicts_is_told(tmp_path, capsys, rad
     capsys.readouterr()
     assert main(["check", str(log), "--config", str(config)]) == status
     said = "".join(capsys.readouterr())
-    told = f"without adhesion the rim runs at {radius_m / 0.625:.3f}"
+    told = f"while coasting, the rim speed is {radius_m / 0.625:.3f}"
     assert (told[:-1] in said) == (radius_m != 0.625)
     assert ("calibrate" in said) == (radius_m != 0.625)

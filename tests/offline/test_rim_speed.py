@@ -33,7 +33,7 @@ def test_sound_speeds_and_spinning_wheels_are_no_finding(seed):
         (-1.0, "change sign of wheel_speed"),
         (1 / 3.6, "vehicle_speed: it may be in km/h"),
         (30 / math.pi, "wheel_speed: it may be in rpm"),
-        (math.pi / 30, "it may be in rad/s and not in rpm"),
+        (math.pi / 30, "it may be in rad/s, not in rpm"),
         (0.5 / math.pi, "it may be in 1/s"),
         (2.0, "it may be a diameter"),
         (1000.0, "it may be in mm"),

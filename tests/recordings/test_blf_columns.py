@@ -186,7 +186,7 @@ def test_a_file_cut_at_any_byte_gives_what_is_whole_and_says_so(folder):
         found = items(blocks)
         assert found == whole[: len(found)]
         assert report.notes == [
-            f"the file is cut: it has {length} of the {len(content)} bytes that its head says"
+            f"the file is truncated: it has {length} of the {len(content)} bytes that its header states"
         ]
         # A logger that lost power never came to write its length.
         lost = content[:8] + content[8:16] + bytes(8) + content[24:length]
@@ -289,4 +289,4 @@ def test_a_head_that_claims_too_few_bytes_has_its_144_all_the_same(folder, size)
     content[4:8] = size.to_bytes(4, "little")
     blocks, report = read(folder, bytes(content))
     assert [f.data for f in items(blocks)] == [b"a"]
-    assert report.notes == [f"the head of the file says that it has {size} bytes; 144 are taken"]
+    assert report.notes == [f"the file header claims a length of {size} bytes; using 144"]

@@ -54,7 +54,7 @@ def test_a_chain_without_an_end_is_named(tmp_path, kind):
     struct.pack_into("<Q", data, at + 24, at)
     path = tmp_path / "a.mf4"
     path.write_bytes(data)
-    with pytest.raises(LinkError, match=rf"the {kind.decode()} block at {at}: a chain has no end"):
+    with pytest.raises(LinkError, match=rf"the {kind.decode()} block at {at}: its chain is a loop"):
         require_sound_links(path)
     assert play(".mf4", bytes(data)).status == 2
 
@@ -97,7 +97,7 @@ def test_other_loggers_files_have_sound_links(tmp_path):
 def test_an_archive_is_no_measurement(tmp_path):
     path = tmp_path / "a.mf4"
     path.write_bytes(b"PK\3\4" + bytes(200))
-    with pytest.raises(LinkError, match="does not begin as MDF does"):
+    with pytest.raises(LinkError, match="does not start like an MDF file"):
         require_sound_links(path)
 
 

@@ -249,7 +249,7 @@ STRANGE = {
     "CAN_DataFrame.DataBytes is of type uint8": [group(30, DataBytes="u1")],
     "CAN_DataFrame lacks DataLength": [group(30), group(30, DataLength=None, bus=2)],
     "CAN_RemoteFrame lacks DLC": [group(9), group(9, name="CAN_RemoteFrame", DLC=None)],
-    "stamps that are no time": [group(1200, stamps=[*np.arange(1199) / 1e3, np.nan])],
+    "stamps that are not times": [group(1200, stamps=[*np.arange(1199) / 1e3, np.nan])],
 }
 
 

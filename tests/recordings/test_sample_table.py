@@ -457,5 +457,5 @@ def test_a_small_file_that_unpacks_to_much_is_refused(tmp_path, monkeypatch, pac
     text = b"slip,adhesion\n" + b"0.1,0.2\n" * 200_000
     path.write_bytes(gzip.compress(text, 1) if packed else text)
     assert is_table(path)  # by its head
-    with pytest.raises(TableError, match="more than 1 MiB of text; cut it into parts"):
+    with pytest.raises(TableError, match="more than 1 MiB of text; split it"):
         read_table(path)

@@ -58,8 +58,8 @@ def test_frames_are_those_of_python_cans_reader(tmp_path):
 @pytest.mark.parametrize(
     ("statement", "words"),
     [
-        (ENDLESS, "no table but a view"),
-        ("CREATE VIRTUAL TABLE messages USING fts4(a, b, c, d, e, f, g)", "no table"),
+        (ENDLESS, "is a view, not a table"),
+        ("CREATE VIRTUAL TABLE messages USING fts4(a, b, c, d, e, f, g)", "not a table"),
         (PLAIN.replace("data BLOB", "data BLOB AS (zeroblob(9))"), "computed columns"),
         ("CREATE TABLE messages(ts, id)", "2 columns, not 7"),
         ("CREATE TABLE others(a)", "no such table"),

@@ -292,7 +292,7 @@ def test_counts_since_1970_by_their_size(tmp_path, unit, factor):
     rows = [[text, *row[1:]] for text, row in zip(counts, PLAIN, strict=True)]
     path = written(tmp_path, text_of(rows))
     assert_is_the_table(path)
-    assert f"'time_s' is taken for {unit} since 1970: it is of 2024-03-01" in read_table(path).notes
+    assert f"'time_s' is read as {unit}since 1970: 2024-03-01" in read_table(path).notes
 
 
 def test_a_count_of_no_known_unit_names_the_mend(tmp_path):

@@ -235,7 +235,7 @@ def test_matlab_files_are_read(tmp_path):
     table = read_table(path)
     assert slips(table) == [0.01, 0.025, -0.03]
     assert table.samples.adhesion.tolist() == [0.1, 0.2, -0.25]
-    assert "of another length and not used: calibration" in table.notes
+    assert "not used, since their length differs: calibration" in table.notes
 
 
 @pytest.mark.parametrize("content", [b"", b"MATLAB 5.0", b"\x00" * 300, b"time_s,slip\n1,2\n"])

@@ -46,7 +46,7 @@ def test_between_rows_the_line_is_straight_and_in_a_gap_nothing_is_known():
     np.testing.assert_allclose(
         found.values["slip"], [5.0, 15.0, 25.0, np.nan, 135.0, 145.0, np.nan]
     )
-    assert found.notes == ("slip put 0.5 s earlier; 2 rows at ends and gaps have none",)
+    assert found.notes == ("slip shifted 0.5 s earlier; 2 rows at ends and gaps have no value",)
 
 
 def test_an_early_column_is_put_later():
@@ -64,7 +64,7 @@ def test_a_column_without_values_stays_without():
     ("text", "values", "says"),
     [
         ("slip=slip,late_s=1", {"slip": [1.0]}, "needs the column 'time_s'"),
-        ("time_s=time_s,late_s=1", {"time_s": [1.0]}, "'time_s' cannot be late"),
+        ("time_s=time_s,late_s=1", {"time_s": [1.0]}, "'time_s' cannot have a delay"),
     ],
 )
 def test_what_cannot_be_shifted_is_an_error(text, values, says):

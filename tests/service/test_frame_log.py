@@ -42,7 +42,7 @@ def test_lines_are_in_one_file_after_the_other_and_nothing_is_overwritten(tmp_pa
         "a.3.log": "2\n",
         "a.4.log": "3\n",
     }
-    assert notices == [f"--log: goes on in a.{n}.log" for n in (2, 3, 4)]
+    assert notices == [f"--log: continues in a.{n}.log" for n in (2, 3, 4)]
     assert log.lost == 0
 
 
@@ -163,10 +163,10 @@ def test_a_stalled_reader_loses_whole_lines_and_a_comment_says_how_many(pipe, mo
     assert lost >= 51
     assert report.passed_over == 0
     assert report.kinds["comment"] == 1
-    assert f"# {lost} lines lost: what takes them did not keep up\n".encode() in lines
+    assert f"# {lost} lines lost: the disk or the reader was too slow\n".encode() in lines
     assert [line.split(",")[0] for line in notices] == [
-        "--log: lines are lost from here on: what takes them does not keep up",
-        "--log: goes on",
+        "--log: losing lines: the disk or the reader is too slow",
+        "--log: continues",
     ]
 
 
@@ -180,7 +180,7 @@ def test_a_reader_that_takes_nothing_by_the_end_is_told_and_counted(pipe, monkey
     log.end()
     assert not log.wait()
     assert 10_000 - log.lost <= (1 << 16) / len(LINE)
-    assert notices == [f"--log: {log.lost} lines lost: they were not taken by the end"]
+    assert notices == [f"--log: {log.lost} lines lost: they were not written before the service ended"]
 
 
 def test_a_reader_that_has_gone_ends_the_log_and_a_request_opens_it_again(pipe):
@@ -192,13 +192,13 @@ def test_a_reader_that_has_gone_ends_the_log_and_a_request_opens_it_again(pipe):
         os.close(null)
         log.write(LINE)
         assert log.lost == 1
-        assert "SIGHUP begins another one" in notices[0]
+        assert "SIGHUP starts a new log" in notices[0]
         again = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
         log.request_next()
         log.write(LINE)
         assert read_all(again) == LINE.encode()
         os.close(again)
-    assert notices[1] == "--log: goes on in a.log"
+    assert notices[1] == "--log: continues in a.log"
 
 
 def test_lines_behind_reach_their_file(tmp_path):

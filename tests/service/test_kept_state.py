@@ -146,7 +146,7 @@ ONE = {"c1": 0.4, "c2": 60.0, "c3": 0.3, "since_us": 0, "seen_us": 0}
     [
         (signed(vehicle="other"), "another vehicle"),
         (signed(version=2), "version 2"),
-        (signed(format="state"), "no state of adhesion-can"),
+        (signed(format="state"), "not a state file of adhesion-can"),
         (signed(surfaces=[{"c1": 1}]), "damaged"),
         (signed(surfaces=7), "damaged"),
         (signed(surfaces=[{"c1": -1, "c2": 1, "c3": 0, "since_us": 0, "seen_us": 0}]), "no curve"),
@@ -155,7 +155,7 @@ ONE = {"c1": 0.4, "c2": 60.0, "c3": 0.3, "since_us": 0, "seen_us": 0}
         (signed(surfaces=[ONE | {"since_us": inf}]), "damaged"),
         (signed(surfaces=[ONE | {"seen_us": 10**400}]), "no time"),
         (signed(surfaces=[ONE | {"seen_us": -(10**400)}]), "no time"),
-        ("[" * 100_000, "no JSON"),
+        ("[" * 100_000, "not JSON"),
         (" " * (2 << 20), "too large"),
     ],
 )
@@ -260,7 +260,7 @@ def test_a_disk_that_stands_still_holds_neither_the_loop_nor_the_end_up(tmp_path
         keeper.observe(NOW_US + 20_000 * cycle, SENT)
     keeper.end()
     assert not keeper.wait()
-    assert "did not take it by the end" in notices[0]
+    assert "not written before the service ended" in notices[0]
     may_go.set()
     monkeypatch.setattr("adhesion_can.service.state_keeper.DISK_END_S", 60.0)
     assert keeper.wait()

@@ -285,7 +285,7 @@ def test_frames_that_the_bus_does_not_take_are_counted_and_reported_once():
     with Running(ServiceCore(CONFIG, FixedEstimator), bus) as live:
         wait_until(lambda: live.bus.send_errors > 20)
     assert live.bus.sent == 0
-    assert sum("does not take our frames" in line for line in live.notices) == 1
+    assert sum("does not accept frames" in line for line in live.notices) == 1
 
 
 def test_stamps_of_another_clock_are_shifted_and_reported():

@@ -127,7 +127,7 @@ def test_a_bus_that_is_not_there_yet_is_waited_for():
     assert not bench.bus.send(MESSAGE)
     assert bench.receive_until(lambda: bench.bus.reopened) is MESSAGE
     assert bench.notices == [
-        f"the bus cannot be opened yet ({missing}); trying again",
+        f"cannot open the bus yet ({missing}); trying again",
         "the bus is back",
     ]
     assert np.diff(bench.attempts_s) == pytest.approx(PAUSES_S[:3])
@@ -147,7 +147,7 @@ def test_a_lost_bus_is_closed_and_opened_again_after_growing_pauses(error):
     began_s = bench.clock.now_s
     assert bench.bus.receive(0.1) is None
     assert first.closed == 1
-    assert bench.notices == [f"the bus is gone ({error}); trying to open it again"]
+    assert bench.notices == [f"the bus is gone ({error}); reopening it"]
     assert not bench.bus.send(MESSAGE)  # and no error
     assert bench.bus.channel_info == "closed"
     message = bench.receive_until(lambda: bench.bus.reopened)
@@ -219,13 +219,13 @@ def test_a_full_bus_stays_open_and_is_reported_once():
     assert [bench.bus.send(MESSAGE) for _ in range(5)] == [False] * 5
     assert (bench.bus.sent, bench.bus.send_errors, fake.closed) == (0, 5, 0)
     assert len(bench.notices) == 1
-    assert "does not take our frames" in bench.notices[0]
+    assert "does not accept frames" in bench.notices[0]
 
 
 def test_a_bus_that_fails_at_closing_is_opened_again_all_the_same():
     bench = Bench(FakeBus(recv_error=DOWN, close_error=OSError("stuck")), FakeBus())
     bench.bus.receive(0.1)
-    assert bench.notices[1] == "closing it failed as well (stuck)"
+    assert bench.notices[1] == "closing it also failed (stuck)"
     assert bench.receive_until(lambda: bench.bus.reopened) is MESSAGE
 
 

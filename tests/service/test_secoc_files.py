@@ -78,7 +78,7 @@ def test_a_key_is_32_hexadecimal_digits(key):
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o601, 0o666])
 def test_a_key_on_which_others_have_rights_is_refused(key, mode):
     key.chmod(mode)
-    with pytest.raises(InputError, match="others than its owner have rights on it; chmod 600"):
+    with pytest.raises(InputError, match="users other than its owner can access it; chmod 600"):
         read_key(key)
 
 
@@ -106,7 +106,7 @@ def test_a_trip_is_on_the_disk_before_it_is_used(tmp_path):
 def test_a_damaged_trip_counter_is_refused_and_kept(tmp_path, text):
     path = tmp_path / "trip"
     path.write_text(text)
-    with pytest.raises(InputError, match="write a number higher than all that were used"):
+    with pytest.raises(InputError, match="write a number larger than any that was used"):
         TripFile(path).next_trip()
     assert path.read_text() == text
 
@@ -137,9 +137,9 @@ def run(capsys, *words):
 def test_what_is_missing_is_said(capsys, key, tmp_path):
     trip = tmp_path / "trip"
     status, said = run(capsys, "--secoc-key", key, "--fd")
-    assert (status, "say --secoc-trip FILE" in said) == (2, True)
+    assert (status, "pass --secoc-trip FILE" in said) == (2, True)
     status, said = run(capsys, "--secoc-trip", trip)
-    assert (status, "say --secoc-key FILE" in said) == (2, True)
+    assert (status, "pass --secoc-key FILE" in said) == (2, True)
     status, said = run(capsys, "--secoc-key", key, "--secoc-trip", trip)
     assert (status, "open the bus with --fd" in said) == (2, True)
     status, said = run(capsys, "--secoc-key", key, "--secoc-trip", key, "--fd")

@@ -68,7 +68,7 @@ def test_a_damaged_file_on_a_disk_that_is_read_only_stays_and_is_told(tmp_path, 
     state, told = read(path)
     assert state == EMPTY
     (line,) = told
-    assert "damaged: no JSON; begins cold, it stays where it is" in line
+    assert "damaged: not JSON; starting cold; it cannot be renamed" in line
     assert os.strerror(code) in line
     assert path.read_text() == "{"
 
@@ -91,7 +91,7 @@ def test_a_service_begins_cold_on_a_disk_that_is_read_only(tmp_path, monkeypatch
     monkeypatch.setattr("os.replace", fails)
     assert main([*WORDS, str(path)]) == 0
     said = capsys.readouterr().err
-    assert "begins cold, it stays where it is, since it cannot be renamed (Read-only" in said
+    assert "starting cold; it cannot be renamed (Read-only" in said
     assert [one.name for one in tmp_path.iterdir()] == ["state"]
 
 
@@ -99,7 +99,7 @@ def test_a_refused_file_that_cannot_be_renamed_is_not_written_over(tmp_path):
     path = tmp_path / "state"
     path.write_text("{")
     (tmp_path / "state.refused").mkdir()
-    with pytest.raises(InputError, match=r"cannot be renamed to state\.refused .*out of the way"):
+    with pytest.raises(InputError, match=r"nor renamed to state\.refused .*out of the way"):
         read(path)
     assert path.read_text() == "{"
 
@@ -135,8 +135,8 @@ def test_a_second_service_on_one_state_is_refused(tmp_path, capsys):
         assert main([*WORDS, str(path)]) == 2
     said = capsys.readouterr().err
     assert said == (
-        f"adhesion-can run: --state {path}: is in use by another process of adhesion-can; end that "
-        f"one, or name another file ({path}.lock)\n"
+        f"adhesion-can run: --state {path}: is in use by another process of adhesion-can; stop "
+        f"that process, or name another file ({path}.lock)\n"
     )
     assert main([*WORDS, str(path)]) == 0
     assert main([*WORDS, str(path)]) == 0

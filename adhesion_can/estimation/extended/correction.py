@@ -128,7 +128,7 @@ def require_columns(model: ExtendedModel, samples: Samples, where: str) -> None:
     for active in model.in_contact:
         for channel in sorted(channels_used(active)):
             if lacking[channel]:
-                what = f"no column {_COLUMN[channel]!r}, on which {active.effect.id} depends"
+                what = f"no column {_COLUMN[channel]!r}, which {active.effect.id} needs"
                 raise InputError(where, what, mend)
 
 
@@ -264,7 +264,7 @@ def remove_effects(
             left_out["the effects have no finite value"] += int((~finite).sum())
         small = int((finite & ~good).sum())
         if small:
-            left_out[f"the effects leave less than {USABLE:g} of the adhesion"] += small
+            left_out[f"the effects remove all but {USABLE:g} of the adhesion"] += small
         samples = samples.select(good)
         kept[kept] = good
         change, factor = replace(change, slip=change.slip[good]), factor[good]

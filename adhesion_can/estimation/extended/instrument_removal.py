@@ -41,7 +41,7 @@ def remove_instrument_errors(samples: Samples, instruments: Instruments, where: 
     if impossible:
         raise InputError(
             where,
-            f"{impossible[0]} of the model cannot be taken out of its rows",
+            f"the model's effect {impossible[0]} cannot be removed from its rows",
             "give the recording instead of the table",
         )
     radius = np.array([1.0 + instruments.radius_error.get(int(i), 0.0) for i in samples.axle])

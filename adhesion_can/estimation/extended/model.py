@@ -33,7 +33,7 @@ def _require_base(base: CurveParameters) -> None:
         raise ValueError("c1 and c2 must be positive, c3 not negative and below c1 c2")
     if any(map(gt, base, LARGEST_BASE)):
         largest = ", ".join(f"{value:g}" for value in LARGEST_BASE)
-        raise ValueError(f"no contact has a c1, c2 or c3 above {largest}")
+        raise ValueError(f"c1, c2 and c3 are limited to {largest}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class ExtendedModel:
                 require_covariance(self.curve.covariance, len(active.values))
         for one, other in pairwise(sorted(map(_identity, self.effects))):
             if one == other:
-                raise ValueError(f"{one[0]} stands twice")
+                raise ValueError(f"{one[0]} is given twice")
 
     @property
     def instruments(self) -> Instruments:
@@ -196,9 +196,7 @@ def require_values(active: ActiveEffect) -> None:
     """ValueError where a value of an effect is out of its bounds."""
     parameters = active.effect.parameters
     if len(parameters) != len(active.values):
-        raise ValueError(
-            f"{active.effect.id}: {len(active.values)} values, {len(parameters)} wanted"
-        )
+        raise ValueError(f"{active.effect.id}: {len(active.values)} values, not {len(parameters)}")
     for parameter, value in zip(parameters, active.values, strict=True):
         require_value(parameter, value, f"{active.effect.id}.{parameter.name}")
 

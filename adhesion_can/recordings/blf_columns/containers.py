@@ -49,7 +49,7 @@ class FileHead(NamedTuple):
         data = stored.take(_FILE_HEAD.size)
         if len(data) < _FILE_HEAD.size or not data.startswith(b"LOGG"):
             is_part = b"LOGG".startswith(data[:4])
-            what = "it ends there" if is_part else "it does not begin as a .blf file does"
+            what = "it ends there" if is_part else "it does not start like a .blf file"
             raise ValueError(what if data else "the file is empty")
         _, size, length, *start = _FILE_HEAD.unpack(data)
         stored.skip(max(size, _HEAD_SIZE) - len(data))
@@ -104,23 +104,26 @@ class Faults:
         """
         tell = report.notes.append
         if head.size < _HEAD_SIZE:
-            tell(f"the head of the file says that it has {head.size} bytes; {_HEAD_SIZE} are taken")
+            tell(f"the file header claims a length of {head.size} bytes; using {_HEAD_SIZE}")
         if size is not None and head.length > size:
-            tell(f"the file is cut: it has {size} of the {head.length} bytes that its head says")
+            tell(
+                f"the file is truncated: it has {size} of the {head.length} bytes that its "
+                "header states"
+            )
         elif self.is_cut:
-            tell("the file ends inside an object: it is cut, and what came before is used")
+            tell("the file is truncated inside an object; using what precedes it")
         if self.places:
             tell(
                 f"the file is damaged in {counted(self.places, 'place')}, the first at byte "
-                f"{self.first}: what could be read around it is used"
+                f"{self.first}; using the rest"
             )
         if self.malformed:
-            tell(f"{counted(self.malformed, 'object')} with impossible sizes or stamps passed over")
+            tell(f"skipped {counted(self.malformed, 'object')} with an impossible size or stamp")
         if self.outside:
-            tell(f"objects outside of containers passed over: {self.outside}")
+            tell(f"skipped objects outside of containers: {self.outside}")
         for method, count in self.methods.items():
             containers = counted(count, "container")
-            tell(f"{containers} of the unknown compression {method} passed over")
+            tell(f"skipped {containers} with the unknown compression {method}")
 
 
 class Contents(NamedTuple):

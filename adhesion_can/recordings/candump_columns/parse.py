@@ -277,7 +277,9 @@ def _spelled(words: Words, letters: int) -> bytes:
 def _require_few(names: dict[str, int]) -> None:
     if len(names) >= _NO_NAME:
         raise RecordingError(
-            "candump text", f"{_NO_NAME} names of buses and more", "cut what is no recording"
+            "candump text",
+            f"{_NO_NAME} names of buses and more",
+            "remove the lines that are not frames",
         )
 
 

@@ -185,7 +185,7 @@ class TextSource:
             self._is_reported = True
             self._report.kinds["cut"] += 1
             self._report.notes.append(
-                f"the compressed file ends early ({self._fault}); what came before is used"
+                f"the compressed file ends early ({self._fault}); using what precedes the end"
             )
 
 
@@ -271,4 +271,4 @@ def _zstd_pieces(stored: BinaryIO, path: Path) -> Iterator[bytes]:
         packed = frame.unused_data if frame.eof else b""
         frame = None if frame.eof else frame
     if frame is not None:
-        raise EOFError("its last frame is not whole")
+        raise EOFError("its last frame is incomplete")

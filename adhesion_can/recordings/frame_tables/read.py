@@ -142,7 +142,7 @@ def _payload(fields: Fields, form: Form, *, is_decimal: bool) -> bytes:
     stated = int(fields.length) if fields.length.strip() else len(data)
     has_data = not (_is_remote(fields) or _is_true(fields.error))
     if has_data and len(data) < stated:
-        raise ValueError("its payload is cut")
+        raise ValueError("its payload is truncated")
     # A number above 8 may code the length.
     return data[:stated] if stated <= 8 and fields.fd.strip() != "1" else data
 

@@ -81,7 +81,7 @@ def parse_choice(text: str) -> ColumnChoice:
     try:
         late_s = float(given.get("late_s", "0"))
     except ValueError:
-        raise InputError(where, f"late_s {given['late_s']!r} is no number", mend) from None
+        raise InputError(where, f"late_s {given['late_s']!r} is not a number", mend) from None
     try:
         sign = int(given.get("sign", "1"))
         return ColumnChoice(name, column, given.get("unit"), sign, late_s)

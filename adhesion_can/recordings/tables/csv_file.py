@@ -65,10 +65,10 @@ def read_csv(path: Path, wanted: Collection[str] = ()) -> Columns:
     notes = _layout_notes(layout)
     body = _body(text, layout, path, notes)
     if not body:
-        raise TableError(str(path), "has a heading and no rows", "write one row a sample")
+        raise TableError(str(path), "has a heading and no rows", "write one row for each sample")
     comments = comment_lines(text, layout)
     if comments:
-        notes.append(f"{counted(comments, 'line')} of comment between the rows")
+        notes.append(f"skipped {counted(comments, 'line')} of comment between the rows")
     return _columns(layout, body, notes, str(path))
 
 
@@ -88,16 +88,16 @@ def _require_names(layout: Layout, path: Path) -> None:
     places = [place for place, one in enumerate(layout.names, start=1) if one == name]
     cells = " and ".join(f"{place} ({layout.heading[place - 1]!r})" for place in places)
     raise TableError(
-        f"{path}:{layout.line}", f"columns {cells} have one name", "rename all of them but one"
+        f"{path}:{layout.line}", f"columns {cells} have the same name", "rename all of them but one"
     )
 
 
 def _layout_notes(layout: Layout) -> list[str]:
     notes = []
     if layout.line > 1:
-        notes.append(f"line {layout.line} is taken for the heading")
+        notes.append(f"line {layout.line} is read as the heading")
     if layout.units:
-        notes.append("the first line below the heading has the units")
+        notes.append("the first line below the heading is read as units")
     return notes
 
 
@@ -122,9 +122,7 @@ def _body(text: str, layout: Layout, path: Path, notes: list[str]) -> list[list[
     if odd:
         line, row = odd[0]
         shown = " ".join(row).strip()[:40]
-        notes.append(
-            f"{counted(len(odd), 'line')} below the rows left out (line {line}: {shown!r})"
-        )
+        notes.append(f"skipped {counted(len(odd), 'line')} below the rows (line {line}: {shown!r})")
     return body
 
 

@@ -30,7 +30,7 @@ def read_mat(path: Path) -> Columns:
     except OSError as error:
         raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
     except LimitError as error:
-        mend = "save it anew in MATLAB, or write it as .csv or .parquet"
+        mend = "save it again in MATLAB, or write it as .csv or .parquet"
         raise TableError(str(path), str(error), mend) from error
     return columns
 
@@ -60,9 +60,9 @@ def _columns(path: Path) -> Iterator[Columns]:
         if len(column) == length:
             values.setdefault(name, column)
     others = sorted({name for name, column in found if len(column) != length})
-    notes = [f"vectors of {length} values are the columns"]
+    notes = [f"using the vectors of {length} values as columns"]
     if others:
-        notes.append(f"of another length and not used: {', '.join(others)}")
+        notes.append(f"not used, since their length differs: {', '.join(others)}")
     yield Columns(values, notes=tuple(notes))
 
 

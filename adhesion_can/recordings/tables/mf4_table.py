@@ -13,7 +13,7 @@ from adhesion_can.recordings.limited import LimitError, Limits, read_limited
 from adhesion_can.recordings.mf4 import open_mf4
 from adhesion_can.recordings.tables.columns import Column, Columns
 
-MEND = "write it anew with the tool that made it, or export it as .csv or .parquet"
+MEND = "write it again with the tool that made it, or export it as .csv or .parquet"
 
 
 def holds_channel(path: Path, name: str) -> bool:
@@ -69,7 +69,7 @@ def _columns(path: Path, name: str) -> Iterator[Columns]:
         places = mdf.whereis(name)
         if len(places) != 1:
             what = f"{len(places)} channel groups hold {name!r}"
-            raise TableError(str(path), what, "export the one that is meant, as .csv or .parquet")
+            raise TableError(str(path), what, "export the one that you mean as .csv or .parquet")
         ((group, _),) = places
         master = mdf.masters_db.get(group)
         values: dict[str, Column] = {}
@@ -87,9 +87,9 @@ def _columns(path: Path, name: str) -> Iterator[Columns]:
         if master is not None:
             values.setdefault("time_s", np.asarray(mdf.get_master(group), dtype=np.float64))
     if len({len(column) for column in values.values()}) > 1:
-        what = f"the channels beside {name!r} are of several lengths"
+        what = f"the channels next to {name!r} differ in length"
         raise TableError(str(path), what, MEND)
-    yield Columns(values, units, (f"the {len(values)} channels beside {name!r} are the columns",))
+    yield Columns(values, units, (f"using the {len(values)} channels next to {name!r} as columns",))
 
 
 def _column(signal: Any) -> Column:

@@ -57,4 +57,4 @@ def _require_room(path: Path, cells: int) -> None:
     """Raise a TableError where a small file holds very many cells, which may all be one."""
     if cells > ALWAYS_READ + MOST_CELLS * path.stat().st_size:
         what = f"{cells} cells in a file of {path.stat().st_size} bytes"
-        raise TableError(str(path), what, "leave out columns that do not change, or cut it")
+        raise TableError(str(path), what, "remove columns that do not change, or split the file")

@@ -49,8 +49,8 @@ def sort_rows(columns: Columns) -> Columns:
     if back:
         count = "1 row has" if back == 1 else f"{back} rows have"
         what = (
-            f"{count} an earlier time_s than the row of the axle before: sorted by time_s; where "
-            "the clock begins anew, a column 'segment' keeps the rows of each part together"
+            f"{count} an earlier time_s than the previous row of its axle: sorted by time_s. If "
+            "the clock starts again within the file, number its parts in a column 'segment'"
         )
         notes = (*notes, what)
     values = {name: _take(column, order) for name, column in columns.values.items()}

@@ -122,7 +122,7 @@ def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
     raise TableError(
         str(path),
         "a .csv with neither a 'slip' column (a table) nor 'arbitration_id' (a recording)",
-        "name the column of the slip ratio 'slip', or say --column slip=ITS_NAME",
+        "name the column of the slip ratio 'slip', or pass --column slip=ITS_NAME",
     )
 
 
@@ -192,11 +192,11 @@ def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
 def _require_columns(values: Mapping[str, Column], where: str) -> None:
     """TableError where a column that is needed is missing, or is not numeric."""
     if "slip" not in values:
-        mend = "add it, rename the one that is it, or say --column slip=ITS_NAME"
+        mend = "add it, rename the column, or pass --column slip=ITS_NAME"
         raise TableError(where, "no column 'slip'", mend)
     by_force = FORCE in values and LOAD in values
     if "adhesion" not in values and not by_force:
-        mend = f"add it, or both {FORCE!r} and {LOAD!r}; --column NAME=ITS_NAME names a column"
+        mend = f"add it, or both {FORCE!r} and {LOAD!r}; --column NAME=ITS_NAME maps a column"
         raise TableError(where, "no column 'adhesion'", mend)
     adhesion = ("adhesion",) if "adhesion" in values else (FORCE, LOAD)
     for name in ("time_s", "slip", *adhesion, "speed_mps", "axle"):
@@ -323,13 +323,13 @@ def _find_unloaded(numbers: Mapping[str, Array], where: str) -> NDArray[np.bool_
         raise TableError(
             where,
             f"{'all' if below == count else f'{below} of {count}'} loads are negative",
-            f"say --column {LOAD}={LOAD},sign=-1 if the load counts downwards",
+            f"if the load is positive upwards, pass --column {LOAD}={LOAD},sign=-1",
         )
     if below > MOST_NEGATIVE * count:
         raise TableError(
             where,
             f"{below} of {count} loads are negative, the others are not",
-            "write the load with which the wheel presses on the rail, above 0 in every row",
+            "write the vertical force of the wheel on the rail, above 0 in every row",
         )
     return np.asarray(stated & (load <= 0))
 

@@ -37,7 +37,7 @@ def shift_columns(columns: Columns, choices: Sequence[ColumnChoice], where: str)
     axle = _numbers(values, "axle", where) if "axle" in values else np.zeros_like(time_s)
     for choice in late:
         if choice.name in {"time_s", "axle", "segment"}:
-            raise TableError(where, f"{choice.name!r} cannot be late", "leave late_s out")
+            raise TableError(where, f"{choice.name!r} cannot have a delay", "remove late_s")
         moved = np.full_like(time_s, np.nan)
         given = _numbers(values, choice.name, where)
         for number in np.unique(axle[np.isfinite(axle)]):
@@ -46,14 +46,16 @@ def shift_columns(columns: Columns, choices: Sequence[ColumnChoice], where: str)
         values[choice.name] = moved
         lost = int(np.count_nonzero(np.isfinite(given) & ~np.isfinite(moved)))
         by, to = abs(choice.late_s), "earlier" if choice.late_s > 0 else "later"
-        notes.append(f"{choice.name} put {by:g} s {to}; {lost} rows at ends and gaps have none")
+        notes.append(
+            f"{choice.name} shifted {by:g} s {to}; {lost} rows at ends and gaps have no value"
+        )
     return replace(columns, values=values, notes=tuple(notes))
 
 
 def _numbers(values: Mapping[str, Column], name: str, where: str) -> Array:
     column = values.get(name)
     if column is None:
-        raise TableError(where, f"late_s needs the column {name!r}", "add it, or leave late_s out")
+        raise TableError(where, f"late_s needs the column {name!r}", "add it, or remove late_s")
     if isinstance(column, tuple):
         raise TableError(where, f"column {name!r} is not numeric", "write numbers in it")
     return np.asarray(column, dtype=np.float64)

@@ -41,7 +41,7 @@ def read_text(path: Path) -> str:
         raise TableError(
             str(path),
             f"more than {most >> 20} MiB of text",
-            "cut it into parts, or write it as Parquet",
+            "split it, or write it as Parquet",
         )
     return decode(content)
 

@@ -86,12 +86,12 @@ def read_times(cells: Sequence[str], where: str) -> tuple[Array, str]:
     if filled and all(_SPAN.fullmatch(cell) for cell in filled):
         return np.array(
             [_of_span(_SPAN.fullmatch(cell)) for cell in cells]
-        ), "times are read as spans"
+        ), "times are read as durations"
     stamps = [_STAMP.fullmatch(cell) for cell in cells]
     read = zip(cells, stamps, strict=True)
     odd = next((cell for cell, it in read if it is None and not has_no_value(cell)), None)
     if not filled:
-        odd = next(filter(None, cells), "no value at all")
+        odd = next(filter(None, cells), "no values")
     if odd is not None:
         raise TableError(
             where,
@@ -104,7 +104,7 @@ def read_times(cells: Sequence[str], where: str) -> tuple[Array, str]:
     except (ValueError, OverflowError) as error:
         raise TableError(where, f"column {TIME!r} has no date ({error})", "correct it") from error
     zoned = all(it is None or it["zone"] for it in stamps)
-    return seconds, "times are read as dates" + ("" if zoned else ", those without a zone as UTC")
+    return seconds, "times are read as dates" + ("" if zoned else "; those without a zone as UTC")
 
 
 def _day_first(stamps: Sequence[re.Match[str]], where: str) -> bool:
@@ -189,7 +189,7 @@ def _of_magnitude(numbers: Array, where: str) -> tuple[Array, str]:
     for unit, factor in _UNITS.items():
         if FROM_S <= size * factor <= UNTIL_S:
             day = datetime.fromtimestamp(float(finite[0]) * factor, UTC).date()
-            return numbers * factor, f"{TIME!r} is taken for {unit} since 1970: it is of {day}"
+            return numbers * factor, f"{TIME!r} is read as {unit} since 1970: {day}"
     raise TableError(
         where,
         f"{TIME!r} is beyond {TIME_LIMIT_S:.0e} s",

@@ -217,6 +217,8 @@ class AscForm:
             report.notes.insert(0, DIFFERENCES)
         if self._nameless:
             count = counted(self._nameless, "line")
-            report.notes.append(f"{count} with a name in the place of the id: log ids as numbers")
+            report.notes.append(f"{count} with a name in place of the id: log ids as numbers")
         if self._open > 0:
-            report.notes.append("the file lacks its last line 'End TriggerBlock': it may be cut")
+            report.notes.append(
+                "the file lacks its last line 'End TriggerBlock': it may be truncated"
+            )

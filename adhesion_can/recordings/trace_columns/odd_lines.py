@@ -119,9 +119,9 @@ def to_frame(message: can.Message, first_bus: int) -> tuple[Frame, int]:
     has_data = not (message.is_error_frame or message.is_remote_frame)
     data = bytes(message.data) if has_data else b""
     if not (0 <= bus <= _LAST_BUS and 0 <= message.arbitration_id <= _LAST_ID):
-        raise ValueError("a bus or an id that is none")
+        raise ValueError("an invalid bus or id")
     if len(data) > MAX_PAYLOAD or abs(t_us) > LAST_US:
-        raise ValueError("a payload or a stamp that is none")
+        raise ValueError("an invalid payload or stamp")
     frame = Frame(
         t_us=t_us,
         arbitration_id=message.arbitration_id,

@@ -79,7 +79,7 @@ class TrcForm:
         stated = next((found[1] for line in head if (found := _VERSION.match(line))), b"1.0")
         if stated not in _VERSIONS:
             known = ", ".join(version.decode() for version in _VERSIONS)
-            raise ValueError(f"version {stated.decode()} of PEAK's format, read are {known}")
+            raise ValueError(f"version {stated.decode()} of PEAK's format; supported: {known}")
         version = _VERSIONS[stated]
         named = next((found[1] for line in head if (found := _NAMED.match(line))), b"")
         self._columns = named.decode("latin-1").split(",") if version >= TRCFileVersion.V2_0 else []
@@ -157,7 +157,7 @@ class TrcForm:
         if self._lost:
             frames = sum(report.kinds[kind] for kind in ("frame", "fd", "remote", "error"))
             report.notes.append(
-                f"python-can takes {self._lost} of {self._lost + frames} lines for no frames"
+                f"python-can recognises no frame in {self._lost} of {self._lost + frames} lines"
             )
 
 

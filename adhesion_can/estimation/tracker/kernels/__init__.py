@@ -35,7 +35,7 @@ def choose(import_compiled: Callable[[], Kernels] = _import_compiled) -> Kernels
         pass
     except Exception as error:  # noqa: BLE001  numba may refuse NumPy, LLVM the processor
         logging.getLogger(__name__).warning(
-            "numba cannot be used, the estimator goes on without it: %s", error
+            "numba cannot be used; the estimator continues without it: %s", error
         )
     return cast(Kernels, plain)
 

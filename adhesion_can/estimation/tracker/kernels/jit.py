@@ -52,9 +52,7 @@ def compiled(result: Any, *arguments: Any) -> Callable[[Function], Function]:
 
 @cache
 def _log_compilation() -> None:
-    logging.getLogger(__name__).info(
-        "compiling the estimator for this machine: some ten seconds, kept for later starts"
-    )
+    logging.getLogger(__name__).info("compiling the estimator for this machine: about 10 s, once")
 
 
 def inlined(function: Function) -> Function:
