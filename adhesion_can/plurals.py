@@ -1,5 +1,21 @@
 """Counts in sentences."""
 
+_WORDS = (
+    "no",
+    "one",
+    "two",
+    "three",
+    "four",
+    "five",
+    "six",
+    "seven",
+    "eight",
+    "nine",
+    "ten",
+    "eleven",
+    "twelve",
+)
+
 
 def counted(number: int, noun: str) -> str:
     """A number with its noun in singular or plural, as '1 vehicle' or '2 vehicles'.
@@ -10,3 +26,13 @@ def counted(number: int, noun: str) -> str:
 
     """
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def in_words(number: int) -> str:
+    """A number as a sentence has it: a word up to twelve, digits beyond.
+
+    Args:
+        number: Number, 0 or more.
+
+    """
+    return _WORDS[number] if number < len(_WORDS) else str(number)

@@ -95,19 +95,19 @@ class NoMethod:
 @pytest.mark.parametrize(
     ("offered", "what"),
     [
-        (Halved(id="humidity"), "there is an effect 'humidity' already"),
+        (Halved(id="humidity"), "an effect 'humidity' exists already"),
         (replace(Halved(), id="load_dependence", form="power"), "'load_dependence power' already"),
-        (Halved(id="Halved!"), "its 'id' is not made of lower case letters"),
+        (Halved(id="Halved!"), "its 'id' must consist of lower case letters"),
         (Halved(title=None), "its 'title' is no str"),
         (Halved(requires=("speed",)), "its 'requires' is no Requirements"),
         (Halved(observability="speed"), "its 'observability' is no Observability"),
-        (Halved(parameters=()), "its 'parameters' are not one Parameter or more"),
-        (Halved(parameters=("share",)), "its 'parameters' are not one Parameter or more"),
+        (Halved(parameters=()), "its 'parameters' must be one Parameter or more"),
+        (Halved(parameters=("share",)), "its 'parameters' must be one Parameter or more"),
         (
             Halved(parameters=(Parameter("share", "1", 0.5, 0.1, 0.9, "share"),)),
-            "its size, 'share', cannot be 0",
+            "its size, 'share', must allow 0",
         ),
-        (NoMethod(), "it has not one of the methods"),
+        (NoMethod(), "it needs a method 'change' or 'amend'"),
         ("humidity", "its 'id' is no str"),
     ],
 )

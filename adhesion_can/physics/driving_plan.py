@@ -86,7 +86,7 @@ class PlanStep:
         if not (isfinite(self.period_s) and self.period_s >= 0.0):
             raise ValueError("period_s must not be negative")
         if not all(isfinite(slip) and slip >= 0.0 for slip in self.slip):
-            raise ValueError("slips are written without a sign; mode states the direction")
+            raise ValueError("slips have no sign; mode states the direction")
         if self.mode == "coast" and (max(self.slip) > 0.0 or self.axles):
             raise ValueError("no axle pulls or brakes in a step that coasts")
         if self.mode != "coast" and max(self.slip) == 0.0:
@@ -94,7 +94,7 @@ class PlanStep:
         if self.stagger and not self.period_s:
             raise ValueError("stagger needs period_s")
         if len(set(self.axles)) < len(self.axles) or min(self.axles, default=1) < 1:
-            raise ValueError("axles are different numbers from 1")
+            raise ValueError("axles must be different numbers from 1")
 
     @property
     def sign(self) -> float:
@@ -209,7 +209,7 @@ class DrivingPlan:
         if not (all(map(isfinite, self.curve)) and c1 > 0 and c3 >= 0 and c1 * c2 > c3):
             raise ValueError("curve must be c1, c2, c3 of a curve with a peak")
         if self.duration_s > limits.duration_max + ROUND_OFF:
-            raise ValueError(f"the steps last longer than duration_max, {limits.duration_max:g} s")
+            raise ValueError(f"the steps take longer than duration_max, {limits.duration_max:g} s")
         for number, step in enumerate(self.steps, start=1):
             why = _beyond(step, limits)
             if why:
@@ -250,9 +250,9 @@ def _beyond(step: PlanStep, limits: PlanLimits) -> str:
     if max(step.slip) > limits.slip_max + ROUND_OFF:
         return f"has a slip beyond slip_max, {limits.slip_max:g}"
     if step.mode == "braking" and not limits.braking:
-        return "brakes, and the limits exclude braking"
+        return "brakes, which the limits exclude"
     if step.axles and not limits.single_axles:
-        return "lets axles idle, and the limits exclude single_axles"
+        return "lets axles idle, which the limits exclude (single_axles)"
     if step.sand and not limits.sand:
-        return "strews sand, and the limits exclude sand"
+        return "uses sand, which the limits exclude"
     return ""

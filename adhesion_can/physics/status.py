@@ -18,8 +18,8 @@ class Status(IntEnum):
 DESCRIPTIONS: Mapping[Status, str] = {
     Status.INIT: "no estimate yet",
     Status.TRACKING: "the peak is known",
-    Status.LOW_EXCITATION: "the data do not tell the peak",
-    Status.SURFACE_CHANGE: "the rail has changed, its peak is being learnt",
+    Status.LOW_EXCITATION: "the data do not show the peak",
+    Status.SURFACE_CHANGE: "the rail has changed; its peak is being identified",
     Status.STALE_INPUT: "a required input is silent",
     Status.FAULT: "the estimator failed, or a second service sends",
 }

@@ -17,33 +17,33 @@ def calibration_notes(
 ) -> list[str]:
     """Limits and assumptions of the figures, one sentence each."""
     notes = [
-        f"Radii are relative to {reference}: a scale error of it is a part of all of them alike."
+        f"Radii are relative to {reference}: its scale error is the same share of all of them."
     ]
     if result.effort_known:
         share = 100 * settings.adhesion_max / SOFTEST_CONTACT
         notes.append(
-            f"Coasting is an adhesion below {settings.adhesion_max:g}; the creep left in it is "
-            f"within {share:.2f} % of a radius on a greasy rail, and not in the standard errors. "
-            "Brakes without a signal would add to it."
+            f"An axle coasts if its adhesion is below {settings.adhesion_max:g}. The remaining "
+            f"creep is up to {share:.2f} % of a radius on a greasy rail and is not in the "
+            "standard errors. Brakes without a signal would add to it."
         )
     else:
         notes.append(
-            "No role gives tractive effort, so coasting could not be detected: "
-            f"speed was only steady (within {settings.acceleration_max:g} m/s²), and the "
-            "slip of traction is inside the radii."
+            "No role gives tractive effort, so coasting cannot be detected. The radii come from "
+            f"spans of steady speed (within {settings.acceleration_max:g} m/s²) and contain the "
+            "slip of traction."
         )
     notes += [_too_little(axle, settings) for axle in result.axles if axle.estimate is None]
     notes += _not_identifiable(result, settings)
     if rim:
         axles = ", ".join(map(str, sorted(rim)))
         notes.append(
-            f"Wheel speeds of axles {axles} are speeds of the rim, which their sender computed "
-            "with a radius of its own: the radius here is the one that would make them right, and "
-            "it is their factor that is corrected."
+            f"Wheel speeds of axles {axles} are rim speeds, which their sender computes with its "
+            "own radius. The radius given here would make them right; in the configuration, "
+            "their factor is corrected."
         )
     notes += [
-        f"Axle {axle.axle}: {100 * (axle.ratio - 1):+.1f} % is more than wear; check unit and "
-        "wheel_radius_m."
+        f"Axle {axle.axle}: {100 * (axle.ratio - 1):+.1f} % is more than wear explains; check "
+        "unit and wheel_radius_m."
         for axle in result.axles
         if abs(axle.ratio - 1) > IMPLAUSIBLE
     ]
@@ -52,9 +52,9 @@ def calibration_notes(
 
 def _too_little(axle: AxleRadius, settings: CalibrationSettings) -> str:
     return (
-        f"Axle {axle.axle} keeps its radius: {axle.coasting_s:.1f} s in {axle.blocks} blocks of "
-        f"{settings.block_s:g} s, where {settings.coasting_min_s:g} s in {settings.blocks_min} "
-        "are needed."
+        f"Axle {axle.axle} keeps its radius: it coasts for {axle.coasting_s:.1f} s in "
+        f"{axle.blocks} blocks of {settings.block_s:g} s; {settings.coasting_min_s:g} s in "
+        f"{settings.blocks_min} blocks are needed."
     )
 
 
@@ -65,16 +65,15 @@ def _not_identifiable(result: Calibration, settings: CalibrationSettings) -> lis
     notes = []
     if result.offset is None:
         notes.append(
-            "An offset of the vehicle speed is not identifiable "
-            f"(speeds {low:.1f} to {high:.1f} m/s, {_would_be(result.offset_std, 'm/s')}) and "
-            "taken as 0; one of 0.1 m/s would change the radii by "
-            f"{100 * 0.1 / speed:.2f} %."
+            f"An offset of the vehicle speed is not identifiable (speeds {low:.1f} to {high:.1f} "
+            f"m/s, {_would_be(result.offset_std, 'm/s')}) and is set to 0; an offset of 0.1 m/s "
+            f"would change the radii by {100 * 0.1 / speed:.2f} %."
         )
     if result.delay is None and settings.delay_s is None:
         notes.append(
             "A delay of the vehicle speed is not identifiable "
-            f"({_would_be(result.delay_std, 's')}) and taken as 0; one of 0.1 s would change the "
-            f"radii by {abs(100 * 0.1 * result.mean_acceleration / speed):.2f} %."
+            f"({_would_be(result.delay_std, 's')}) and is set to 0; a delay of 0.1 s would "
+            f"change the radii by {abs(100 * 0.1 * result.mean_acceleration / speed):.2f} %."
         )
     return notes
 

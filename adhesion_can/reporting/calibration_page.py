@@ -127,15 +127,15 @@ def page(
     verdict = [f"{len(known)} of {len(result.axles)} radii found."]
     if largest is not None:
         verdict.append(
-            f"Largest change: axle {largest.axle}, {100 * (largest.ratio - 1):+.2f} %; uncorrected "
-            f"it shifts the slip ratio by {abs(largest.ratio - 1):.4f}."
+            f"Largest change: axle {largest.axle}, {100 * (largest.ratio - 1):+.2f} %; without "
+            f"correction the slip ratio is off by {abs(largest.ratio - 1):.4f}."
         )
     before, after = (_rms(plots, name) for name in ("before", "after"))
     verdict.append(
-        f"Vehicle speed less rolling speed while coasting: {before:.4f} m/s before, {after:.4f} "
-        "m/s after (root mean square)."
+        f"Vehicle speed minus rolling speed while coasting: {before:.4f} m/s before, {after:.4f} "
+        "m/s after calibration (RMS)."
     )
-    note = "The interval of a figure is one of 95 %, by Student's t over the blocks."
+    note = "Intervals are 95 % intervals from Student's t over the blocks."
     table = Table(
         "Radii, ± standard error.", radius_columns(result), radius_rows(result, rim), note
     )
@@ -149,7 +149,7 @@ def page(
             Section("Radii", [table, _radius_figure(result)]),
             Section("Limits and notes", [Items(notes)]),
             Section("Coasting", coasting or [Text("There is no vehicle speed to show.")]),
-            Section("What is left", left or [Text("No axle coasts.")]),
+            Section("Residual", left or [Text("No axle coasts.")]),
         ],
         provenance=provenance,
     )
@@ -173,7 +173,7 @@ def _radius_figure(result: Calibration) -> Figure:
     line = {"color": GREY, "width": 1.2, "dash": "dash"}
     ends = [-0.6, len(names) - 0.4]
     layout = {
-        "xaxis": {"title": {"text": "change against the configured radius, %"}},
+        "xaxis": {"title": {"text": "change from the configured radius, %"}},
         "yaxis": {"type": "category", "range": ends[::-1]},
         "shapes": [{"type": "line", "xref": "x", "yref": "y domain", "x0": 0, "x1": 0, "y0": 0,
                     "y1": 1, "line": line}],
@@ -204,7 +204,7 @@ def _coasting_figure(axles: Sequence[int], drive: DrivePlot) -> Figure:
     ]
     height = 280 + 24 * len(axles)
     layout = panel_layout(axes, f"time, s{times.note}", height, (130.0, 24.0 * len(axles)))
-    caption = f"{drive.name}: vehicle speed, and the spans in which an axle coasts and is used."
+    caption = f"{drive.name}: vehicle speed, and the spans of coasting that are used."
     return Figure(caption, data, layout, height, "coasting")
 
 
@@ -236,7 +236,7 @@ def _residual_figure(axles: Sequence[int], drive: DrivePlot) -> Figure:
         "yaxis": {"title": {"text": "v − r·ω, m/s"}, "zeroline": True, "zerolinecolor": GREY},
     }
     caption = (
-        f"{drive.name}: vehicle speed less rolling speed of the {len(axles)} axles while they "
-        "coast, means of a second: with the configured radii, and with what was found."
+        f"{drive.name}: vehicle speed minus rolling speed of the {len(axles)} axles while they "
+        "coast, averaged over 1 s, with the configured radii and with the calibrated ones."
     )
     return Figure(caption, data, layout, 340, "residual")

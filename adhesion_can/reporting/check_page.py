@@ -75,8 +75,8 @@ def recording_page(result: CheckResult, provenance: Mapping[str, str]) -> Page:
     """
     counts = {
         "frames": result.frames,
-        "frames of ids that nobody listens to": result.unknown,
-        "frames stamped before the one in front of them": result.clamped,
+        "frames with other ids": result.unknown,
+        "frames stamped earlier than the previous frame": result.clamped,
         "samples": len(result.samples),
     }
     records = result.receiver.records
@@ -89,10 +89,10 @@ def recording_page(result: CheckResult, provenance: Mapping[str, str]) -> Page:
     }
     if result.noise:
         rows = [noise_row(compared) for compared in result.noise]
-        caption = "Noise of the sensors as the readings show it, standard deviation."
+        caption = "Noise of the sensors, estimated from the readings, standard deviation."
         sections["Noise"] = [Table(caption, NOISE_COLUMNS, rows)]
     lead = (
-        f"{result.frames} frames in {result.duration_s:.1f} s, gone through as the service would; "
+        f"{result.frames} frames in {result.duration_s:.1f} s, processed as the service would; "
         f"{len(result.samples)} samples of slip and adhesion."
     )
     return _page("Is this recording usable?", lead, [result], sections, provenance)
@@ -151,12 +151,12 @@ def _findings(results: Sequence[CheckResult | TableCheck]) -> list[Part]:
         lines = [line for result in results for line in getattr(result, name)]
         if lines:
             parts += [Text(head), Items(lines)]
-    return parts or [Text("Nothing to say.")]
+    return parts or [Text("Nothing to report.")]
 
 
 def _faults(faults: FaultHistory) -> list[Part]:
     if faults.first_us is None:
-        return [Text("There is no frame to show.")]
+        return [Text("There are no frames to show.")]
     times = TimeScale.beginning_at(faults.first_us)
     since_s, rates = faults.rates()
     t_s = since_s + (faults.first_us - times.zero_us) / 1e6
@@ -183,9 +183,9 @@ def _faults(faults: FaultHistory) -> list[Part]:
     layout = panel_layout(axes, f"time, s{times.note}", height)
     layout["xaxis"]["range"] = [float(t_s[0]), float(max(t_s[-1], t_s[0] + 1))]
     caption = (
-        f"Frames of the messages that are listened to, in spans of {faults.width_us / 1e6:g} s. "
-        + ("Below: those that were rejected or are missing by their counters."
-           if bad else "None was rejected and none is missing by its counter.")
+        f"Frames of the configured messages, in spans of {faults.width_us / 1e6:g} s. "
+        + ("Below: frames that were rejected, or are missing according to their counters."
+           if bad else "No frame was rejected, and no counter shows a missing one.")
     )  # fmt: skip
     return [Figure(caption, data, layout, height, "frames-over-time")]
 
@@ -195,7 +195,7 @@ def _excitation(samples: Samples) -> list[Part]:
     usable = np.isfinite(samples.slip) & np.isfinite(samples.adhesion)
     slip, adhesion = samples.slip[usable], samples.adhesion[usable]
     if not len(slip):
-        return [Text("Not one sample could be formed, so there is no slip to show.")]
+        return [Text("No sample could be formed, so there is no slip to show.")]
     low, high = np.quantile(slip, (0.001, 0.999))
     room = max(0.05 * float(high - low), 1e-4)
     edges = np.linspace(float(low) - room, float(high) + room, 81)
@@ -218,8 +218,7 @@ def _excitation(samples: Samples) -> list[Part]:
         layout[name]["range"] = [float(edges[0]), float(edges[-1])]
     drawn = len(slip[thin])
     caption = (
-        "Slips that were driven: number of samples, and below the adhesion "
-        f"({drawn} of {len(slip)} samples, evenly over time). A peak can be identified where the "
-        "slips reach beyond it."
+        f"Slip in the data: number of samples, and below the adhesion ({drawn} of {len(slip)} "
+        "samples, evenly over time). A peak can be identified if the slip goes beyond it."
     )
     return [Figure(caption, [bars | place(0), points | place(1)], layout, 460, "excitation")]

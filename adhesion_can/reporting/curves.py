@@ -78,8 +78,8 @@ def _judge_changes(result: BatchResult) -> list[str]:
     if best.score < apart or name == plain:
         return []
     sentence = (
-        f"One {name} curve for all predicts held-out samples better ({best.score:.4f}) than a "
-        f"{plain} curve for each segment ({apart:.4f}): the surface need not have changed."
+        f"A single {name} curve predicts held-out samples better ({best.score:.4f}) than one "
+        f"{plain} curve for each segment ({apart:.4f}), so the surface may not have changed."
     )
     return [sentence]
 
@@ -113,9 +113,9 @@ def _verdict(comparison: CurveComparison) -> str:
     mu_std, lambda_std = comparison.rail_std
     names = comparison.plausible
     fits = (
-        f"Only {names[0]} holds."
+        f"Only {names[0]} fits."
         if len(names) == 1
-        else f"The data cannot tell {', '.join(names[:-1])} and {names[-1]} apart."
+        else f"The data cannot distinguish {', '.join(names[:-1])} and {names[-1]}."
     )
     peak = (
         f"{plus_minus(comparison.mu_max, mu_std)} at a slip of "
@@ -123,8 +123,9 @@ def _verdict(comparison: CurveComparison) -> str:
     )
     common = comparison.common
     return (
-        f"{fits} Peak of the rail at {comparison.speed:.1f} m/s: {peak}, with errors common to all "
-        f"samples of {common.slip:g} in slip and {100 * common.adhesion:g} % in adhesion."
+        f"{fits} Peak of the rail at {comparison.speed:.1f} m/s: {peak}; the errors include "
+        f"{common.slip:g} of slip and {100 * common.adhesion:g} % of adhesion that all samples "
+        "share."
     )
 
 
@@ -138,7 +139,7 @@ def _describe_polach(fit: FittedCurve) -> str:
     start = 50.0 * (values["kA"] + values["kS"])
     left = values["A"] + (1.0 - values["A"]) * exp(-values["B"] * CREEP_SPEED)
     return (
-        f"In Polach's form the curve starts at {start:.0f} % of the stiffness of a clean contact, "
-        f"and friction falls with creep speed, by {100 * (1 - left):.0f} % at "
-        f"{CREEP_SPEED:g} m/s of creep."
+        f"In Polach's form, the curve starts with {start:.0f} % of the stiffness of a clean "
+        f"contact, and friction falls by {100 * (1 - left):.0f} % at {CREEP_SPEED:g} m/s of "
+        "creep."
     )

@@ -37,8 +37,8 @@ def message_table(records: Sequence[MessageRecord]) -> Table:
         "Messages, their cycles and faults.",
         MESSAGE_COLUMNS,
         message_rows(records),
-        "cycle: mean time between accepted frames. rejected: checksum, counter, length or range "
-        "wrong. lost: missing by the counter. n/a: readings that say 'not available'.",
+        "cycle: mean time between accepted frames. rejected: wrong checksum, counter, length or "
+        "range. lost: missing according to the counter. n/a: readings marked 'not available'.",
     )
 
 

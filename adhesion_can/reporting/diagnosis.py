@@ -56,8 +56,8 @@ def verdict_sentences(found: Diagnosis) -> list[str]:
 def closest_sentences(found: Diagnosis) -> list[str]:
     """What helps and is no cause, a sentence each with its size and the reason."""
     return [
-        f"{one.title} ({_name_with_sizes(one)}) takes {one.gain_percent:.1f} % off the error on "
-        f"held-out data, and is not the cause: {one.refuted_by}."
+        f"{one.title} ({_name_with_sizes(one)}) reduces the error on held-out data by "
+        f"{one.gain_percent:.1f} % but is not the cause: {one.refuted_by}."
         for one in found.closest
     ]
 
@@ -73,9 +73,9 @@ def _noise_sentence(found: Diagnosis) -> Iterator[str]:
     if noise is None or not noise.exceeds or noise.sensors is None or noise.ratio is None:
         return
     yield (
-        f"The sensors' noise explains {short(noise.sensors)} of what is left, and "
-        f"{short(noise.floor)} remains with every known effect and channel: "
-        f"{short(noise.ratio)} times as much. Something acts that is not in the library."
+        f"Sensor noise explains a residual of {short(noise.sensors)}. With every known effect "
+        f"and channel the residual is {short(noise.floor)}, {short(noise.ratio)} times as much: "
+        "something that the library does not contain acts on the data."
     )
 
 
@@ -86,15 +86,15 @@ def _witness_sentence(found: Diagnosis) -> Iterator[str]:
         return
     before, after = 100 * witness.doubt_before, 100 * witness.doubt_after
     text = (
-        f"Second witness: the service doubts the plain curve in {before:.0f} % of the time of "
-        f"{witness.recording}, and the model with these causes in {after:.0f} %"
+        f"Second witness: the service doubts the plain curve {before:.0f} % of the time in "
+        f"{witness.recording}, and the model with these causes {after:.0f} % of the time"
     )
     if witness.stays:
-        yield f"{text}: what was found is not the cause, or not all of it."
+        yield f"{text}: the named cause is wrong or incomplete."
     elif witness.doubt_before < LEAST_DOUBT:
-        yield f"{text}: too little doubt to speak for or against the causes."
+        yield f"{text}: too little doubt to confirm or refute the causes."
     else:
-        part = "" if 10 * witness.doubt_after <= witness.doubt_before else "a part of "
+        part = "" if 10 * witness.doubt_after <= witness.doubt_before else "part of "
         yield f"{text}: the causes explain {part}its doubt."
 
 
@@ -129,8 +129,8 @@ def _what_is_left(found: Diagnosis) -> Iterator[str]:
     if left:
         most = max(left, key=lambda channel: channel.gain_percent)
         yield (
-            f"What is left depends on {channel_label(most.channel)}: a spline in it would take "
-            f"{most.gain_percent:.1f} % off the error ({p_equation(most.p_value)})."
+            f"The residual depends on {channel_label(most.channel)}: a spline in it would reduce "
+            f"the error by {most.gain_percent:.1f} % ({p_equation(most.p_value)})."
         )
 
 
@@ -145,10 +145,10 @@ def _verdict(found: Diagnosis) -> Iterator[str]:
         yield from (f"Named: {_cause_sentence(cause)}" for cause in found.causes)
     elif found.verdict is Verdict.UNEXPLAINED:
         yield _unexplained(found)
-        yield from (f"Named beside it: {_cause_sentence(cause)}" for cause in found.causes)
+        yield from (f"Also named: {_cause_sentence(cause)}" for cause in found.causes)
     elif found.gain is None:
         yield (
-            "No verdict: the data cannot carry one. This says nothing for or against the "
+            "No verdict: the data are not sufficient. This neither confirms nor refutes the "
             "simulation."
         )
     else:
@@ -177,15 +177,15 @@ def _rivals(cause: Cause) -> str:
 def _unexplained(found: Diagnosis) -> str:
     if found.channel is None:
         return (
-            "Unexplained: something is left that is not noise, and it is neither a known effect "
-            "nor a matter of one measured channel."
+            "Unexplained: the residual is more than noise, but neither a known effect nor a "
+            "single measured channel explains it."
         )
     text = (
-        f"Unexplained: what is left depends on {channel_label(found.channel)}, and no known effect "
-        "says why."
+        f"Unexplained: the residual depends on {channel_label(found.channel)}, and no known "
+        "effect explains why."
     )
     text += "".join(
-        f" {one.what} is no cause: {one.why}." for one in found.untested if one.rejected
+        f" {one.what} is not a cause: {one.why}." for one in found.untested if one.rejected
     )
     # A wave's channel has its length behind the name.
     own = [c.p_value for c in found.channels if c.channel.partition(",")[0] == found.channel]
@@ -196,17 +196,17 @@ def _nothing(found: Diagnosis) -> str:
     gain = found.gain
     if found.conclusive or gain is None:
         text = (
-            "Nothing found: what the plain curve leaves is noise, as far as these data show. An "
-            "effect may still be there and be too small, or not excited."
+            "Nothing found: as far as these data show, the residual of the plain curve is "
+            "noise. An effect may still be too small to see, or not excited."
         )
     else:
-        text = "Cannot tell: an effect shows in the data that decided, and is not certain."
+        text = "Undecided: the deciding data show an effect, but it is not certain."
         noise = _noise_below(found, gain)
         if noise is not None:
             text = (
-                f"Cannot tell: the plain curve leaves {short(gain.rmse_before)}, where noise alone "
-                f"would leave about {short(noise)}, and no effect and no channel explains that for "
-                "certain."
+                f"Undecided: the plain curve leaves a residual of {short(gain.rmse_before)}, "
+                f"noise alone about {short(noise)}, and no effect or channel explains the "
+                "difference with certainty."
             )
     return f"{text} {_strongest(found)}".strip()
 
@@ -242,24 +242,19 @@ def _peaks_of_families(found: Diagnosis) -> Iterator[str]:
     heights = [one.mu_max for one in good]
     yield (
         f"The peak depends on the form of the curve: {', '.join(one.title for one in good)} "
-        f"predict about as well, with μ_max from {min(heights):.4f} to {max(heights):.4f} at slips "
-        f"from {min(slips):.4f} to {max(slips):.4f}. `identify --curve all` weighs them."
+        f"predict about equally well, with μ_max from {min(heights):.4f} to {max(heights):.4f} "
+        f"at slips from {min(slips):.4f} to {max(slips):.4f}. `identify --curve all` compares "
+        "them."
     )
 
 
 def p_value_sentence(p_value: float) -> str:
     """P-value in a sentence."""
     if not isfinite(p_value):
-        return "How often chance alone looks as strong is not known."
+        return "The p-value is not known."
     if p_value < LEAST_P:
-        return (
-            f"Chance alone looks as strong in fewer than {100 * LEAST_P:g} % of drives "
-            f"(p < {LEAST_P:g}, all that was tested counted)."
-        )
-    return (
-        f"Chance alone looks as strong in {100 * p_value:.2g} % of drives "
-        f"({p_equation(p_value)}, all that was tested counted)."
-    )
+        return f"p < {LEAST_P:g}, corrected for all effects tested."
+    return f"{p_equation(p_value)}, corrected for all effects tested."
 
 
 def gain_sentence(gain: Gain, found: Diagnosis) -> str:
@@ -268,33 +263,33 @@ def gain_sentence(gain: Gain, found: Diagnosis) -> str:
     extended = has_extension(found)
     if not extended and gain.rmse_after == gain.rmse_before:
         return (
-            f"There is no extension: RMSE of the adhesion {short(gain.rmse_before)}, noise alone "
-            f"about {short(gain.noise_floor)}. {where}"
+            f"There is no extension: the RMSE of the adhesion is {short(gain.rmse_before)}; "
+            f"noise alone is about {short(gain.noise_floor)}. {where}"
         )
     low, high = gain.interval
     interval = (
         f"95 % interval {low:.1f} to {high:.1f} %" if isfinite(low + high) else "interval not known"
     )
     text = (
-        f"Gain on data that were not used to decide: {gain.percent:.1f} % ({interval}). RMSE of "
-        f"the adhesion {short(gain.rmse_before)} before, {short(gain.rmse_after)} after; noise "
-        f"alone is about {short(gain.noise_floor)}."
+        f"Gain on held-out data: {gain.percent:.1f} % ({interval}). RMSE of the adhesion: "
+        f"{short(gain.rmse_before)} before, {short(gain.rmse_after)} after; noise alone is about "
+        f"{short(gain.noise_floor)}."
     )
     written = gain.as_written
     if written is not None:
         change = f"{abs(written.percent):.1f} % {'below' if written.percent >= 0.0 else 'above'}"
         text += (
-            " That is with the curve refitted there; the model as its file has it leaves "
-            f"{short(written.rmse)}, {change} the plain curve."
+            " This is with the curve refitted to these data; the model as written has an RMSE "
+            f"of {short(written.rmse)}, {change} the plain curve."
         )
     if gain.percent <= 0.0:
         text += " On these data the extension is no better than the plain curve."
     elif low <= 0.0:
-        text += " The interval reaches down to 0: the gain is not certain."
+        text += " The interval includes 0: the gain is not certain."
     if not extended:
         text += (
-            " This is what an empirical curve gains that no model file can hold, so the plain "
-            "curve stands."
+            " This is the gain of an empirical curve, which a model file cannot hold, so the "
+            "plain curve remains."
         )
     return f"{text} {where}"
 
@@ -385,7 +380,7 @@ def terminal(found: Diagnosis) -> Iterator[str | FittingTable]:
 def _refutations(found: Diagnosis) -> Iterator[str | FittingTable]:
     """What was refuted, and the sizes by environment."""
     if found.closest:
-        yield "Closest explanations, none of them the cause:"
+        yield "Closest explanations, none of which is the cause:"
         yield from (f"- {sentence}" for sentence in closest_sentences(found))
     widest = widest_environments(found)
     if widest:

@@ -78,9 +78,8 @@ def gain_figure(gain: Gain) -> Figure:
         "bargap": 0.35,
     }
     caption = (
-        "Error of the predicted adhesion on data that were not used to decide: plain curve, "
-        "extended model, and the noise that no model goes below. The whisker is the 95 % interval "
-        "of the gain."
+        "Error of the predicted adhesion on held-out data: plain curve, extended model, and the "
+        "noise floor of any model. The whisker is the 95 % interval of the gain."
     )
     return Figure(caption, data, layout, 210)
 
@@ -115,15 +114,14 @@ def simulation_figure(simulation_plot: SimulationPlot, *, extended: bool) -> Fig
         ]
     axes = [
         {"title": {"text": "wheel speed<br>rad/s"}},
-        {"title": {"text": "simulated less<br>measured, rad/s"}},
+        {"title": {"text": "simulated minus<br>measured, rad/s"}},
         {"title": {"text": "adhesion<br>coefficient μ"}},
     ]
     height = 560
     layout = panel_layout(axes, f"time, s{times.note}", height)
     caption = (
-        f"{simulation_plot.recording}, axle {simulation_plot.axle}, measured against simulated. "
-        "Wheel speed is "
-        f"simulated from the measured effort and vehicle speed, begun anew every "
+        f"{simulation_plot.recording}, axle {simulation_plot.axle}, measured and simulated. "
+        "Wheel speed is simulated from the measured effort and vehicle speed, restarted every "
         f"{simulation_plot.restart_s:g} s; adhesion is predicted from the measured slip."
     )
     return Figure(caption, data, layout, height)
@@ -152,9 +150,9 @@ def prediction_figure(prediction: PredictionPlot, *, extended: bool) -> Figure:
     for row in range(len(shown)):
         layout[f"xaxis{suffix(row)}"]["range"] = ends
     caption = (
-        f"Measured against predicted adhesion, {len(measured)} of {prediction.rows} rows. A table "
-        "of samples has no wheel speed of its own to simulate; adhesion is predicted from the slip "
-        "of each row. On the dashed line the model is right."
+        f"Measured and predicted adhesion, {len(measured)} of {prediction.rows} rows. A table of "
+        "samples has no wheel speed to simulate; adhesion is predicted from the slip of each "
+        "row. On the dashed line the prediction is exact."
     )
     return Figure(caption, data, layout, height, "measured-against-predicted")
 
@@ -206,9 +204,10 @@ def profile_figure(profile: Profile) -> Figure:
         },
     }
     caption = (
-        f"Measured less predicted adhesion over {name}, positive where the rail gives more than "
-        "the model says; means over bins, with standard errors. The dashed line is by how much the "
-        "extension changes the prediction: where it meets the points before, those after lie at 0."
+        f"Measured minus predicted adhesion over {name}, averaged in bins, with standard errors; "
+        "positive if the rail provides more than predicted. The dashed line is the change that "
+        "the extension makes: where it agrees with the points 'before', the points 'after' are "
+        "at 0."
     )
     return Figure(caption, data, layout, 380)
 
@@ -248,7 +247,7 @@ def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -
     span = _y_span([mu for _, _, _, mu in clouds])
     axes = [
         {"title": {"text": f"μ, {which}"}, "range": span}
-        for which in ("as measured", "effects taken out")[: len(clouds)]
+        for which in ("as measured", "effects removed")[: len(clouds)]
     ]
     height = 70 + 275 * len(clouds)
     layout = panel_layout(axes, "slip ratio λ", height)
@@ -256,11 +255,11 @@ def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -
         layout[f"xaxis{suffix(row)}"]["range"] = [0.0, float(grid[-1])]
     caption = (
         f"Adhesion curve of the longest surface ({surface.recording}, {surface.from_s:.0f} to "
-        f"{surface.to_s:.0f} s) and the data as measured. "
+        f"{surface.to_s:.0f} s) and the measured data. "
     )
     if extended:
         caption += (
-            "Below: the extended model's base curve and the data with its effects taken out. "
+            "Below: the base curve of the extended model, and the data with its effects removed. "
         )
     caption += "Diamonds: identifiable peaks, with standard deviations."
     return Figure(caption, data, layout, height)

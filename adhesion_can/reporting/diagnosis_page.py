@@ -55,11 +55,11 @@ def page(
     """
     sections = {
         "What the simulation gets wrong": _wrong(found),
-        "Closest explanations that are no cause": _closest(found),
+        "Closest explanations, not the cause": _closest(found),
         "One size everywhere?": _environments(found),
         "Gain": _gain(found),
-        "Measured against simulated": _simulation_plots(found),
-        "What is left": _profile(found),
+        "Measured and simulated": _simulation_plots(found),
+        "Residual": _profile(found),
         "Curve and data": _curve(found),
         "Evidence for every effect": _evidence(found),
         "Channels": _channels(found),
@@ -85,8 +85,8 @@ def _lead(found: Diagnosis) -> str:
         text += f"; held out for the gain: {', '.join(sorted(held))}"
     return (
         f"{text}. The simulation is the adhesion curve μ(λ) = c1(1 − e^(−c2 λ)) − c3 λ with the "
-        "configured vehicle; what it cannot reproduce is tested against the known effects, one by "
-        "one and two by two, and against every measured channel."
+        "configured vehicle. Its residual is tested against the known effects, alone and in "
+        "pairs, and against every measured channel."
     )
 
 
@@ -95,7 +95,7 @@ def _lead(found: Diagnosis) -> str:
 
 def _wrong(found: Diagnosis) -> Parts:
     parts: Parts = [
-        Items(found.wrong) if found.wrong else Text("Nothing that these data could show.")
+        Items(found.wrong) if found.wrong else Text("Nothing, as far as these data show.")
     ]
     if found.causes:
         columns = ("effect", "parameter", "value", "meaning")
@@ -110,17 +110,22 @@ def _wrong(found: Diagnosis) -> Parts:
 
 def _closest(found: Diagnosis) -> Parts:
     if not found.closest:
-        return [Text("No explanation that helps was refuted.")]
+        return [Text("No helpful explanation was refuted.")]
     return [Items(closest_sentences(found))]
 
 
 def _environments(found: Diagnosis) -> Parts:
     if not found.environments:
-        return [Text("No effect was named or refuted whose size could be split.")]
+        return [
+            Text(
+                "No named or refuted effect has a size that can be compared between parts of the "
+                "data."
+            )
+        ]
     parts: Parts = [
         Text(
-            "The size of each effect is estimated anew in parts of the data. A cause has one size: "
-            "sizes that differ, for certain and by more than 30 %, refute it."
+            "The size of each effect is estimated again in parts of the data. A cause has one "
+            "size: sizes that differ significantly and by more than 30 % refute it."
         )
     ]
     for effect in dict.fromkeys(one.effect for one in found.environments):
@@ -133,7 +138,7 @@ def _environments(found: Diagnosis) -> Parts:
 
 def _gain(found: Diagnosis) -> Parts:
     if found.gain is None:
-        return [Text("Not measured: the data cannot carry a verdict.")]
+        return [Text("Not measured: the data are not sufficient for a verdict.")]
     gain = found.gain
     spans: dict[str, list[str]] = {}
     for name, begin, end in gain.spans:
@@ -157,7 +162,7 @@ def _simulation_plots(found: Diagnosis) -> Parts:
 
 def _profile(found: Diagnosis) -> Parts:
     if found.profile is None:
-        return [Text("No channel was named, so there is none to show the residual over.")]
+        return [Text("No channel was named, so there is no residual to show over one.")]
     return [profile_figure(found.profile)]
 
 
@@ -201,9 +206,9 @@ def _surface_table(surfaces: Sequence[SegmentResult], *, extended: bool) -> Tabl
 
 def _family_table(families: Sequence[FamilyResult]) -> Table:
     note = (
-        "held-out score: RMSE of the whitened residuals, each block predicted by the others, in "
-        "standard deviations of the noise; the smallest is the best. Another family replaces "
-        "Burckhardt's only where its gain is significant and no effect explains as much."
+        "held-out score: RMSE of the whitened residuals, each block predicted from the others, "
+        "in standard deviations of the noise; smaller is better. Another family replaces "
+        "Burckhardt's only if its gain is significant and no effect explains as much."
     )
     caption = "Curve families without effects; peaks at the mean speed and load."
     return Table(caption, FAMILY_COLUMNS, family_rows(families), note)
@@ -213,14 +218,14 @@ def _evidence(found: Diagnosis) -> Parts:
     if not found.evidence:
         return [Text("No effect could be tested.")]
     note = (
-        "p: how often chance alone looks as strong, all that was tested counted. absorbed: share "
-        "of the effect's signature that c1, c2 and c3 imitate; over 90 % it can hardly be seen in "
-        "these data. most alike: the effect whose signature is nearest; with a cosine over 0.9 the "
-        "two cannot be distinguished. gain: by how much it alone would lower the error of the data "
-        "that decided."
+        "p: p-value, corrected for all effects tested. absorbed: share of the effect's "
+        "signature that c1, c2 and c3 can imitate; above 90 % these data hardly show the "
+        "effect. most alike: the effect with the most similar signature; with a cosine above "
+        "0.9 the two cannot be distinguished. gain: reduction of the error on the deciding data "
+        "by this effect alone."
     )
     rows = evidence_rows(found.evidence)
-    caption = "What the data say of each known effect, the strongest first."
+    caption = "Evidence for each known effect, strongest first."
     return [Table(caption, EVIDENCE_COLUMNS, rows, note)]
 
 
@@ -228,10 +233,10 @@ def _channels(found: Diagnosis) -> Parts:
     if not found.channels:
         return [Text("No channel could be tested.")]
     note = (
-        "A smooth curve in each channel is tried on what is left. p: how often chance alone looks "
-        "as strong, all channels counted. gain: by how much that curve would lower the error."
+        "A smooth curve in each channel is fitted to the residual. p: p-value, corrected for "
+        "all channels. gain: reduction of the error by this curve."
     )
-    caption = "What is left, channel by channel, with the named effects in the model."
+    caption = "Residual by channel, with the named effects in the model."
     return [Table(caption, CHANNEL_COLUMNS, channel_rows(found.channels), note)]
 
 
@@ -253,13 +258,13 @@ def _drives_that_tell(found: Diagnosis) -> Parts:
             (str(number), f"{step.duration_s:g}", step.description)
             for number, step in enumerate(next_drive.plan.steps, start=1)
         ]
-        parts.append(Table("The drive that would tell.", ("step", "s", "what"), rows))
+        parts.append(Table("The drive that separates them.", ("step", "s", "what"), rows))
         pairs = [
             (pair.explanation, pair.rival, f"{pair.discrepancy:.0f}", f"{100 * pair.power:.0f} %")
             for pair in next_drive.pairs
         ]
-        columns = ("if this holds", "this is refuted", "T", "with a probability of")
-        parts.append(Table("How far the explanations are apart on it.", columns, pairs))
+        columns = ("if this is true", "this is refuted", "T", "with a probability of")
+        parts.append(Table("Power of this drive to separate the explanations.", columns, pairs))
     return parts
 
 
@@ -267,11 +272,11 @@ def _rivals(found: Diagnosis) -> Parts:
     rivals = dict.fromkeys(rival for cause in found.causes for rival in cause.rivals)
     needed = found.needed and f"Needed: {found.needed}"
     if not rivals:
-        return [Text(needed or "There are no rivals: nothing needs to be separated.")]
+        return [Text(needed or "There are no rivals to separate.")]
     return [
         Text("Effects that these data cannot distinguish from the named one:"),
         Items([f"{rival}: {rival_title(rival)}" for rival in rivals]),
-        Text(needed or "No manoeuvre or signal is known that would separate them."),
+        Text(needed or "No known manoeuvre or signal would separate them."),
     ]
 
 
@@ -284,7 +289,7 @@ def _untested(found: Diagnosis) -> Parts:
 
 def _model(found: Diagnosis) -> Parts:
     if found.model is None or not has_extension(found):
-        return [Text("There is no extension: the plain curve stands.")]
+        return [Text("There is no extension: the plain curve remains.")]
     return model_parts(found.model)
 
 
@@ -297,9 +302,9 @@ def model_parts(model: ExtendedModel) -> Parts:
     which = "Base curve" if model.curve is None else "Burckhardt curve nearest to the base curve"
     parts += [
         Text(
-            f"{which}: c1 = {c1:.4f}, c2 = {c2:.2f}, c3 = {c3:.4f}. On top of it stand the "
-            "effects below, in this order: first the errors of sensors and vehicle data, then what "
-            "changes the slip, then what multiplies the adhesion."
+            f"{which}: c1 = {c1:.4f}, c2 = {c2:.2f}, c3 = {c3:.4f}. The effects below are "
+            "applied in this order: errors of sensors and vehicle data, changes of the slip, "
+            "factors of the adhesion."
         )
     ]
     rows = []
@@ -343,10 +348,10 @@ def _cell(parameter: Parameter, value: float, std: float) -> str:
 def _spline(spline: Empirical) -> str:
     low, high = spline.knots[0], spline.knots[-1]
     return (
-        f"Empirical: adhesion is multiplied by a curve over {channel_label(spline.channel)}, a "
+        f"Empirical: a curve over {channel_label(spline.channel)} multiplies the adhesion, a "
         f"cubic spline with {len(spline.coefficients)} coefficients from {short(low)} to "
-        f"{short(high)}. "
-        "It says what was seen and not why; beyond this range it stays at its last value."
+        f"{short(high)}. It describes the data without an explanation; beyond this range it "
+        "keeps its last value."
     )
 
 
@@ -361,10 +366,10 @@ def _inputs(found: Diagnosis, problems: Sequence[str]) -> Parts:
         )
         for s in found.input_files
     ]
-    parts: Parts = [Table("Files, and the rows of them that were used.", _INPUT_COLUMNS, rows)]
+    parts: Parts = [Table("Files, and the rows used of each.", _INPUT_COLUMNS, rows)]
     lost = [f"{count}: {reason}" for reason, count in found.lost.items() if count]
     if lost:
-        parts += [Text("Rows and signals that were left out:"), Items(lost)]
+        parts += [Text("Rows and signals not used:"), Items(lost)]
     if problems:
         parts += [Text("Notes on the files:"), Items(problems)]
     return parts

@@ -55,7 +55,7 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
     }
     caption = (
         f"{parameter} of {effect} in parts of the data, with 95 % intervals; the dotted line is "
-        f"its value in all of them, {value_and_unit(size, unit)}. A cause has one size everywhere."
+        f"its value in all data, {value_and_unit(size, unit)}. A cause has one size everywhere."
     )
     return Figure(caption, data, layout, MARGINS_HEIGHT + ROW_HEIGHT * len(names))
 

@@ -11,9 +11,9 @@ from adhesion_can.reporting.text import FittingTable, table
 
 COLUMNS = ("data", "rows", "plain", "as written", "gain", "refitted", "gain ")
 MEANING = (
-    "RMSE of the adhesion. Plain: Burckhardt's curve fitted to these data. As written: the model "
-    "as its file has it. Refitted: its effects as written, its curve fitted to these data. Gains "
-    "over the plain curve with 95 % intervals, from spans or recordings as units."
+    "RMSE of the adhesion. Plain: Burckhardt's curve fitted to these data. As written: the "
+    "model from its file. Refitted: the effects from the file, the curve fitted to these data. "
+    "Gains over the plain curve have 95 % intervals, with spans or recordings as units."
 )
 
 
@@ -29,18 +29,19 @@ def verdict(found: Evaluation) -> str:
     total = found.total
     written, refitted = total.as_written, total.refitted
     text = (
-        f"As written the model's RMSE is {short(written.rmse)}, {_change(written)} the plain "
-        f"curve's {short(total.plain)}; with its curve refitted {short(refitted.rmse)}, "
-        f"{_change(refitted)}."
+        f"The RMSE of the model as written is {short(written.rmse)}, {_change(written)} the "
+        f"plain curve's {short(total.plain)}; with its curve refitted it is "
+        f"{short(refitted.rmse)}, {_change(refitted)}."
     )
     if _is_sure(refitted) and written.rmse > total.plain:
         return (
-            f"{text} Its effects hold here, its curve does not: another surface, or another wheel."
+            f"{text} Its effects apply here, but its curve does not: the surface or the wheel "
+            "differs."
         )
     if refitted.interval[1] < 0.0:
-        return f"{text} Its effects do harm here: all of the interval is below 0."
+        return f"{text} Its effects make the prediction worse here: the whole interval is below 0."
     if not _is_sure(refitted):
-        return f"{text} That its effects gain here is not certain: the interval reaches 0."
+        return f"{text} Whether its effects help here is not certain: the interval includes 0."
     return text
 
 
@@ -63,7 +64,7 @@ def page(
     ]
     return Page(
         title="A model on these data",
-        lead=f"The model {model} beside the plain curve.",
+        lead=f"The model {model} compared with the plain curve.",
         verdict=[verdict(found)],
         sections=sections,
         provenance=provenance,

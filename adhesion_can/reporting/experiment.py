@@ -33,8 +33,8 @@ from adhesion_can.reporting.page import Page, Section, Table, Text
 BOUND = "Cramér-Rao bound"
 TITLES: Mapping[int, str] = {
     1: "one surface, data in sequence",
-    2: "a surface that switches, ordinary differential evolution",
-    3: "a surface that switches, the paper's modified differential evolution",
+    2: "a switching surface, ordinary differential evolution",
+    3: "a switching surface, the paper's modified differential evolution",
 }
 """Title of each experiment's page."""
 
@@ -162,7 +162,8 @@ def verdict(outcome: NoiseLevelResult) -> list[str]:
             )
         )
         found.append(
-            f"{level}: the paper's own, RMSE of the maximum adhesion and of c1: {comparison}."
+            f"{level}: the paper's estimators, RMSE of the maximum adhesion and of c1: "
+            f"{comparison}."
         )
     if {own, ONE_SAMPLE, ALL_DATA} <= errors.keys() and not outcome.experiment.ramp:
         found.append(
@@ -200,8 +201,8 @@ def _lead(outcome: NoiseLevelResult) -> str:
     runs = max(r.runs for r in outcome.results)
     surfaces = " → ".join("({:g}, {:g}, {:g})".format(*theta) for theta in experiment.surfaces)
     data = (
-        f"{experiment.updates} samples in sequence, the slip rising from 0 to "
-        f"{experiment.slip_max:g}, a start anywhere in the search range"
+        f"{experiment.updates} samples in sequence, slip rising from 0 to "
+        f"{experiment.slip_max:g}, started anywhere in the search range"
         if experiment.ramp
         else f"{experiment.updates} blocks of {experiment.block} samples, slip uniform in 0 to "
         f"{experiment.slip_max:g}, a sudden switch every {experiment.blocks} blocks"
@@ -209,9 +210,11 @@ def _lead(outcome: NoiseLevelResult) -> str:
     if experiment.theta0 is not None:
         start = "({:g}, {:g}, {:g})".format(*experiment.theta0)
         first = (
-            ", the first rail's own curve" if experiment.theta0 == experiment.surfaces[0] else ""
+            ", which is the curve of the first rail"
+            if experiment.theta0 == experiment.surfaces[0]
+            else ""
         )
-        data += f", a start at {start}{first}"
+        data += f", started at {start}{first}"
     count = "one run" if runs == 1 else f"{runs} runs"
     return (
         f"After He et al., IEEE Access 6 (2018). Curve (c1, c2, c3): {surfaces}; {data}; {count}. "

@@ -171,9 +171,10 @@ def error_over_updates(outcome: NoiseLevelResult) -> Figure:
         },
     }
     caption = (
-        "Error of the maximum adhesion, beside the smallest that the samples since the last switch "
-        "allow: Cramér-Rao bound, for an unbiased estimator that knows when the surface changed. "
-        "Below it: a start near the truth, or a search range, which add information."
+        "Error of the maximum adhesion, and the Cramér-Rao bound of the samples since the last "
+        "switch, for an unbiased estimator that knows when the surface changed. An estimator "
+        "can be below the bound if its start is near the truth or its search range adds "
+        "information."
     )
     return Figure(caption, [*data, bound], layout, 360)
 
@@ -230,8 +231,8 @@ def histograms(outcome: NoiseLevelResult) -> Figure:
         layout.setdefault("shapes", []).append(vertical_line(truth, row, "dash"))
     whose = "at the end of the run" if experiment.ramp else "over all blocks of each surface"
     caption = (
-        f"Histograms of the maximum adhesion {whose} and all runs; the dashed line is the truth, "
-        "the outermost bins hold all that lies beyond."
+        f"Histograms of the maximum adhesion {whose} and all runs. The dashed line is the truth; "
+        "the outermost bins contain all values beyond."
     )
     return Figure(caption, data, layout, height)
 
@@ -287,8 +288,8 @@ def accuracy(outcome: NoiseLevelResult) -> Figure:
         if bound is not None:
             layout["shapes"].append(vertical_line(bound, row, "dot"))
     caption = (
-        "Accuracy and cost side by side; the dotted line is the Cramér-Rao bound. Times were "
-        "measured in these runs, with all that the machine did besides."
+        "Accuracy and cost; the dotted line is the Cramér-Rao bound. Times were measured in "
+        "these runs, including other load on the machine."
     )
     return Figure(caption, data, layout, height)
 
@@ -328,8 +329,8 @@ def slips_needed(outcome: NoiseLevelResult) -> Figure:
         "yaxis": {"type": "category"},
     }
     caption = (
-        "Slip at which each value came within 10 % of the truth and stayed there: median and "
-        "quartiles over the runs; no mark where that was in less than half of them."
+        "Slip from which each value stays within 10 % of the truth: median and quartiles over "
+        "the runs; no mark if fewer than half of them reach it."
     )
     return Figure(caption, data, layout, 90 + 36 * len(shown))
 

@@ -30,7 +30,7 @@ def adhesion_parts(estimates: "Sequence[PlaceEstimate]") -> list[Part]:
 
     """
     if not estimates:
-        return [Text("No segment has a peak that is known within 10 %.")]
+        return [Text("No segment has a peak known within 10 %.")]
     by_line: dict[str, list[PlaceEstimate]] = defaultdict(list)
     for one in estimates:
         by_line[one.line].append(one)
@@ -112,8 +112,9 @@ def map_parts(overview: "FleetOverview") -> list[Part]:
     points = overview.positions
     if not len(points):
         return [
-            Text("No position is known: a TABLE has it as latitude_deg and longitude_deg, a list "
-                 "of units as latitude and longitude.")
+            Text(
+                "No position is known. Give it in a TABLE as latitude_deg and longitude_deg, or "
+                "in a list of units as latitude and longitude.")
         ]  # fmt: skip
     longitude, latitude, mu = points.T
     low, high = (float(x) for x in np.quantile(mu, (0.02, 0.98)))
@@ -152,7 +153,7 @@ def map_parts(overview: "FleetOverview") -> list[Part]:
         "hovermode": "closest",
     }
     left = (
-        f" {len(points)} of {overview.located} segments are drawn."
+        f" {len(points)} of {overview.located} segments shown."
         if overview.located > len(points)
         else ""
     )

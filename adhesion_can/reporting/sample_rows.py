@@ -28,10 +28,10 @@ FIELDS = (
     Field("speed_mps", unit="m/s", comment="vehicle speed", spec=".9g"),
     Field("longitudinal_force_N", unit="N", comment="force between wheel and rail", spec=".9g"),
     Field("normal_load_N", unit="N", comment="axle load", spec=".9g"),
-    Field("segment", np.dtype(np.uint32), comment="surfaces that the service told apart so far"),
+    Field("segment", np.dtype(np.uint32), comment="number of surfaces found so far"),
     Field("residual", unit="1", optional=True, spec=".6g",
-          comment="adhesion less the curve that was in force before the row"),
-    Field("left_out", np.dtype(np.uint8), comment="whether the estimator passed over the row",
+          comment="adhesion minus the curve before the row"),
+    Field("left_out", np.dtype(np.uint8), comment="whether the estimator skipped the row",
           names={float(USED): "no", float(BEYOND): "slip beyond slip_max"}, text=True),
 )  # fmt: skip
 """Columns beside `time_s` and the further channels."""

@@ -54,13 +54,13 @@ FIELDS = (
     _number("creep_speed_setpoint_mps", "creep speed to control to", "m/s"),
     _names(
         "doubt",
-        "what the residual depends on, where the curve cannot explain it",
+        "what the residual depends on, if the curve cannot explain it",
         _by_number(Doubt),
         optional=True,
     ),
     _names(
         "family",
-        "most probable family of curves, where they are compared",
+        "most probable curve family, if families are compared",
         {
             **{float(number): name for name, number in _FAMILY_NUMBERS.items()},
             float(NO_FAMILY): Doubt.NOT_AVAILABLE.name,
@@ -69,7 +69,7 @@ FIELDS = (
     ),
     _names(
         "objection",
-        "what the readings cannot be, where that is why nobody vouches for the peak",
+        "objection to the readings that makes the peak unreliable",
         _by_number(Objection),
     ),
 )

@@ -261,7 +261,7 @@ def test_wheel_speeds_at_the_rim_get_a_factor_and_no_radius(car, tmp_path, capsy
         assert axle["corrected_by"] == "factor"
     assert first["coasting_told_by"] is None
     assert first["systematic_percent"] is None
-    assert any("slip of traction is inside" in note for note in first["notes"])
+    assert any("contain the slip of traction" in note for note in first["notes"])
     assert "steady speed" in capsys.readouterr().out
     written = tomllib.loads(out.read_text())
     assert written["vehicle"]["wheel_radius_m"] == [0.35, 0.35, 0.36, 0.36]
@@ -542,4 +542,4 @@ def test_a_car_on_the_road_agrees_with_its_data_sheet(realdata, tmp_path, capsys
         assert axle["change_percent"] == pytest.approx(sheet, abs=max(std, 0.1))
         assert 0.01 < std < 0.15
     assert result["offset_mps"]["value"] is None, "60 s near one speed do not tell it"
-    assert "could not be detected" in capsys.readouterr().out
+    assert "cannot be detected" in capsys.readouterr().out

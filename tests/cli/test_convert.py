@@ -217,7 +217,7 @@ def test_exports_of_one_recording_lie_over_each_other_in_mf4(log, tmp_path):
 def test_mf4_of_times_that_run_back_is_reported(tmp_path, capsys):
     path = tmp_path / "a.log"
     path.write_text("".join(line(k, 180, bytes(8)) for k in (9, 5, 7)))
-    message = "MF4 wants rising times: frames stamped before"
+    message = "MF4 needs ascending times: frames with earlier stamps"
     assert convert(path, "--dbc", CAR, "--out", tmp_path / "o.csv") == 0
     assert message not in capsys.readouterr().out
     assert convert(path, "--dbc", CAR, "--out", tmp_path / "o.mf4") == 0
@@ -550,9 +550,9 @@ def test_a_reader_of_the_stream_that_goes_is_no_error(tmp_path):
         (("--out", "{dir}/o/", "--raster", "10ms"), "--raster writes one table"),
         (("--out", "{dir}/o.mcap", "--raster", "10ms"), "of no known format"),
         (("--out", "{dir}/none/o/"), "its folder does not exist"),
-        (("--out", "{dir}/"), "holds files that convert did not write"),
+        (("--out", "{dir}/"), "contains files that convert did not write"),
         (("--out", "{log}/"), "is a file; name a folder"),
-        (("--out", "{dir}/o.feather"), ".arrow is what it is called here"),
+        (("--out", "{dir}/o.feather"), "it is called .arrow here"),
     ],
 )
 def test_bad_folders_and_pipes_are_reported(log, tmp_path, capsys, arguments, message):

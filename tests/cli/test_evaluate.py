@@ -62,8 +62,8 @@ def test_a_rail_of_another_level_shows_in_the_model_as_written(named, capsys):
     assert total["as_written"]["rmse"] > 2.0 * total["plain"]["rmse"]
     out = " ".join(capsys.readouterr().out.split())
     assert status == 0
-    assert "Its effects hold here, its curve does not" in out
-    assert "with the curve refitted there; the model as its file has it" in answer.out
+    assert "Its effects apply here, but its curve does not" in out
+    assert "with the curve refitted to these data; the model as written" in answer.out
 
 
 def test_recordings_stand_beside_each_other(named):
@@ -85,7 +85,7 @@ def test_effects_that_are_not_there_do_not_gain(named, capsys):
     _, found = evaluated(folder, still, "--model", folder / "m.toml")
     assert found["total"]["refitted"]["percent"] < 0.0
     assert found["total"]["refitted"]["interval"][1] < 0.0
-    assert "Its effects do harm here" in capsys.readouterr().out
+    assert "Its effects make the prediction worse here" in capsys.readouterr().out
 
 
 def test_a_table_has_no_efforts_of_all_axles_for_a_load_transfer(named, tmp_path, capsys):

@@ -133,7 +133,7 @@ def test_pages_and_scrolling(log):
         await on.pilot.press("w")
         assert "axles hold it" in text_of(on.app)
         await on.pilot.press("question_mark")
-        assert "Nothing is ever sent." in text_of(on.app)
+        assert "The monitor never sends." in text_of(on.app)
         await on.pilot.press("question_mark")
         assert "adhesion over slip ratio" in text_of(on.app)
 

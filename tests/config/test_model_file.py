@@ -154,7 +154,7 @@ WRONG = {
     "effect twice": (
         "[[spline]]",
         '[[effect]]\nid = "falling_friction"\nform = "burckhardt"\nparameters.c4 = 0.1\n[[spline]]',
-        "falling_friction stands twice",
+        "falling_friction is given twice",
     ),
     "unknown list": ("[[spline]]", "[[splines]]", "splines: unknown key"),
     "not a list": ("[[spline]]", "[spline]", "spline: not a list of tables"),

@@ -78,7 +78,7 @@ def wrong(tmp_path, text):
         ("purpose", "aim", "aim: unknown key"),
         ("sand = true", "snow = true", "limits.snow: unknown key"),
         ("speed_max = 25.0", "speed_max = 2.0", "speed_max must be above speed_min"),
-        ("axles = []", "axles = [2, 2]", "axles are different numbers"),
+        ("axles = []", "axles = [2, 2]", "axles must be different numbers"),
     ],
 )
 def test_a_mistake_is_told_with_its_place(tmp_path, old, new, said):
@@ -89,9 +89,9 @@ def test_a_mistake_is_told_with_its_place(tmp_path, old, new, said):
 @pytest.mark.parametrize(
     ("limit", "step", "said"),
     [
-        ("braking", 'mode = "braking"\nslip = [0.0, 0.1]', "exclude braking"),
+        ("braking", 'mode = "braking"\nslip = [0.0, 0.1]', "which the limits exclude"),
         ("single_axles", 'mode = "traction"\nslip = [0.0, 0.1]\naxles = [1]', "single_axles"),
-        ("sand", 'mode = "coast"\nsand = true', "exclude sand"),
+        ("sand", 'mode = "coast"\nsand = true', "which the limits exclude"),
     ],
 )
 def test_a_step_that_the_limits_exclude_is_refused(tmp_path, limit, step, said):

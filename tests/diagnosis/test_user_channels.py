@@ -179,7 +179,7 @@ def test_the_terminal_says_what_is_left_and_with_what_it_goes(tmp_path):
     path = write_table(tmp_path / "t.csv", table_of(t_s, slip, adhesion, x1=x1, x2=x2))
     answer = diagnosed(tmp_path, path)
     assert "channel:x1" in causes(answer), answer.out
-    assert "What is left depends on x2" in " ".join(answer.out.split())
+    assert "The residual depends on x2" in " ".join(answer.out.split())
 
 
 @pytest.mark.parametrize("seed", [21, 22])

@@ -117,7 +117,7 @@ def test_a_lag_is_asked_for_by_a_name_of_its_own():
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("1 +", "no expression"),
+        ("1 +", "not an expression"),
         ("__import__('os')", "no function '__import__'"),
         ("wind.real", "wind.real"),
         ("wind[0]", "wind"),
@@ -133,10 +133,10 @@ def test_a_lag_is_asked_for_by_a_name_of_its_own():
         ("True", "True"),
         ("1j", "1j"),
         ("(" * 300 + "1" + ")" * 300, "longer than 500"),
-        ("(" * 240 + "1" + ")" * 240, "no expression"),
-        ("a\0b", "no expression"),
-        ("", "no expression"),
-        ("import os", "no expression"),
+        ("(" * 240 + "1" + ")" * 240, "not an expression"),
+        ("a\0b", "not an expression"),
+        ("", "not an expression"),
+        ("import os", "not an expression"),
         ("1" * 400, "beyond all numbers"),
         ("1e400", "beyond all numbers"),
         ("-" * 400 + "wind", "within each other"),

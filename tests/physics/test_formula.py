@@ -96,7 +96,7 @@ def test_no_factor_is_below_the_least_and_what_is_no_number_stays_so():
     ("text", "part"),
     [
         ("1 + a * wind", "names no constants"),
-        ("1 + a * wind where a", "no constant with a number"),
+        ("1 + a * wind where a", "not a constant with a number"),
         ("1 + a * wind where a=0", "other than 0"),
         ("1 + a * wind where a=inf", "other than 0"),
         ("1 + a * wind where a=1, k=2", "'k' does not occur"),

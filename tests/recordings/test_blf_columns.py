@@ -192,7 +192,7 @@ def test_a_file_cut_at_any_byte_gives_what_is_whole_and_says_so(folder):
         lost = content[:8] + content[8:16] + bytes(8) + content[24:length]
         blocks, report = read(folder, lost)
         assert items(blocks) == found
-        told = [note for note in report.notes if "it is cut" in note or "damaged" in note]
+        told = [note for note in report.notes if "is truncated" in note or "damaged" in note]
         assert told or len(found) == len(whole) or is_edge(content, length)
     for length in range(72):  # as far as the fields of the head reach
         what = "it ends there" if length else "the file is empty"
@@ -262,7 +262,7 @@ def test_a_container_that_claims_or_holds_much_takes_little_memory(folder):
         (wire.container(wire.fd64(1, b"abc", extra=30)), "impossible"),
         (wire.container(b"what is this, then?"), "damaged"),
         (wire.container(wire.obj(1, bytes(16), size=4)), "damaged"),
-        (wire.container(wire.obj(96, bytes(16), size=1 << 30)), "it is cut"),
+        (wire.container(wire.obj(96, bytes(16), size=1 << 30)), "is truncated"),
         (b"nothing of a container here", "damaged"),
     ],
 )
@@ -271,7 +271,7 @@ def test_what_no_writer_writes_is_passed_over_and_reported(folder, made, note):
     blocks, report = read(folder, wire.blf(good, made))
     assert [f.data for f in items(blocks)] == [b"good"]
     assert any(note in told for told in report.notes), report.notes
-    if "is cut" not in note:
+    if "is truncated" not in note:
         blocks, report = read(folder, wire.blf(good, made, good))
         assert [f.data for f in items(blocks)] == [b"good"] * 2
 

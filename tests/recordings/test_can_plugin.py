@@ -114,7 +114,7 @@ def test_log_reader_finds_the_plug_in_by_its_suffix(log, caplog):
     assert reader.report.passed_over == 9
     (record,) = caplog.records
     assert record.levelno == logging.WARNING
-    assert "9 lines skipped (3, " in record.getMessage()
+    assert "skipped 9 lines (3, " in record.getMessage()
     packed = log.with_name("drive.candump.gz")
     packed.write_bytes(gzip.compress(log.read_bytes()))
     with can.LogReader(packed) as reader:

@@ -148,7 +148,7 @@ def test_asc_files_follow_each_other_by_their_dates(tmp_path):
     a = asc(tmp_path / "a.asc", "04:20:30.951 pm", [0.01, 0.02, 5.02])
     b = asc(tmp_path / "b.asc", "04:40:30.951 pm", [0.01, 0.02])
     assert stamps(a, b) == ([10_000, 20_000, 5_020_000, 1_200_010_000, 1_200_020_000], [])
-    with pytest.raises(RecordingError, match="begins before"):
+    with pytest.raises(RecordingError, match="starts before"):
         stamps(b, a)
 
 

@@ -81,7 +81,7 @@ def test_names_without_an_id_are_told(tmp_path):
     frames, report = read(asc(tmp_path / "a.asc", lines))
     assert frames == [frame(5, 0x120, b"\7")]
     assert report.passed_over == 5
-    assert "5 lines with a name in the place of the id: log ids as numbers" in report.notes
+    assert "5 lines with a name in place of the id: log ids as numbers" in report.notes
 
 
 @pytest.mark.parametrize("count", [3, MANY])

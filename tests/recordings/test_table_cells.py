@@ -192,7 +192,7 @@ def test_comments_and_lines_below_are_told(tmp_path):
     lines = text_of(PLAIN).splitlines()
     lines[4:4] = ["# sand from here", "// twice"]
     notes = read_table(written(tmp_path, "\n".join([*lines, "", "Total: 12", "End"]))).notes
-    assert "2 lines of comment between the rows" in notes
+    assert "skipped 2 lines of comment between the rows" in notes
     assert any("2 lines below the rows left out" in note and "Total: 12" in note for note in notes)
 
 
@@ -205,7 +205,7 @@ def test_a_row_that_is_cut_is_no_line_below(tmp_path, end):
 @pytest.mark.parametrize(
     ("heading", "said"),
     [
-        ((*NAMES, "slip"), r"columns 2 \('slip'\) and 5 \('slip'\) have one name"),
+        ((*NAMES, "slip"), r"columns 2 \('slip'\) and 5 \('slip'\) have the same name"),
         (("time_s", "slip [%]", *NAMES[2:], "slip"), r"2 \('slip \[%\]'\) and 5 \('slip'\)"),
         ((*NAMES, "a", "a"), r"columns 5 \('a'\) and 6 \('a'\)"),
     ],
@@ -292,7 +292,7 @@ def test_counts_since_1970_by_their_size(tmp_path, unit, factor):
     rows = [[text, *row[1:]] for text, row in zip(counts, PLAIN, strict=True)]
     path = written(tmp_path, text_of(rows))
     assert_is_the_table(path)
-    assert f"'time_s' is read as {unit}since 1970: 2024-03-01" in read_table(path).notes
+    assert f"'time_s' is read as {unit} since 1970: 2024-03-01" in read_table(path).notes
 
 
 def test_a_count_of_no_known_unit_names_the_mend(tmp_path):

@@ -36,7 +36,7 @@ def test_a_change_of_speed_that_looks_like_one_of_the_surface_is_called_so():
     result = identify(two_speeds(0.15), families=TWO)
     assert len(result.segments) == 2
     assert result.whole_curves.plausible == ("burckhardt_c4",)
-    assert "One burckhardt_c4 curve for all predicts" in text_of(result)
+    assert "A single burckhardt_c4 curve predicts" in text_of(result)
     document = result.to_dict()
     assert document["curves"]["plausible"] == ["burckhardt_c4"]
     assert [s["curves"]["samples"] for s in document["segments"]] == [450, 450]

@@ -47,8 +47,8 @@ from adhesion_can.reporting.text import console
 from tests.reporting.test_page import NASTY, Elements, nothing_is_loaded
 
 SECTIONS = (
-    "What the simulation gets wrong", "Closest explanations that are no cause",
-    "One size everywhere?", "Gain", "Measured against simulated", "What is left",
+    "What the simulation gets wrong", "Closest explanations, not the cause",
+    "One size everywhere?", "Gain", "Measured and simulated", "Residual",
     "Curve and data", "Evidence for every effect", "Channels", "What would separate the rivals",
     "What could not be tested", "Extended model", "Inputs", "Provenance",
 )  # fmt: skip
@@ -134,8 +134,8 @@ def named():
         profile=profile(rng),
         closest=(
             ClosestExplanation(
-                "wheelset_inertia", "", "the wheelset's inertia is not the configured one",
-                (ParameterValue("error", 812.0, 33.0, "kg m^2", "true less configured inertia"),),
+                "wheelset_inertia", "", "the wheelset's inertia differs from the configured one",
+                (ParameterValue("error", 812.0, 33.0, "kg m^2", "true minus configured inertia"),),
                 12.3, "its error is not the same everywhere",
             ),
         ),
@@ -242,7 +242,7 @@ def test_a_named_cause_is_told_with_its_size_its_certainty_and_its_rivals():
     first, gain = verdict_sentences(named())
     assert first.startswith("Named: adhesion at the same slip falls with vehicle speed")
     assert "share 0.812 ± 0.063" in first
-    assert "0.1 % of drives (p = 0.001" in first
+    assert "p = 0.001, corrected for all effects tested" in first
     assert "cannot distinguish it from slow_drift (adhesion drifts with time)" in first
     assert "33.8 % (95 % interval 28.1 to 39.5 %)" in gain
     assert "0.0213 before, 0.0141 after; noise alone is about 0.0122" in gain
@@ -254,7 +254,7 @@ def test_much_that_is_left_is_not_called_noise():
     assert found.conclusive
     found = replace(found, gain=replace(found.gain, noise_floor=0.006))
     first, _ = verdict_sentences(found)
-    assert first.startswith("Cannot tell: the plain curve leaves 0.0121, where noise alone")
+    assert first.startswith("Undecided: the plain curve leaves a residual of 0.0121, noise alone")
     assert not found.to_dict()["conclusive"]
 
 
@@ -266,7 +266,7 @@ def test_an_effect_that_shows_and_is_not_named_is_not_called_noise():
         nothing(), evidence=(sure,), untested=(Untested(sure.effect, why, rejected=True),)
     )
     first, _ = verdict_sentences(found)
-    assert first.startswith("Cannot tell: an effect shows in the data that decided")
+    assert first.startswith("Undecided: the deciding data show an effect")
     assert first.endswith(f"p = 0.001, gain 33.0 %; {why}.")
     assert f"Rejected: {sure.effect}: {why}" in " ".join(printed(found).split())
     assert not found.to_dict()["conclusive"]
@@ -275,7 +275,7 @@ def test_an_effect_that_shows_and_is_not_named_is_not_called_noise():
 def test_nothing_found_is_no_proof_and_says_so():
     first, gain = verdict_sentences(nothing())
     assert first.startswith("Nothing found")
-    assert "may still be there" in first
+    assert "may still be too small" in first
     assert "p = 0.310, gain 0.4 %" in first
     assert gain.startswith("There is no extension")
     (only,) = verdict_sentences(empty())
@@ -284,25 +284,25 @@ def test_nothing_found_is_no_proof_and_says_so():
 
 def test_what_is_unexplained_names_its_channel_and_no_cause():
     first = verdict_sentences(unexplained())[0]
-    assert first.startswith("Unexplained: what is left depends on position along the rail")
+    assert first.startswith("Unexplained: the residual depends on position along the rail")
     assert "p < 0.001" in first
     first = verdict_sentences(replace(unexplained(), channel=None))[0]
-    assert "neither a known effect nor a matter of one measured channel" in first
+    assert "neither a known effect nor a single measured channel" in first
     both = verdict_sentences(replace(unexplained(), causes=named().causes))
-    assert both[1].startswith("Named beside it: adhesion at the same slip")
+    assert both[1].startswith("Also named: adhesion at the same slip")
 
 
 def test_a_gain_that_no_model_holds_is_told_as_one():
     bare = ExtendedModel(base=(0.36, 24.0, 0.5))
     for model in (None, bare):
         found = replace(unexplained(), model=model)
-        assert "no model file can hold" in verdict_sentences(found)[1]
+        assert "which a model file cannot hold" in verdict_sentences(found)[1]
         elements = rendered(found)
         assert "There is no extension" in " ".join(elements.text.values())
         for figure in elements.figures():
             names = {trace.get("name") for trace in figure["data"]}
             assert "extended (after)" not in names or "what the extension adds" in names
-    assert "no model file" not in " ".join(verdict_sentences(unexplained()))
+    assert "which a model file" not in " ".join(verdict_sentences(unexplained()))
 
 
 def test_a_gain_that_may_be_none_is_not_sold():
@@ -459,8 +459,8 @@ def test_sizes_by_environment_are_drawn_with_their_intervals():
 def test_what_is_closest_is_said_with_its_size_and_the_reason():
     text = " ".join(str(part) for part in terminal(named()))
     assert (
-        "the wheelset's inertia is not the configured one (wheelset_inertia: error 812 ± 33 kg·m²) "
-        "takes 12.3 % off the error on held-out data, and is not the cause: its error is not the "
+        "the wheelset's inertia differs from the configured one (wheelset_inertia: error 812 ± 33 kg·m²) "
+        "reduces the error on held-out data by 12.3 % but is not the cause: its error is not the "
         "same everywhere."
     ) in text
     assert "wheelset_inertia" not in "".join(verdict_sentences(named()))
@@ -553,7 +553,7 @@ def test_the_extended_model_is_told_in_numbers():
     assert "0.812 ± 0.063" in cells
     assert "0.0102 ± ?" in cells  # its covariance is not known
     text = " ".join(rendered(unexplained()).text.values())
-    assert "Empirical: adhesion is multiplied by a curve over position along the rail" in text
+    assert "Empirical: a curve over position along the rail" in text
     assert "6 coefficients from 0 to 1500" in text
     assert "There is no extension" in " ".join(rendered(nothing()).text.values())
 
@@ -681,7 +681,7 @@ def test_a_table_shows_measured_against_predicted_adhesion():
     measured = np.linspace(-0.3, 0.3, 50)
     plot = PredictionPlot(measured, 0.8 * measured, measured + 0.01, 500)
     made = page(replace(named(), simulation_plots=(), prediction=plot), PROVENANCE)
-    (part,) = next(s for s in made.sections if s.title == "Measured against simulated").parts
+    (part,) = next(s for s in made.sections if s.title == "Measured and simulated").parts
     assert "50 of 500 rows" in part.caption
     points = [trace for trace in part.data if trace["mode"] == "markers"]
     rmse = 0.2 * np.sqrt(np.mean(measured**2))

@@ -10,9 +10,9 @@ from adhesion_can.reporting.evaluation import verdict
 @pytest.mark.parametrize(
     ("percent", "interval", "said", "not_said"),
     [
-        (-45.9, (-51.4, -40.6), "do harm here: all of the interval is below 0", "reaches 0"),
-        (-2.0, (-6.0, 1.0), "not certain: the interval reaches 0", "harm"),
-        (3.0, (-1.0, 7.0), "not certain: the interval reaches 0", "harm"),
+        (-45.9, (-51.4, -40.6), "worse here: the whole interval is below 0", "includes 0"),
+        (-2.0, (-6.0, 1.0), "not certain: the interval includes 0", "harm"),
+        (3.0, (-1.0, 7.0), "not certain: the interval includes 0", "harm"),
         (30.0, (25.0, 35.0), "below the plain curve's", "not certain"),
     ],
 )

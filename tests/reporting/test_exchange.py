@@ -315,10 +315,10 @@ def test_a_run_that_is_stopped_between_two_names_is_mended_by_the_next(tmp_path,
 
 def test_a_folder_of_others_is_refused(tmp_path):
     (tmp_path / "mine.parquet").write_text("mine")
-    with pytest.raises(InputError, match="holds files that convert did not write"):
+    with pytest.raises(InputError, match="contains files that convert did not write"):
         parse_target(f"{tmp_path}/", "--out")
     (tmp_path / "convert.json").write_text('{"files": 1}')
-    with pytest.raises(InputError, match=r"convert\.json.*is no list of convert"):
+    with pytest.raises(InputError, match=r"convert\.json.*is not a list of files written by convert"):
         parse_target(f"{tmp_path}/", "--out")
 
 
@@ -390,11 +390,11 @@ def test_mcap_knows_no_time_before_1970(tmp_path):
 @pytest.mark.parametrize(
     ("text", "form", "mend"),
     [
-        ("a.feather", None, ".arrow is what it is called here"),
-        ("a.mdf", None, ".mf4 is what it is called here"),
-        ("a", None, "a/ for a folder with a file a message"),
-        ("-", "csv", "stdout takes arrow alone"),
-        ("a.csv", "parquet", "a.csv/ is a folder with a file a message; else give the suffix"),
+        ("a.feather", None, "it is called .arrow here"),
+        ("a.mdf", None, "it is called .mf4 here"),
+        ("a", None, "a/ for a folder with one file per message"),
+        ("-", "csv", "stdout supports only arrow"),
+        ("a.csv", "parquet", "a.csv/ is a folder with one file per message; for a single file, use the suffix"),
     ],
 )
 def test_a_wrong_name_tells_the_right_one(tmp_path, monkeypatch, text, form, mend):

@@ -71,7 +71,7 @@ def test_a_disk_that_takes_no_more_ends_the_file_and_not_the_service(tmp_path, c
     told, again = notices
     assert os.strerror(code) in told
     assert "SIGHUP" in told
-    assert "goes on" in again
+    assert "continues" in again
 
 
 def test_a_folder_that_vanished_is_told_and_the_service_goes_on(tmp_path):
@@ -164,7 +164,7 @@ def test_a_stalled_reader_loses_whole_lines_and_a_comment_says_how_many(pipe, mo
     assert report.passed_over == 0
     assert report.kinds["comment"] == 1
     assert f"# {lost} lines lost: the disk or the reader was too slow\n".encode() in lines
-    assert [line.split(",")[0] for line in notices] == [
+    assert [line.split(";")[0] for line in notices] == [
         "--log: losing lines: the disk or the reader is too slow",
         "--log: continues",
     ]

@@ -150,7 +150,7 @@ ONE = {"c1": 0.4, "c2": 60.0, "c3": 0.3, "since_us": 0, "seen_us": 0}
         (signed(surfaces=[{"c1": 1}]), "damaged"),
         (signed(surfaces=7), "damaged"),
         (signed(surfaces=[{"c1": -1, "c2": 1, "c3": 0, "since_us": 0, "seen_us": 0}]), "no curve"),
-        (signed(surfaces=[ONE | {"c1": 1e9}]), "no contact has"),
+        (signed(surfaces=[ONE | {"c1": 1e9}]), "contact has"),
         (signed(surfaces=[ONE | {"c1": 10**400}]), "damaged"),
         (signed(surfaces=[ONE | {"since_us": inf}]), "damaged"),
         (signed(surfaces=[ONE | {"seen_us": 10**400}]), "no time"),
@@ -240,7 +240,7 @@ def test_a_disk_that_takes_nothing_is_told_once_and_does_no_harm(tmp_path):
             path.parent.mkdir()
     keeper.end()
     assert keeper.wait()
-    assert sum("tried again" in line for line in notices) == 1
+    assert sum("trying again" in line for line in notices) == 1
     assert "written again" in notices[-1]
     assert read(path.read_text()).curves == (DRY,)
 

@@ -23,13 +23,13 @@ class AdhesionRecovery:
     title: str = "slip work cleans the contact, and adhesion recovers"
     parameters: tuple[Parameter, ...] = (
         Parameter("gain", "1/J", 4e-7, 0.0, 1e-5, "share of adhesion gained per slip work"),
-        Parameter("time", "s", 3.0, 0.3, 30.0, "after which it is lost again"),
+        Parameter("time", "s", 3.0, 0.3, 30.0, "time constant after which it is lost again"),
     )
     literature: str = "Meierhofer et al., Proc. IMechE F 228 (2014); Voltr and Lata 2015"
     requires: Requirements = Requirements(speed=True)
     observability: Observability = Observability(
         channel="slip",
-        excitation="how long a creep is held",
+        excitation="the time for which a creep is held",
         separations=(
             Separation(
                 "falling_friction",

@@ -49,8 +49,8 @@ _LITERATURE = "Wende, Fahrdynamik des Schienenverkehrs, 2003, on blended electri
 _REQUIRES = Requirements(braking=True)
 _ASYMMETRY = Separation(
     "traction_braking_asymmetry",
-    "braking with the friction brake cut out: a blended brake gives less force then, and a rail "
-    "the same",
+    "braking with the friction brake cut out: a blended brake then gives less force, a rail the "
+    "same",
 )
 
 

@@ -32,14 +32,20 @@ class ContactHeating:
     parameters: tuple[Parameter, ...] = (
         Parameter("loss", "1/J", 1e-6, 0.0, 2e-5, "share of adhesion lost per slip work, at first"),
         Parameter(
-            "time", "s", 2.0, 0.2, 30.0, "after which the contact has cooled", starts=(0.5, 2.0)
+            "time",
+            "s",
+            2.0,
+            0.2,
+            30.0,
+            "time constant after which the contact has cooled",
+            starts=(0.5, 2.0),
         ),
     )
     literature: str = "Ertz and Knothe, Wear 253 (2002) 498-508; Tomberger et al., Wear 271 (2011)"
     requires: Requirements = Requirements(speed=True)
     observability: Observability = Observability(
         channel="creep_speed",
-        excitation="how long slip work heats the contact",
+        excitation="the time for which slip work heats the contact",
         separations=(
             Separation(
                 "falling_friction",

@@ -38,7 +38,7 @@ class CreepRelaxation:
             0.5,
             0.0,
             10.0,
-            "way over which the contact follows",
+            "distance over which the contact follows",
             plausible=_plausible,
         ),
     )

@@ -26,15 +26,15 @@ SMALLEST_SLIP = 1e-5
 """Slip ratio below which the factor is the ratio of the initial slopes."""
 LEAST, MOST = 0.2, 5.0
 """Least and largest factor: farther apart the two curves have nothing in common."""
-_SIGNED = "braking beside traction, with coasting in between: a curve is the same on both sides"
+_SIGNED = "braking and traction, with coasting in between: a curve is the same on both sides"
 OBSERVABILITY = Observability(
     channel="slip",
     excitation="slip on both sides of the peak",
     separations=(
         Separation(
             "falling_friction",
-            "slips beyond the peak at several speeds: what falls with creep speed moves to smaller "
-            "slips as the speed grows",
+            "slip beyond the peak at several speeds: a fall with creep speed moves to smaller "
+            "slip as the speed grows",
         ),
         *(Separation(rival, _SIGNED) for rival in ("effort_bias", "speed_scale")),
     ),

@@ -37,7 +37,7 @@ class CurveResistanceLaw:
 
 CURVING_RESISTANCE = LawEffect(
     id="curving_resistance",
-    title="a part of the effort is spent on the resistance of curves",
+    title="curves resist the motion and take part of the effort",
     parameters=(Parameter("size", "1", 1.0, -1.0, 5.0, "resistance relative to Roeckl's formula"),),
     literature=(
         "Roeckl's formula, as in Wende, Fahrdynamik des Schienenverkehrs, 2003; locomotives with "
@@ -50,7 +50,7 @@ CURVING_RESISTANCE = LawEffect(
         separations=(
             Separation(
                 "curve_creep",
-                "coasting in curves, where a resistance stays, and braking, where it helps",
+                "coasting in curves, where a resistance remains, and braking, where it helps",
             ),
             Separation("effort_bias", "curves of several radii, and straight track"),
             Separation("speed_error", "curves at several speeds, and creep beyond the peak"),

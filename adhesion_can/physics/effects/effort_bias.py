@@ -36,8 +36,8 @@ class EffortBias:
         separations=(
             Separation(
                 "traction_braking_asymmetry",
-                "coasting, where a bias stays and an asymmetry has nothing to act on, and "
-                "braking and traction at small and at large creep",
+                "coasting, where a bias remains and an asymmetry has no effect; braking and "
+                "traction at small and at large creep",
             ),
             Separation(
                 "speed_scale",

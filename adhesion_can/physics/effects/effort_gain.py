@@ -18,7 +18,7 @@ CONTINUOUS_ADHESION = 0.2
 ITERATIONS = 3
 """Fixed-point iterations from the efforts as read to the heat of the true ones."""
 EFFORT_GAIN = "effort_gain"
-EFFORT_GAIN_TITLE = "the tractive effort is read too large or too small by a share"
+EFFORT_GAIN_TITLE = "the tractive effort reads too high or too low by a percentage"
 """Title of all forms."""
 _LITERATURE = (
     "Kiencke and Nielsen, Automotive Control Systems, 2nd ed. 2005, on estimated torque; Krishnan, "
@@ -94,7 +94,7 @@ class HeatGainLaw:
 AXLE_EFFORT_GAIN = LawEffect(
     id=EFFORT_GAIN,
     form="axle",
-    title="the tractive effort of one axle is read too large or too small by a share",
+    title="the tractive effort of one axle reads too high or too low by a percentage",
     parameters=(
         Parameter("gain", "1", 0.05, -_MOST, _MOST, "share by which it reads high"),
         Parameter("axle", "1", 1.0, 1.0, 999.0, "number of the axle", axle=True),
@@ -103,14 +103,14 @@ AXLE_EFFORT_GAIN = LawEffect(
     requires=Requirements(several_axles=True),
     observability=Observability(
         channel="axle",
-        excitation="creep of the axle beyond the peak, beside the others",
+        excitation="creep of the axle beyond the peak, compared with the others",
         separations=(
             Separation(
                 "wheel_radius",
-                "coasting, where a gain has nothing to act on, and creep beyond the peak, where an "
-                "error of the radius does nothing",
+                "coasting, where a gain has no effect, and creep beyond the peak, where an "
+                "error of the radius has none",
             ),
-            Separation("rail_cleaning", "travel in the other direction: another axle leads then"),
+            Separation("rail_cleaning", "travel in the other direction, where another axle leads"),
         ),
     ),
     law=EffortGainLaw,
@@ -121,7 +121,7 @@ AXLE_EFFORT_GAIN = LawEffect(
 HEAT_EFFORT_GAIN = LawEffect(
     id=EFFORT_GAIN,
     form="heat",
-    title="the tractive effort reads high or low by a share as the motors heat up",
+    title="the tractive effort reads too high or too low by a percentage as the motors heat up",
     parameters=(
         Parameter("gain", "1", 0.08, -_MOST, _MOST, "gain of a motor at its rating for long"),
         Parameter("time", "s", 60.0, 30.0, 900.0, "time constant of the heat", starts=(1.0,)),
@@ -135,11 +135,11 @@ HEAT_EFFORT_GAIN = LawEffect(
             Separation("slow_drift", "coasting for some minutes, in which motors cool down"),
             Separation(
                 "adhesion_recovery",
-                "large effort at small creep, which heats the motor and leaves the rail as it is",
+                "large effort at small creep, which heats the motor but does not change the rail",
             ),
             Separation(
                 "contact_heating",
-                "large effort at small creep, which heats the motor and not the contact",
+                "large effort at small creep, which heats the motor but not the contact",
             ),
         ),
     ),
@@ -151,7 +151,7 @@ HEAT_EFFORT_GAIN = LawEffect(
 TIME_EFFORT_GAIN = LawEffect(
     id=EFFORT_GAIN,
     form="time",
-    title="the reading of the tractive effort drifts up or down by a share over time",
+    title="the reading of the tractive effort drifts up or down by a percentage over time",
     parameters=(
         Parameter("rate", "1/s", 3e-4, -2e-3, 2e-3, "growth of the share by which it reads high"),
     ),
@@ -164,8 +164,8 @@ TIME_EFFORT_GAIN = LawEffect(
         separations=(
             Separation(
                 "slow_drift",
-                "acceleration and braking of the train against its known mass: a rail that changes "
-                "leaves the force as it is read",
+                "acceleration and braking of the train of known mass: a change of the rail does "
+                "not change the reading of the force",
             ),
         ),
     ),
@@ -177,13 +177,15 @@ TIME_EFFORT_GAIN = LawEffect(
 COMMON_EFFORT_GAIN = LawEffect(
     id=EFFORT_GAIN,
     form="all",
-    title="the tractive effort of all axles is read too large or too small by a share",
+    title="the tractive effort of all axles reads too high or too low by a percentage",
     parameters=(Parameter("gain", "1", 0.05, -_MOST, _MOST, "share by which it reads high"),),
     literature=_LITERATURE,
     observability=Observability(
         channel="tractive_effort",
-        excitation="nothing in slip and adhesion: the curve of every rail is larger by the share; "
-        "the train's mass and acceleration tell it",
+        excitation=(
+            "nothing in slip and adhesion, since the curve of every rail is larger by the same "
+            "share; the train's mass and acceleration show it"
+        ),
     ),
     law=EffortGainLaw,
 )

@@ -61,7 +61,7 @@ class Empirical:
         if np.any(np.diff(knots) < 0) or not knots[0] < knots[-1]:
             raise ValueError("knots must not descend, and must span a range")
         if knots[0] != knots[DEGREE] or knots[-1] != knots[-order]:
-            raise ValueError("the first four knots must be alike, and the last four")
+            raise ValueError("the first four knots must be equal, and the last four too")
 
     @property
     def id(self) -> str:

@@ -75,7 +75,7 @@ class Expression:
                 warnings.simplefilter("ignore")  # Python's about its own syntax
                 return ast.parse(self.text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-            raise ExpressionError(f"{self.text!r} is no expression") from error
+            raise ExpressionError(f"{self.text!r} is not an expression") from error
 
     @cached_property
     def names(self) -> tuple[tuple[str, bool], ...]:
@@ -149,7 +149,7 @@ class Expression:
             case ast.Call(func=ast.Name(id=name), args=arguments):
                 found = FUNCTIONS[name][1](*map(of, arguments))
             case _:
-                raise ExpressionError(f"{ast.unparse(node)!r} is not known here")
+                raise ExpressionError(f"{ast.unparse(node)!r} is not supported")
         return found
 
 
@@ -192,7 +192,7 @@ def _require_shallow(tree: ast.expr) -> None:
         level = [child for node in level for child in ast.iter_child_nodes(node)]
         depth += 1
         if depth > _DEEPEST:
-            raise ExpressionError(f"more than {_DEEPEST} operations within each other")
+            raise ExpressionError(f"more than {_DEEPEST} nested operations")
 
 
 def _is_finite(number: float) -> bool:
@@ -210,7 +210,7 @@ def _require_known(node: ast.expr) -> None:
             return
         case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
             if not _is_finite(number):
-                raise ExpressionError("a number beyond all numbers")
+                raise ExpressionError("a number out of range")
             return
         case ast.BinOp(op=op) if type(op) in _OPERATORS:
             return

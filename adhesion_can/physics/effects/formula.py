@@ -112,7 +112,9 @@ class _Factor:
         for text, time in self._parsed.lag_times(constants):
             if not 0.0 <= time <= LONGEST_LAG_S:
                 bounds = f"0 to {LONGEST_LAG_S:g} s"
-                raise ExpressionError(f"the time constant of {text} is {time:g}, and not {bounds}")
+                raise ExpressionError(
+                    f"the time constant of {text} is {time:g}; it must be {bounds}"
+                )
 
     @property
     def form(self) -> str:
@@ -345,9 +347,11 @@ def parse_formula(text: str) -> AnyFormula:
         try:
             value = float(number)
         except ValueError as error:
-            raise ExpressionError(f"{part.strip()!r} is no constant with a number") from error
+            raise ExpressionError(f"{part.strip()!r} is not a constant with a number") from error
         if not isfinite(value) or value == 0.0:
-            raise ExpressionError(f"{name} = {value:g}: a search begins at a number other than 0")
+            raise ExpressionError(
+                f"{name} = {value:g}: the search must start from a number other than 0"
+            )
         if name in constants:
             raise ExpressionError(f"constant {name!r} has two values")
         constants[name] = value

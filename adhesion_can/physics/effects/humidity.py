@@ -34,7 +34,7 @@ class Humidity:
         excitation="the humidity",
         separations=(
             Separation(
-                "slow_drift", "a longer drive, in which humidity comes back to where it was"
+                "slow_drift", "a longer drive, in which humidity returns to an earlier value"
             ),
         ),
     )

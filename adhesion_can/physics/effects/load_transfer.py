@@ -5,9 +5,7 @@ from adhesion_can.physics.effects.law_effect import LawEffect
 from adhesion_can.physics.instrument_laws import LoadShift
 from adhesion_can.physics.parameter import Parameter
 
-_SIZE = Parameter(
-    "size", "1", 1.0, -1.5, 2.5, "transfer that is missing, relative to that of the geometry"
-)
+_SIZE = Parameter("size", "1", 1.0, -1.5, 2.5, "missing transfer, relative to that of the geometry")
 """Of a geometry that is right it is 1 with static loads, 0 with loads that move; half as much
 again is left to a geometry that is wrong. Below 0 the known loads move too far."""
 _REQUIRES = Requirements(several_axles=True, all_efforts=True)
@@ -17,7 +15,7 @@ _OBSERVABILITY = Observability(
     separations=(
         Separation(
             "rail_cleaning",
-            "strong braking and strong traction: transferred load changes its sign with the effort",
+            "strong braking and strong traction: the transferred load changes sign with the effort",
         ),
         Separation(
             "load_dependence",
@@ -25,11 +23,11 @@ _OBSERVABILITY = Observability(
         ),
         Separation(
             "traction_braking_asymmetry",
-            "the leading and the trailing axle by themselves, in traction and in braking",
+            "the leading axle alone and the trailing axle alone, in traction and in braking",
         ),
     ),
 )
-_TITLE = "axle loads move under effort by more than the known loads show"
+_TITLE = "effort moves the axle loads by more than the known loads show"
 _LITERATURE = (
     "Garg and Dukkipati, Dynamics of Railway Vehicle Systems, 1984, on weight transfer in traction"
 )
@@ -60,7 +58,7 @@ LOAD_TRANSFER_HEIGHTS = LawEffect(
             1.0,
             0.0,
             3.0,
-            "height of the link that pulls the body over the known",
+            "height of the link that pulls the body, above the configured one",
             starts=(1.0,),
         ),
     ),

@@ -19,7 +19,7 @@ class RailCleaning:
 
     id: str = "rail_cleaning"
     form: str = ""
-    title: str = "each axle finds a rail that the ones in front have cleaned"
+    title: str = "each axle runs on a rail cleaned by the axles in front"
     parameters: tuple[Parameter, ...] = (
         Parameter("gain", "1", 0.02, -0.1, 0.2, "share of adhesion gained from axle to axle"),
     )
@@ -31,7 +31,7 @@ class RailCleaning:
         separations=(
             Separation(
                 "load_dependence",
-                "a drive in reverse: the leading axle is another one then, its load is not",
+                "a drive in reverse, where another axle leads but the loads are the same",
             ),
             Separation("wheel_radius", "a drive in reverse, and coasting of every axle"),
         ),

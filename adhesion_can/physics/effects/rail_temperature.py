@@ -35,7 +35,7 @@ class RailTemperature:
         separations=(
             Separation(
                 "slow_drift",
-                "a longer drive, in which the rail's temperature comes back to where it was",
+                "a longer drive, in which the rail's temperature returns to an earlier value",
             ),
         ),
     )

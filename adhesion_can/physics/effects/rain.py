@@ -62,7 +62,13 @@ class RainBySteps:
     parameters: tuple[Parameter, ...] = (
         Parameter("gain", "1", -0.25, -0.9, 1.0, "share of adhesion gained in light rain"),
         Parameter(
-            "ratio", "1", 1.6, -1.0, 5.0, "that of heavy rain, relative to light", starts=(1.0,)
+            "ratio",
+            "1",
+            1.6,
+            -1.0,
+            5.0,
+            "share of heavy rain, relative to light rain",
+            starts=(1.0,),
         ),
     )
     literature: str = _LITERATURE

@@ -115,7 +115,7 @@ def known_effects() -> tuple[Effect, ...]:
         effect = plugin.value() if isinstance(plugin.value, type) else plugin.value
         _require_effect(effect, plugin)
         if any((effect.id, effect.form) == (other.id, other.form) for other in effects):
-            raise plugin.error(f"there is an effect {_name(effect.id, effect.form)!r} already")
+            raise plugin.error(f"an effect {_name(effect.id, effect.form)!r} exists already")
         effects.append(effect)
     return tuple(effects)
 
@@ -166,15 +166,17 @@ def _require_effect(effect: object, plugin: Plugin) -> None:
     """PluginError where an object lacks something of an effect."""
     for attribute, kind in _ATTRIBUTES.items():
         if not isinstance(getattr(effect, attribute, None), kind):
-            raise plugin.error(f"no effect: its {attribute!r} is no {kind.__name__}")
+            raise plugin.error(f"not an effect: its {attribute!r} is not of type {kind.__name__}")
     if not re.fullmatch(r"[a-z][a-z0-9_]*", str(getattr(effect, "id", ""))):
-        raise plugin.error("no effect: its 'id' is not made of lower case letters, digits and _")
+        raise plugin.error(
+            "not an effect: its 'id' must consist of lower case letters, digits and _"
+        )
     methods = [callable(getattr(effect, name, None)) for name in ("change", "amend")]
     if methods.count(True) != 1:
-        raise plugin.error("no effect: it has not one of the methods 'change' and 'amend'")
+        raise plugin.error("not an effect: it needs a method 'change' or 'amend'")
     parameters = getattr(effect, "parameters", ())
     if not parameters or not all(isinstance(p, Parameter) for p in parameters):
-        raise plugin.error("no effect: its 'parameters' are not one Parameter or more")
+        raise plugin.error("not an effect: its 'parameters' must be one Parameter or more")
     size = parameters[0]
     if not size.lower <= 0.0 <= size.upper:
-        raise plugin.error(f"no effect: its size, {size.name!r}, cannot be 0")
+        raise plugin.error(f"not an effect: its size, {size.name!r}, must allow 0")

@@ -22,7 +22,7 @@ from adhesion_can.physics.parameter import Parameter
 CHANNEL = "sanding_active"
 RISE_S = 0.05
 """Time constant with which sand reaches the contact, s."""
-_TITLE = "sand changes adhesion while it is strewn"
+_TITLE = "sand changes adhesion while it is applied"
 _REQUIRES = Requirements(covariates=(CHANNEL,))
 _OBSERVABILITY = Observability(channel=CHANNEL, excitation="sanding")
 _GAIN = Parameter("gain", "1", 0.2, -0.5, 2.0, "share of adhesion gained under sand")
@@ -58,9 +58,23 @@ class SandingAtAxles:
     title: str = _TITLE
     parameters: tuple[Parameter, ...] = (
         _GAIN,
-        Parameter("time", "s", 2.0, 0.1, 60.0, "after which the sand is worn off", starts=(1.0,)),
         Parameter(
-            "axle", "1", 4.0, 1.0, 999.0, "sanded beside the leading axle; 1: none", axle=True
+            "time",
+            "s",
+            2.0,
+            0.1,
+            60.0,
+            "time constant after which the sand is worn off",
+            starts=(1.0,),
+        ),
+        Parameter(
+            "axle",
+            "1",
+            4.0,
+            1.0,
+            999.0,
+            "second sanded axle, besides the leading one; 1: none",
+            axle=True,
         ),
     )
     literature: str = (

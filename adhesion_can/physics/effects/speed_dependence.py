@@ -53,8 +53,8 @@ class SpeedDependence:
         separations=(
             Separation(
                 "falling_friction",
-                "creep swept beyond the peak at low and at high speed: one falls with the speed "
-                "at the same slip, the other with creep speed alone",
+                "creep swept beyond the peak at low and at high speed: one effect falls with "
+                "speed at the same slip, the other with creep speed only",
             ),
         ),
     )

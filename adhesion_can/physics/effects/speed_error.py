@@ -123,7 +123,7 @@ _LITERATURE = "Malvezzi et al., Proc. IMechE F 228 (2014), on odometry"
 STEPPED_SPEED_ERROR = LawEffect(
     id=SPEED_ERROR,
     form="step",
-    title="the vehicle speed is measured too high or too low by a share from a time on",
+    title="the vehicle speed reads too high or too low by a percentage from a certain time on",
     parameters=(
         Parameter("error", "1", 0.01, -0.05, 0.05, "share by which it reads high afterwards"),
         Parameter(
@@ -143,8 +143,8 @@ STEPPED_SPEED_ERROR = LawEffect(
         channel="time",
         excitation="coasting before and after the step",
         separations=(
-            Separation("speed_scale", "coasting at the begin and at the end of the drive"),
-            Separation("slow_drift", "coasting, where adhesion has nothing to act on"),
+            Separation("speed_scale", "coasting at the start and at the end of the drive"),
+            Separation("slow_drift", "coasting, where adhesion has no effect"),
         ),
     ),
     law=SpeedStep,
@@ -155,9 +155,9 @@ STEPPED_SPEED_ERROR = LawEffect(
 GROWING_SPEED_ERROR = LawEffect(
     id=SPEED_ERROR,
     form="growth",
-    title="the vehicle speed is measured too high or too low by a share that grows",
+    title="the vehicle speed reads too high or too low by a growing percentage",
     parameters=(
-        Parameter("error", "1", 0.005, -0.05, 0.05, "share by which it reads high in the end"),
+        Parameter("error", "1", 0.005, -0.05, 0.05, "share by which it reads high at the end"),
         Parameter("time", "s", 50.0, 5.0, 500.0, "time constant", step=2.0),
     ),
     literature=_LITERATURE,
@@ -172,9 +172,11 @@ the heat of brakes and slip, show the same. An error that it explains better has
 PITCH_SPEED_ERROR = LawEffect(
     id=SPEED_ERROR,
     form="pitch",
-    title="the vehicle speed is measured too high or too low as the effort pitches the body",
+    title="the vehicle speed reads too high or too low as the effort pitches the body",
     parameters=(
-        Parameter("error", "1", 0.05, -0.15, 0.15, "relative error at an effort of all the weight"),
+        Parameter(
+            "error", "1", 0.05, -0.15, 0.15, "relative error at an effort equal to the weight"
+        ),
     ),
     literature="Skolnik, Introduction to Radar Systems, 3rd ed. 2001, on Doppler's cosine",
     requires=Requirements(all_efforts=True),
@@ -183,7 +185,7 @@ PITCH_SPEED_ERROR = LawEffect(
         excitation="single axles that spin or coast while the others pull",
         separations=(
             Separation(
-                "speed_scale", "traction and braking: a pitch changes its sign with the effort"
+                "speed_scale", "traction and braking: the pitch changes sign with the effort"
             ),
         ),
     ),
@@ -208,9 +210,16 @@ _IN_CURVES = Observability(
 OFFSET_SPEED_ERROR = LawEffect(
     id=SPEED_ERROR,
     form="offset",
-    title="the vehicle speed is measured beside the middle of the track, and errs in curves",
+    title="the vehicle speed is measured off the track's centre line, which is wrong in curves",
     parameters=(
-        Parameter("offset", "m", 1.0, -3.0, 3.0, "distance of the sensor to the outer side"),
+        Parameter(
+            "offset",
+            "m",
+            1.0,
+            -3.0,
+            3.0,
+            "distance of the sensor from the centre line, to the outer side",
+        ),
     ),
     literature=_LITERATURE,
     requires=Requirements(covariates=(CURVATURE,)),
@@ -223,7 +232,7 @@ OFFSET_SPEED_ERROR = LawEffect(
 CURVATURE_SPEED_ERROR = LawEffect(
     id=SPEED_ERROR,
     form="curvature",
-    title="the vehicle speed is measured too high or too low by a share in curves",
+    title="the vehicle speed reads too high or too low by a percentage in curves",
     parameters=(Parameter("offset", "m", 1.0, -6.0, 6.0, "relative error over the curvature"),),
     literature=_LITERATURE,
     requires=Requirements(covariates=(CURVATURE,)),

@@ -15,7 +15,7 @@ class SpeedScale:
 
     id: str = SPEED_SCALE
     form: str = ""
-    title: str = "the vehicle speed is measured too high or too low by a share"
+    title: str = "the vehicle speed reads too high or too low by a percentage"
     parameters: tuple[Parameter, ...] = (
         Parameter("error", "1", 0.01, -0.05, 0.05, "share by which it reads high"),
     )
@@ -27,8 +27,8 @@ class SpeedScale:
         separations=(
             Separation(
                 "traction_braking_asymmetry",
-                "coasting, and braking beyond the peak, where a small error of the slip does "
-                "nothing",
+                "coasting, and braking beyond the peak, where a small error of the slip has no "
+                "effect",
             ),
         ),
     )

@@ -20,7 +20,7 @@ class TractionBrakingAsymmetry:
 
     id: str = "traction_braking_asymmetry"
     form: str = ""
-    title: str = "braking finds another adhesion than traction"
+    title: str = "adhesion differs between braking and traction"
     parameters: tuple[Parameter, ...] = (
         Parameter("gain", "1", -0.1, -0.6, 1.0, "share by which adhesion in braking is higher"),
     )

@@ -36,7 +36,7 @@ class OncePerTurnLaw:
 
 WHEEL_ONCE_PER_TURN = LawEffect(
     id="wheel_once_per_turn",
-    title="one axle's wheel speed swings once a turn, as with an eccentric pole wheel",
+    title="one axle's wheel speed oscillates once per turn, as with an eccentric pole wheel",
     parameters=(
         # 2 mm over the radius of a pole wheel, 0.15 to 0.6 m.
         Parameter("amplitude", "1", 0.004, -0.02, 0.02, "relative amplitude of the wheel speed"),
@@ -58,7 +58,7 @@ WHEEL_ONCE_PER_TURN = LawEffect(
         excitation="small creep of the axle at a speed at which it turns a few times a second",
         separations=(
             Separation("wheel_radius", "coasting for some turns of the wheel"),
-            Separation("wheelset_inertia", "coasting: a swing of the sensor alone moves no load"),
+            Separation("wheelset_inertia", "coasting: an oscillation of the sensor moves no load"),
         ),
     ),
     law=OncePerTurnLaw,

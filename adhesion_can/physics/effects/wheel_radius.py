@@ -13,7 +13,7 @@ class WheelRadius:
 
     id: str = "wheel_radius"
     form: str = ""
-    title: str = "one axle's wheels have another radius than the configured one"
+    title: str = "the wheel radius of one axle differs from the configured one"
     parameters: tuple[Parameter, ...] = (
         Parameter("error", "1", 0.01, -0.05, 0.05, "share by which its wheels are larger"),
         Parameter("axle", "1", 1.0, 1.0, 999.0, "number of the axle", axle=True),
@@ -21,7 +21,7 @@ class WheelRadius:
     literature: str = "Malvezzi et al., Proc. IMechE F 228 (2014), on odometry"
     requires: Requirements = Requirements(several_axles=True)
     observability: Observability = Observability(
-        channel="axle", excitation="coasting of the axle beside the others"
+        channel="axle", excitation="coasting of the axle together with others"
     )
 
     def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:

@@ -32,8 +32,8 @@ class WheelSpeedDelay:
             ),
             Separation(
                 "creep_relaxation",
-                "the same creep sweep at a third and at three times the speed: a delay stays "
-                "the same in seconds, a relaxation length in metres",
+                "the same creep sweep at a third and at three times the speed: a delay is "
+                "constant in seconds, a relaxation length in metres",
                 one_speed_signs=(-1,),
             ),
         ),

@@ -24,7 +24,7 @@ class WheelsetInertia:
 
     id: str = "wheelset_inertia"
     form: str = ""
-    title: str = "the wheelset's inertia is not the configured one"
+    title: str = "the wheelset's inertia differs from the configured one"
     parameters: tuple[Parameter, ...] = (
         Parameter(
             "error",
@@ -32,7 +32,7 @@ class WheelsetInertia:
             400.0,
             -2000.0,
             5000.0,
-            "true less configured inertia",
+            "true minus configured inertia",
             plausible=_plausible,
         ),
     )

@@ -28,15 +28,16 @@ def demo_texts(
     surfaces = truth["surfaces"]
     names = ", ".join(str(surface["name"]) for surface in surfaces)
     note = (
-        "Estimates at the end of each surface, ± standard deviation. found: time until mu_max was "
-        "within 5 % and TRACKING; used: mean adhesion, of mu_max."
+        "Estimates at the end of each surface, ± standard deviation. found: time until mu_max "
+        "was within 5 % of the truth and the status TRACKING; used: mean adhesion as a share of "
+        "mu_max."
     )
     caption = "Truth and estimate at the end of each surface."
     return DriveTexts(
-        title="Demo: a simulated locomotive obeys the service",
+        title="Demo: a simulated locomotive follows the service",
         lead=(
             "A simulated locomotive, the service and a creep controller on one bus, "
-            f"{duration_text(surfaces[-1]['to_s'])} over these rails: {names}."
+            f"{duration_text(surfaces[-1]['to_s'])}, on these rails: {names}."
         ),
         verdict=[_sentence(phase) for phase in found],
         quality=core_quality(core, sum(record.frames for record in core.receiver.records)),
@@ -49,12 +50,12 @@ def demo_texts(
 def _sentence(phase: Phase) -> str:
     name = f"{phase.truth['name']} rail from {phase.truth['from_s']:.1f} s"
     if phase.error is None or phase.last is None:
-        return f"{name}: no estimate at its end."
+        return f"{name}: no estimate at the end."
     used = "" if phase.adhesion_used is None else f", {100 * phase.adhesion_used:.0f} % of it used"
     when = "never within 5 %"
     if phase.found_s is not None:
         when = f"within 5 % after {phase.found_s:.2f} s"
     return (
-        f"{name}: μ_max {phase.truth['mu_max']:.4f}, {when}, {100 * phase.error:+.1f} % at its "
+        f"{name}: μ_max {phase.truth['mu_max']:.4f}, {when}, {100 * phase.error:+.1f} % at the "
         f"end{used}."
     )

@@ -102,9 +102,8 @@ def overview_figure(
     layout["annotations"] = _names(truth, scale)
     where = "distance" if over_distance else "time"
     caption = (
-        f"Estimates over {where}: maximum adhesion, the slip ratio at it, vehicle speed, and the "
-        "status and doubt that were sent. Dotted lines: changes of the surface that the service "
-        f"declared. {_resolution(record)}"
+        f"Estimates over {where}: maximum adhesion, its slip ratio, vehicle speed, status and "
+        f"doubt. Dotted lines: surface changes declared by the service. {_resolution(record)}"
     )
     return Figure(caption, data, layout, height, f"over-{where}")
 
@@ -114,10 +113,7 @@ def _resolution(record: DriveRecord) -> str:
     total = sum(record.statuses.values())
     if total <= count:
         return "Every setpoint is drawn."
-    return (
-        f"{total} setpoints in {count} spans of time: of each the smallest and the largest value, "
-        "and the widest interval, are drawn."
-    )
+    return f"Thinned to {count} points; extremes are kept."
 
 
 class _Abscissa:
@@ -265,7 +261,7 @@ def _curve_figure(
     true = _true_surface(surface, truth)
     if out.theta is not None:
         data.append(
-            _line(grid, adhesion(grid, *out.theta), BLUE, 2.4) | {"name": "curve sent last"}
+            _line(grid, adhesion(grid, *out.theta), BLUE, 2.4) | {"name": "last curve sent"}
         )
     if true is not None:
         theta = (float(true[name]) for name in ("c1", "c2", "c3"))
@@ -280,8 +276,8 @@ def _curve_figure(
     name = "" if true is None else f" ({true['name']})"
     caption = (
         f"Surface {number}{name}, {span} s: μ_max {plus_minus(point.mu_max, out.mu_max_std)}, "
-        f"λ_m {plus_minus(point.lambda_m, out.lambda_m_std)}; "
-        f"{len(slip)} of {cloud.total} samples are drawn."
+        f"λ_m {plus_minus(point.lambda_m, out.lambda_m_std)}; {len(slip)} of {cloud.total} "
+        "samples shown."
     )
     layout = {
         "xaxis": {"title": {"text": "slip ratio |λ|"}, "range": [0.0, end]},

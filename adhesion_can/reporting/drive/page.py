@@ -7,6 +7,7 @@ from typing import Any
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.objection import WORDINGS
 from adhesion_can.physics.status import Status
+from adhesion_can.plurals import in_words
 from adhesion_can.reporting.drive.figures import overview_figure, state_name, surface_figures
 from adhesion_can.reporting.drive.recorder import DriveRecord
 from adhesion_can.reporting.drive.surfaces import A_BIN, SLIP_BINS, Surface, longest
@@ -71,13 +72,14 @@ def page(record: DriveRecord, texts: DriveTexts, slip_max: float) -> Page:
 
 def _overview(record: DriveRecord, truth: Sequence[Mapping[str, Any]]) -> list[Part]:
     if not len(record.history):
-        return [Text("The service sent no setpoint: it had no accepted input.")]
+        return [Text("The service sent no setpoint, because it accepted no input.")]
     parts: list[Part] = [overview_figure(record, truth)]
     if record.distance > 0:
         parts.append(overview_figure(record, truth, over_distance=True))
     else:
-        parts.append(Text("There is no figure over distance: the vehicle did not move, or its "
-                          "speed is not known."))  # fmt: skip
+        parts.append(Text(
+            "There is no figure over distance, because the vehicle did not move or its speed is "
+            "not known."))  # fmt: skip
     return parts
 
 
@@ -94,14 +96,7 @@ def _verdict(record: DriveRecord) -> list[str]:
     found = [f"Status by time: {', '.join(shares)}."]
     points = [(s.last.setpoint.mu_max, s.last.mu_max_std) for s in record.surfaces]
     sure = [mu for mu, std in points if mu is not None and std is not None and std < 0.1 * mu]
-    count = len(record.surfaces)
-    sentence = f"{count} surface{'' if count == 1 else 's'} told apart"
-    if sure:
-        sentence += (
-            f"; μ_max known within 10 % at the end of {len(sure)}: "
-            f"{min(sure):.3f} to {max(sure):.3f}"
-        )
-    found.append(sentence + ".")
+    found.append(_surfaces_found(len(record.surfaces), sure))
     for one, number in record.objections.most_common():
         if one in WORDINGS:
             wording = WORDINGS[one]
@@ -111,10 +106,31 @@ def _verdict(record: DriveRecord) -> list[str]:
         why = ", ".join(f"{DESCRIPTIONS[d]} ({_share(n, total)})" for d, n in doubts)
         found.append(f"Doubt: {why}; 'adhesion-can diagnose' looks for the cause.")
     elif not record.doubts[Doubt.NONE]:
-        found.append("Whether the curve explains the data was not tested: doubt was not available.")
+        found.append("Model check not run: doubt was not available.")
     else:
-        found.append("No doubt: the residual depends on nothing that the curve leaves out.")
+        found.append(
+            "Model check passed: the residual shows no dependence on speed, load, axle, time or "
+            "surroundings."
+        )
     return found
+
+
+def _surfaces_found(count: int, sure: Sequence[float]) -> str:
+    """Sentence on the surfaces and the μ_max of those whose peak is known.
+
+    Args:
+        count: Number of surfaces.
+        sure: μ_max of the surfaces where it is known within 10 %.
+
+    """
+    found = f"{in_words(count).capitalize()} surface{'' if count == 1 else 's'} found"
+    if not sure:
+        return f"{found}; no μ_max is known within 10 %."
+    low, high = min(sure), max(sure)
+    peaks = f"{low:.3f}" if len(sure) == 1 else f"{low:.3f} to {high:.3f}"
+    if len(sure) < count:
+        return f"{found}; μ_max known within 10 % on {in_words(len(sure))} of them: {peaks}."
+    return f"{found}, μ_max {peaks}, {'each ' if count > 1 else ''}known within 10 %."
 
 
 def _share(count: int, total: int) -> str:
@@ -138,20 +154,20 @@ def _surfaces(
     columns = ("surface", f"span, s{times.note}", "distance, m", "μ_max", "λ_m", "c1", "c2", "c3",
                "status", "doubt")  # fmt: skip
     note = (
-        "As sent last on each surface, ± standard deviation; ± ?: not identifiable. c1, c2 and c3 "
-        "are those of the Burckhardt curve nearest around the peak. "
+        "The last values sent on each surface, ± standard deviation; ± ?: not identifiable. c1, "
+        "c2 and c3 belong to the Burckhardt curve that is nearest around the peak. "
         + _rest(len(record.surfaces), "surfaces")
     )
-    parts: list[Part] = [Table("Surfaces that the service told apart.", columns, rows, note)]
+    parts: list[Part] = [Table("Surfaces found by the service.", columns, rows, note)]
     shown = longest(record.surfaces, MOST_FIGURES)
     if len(shown) < len(record.surfaces):
         parts.append(Text(f"Below: the {len(shown)} surfaces with the most samples."))
     if shown:
         parts.append(
             Text(
-                f"Of each of {SLIP_BINS} ranges of slip at most {A_BIN} samples are drawn, taken "
-                "at random, so the density of the points is not that of the data. The line is the "
-                "curve that was sent last on the surface, the diamond its peak."
+                f"At most {A_BIN} random samples are shown for each of {SLIP_BINS} ranges of "
+                "slip, so the density of points is not that of the data. The line is the last "
+                "curve sent on the surface; the diamond is its peak."
             )
         )
         figures: list[Figure] = surface_figures(record, shown, slip_max, truth)
@@ -212,6 +228,6 @@ def _states(record: DriveRecord) -> list[Part]:
         for change, end in zip(record.changes[:MOST_ROWS], ends, strict=False)
     ]
     headings = (f"from s{times.note}", "for s", "at m", "status", "doubt", "objection")
-    caption = "Log of the changes of status, doubt and objection."
+    caption = "Log of changes of status, doubt and objection."
     parts.append(Table(caption, headings, log, _rest(record.change_count, "changes")))
     return parts

@@ -28,8 +28,8 @@ def replay_texts(
     """
     span_s = ((summary.last_us or 0) - (summary.first_us or 0)) / 1e6
     lead = (
-        f"The service over {summary.frames} recorded frames of {duration_text(span_s)}, as it "
-        "would have run live."
+        f"The service on {summary.frames} recorded frames ({duration_text(span_s)}), as it would "
+        "have run live."
     )
     return DriveTexts(
         title="Replay of a drive",
@@ -54,12 +54,12 @@ def core_quality(
     """
     counts = {
         "frames": frames,
-        "frames of other ids": core.counts.foreign,
-        "frames of our own ids, passed over": own_skipped,
+        "frames with other ids": core.counts.foreign,
+        "frames with the service's own ids, skipped": own_skipped,
         "frames rejected": core.receiver.rejected,
         "frames lost": core.receiver.lost,
-        "frames stamped before the one in front of them": core.counts.clamped,
-        "restarts of the service after a hole in time": core.counts.restarts,
+        "frames stamped earlier than the previous frame": core.counts.clamped,
+        "restarts of the service after a gap in time": core.counts.restarts,
         "samples": core.counts.samples,
     }
     dropped = core.dropped_samples | core.left_out_samples
@@ -75,5 +75,7 @@ def duration_text(seconds: float) -> str:
 def _quality_sentence(core: ServiceCore, frames: int) -> str:
     rejected, lost = core.receiver.rejected, core.receiver.lost
     if not rejected and not lost:
-        return "Data: no frame was rejected and none is missing by its counter."
-    return f"Data: {rejected} of {frames} frames rejected, {lost} missing by their counters."
+        return "Data: no frame was rejected, and no counter shows a missing one."
+    return (
+        f"Data: {rejected} of {frames} frames rejected, {lost} missing according to their counters."
+    )

@@ -187,5 +187,5 @@ def _input_errors(path: Path) -> Iterator[None]:
         raise InputError(
             str(path),
             error.strerror or " ".join(str(error).split()) or "cannot be written",
-            "name a folder that can be written to and has room",
+            "name a writable folder with free space",
         ) from error

@@ -191,13 +191,15 @@ def listed_files(path: Path) -> list[str]:
     if not (path / LIST).exists():
         # Hidden ones are what a killed run left, or what a desktop puts everywhere.
         if any(not file.name.startswith(".") for file in path.iterdir()):
-            raise InputError(str(path), "holds files that convert did not write", mend)
+            raise InputError(str(path), "contains files that convert did not write", mend)
         return []
     try:
         document = json.loads(read_small_file(path / LIST, _LARGEST_LIST, mend=mend))
         names = [str(one["file"]) for one in document["files"]]
     except (ValueError, LookupError, TypeError) as error:
-        raise InputError(str(path / LIST), "is no list of convert", mend) from error
+        raise InputError(
+            str(path / LIST), "is not a list of files written by convert", mend
+        ) from error
     # A list that somebody changed must not delete what is elsewhere.
     return [name for name in names if Path(name).name == name and not (path / name).is_dir()]
 

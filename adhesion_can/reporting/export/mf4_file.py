@@ -25,8 +25,8 @@ from adhesion_can.reporting.export.layout import (
 _VERSION = "4.10"  # what every reader knows
 _DEFLATE: Final = 1
 _NOT_RISING = (
-    "MF4 wants rising times: frames stamped before others in front of them were put in their place "
-    "among those written at once, but no further; CSV and Parquet keep the order of the recording"
+    "MF4 needs ascending times: frames with earlier stamps were sorted within the blocks that "
+    "are written at once; CSV and Parquet keep the order of the recording"
 )
 
 

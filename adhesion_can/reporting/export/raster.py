@@ -81,7 +81,7 @@ class Raster:
             return []
         holes = f"{counted(self._holes, 'hole')} of more than {LONGEST_EMPTY_NS / 1e9:g} s"
         longest = f"the longest {self._longest_ns / 1e9:.0f} s"
-        return [f"no rows in {holes} without a frame of a wanted signal, {longest}"]
+        return [f"no rows in {holes} without a frame of a selected signal, {longest}"]
 
     def add(self, rows: Sequence[Rows]) -> Iterator[tuple[NDArray[np.int64], list[Column]]]:
         """Stamps, ns, shape (n,), and columns of the even times up to the last of more rows.
@@ -175,6 +175,6 @@ def parse_raster(text: str) -> int:
         step_ns = 0
     if step_ns <= 0:
         raise InputError(
-            f"--raster {text}", "is no time", "give a number with us, ms or s, such as 10ms"
+            f"--raster {text}", "is not a time", "give a number with us, ms or s, such as 10ms"
         )
     return step_ns

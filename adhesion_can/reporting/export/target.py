@@ -168,19 +168,26 @@ def parse_target(text: str, option: str, form: str | None = None) -> Target:
     path = Path(text)
     if text == STDOUT:
         if form not in (None, "arrow"):
-            raise InputError(f"{where} --format {form}", "stdout takes arrow alone", "name a file")
+            raise InputError(
+                f"{where} --format {form}", "stdout supports only arrow", "name a file"
+            )
         target = Target(path, ".arrows")
     elif text.endswith("/") or (_is_folder(path, where) and not path.suffix):
         if path.exists() and not path.is_dir():
-            raise InputError(where, "is a file", "name a folder, or leave the slash out")
+            raise InputError(where, "is a file", "name a folder, or remove the slash")
         listed_files(path)
         target = Target(path, f".{form or FOLDER_FORMATS[0]}", is_folder=True)
     else:
         target = file_target(path, option)
         if path.is_dir():
-            raise InputError(where, "is a folder", f"name a file, or {path}/ for a file a message")
+            raise InputError(
+                where, "is a folder", f"name a file, or {path}/ for one file per message"
+            )
         if form is not None and f".{form}" != target.suffix:
-            mend = f"{where}/ is a folder with a file a message; else give the suffix .{form}"
+            mend = (
+                f"{where}/ is a folder with one file per message; for a single file, use the "
+                f"suffix .{form}"
+            )
             raise InputError(f"{where} --format {form}", "the suffix names the format", mend)
     target.load_module()
     return target
@@ -204,12 +211,12 @@ def file_target(path: Path, option: str, suffixes: tuple[str, ...] = SUFFIXES) -
         return Target(path, suffix)
     known = ", ".join(suffixes)
     other = _OTHER_NAMES.get(path.suffix.lower())
-    mend = f"give a name in {known}"
+    mend = f"use a suffix of {known}"
     if other in suffixes:
-        mend = f"{other} is what it is called here; known are {known}"
+        mend = f"it is called {other} here; known: {known}"
     elif not path.suffix and suffixes == SUFFIXES:
-        mend = f"give a name in {known}, or {path}/ for a folder with a file a message"
-    raise InputError(f"{option} {path}", "of no known format", mend)
+        mend = f"use a suffix of {known}, or {path}/ for a folder with one file per message"
+    raise InputError(f"{option} {path}", "unknown format", mend)
 
 
 def require_format(path: Path, option: str) -> None:

@@ -41,7 +41,7 @@ def axle_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
     room = height - 3
     if len(rows) > room:
         hidden = len(rows) - (room - 1)
-        rows = [*rows[: room - 1], Text(f"+{hidden} axles: more lines show them", "dim")]
+        rows = [*rows[: room - 1], Text(f"+{hidden} axles: enlarge the terminal", "dim")]
     speed = "" if snapshot.speed is None else f", at {3.6 * snapshot.speed:.1f} km/h"
     return boxed(f"axles, creep in m/s{speed}", lines + rows, width, height)
 
@@ -106,7 +106,7 @@ def message_panel(
     if rest:
         lines.append(Text(rest, "dim"))
     if wanted and not found:
-        lines.append(Text("none has this in name or id", "dim"))
+        lines.append(Text("no name or id contains this", "dim"))
     title = f"messages with {wanted!r}" if wanted else "messages"
     if len(title) > width - 6:
         title = "messages (filtered)"
@@ -123,7 +123,7 @@ def _rest(views: Sequence[MessageView], width: int, key: str) -> str:
     trouble = sum(view.state in (MessageState.SILENT, MessageState.FAULTY) for view in views)
     never = sum(view.state is MessageState.NEVER for view in views)
     parts = [f"{trouble} in trouble"] if trouble else []
-    parts += [f"{never} never came"] if never else []
+    parts += [f"{never} never received"] if never else []
     short = f"+{len(views)} more" + (f": {key}" if key else "")
     long = f"{short} ({', '.join(parts)})" if parts else short
     return long if len(long) <= width else short
@@ -182,11 +182,11 @@ def service_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
         entries = {
             "curve": curve,
             "rail": _plain(service.surface_age_s, "s since its change", 1),
-            "creep": _plain(service.creep_speed, "m/s wanted of all axles", 3),
+            "creep": _plain(service.creep_speed, "m/s, target for all axles", 3),
             "doubt": service.doubt.name.lower().replace("_", " "),
             **_objection(service.objection),
-            "inputs": f"{rejected}, {lost}, by its own count",
-            "loop": _plain(service.loop_time_us, "us, 99 % of the frames", 0),
+            "inputs": f"{rejected}, {lost}, counted by the service",
+            "loop": _plain(service.loop_time_us, "us, 99 % quantile", 0),
         }
     others = sum(view.kind is Kind.OTHER for view in snapshot.messages)
     entries["frames"] = f"{snapshot.frames}, {snapshot.frame_rate:.0f} 1/s; {others} other ids"

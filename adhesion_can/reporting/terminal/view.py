@@ -36,23 +36,23 @@ LIVE_KEYS = "q quit  space pause  . step  f filter  m messages  w words  r recor
 LOG_KEYS = "q quit  space pause  . step  +/- speed  g jump  f filter  m w  r record  ? help"
 HELP = (
     ("q", "quit"),
-    ("space", "pause: a recording stands still; a bus goes on behind the view"),
-    (".", "one step of 0.1 s, paused"),
-    ("+ -", "twice, or half the speed of a recording"),
-    ("g", "jump to a time of a recording, s; +10 and -10 count from now"),
-    ("f", "filter the messages by a part of name or id; empty: all"),
-    ("m", "all messages and nothing else; the arrow keys scroll"),
-    ("w", "all words and nothing else"),
-    ("r", "record as candump what comes from now on; again: end of it"),
+    ("space", "pause: a recording stops; a bus continues in the background"),
+    (".", "one step of 0.1 s while paused"),
+    ("+ -", "double or halve the speed of a recording"),
+    ("g", "jump to a time in a recording, s; +10 and -10 are relative"),
+    ("f", "filter messages by part of the name or id; empty: all"),
+    ("m", "messages only; the arrow keys scroll"),
+    ("w", "words only"),
+    ("r", "record as candump from now on; press again to stop"),
     ("esc", "back to the overview"),
 )
 SIGNS_HELP = """\
 Messages: ! rejected or lost frames in the last 10 s; x silent for three cycles; - never came. \
 'bad' counts rejected and lost frames since the begin.
-Curve: line as identified; ░ its 95 % band by the deviations of the peak; ◆ peak; ┊ creep \
+Curve: line: identified curve; ░ its 95 % band from the deviations of the peak; ◆ peak; ┊ creep \
 setpoint as slip; dots: samples of 5 s; digits: axles now.
 Status: T tracking, l low excitation, C surface change, i init, s stale input, F fault.
-Nothing is ever sent."""
+The monitor never sends."""
 
 
 class Page(Enum):

@@ -55,7 +55,7 @@ def sentences(snapshot: Snapshot) -> list[Text]:
 def _sentences(snapshot: Snapshot) -> Iterator[Text]:
     transport, service = snapshot.transport, snapshot.service
     if transport.is_live and not transport.is_open:
-        yield Text("The bus is down; it is opened again as soon as that can be done.", "bold red")
+        yield Text("The bus is down; it is reopened as soon as possible.", "bold red")
     yield from _service_sentences(snapshot, service)
     if snapshot.true_peak is not None:
         true = snapshot.true_peak
@@ -64,7 +64,9 @@ def _sentences(snapshot: Snapshot) -> Iterator[Text]:
         )
     yield from _input_sentences(snapshot)
     if transport.dropped:
-        yield Text(f"{transport.dropped} frames dropped here: they came too fast.", "yellow")
+        yield Text(
+            f"The monitor dropped {transport.dropped} frames: they arrived too fast.", "yellow"
+        )
     if transport.recording:
         yield Text(f"Recording to {transport.recording}: {transport.recorded} frames.")
     for note in reversed(transport.notes):
@@ -80,7 +82,7 @@ def _service_sentences(snapshot: Snapshot, service: ServiceView | None) -> Itera
     if service.is_silent:
         silent_s = (snapshot.t_us - service.t_us) / 1e6
         yield Text(
-            f"The service is silent for {silent_s:.1f} s; what is shown of it is old.", "bold red"
+            f"The service has been silent for {silent_s:.1f} s; its values are old.", "bold red"
         )
     style = STATUS_STYLES[service.status]
     here = ", estimated here" if transport.origin is Origin.ESTIMATED_HERE else ""
@@ -117,12 +119,12 @@ def _held(snapshot: Snapshot, wanted: float, speed: float) -> str:
 
 def _no_service(snapshot: Snapshot, transport: Transport) -> str:
     if transport.origin is Origin.ESTIMATED_HERE:
-        return "No estimate here yet: it begins with the first accepted input."
+        return "No estimate here yet: it starts with the first accepted input."
     if not snapshot.frames:
-        return "Nothing is received yet: is it the vehicle's bus, and is anybody on it?"
+        return "Nothing received yet: is this the vehicle's bus, and is it active?"
     where = "on this bus" if transport.is_live else "in this recording so far"
     return (
-        f"No service {where}: AdhesionSetpoint has not come. Start `adhesion-can run`, or say "
+        f"No service {where}: no AdhesionSetpoint received. Start `adhesion-can run`, or pass "
         "--estimate."
     )
 
@@ -137,7 +139,7 @@ def _reason(snapshot: Snapshot, service: ServiceView) -> str:
         return ""  # the objection says it, and more creep would not help
     if snapshot.is_speed_derived:
         return (
-            "The vehicle speed is derived from driven axles, so that slips tell little: it needs "
+            "The vehicle speed is derived from driven axles, so the slip is hardly known: use "
             "radar, GNSS or a trailing axle."
         )
     no_samples = _no_samples(snapshot)
@@ -157,7 +159,7 @@ def _no_samples(snapshot: Snapshot) -> str:
         return f"No samples: the vehicle speed is below {snapshot.v_min:g} m/s."
     if snapshot.first_us is not None and snapshot.t_us - snapshot.first_us <= SAMPLE_AGE_US:
         return ""
-    return "No samples: wheel speeds or efforts are not available together."
+    return "No samples: wheel speeds and efforts are not available at the same time."
 
 
 def _needed_creep(snapshot: Snapshot, service: ServiceView) -> str:
@@ -171,7 +173,7 @@ def _needed_creep(snapshot: Snapshot, service: ServiceView) -> str:
         return f"It needs creep beyond the peak; slip reached {reached:.3f} in the last 5 s."
     near = f"slip reached {reached:.3f} in the last 5 s, the peak is expected near"
     if reached < service.lambda_m:
-        return f"It needs more creep to tell the peak: {near} {service.lambda_m:.3f}."
+        return f"To find the peak, it needs more creep: {near} {service.lambda_m:.3f}."
     if snapshot.only_direction and reached > WELL_BEYOND * service.lambda_m:
         other = "brake" if snapshot.only_direction == "traction" else "pull"
         return (
@@ -182,8 +184,8 @@ def _needed_creep(snapshot: Snapshot, service: ServiceView) -> str:
         service.lambda_m, service.lambda_m_std
     ):
         return (
-            f"It needs more creep beyond {service.lambda_m:.3f} to tell where the peak is; "
-            f"slip reached {reached:.3f} in the last 5 s."
+            f"To find the peak, it needs more creep beyond {service.lambda_m:.3f}; slip reached "
+            f"{reached:.3f} in the last 5 s."
         )
     return (
         f"It needs more samples on both sides of the peak near {service.lambda_m:.3f}; "
@@ -211,7 +213,7 @@ def _input_sentences(snapshot: Snapshot) -> Iterator[Text]:
     inputs = [view for view in snapshot.messages if view.kind is Kind.INPUT]
     if snapshot.time_s > 2.0 and inputs and all(v.state is MessageState.NEVER for v in inputs):
         yield Text(
-            "None of the configured messages has come: is it the right bus, --dbc and --config?",
+            "No configured message received: are bus, --dbc and --config right?",
             "bold red",
         )
         return
@@ -226,6 +228,6 @@ def _input_sentences(snapshot: Snapshot) -> Iterator[Text]:
         reasons = ", ".join(f"{n} {reason}" for reason, n in worst.rejected.items())
         counted = " and ".join(filter(None, (reasons, f"{worst.lost} lost" if worst.lost else "")))
         others = f"; {len(faulty) - 1} more messages have faults" if len(faulty) > 1 else ""
-        yield Text(f"Faults in {worst.name}: {counted} since the begin{others}.", "yellow")
+        yield Text(f"Faults in {worst.name}: {counted} since the start{others}.", "yellow")
     if snapshot.missing and snapshot.service is None:
         yield Text(f"No adhesion: no role gives {' or '.join(snapshot.missing)}.")

@@ -111,7 +111,7 @@ def test_golden_text(size):
 
 def test_a_state_without_a_frame_can_be_shown():
     text = text_of(draw(MonitorState(load_configuration()).snapshot(0), 80, 24))
-    assert "Nothing is received yet: is it" in text
+    assert "Nothing received yet: is this" in text
     assert "WheelSpeeds1      never" in text
 
 
@@ -142,7 +142,7 @@ def test_a_filter_finds_names_and_numbers():
         rows = message_panel(snapshot(), 100, 20, wanted)
         text = text_of(rows)
         assert sum(view.number in text for view in MESSAGES) == count, wanted
-    assert "none has this" in text_of(message_panel(snapshot(), 39, 9, "zzz"))
+    assert "no name or id contains this" in text_of(message_panel(snapshot(), 39, 9, "zzz"))
 
 
 def test_scrolling_passes_over_rows_and_ends_at_the_last():
@@ -186,13 +186,13 @@ def test_more_creep_is_asked_for_below_the_peak():
         service=service(status=Status.LOW_EXCITATION, mu_max_std=inf, lambda_m_std=inf),
     )
     assert any(
-        "It needs more creep to tell the peak: slip reached 0.027 in the last 5 s, the peak is "
+        "To find the peak, it needs more creep: slip reached 0.027 in the last 5 s, the peak is "
         f"expected near {LAMBDA_M:.3f}." in line
         for line in said(shown)
     )
     # A height that is known and a place that is not: beyond the peak is what lacks.
     shown = snapshot(service=service(status=Status.LOW_EXCITATION, lambda_m_std=inf))
-    assert any("to tell where the peak is" in line for line in said(shown))
+    assert any("To find the peak, it needs more creep beyond" in line for line in said(shown))
 
 
 @pytest.mark.parametrize(("only", "other"), [("traction", "brake"), ("braking", "pull")])
@@ -214,7 +214,7 @@ def test_one_direction_alone_leaves_the_instruments_in_doubt(only, other):
         ({"last_sample_us": 0, "speed": 0.4}, "the vehicle speed is below 1 m/s"),
         ({"last_sample_us": 0, "speed": None}, "the vehicle speed is not available"),
         ({"last_sample_us": None, "missing": ("tractive effort",)}, "no role gives tractive eff"),
-        ({"last_sample_us": 0}, "wheel speeds or efforts"),
+        ({"last_sample_us": 0}, "wheel speeds and efforts"),
     ],
 )
 def test_why_there_is_little_to_learn_from(changes, words):
@@ -266,7 +266,7 @@ def test_the_wrong_bus_is_asked_about():
         message(name, k, age_us=None, rate=None, state=MessageState.NEVER)
         for k, name in enumerate(("A", "B"))
     )
-    assert any("is it the right bus" in line for line in said(snapshot(messages=never)))
+    assert any("No configured message received" in line for line in said(snapshot(messages=never)))
 
 
 def test_how_many_axles_hold_the_setpoint():
