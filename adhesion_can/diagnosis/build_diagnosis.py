@@ -114,7 +114,7 @@ def build_diagnosis(
     )
     if model is None and causes:
         # A verdict that no model file can follow is none.
-        why = "it explains the data, but no curve with a peak can be fitted beside it"
+        why = "it explains the data, but no curve with a peak can be fitted together with it"
         untested = [*untested, *(Untested(one.effect, why, rejected=True) for one in causes)]
         causes, verdict = (), Verdict.UNEXPLAINED
     gain = confirmed.gain
@@ -336,7 +336,8 @@ def _list_imitated_effects(found: Findings) -> list[Untested]:
         effect = candidate.effect
         if absorbed >= IMITATED and candidate not in found.selection.best.candidates:
             out[effect_name(effect.id, effect.form if effect.id in shown else "")] = (
-                f"the curve's own parameters imitate {100 * absorbed:.1f} % of it in these data"
+                f"the parameters of the curve can imitate {100 * absorbed:.1f} % of it in these "
+                "data"
             )
     return [Untested(what, why) for what, why in out.items()]
 

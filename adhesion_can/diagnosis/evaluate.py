@@ -189,7 +189,7 @@ def _with_values(
         raise InputError(
             model.where,
             f"its effects have no finite value in any of {len(finite)} rows",
-            "correct the formula, or take it out of the model",
+            "correct the formula, or remove it from the model",
         )
     ends = np.cumsum([len(drive) for drive in drives])[:-1]
     parts = zip(drives, np.split(finite, ends), strict=True)
@@ -266,14 +266,14 @@ def require_effects_apply(model: ExtendedModel, drive: DriveData) -> None:
         if lacking:
             raise InputError(
                 drive.name, f"{what} needs {lacking}",
-                "add the column or the signal, or take the effect out of the model",
+                "add the column or the signal, or remove the effect from the model",
             )  # fmt: skip
         if requires.wheel_speed and drive.table:
             raise InputError(drive.name, f"{what} needs the wheel speeds", "give the recording")
         if requires.all_efforts and drive.kinematics.efforts is None:
             raise InputError(
                 drive.name, f"{what} needs the efforts of all axles",
-                "give a recording that has them, or take the effect out of the model",
+                "give a recording that has them, or remove the effect from the model",
             )  # fmt: skip
         for needed, there, column in (
             (requires.speed, drive.has_speed, "speed_mps"),

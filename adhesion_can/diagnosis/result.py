@@ -98,9 +98,7 @@ class GainMethod(Flag):
 
 
 _METHOD_NOTES = {
-    GainMethod.WITHOUT_SPEED_ERRORS: (
-        "; errors of the vehicle speed that all axles share are taken off"
-    ),
+    GainMethod.WITHOUT_SPEED_ERRORS: ("; vehicle-speed errors that all axles share are removed"),
     GainMethod.WHERE_IT_ACTS: (
         "; the interval is that of the gain on these data, where the models differ"
     ),

@@ -71,19 +71,16 @@ def _shape_sentence(cause: Cause, *, alone: bool) -> str:
     return (
         f"{cause.title[0].upper()}{cause.title[1:]}: {FAMILIES[cause.form].title} fits better. "
         f"The peak moves from {value['mu_max_before']} at slip {value['lambda_m_before']} to "
-        f"{value['mu_max_after']} at slip {value['lambda_m_after']}"
-        f"{'' if alone else ' (that of the curve without the other effects)'}."
+        f"{value['mu_max_after']} at slip "
+        f"{value['lambda_m_after']}{'' if alone else ' (of the curve without the other effects)'}."
     )
 
 
 def where_sentence(profile: Profile, gain: Gain) -> str:
     """Where the plain model is wrong most, and by how much."""
-    lead = (
-        f"On data that were held out the simulation misses the adhesion by {gain.rmse_before:.4f} "
-        f"(rms)"
-    )
+    lead = f"On held-out data, the simulation misses the adhesion by {gain.rmse_before:.4f} (RMS)"
     if gain.rmse_after < gain.rmse_before:
-        lead += f"; with this in the model {gain.rmse_after:.4f} are left"
+        lead += f"; with this in the model, by {gain.rmse_after:.4f}"
     sure = np.abs(profile.before) > 2.0 * profile.before_std
     size = np.where(sure, np.abs(profile.before), 0.0)
     best = int(np.argmax(size)) if len(size) else 0
@@ -92,7 +89,7 @@ def where_sentence(profile: Profile, gain: Gain) -> str:
     much = "too little" if profile.before[best] > 0 else "too much"
     at = f"{short(float(profile.at[best]))} {unit_text(profile.unit)}".strip()
     return (
-        f"{lead}. It is worst where {channel_label(profile.channel)} is about {at}: "
+        f"{lead}. The error is largest where {channel_label(profile.channel)} is about {at}: "
         f"{size[best]:.4f} {much} there."
     )
 
@@ -105,11 +102,11 @@ def name_with_wave(channel: Channel) -> str:
 def channel_sentence(residual_channel: ResidualChannel) -> str:
     """What an unexplained residual depends on."""
     channel = residual_channel.channel
-    share = f"{100 * residual_channel.gain:.1f} % of the error (rms) on the data that decided"
+    share = f"{100 * residual_channel.gain:.1f} % of the error (RMS) on the deciding data"
     if channel.period:
         return (
-            f"The adhesion varies along the rail in a wave of {channel.period:.1f} m, as no "
-            f"known effect does it: {share}."
+            f"The adhesion varies along the rail in a wave of {channel.period:.1f} m, which no "
+            f"known effect explains: {share}."
         )
     return (
         f"The adhesion depends on {channel_label(channel.name)} in a way that no known effect "
@@ -120,9 +117,9 @@ def channel_sentence(residual_channel: ResidualChannel) -> str:
 def oscillation_sentence(oscillation: DriveTrainOscillation) -> str:
     """An oscillation of the drive train."""
     return (
-        f"The wheel speeds swing at {oscillation.frequency:.1f} Hz by about "
-        f"{oscillation.amplitude:.3f} rad/s: a torsional vibration, which in the force balance is "
-        f"{oscillation.adhesion:.4f} of adhesion (rms)."
+        f"The wheel speeds oscillate at {oscillation.frequency:.1f} Hz by about "
+        f"{oscillation.amplitude:.3f} rad/s: a torsional vibration of {oscillation.adhesion:.4f} "
+        "of adhesion in the force balance (RMS)."
     )
 
 

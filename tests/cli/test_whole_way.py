@@ -66,4 +66,4 @@ def test_of_an_unlisted_mechanism_no_explanation_is_left(tmp_path, capsys):
     assert remaining["left"] == []
     assert {one["name"] for one in remaining["refuted"]} == set(planned["explanations"])
     out = capsys.readouterr().out
-    assert "With second.log none of the explanations is left that first.log left" in out
+    assert "No explanation that remained after first.log" in out

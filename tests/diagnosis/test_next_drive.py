@@ -228,7 +228,7 @@ def test_the_sentence_says_what_to_drive_and_what_each_predicts():
 def test_the_sentence_says_what_was_assumed():
     setting = replace(SETTING, resistance=TrainResistance(1.65e6, 0.0, 0.0, is_known=False))
     found = plan_drive((BIAS, SCALE), setting, PlanLimits())
-    assert "The resistance of the train is taken as 0, since" in found.sentence
+    assert "The resistance of the train is set to 0, because" in found.sentence
     falling = SegmentCurves.from_parameters(BURCKHARDT, np.array([[0.4, 1.2, 0.3]]))
     one = replace(BIAS, model=replace(BIAS.model, curves=falling))
     plan = plan_drive((one, SCALE), SETTING, PlanLimits())
@@ -283,8 +283,8 @@ def test_no_sweep_is_quicker_than_what_smooths_a_late_speed(window_s, quick, mon
 @pytest.mark.parametrize(
     ("explanations", "limits", "said"),
     [
-        ((), PlanLimits(), "no explanation is left"),
-        ((BIAS,), PlanLimits(), "one explanation is left, effort_bias"),
+        ((), PlanLimits(), "no explanation remains"),
+        ((BIAS,), PlanLimits(), "one explanation remains, effort_bias"),
         ((BIAS, SCALE), PlanLimits(effort_max=5e2), "no manoeuvre is within the limits"),
         ((explanation("slow_drift", -1e-7), explanation()), PlanLimits(duration_max=30.0),
          "tells the plain curve from slow_drift"),

@@ -52,7 +52,7 @@ def test_an_asymmetry_beyond_its_range_is_told_and_neither_it_nor_its_like_is_na
     assert not found.causes
     assert not found.conclusive or found.verdict.value == "unexplained"
     (closest,) = (one for one in found.closest if one.effect == "traction_braking_asymmetry")
-    assert "and no such vehicle has" in closest.refuted_by
+    assert "but no such vehicle has" in closest.refuted_by
     assert closest.parameters[0].value == pytest.approx(braking - 1.0, abs=0.05)
 
 

@@ -35,7 +35,7 @@ def test_the_noise_refutes_what_does_not_act(compared):
     assert found.left == ("humidity",)
     assert found.p_value < 1e-6
     reasons = {one.name: one.reason for one in found.refuted}
-    assert "standard deviations of the noise more than humidity" in reasons[PLAIN]
+    assert "standard deviations of the noise larger than that of humidity" in reasons[PLAIN]
 
 
 def test_what_the_blocks_refute_has_the_reason_and_the_p_value_of_the_blocks(compared, monkeypatch):
@@ -43,7 +43,7 @@ def test_what_the_blocks_refute_has_the_reason_and_the_p_value_of_the_blocks(com
     found = compared()
     assert found.left == ("humidity",)
     (plain,) = (one for one in found.refuted if one.name == PLAIN)
-    assert "above that of humidity, and the scatter of the blocks" in plain.reason
+    assert "above that of humidity, more than the scatter of the blocks" in plain.reason
     assert 0.0 < found.p_value < 0.05
 
 
@@ -51,15 +51,15 @@ def test_where_none_is_left_the_sentence_says_what_follows():
     refuted = (RefutedExplanation("humidity", "its size is 0 within its error"),
                RefutedExplanation(PLAIN, "it misses the data"))  # fmt: skip
     sentence = RemainingExplanations(("first",), ("second",), (), refuted).sentence
-    assert sentence.startswith("With second none of the explanations is left")
-    assert "humidity is refuted, its size is 0 within its error; the plain curve" in sentence
-    assert sentence.endswith("What acts is something else, or acts in another form than they say.")
+    assert sentence.startswith("No explanation that remained after first (humidity, the plain curve) survives second")
+    assert "humidity is refuted: its size is 0 within its error; the plain curve" in sentence
+    assert sentence.endswith("The cause is something else, or has another form.")
 
 
 def test_the_plain_curve_alone_is_not_left_where_more_than_noise_is():
     other = RefutedExplanation("sanding", "its size is 0 within its error")
     found = RemainingExplanations(("first",), ("second",), (PLAIN,), (other,)).without_plain()
-    plain = RefutedExplanation(PLAIN, "something is left that is not noise")
+    plain = RefutedExplanation(PLAIN, "the residual is more than noise")
     assert (found.left, found.refuted) == ((), (other, plain))
     assert found.refutes_plain
 

@@ -27,7 +27,7 @@ def test_sixty_points_without_a_time_get_a_verdict(tmp_path):
     gain = answer.document["gain"]
     assert "each point in turn" in gain["held_out"]
     assert gain["noise_floor"] == pytest.approx(0.01, rel=0.3)
-    assert "60 points, taken as independent of each other" in answer.notes
+    assert "60 points, treated as independent" in answer.notes
     few = diagnosed(tmp_path, write_table(tmp_path / "t.csv", points(1, 59)))
     assert few.document["gain"] is None
     assert "at least 60 are needed" in few.notes

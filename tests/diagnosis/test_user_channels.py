@@ -140,7 +140,7 @@ def test_another_measurement_of_the_force_is_no_cause(tmp_path):
     answer = diagnosed(tmp_path, write_table(tmp_path / "t.csv", table))
     assert "channel:torque" not in causes(answer)
     why = {one["what"]: one["why"] for one in answer.document["untested"]}
-    assert "another measurement of it is no cause" in why["channel:torque"]
+    assert "another measurement of the same quantity is not a cause" in why["channel:torque"]
 
 
 def test_the_model_file_carries_a_channel_and_identify_removes_it(tmp_path):

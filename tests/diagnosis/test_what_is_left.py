@@ -64,7 +64,7 @@ def test_a_cause_that_gains_too_little_elsewhere_has_no_name(worn, monkeypatch):
     found = diagnose(worn)
     assert found.causes == ()
     (why,) = (one.why for one in found.untested if one.what == "wheel_radius" and one.rejected)
-    assert "too little to be worth a name" in why
+    assert "too small to be named" in why
 
 
 def test_a_shape_has_no_name_beside_more_than_noise(tmp_path, monkeypatch):
@@ -73,7 +73,7 @@ def test_a_shape_has_no_name_beside_more_than_noise(tmp_path, monkeypatch):
     monkeypatch.setattr(NoiseComparison, "is_exceeded", property(lambda _self: True))
     found = diagnose(log)
     assert "curve_shape" not in [cause.effect for cause in found.causes]
-    assert "a curve bends to whatever is left" in " ".join(one.refuted_by for one in found.closest)
+    assert "another curve can fit any residual" in " ".join(one.refuted_by for one in found.closest)
 
 
 def test_the_rate_of_the_slip_is_that_of_each_axle():
@@ -129,4 +129,4 @@ def test_each_of_several_causes_gains_beside_the_others(gains, left, monkeypatch
     kept, rejected = confirm_on_hold_out.drop_uncertain(Named(gains), other_drives=False)
     assert set(kept.named) == left
     assert {one.what for one in rejected} == set(gains) - left
-    assert all(one.rejected and "beside the other causes" in one.why for one in rejected)
+    assert all(one.rejected and "in addition to the other causes" in one.why for one in rejected)

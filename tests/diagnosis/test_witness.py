@@ -100,7 +100,7 @@ class TestVerdict:
         assert found.verdict is Verdict.UNEXPLAINED
         assert found.causes == ()
         assert "rail_cleaning" in [one.effect for one in found.closest]
-        assert "still doubts its model in 80 % of the time, 90 % without it" in (
+        assert "still doubts its model 80 % of the time (90 % without it)" in (
             found.closest[0].refuted_by
         )
         assert found.model is None or found.model.effects == ()

@@ -136,7 +136,7 @@ def _derived_force(effect: Effect, drives: Sequence[DriveData]) -> str:
         if drive.derived_force:
             return (
                 f"the force of {drive.name} is computed from the rate of change of the vehicle "
-                "speed, and shows no delay against it"
+                "speed, so it shows no delay relative to it"
             )
     return ""
 
@@ -175,8 +175,8 @@ def _few_series(drives: Sequence[DriveData]) -> str:
     if number >= LEAST_SERIES or within >= WITHIN * total:
         return ""
     return (
-        f"the rows are {number} series with pauses between them: so few levels go with time by "
-        f"chance, and at least {LEAST_SERIES} are needed"
+        f"the rows are {number} series with pauses between them; a trend over so few series may "
+        f"be chance, and at least {LEAST_SERIES} are needed"
     )
 
 
@@ -185,9 +185,9 @@ def _missing_sequence(effect: Effect, drives: Sequence[DriveData]) -> str:
     if not any(drive.independent for drive in drives):
         return _too_coarse(effect, drives) if depends_on_sequence(effect) else ""
     if depends_on_sequence(effect):
-        return "the rows are independent points: no row follows upon another"
+        return "the rows are independent points without an order in time"
     if not acts_in_contact(effect) and _is_one_sided(drives):
-        return "all slips are of one sign: an error of the instruments is part of the curve"
+        return "all slips have one sign, so instrument errors cannot be separated from the curve"
     return ""
 
 
@@ -201,8 +201,8 @@ def _too_coarse(effect: Effect, drives: Sequence[DriveData]) -> str:
             step = _median_step(drive, along=parameter.unit == "m")
             if step > limit:
                 return (
-                    f"the rows of {drive.name} are {step:.2g} {parameter.unit} apart, too far for "
-                    f"a {parameter.name} of about {parameter.typical:g} {parameter.unit}"
+                    f"the rows of {drive.name} are {step:.2g} {parameter.unit} apart, too far "
+                    f"for a {parameter.name} of about {parameter.typical:g} {parameter.unit}"
                 )
     return _forgets(effect, drives)
 
@@ -215,7 +215,10 @@ def _forgets(effect: Effect, drives: Sequence[DriveData]) -> str:
         # The time of the regression, in which rows that do not follow each other stand apart.
         step = median_step(drive.t_s, drive.axle)
         if step > PAUSE_S:
-            return f"the rows of {drive.name} are {step:.2g} s apart: what has a memory begins anew"
+            return (
+                f"the rows of {drive.name} are {step:.2g} s apart, so an effect with a memory "
+                "starts again"
+            )
     return ""
 
 
@@ -246,10 +249,10 @@ def _missing_rows(effect: Effect, drives: Sequence[DriveData]) -> str:
     """Why the rows of these drives cannot show an effect; '' where they can."""
     requires = effect.requires
     if requires.wheel_speed and any(drive.table for drive in drives):
-        return "a table gives slip and adhesion, not the wheel speed that they were formed from"
+        return "a table contains slip and adhesion, not the wheel speed that they come from"
     axles = max(len(np.unique(drive.axle)) for drive in drives)
     if requires.several_axles and axles < 2:
-        return "all rows are of one axle"
+        return "all rows belong to one axle"
     if requires.speed and not all(drive.has_speed for drive in drives):
         return f"the table has no column {CHANNEL_BY_NAME['speed'].column}"
     if requires.load and not all(drive.has_load for drive in drives):
@@ -264,7 +267,7 @@ def _missing_drives(requires: Requirements, drives: Sequence[DriveData]) -> str:
     if requires.braking and _braking_share(drives) < LEAST_BRAKING:
         return "there is hardly any braking"
     if requires.one_recording and len(drives) > 1:
-        return "its values belong to one recording: diagnose each by itself"
+        return "its values belong to one recording: diagnose each recording separately"
     return ""
 
 
@@ -350,8 +353,8 @@ def describe_insufficient_data(drives: Sequence[DriveData], block: NDArray[np.in
     blocks = len(np.unique(block))
     if blocks < LEAST_BLOCKS:
         return (
-            f"the usable part of the drive is too short: {blocks} blocks of time, where "
-            f"{LEAST_BLOCKS} are the least from which a part can be held out"
+            f"the usable part of the drive is too short: {blocks} blocks of time; at least "
+            f"{LEAST_BLOCKS} are needed to hold out a part"
         )
     observed = [drive.observe() for drive in drives]
     for name, least in (("slip", LEAST_RANGE), ("adhesion", LEAST_ADHESION)):
@@ -359,7 +362,7 @@ def describe_insufficient_data(drives: Sequence[DriveData], block: NDArray[np.in
         low, high = map(float, np.quantile(size, [0.05, 0.95]))
         if high - low < least:
             return (
-                f"the {name} hardly varies ({low:.4f} to {high:.4f}): a curve needs creep swept "
+                f"the {name} hardly varies ({low:.4f} to {high:.4f}); a curve needs creep swept "
                 "from near 0 to beyond its peak"
             )
     return ""
@@ -378,12 +381,12 @@ def find_untestable(drives: Sequence[DriveData]) -> list[Untested]:
             found.append(
                 Untested(
                     f"wheel against ground speed in {drive.name}",
-                    "no axle coasts for a second: errors of speed and radius and a bias of effort "
-                    "are identified by the curve alone",
+                    "no axle coasts for a second, so errors of speed and radius and a bias of "
+                    "effort are identified from the curve alone",
                 )
             )
         found += [
-            Untested(f"axle {axle} in {drive.name}", "no usable row of it is there")
+            Untested(f"axle {axle} in {drive.name}", "it has no usable row")
             for axle in range(1, len(drive.radius) + 1)
             if not (drive.axle == axle).any()
         ]
@@ -395,7 +398,7 @@ def _describe_size(drive: DriveData) -> Untested:
     rows = len(drive)
     return Untested(
         f"differences in {drive.name} of less than about {50.0 * NOTICED / rows:.1f} % of the RMSE",
-        f"{rows} points, taken as independent of each other, do not tell them from chance",
+        f"{rows} points, treated as independent, cannot distinguish them from chance",
     )
 
 

@@ -36,7 +36,7 @@ def build_channel_candidates(
     for name in sorted(set(brought) - of_library):
         lacking = next((d.name for d in drives if name not in d.covariates), None)
         if lacking is not None:
-            why = f"{lacking} does not have it, or misses too many of its values"
+            why = f"{lacking} does not have it, or lacks too many of its values"
             untested.append(Untested(PREFIX + name, why))
             continue
         values = np.concatenate([drive.covariates[name] for drive in drives])
@@ -66,7 +66,7 @@ def _why_no_cause(values: Array, drives: Sequence[DriveData]) -> str:
     }
     for what, other in measured.items():
         if np.ptp(other) > 0.0 and abs(np.corrcoef(values, other)[0, 1]) > COPY:
-            return f"it follows the {what}: another measurement of it is no cause"
+            return f"it follows the {what}: another measurement of the same quantity is not a cause"
     return ""
 
 

@@ -27,9 +27,9 @@ CLEAR_GAIN = 5.0
 """Gain of another shape, %, that counts although its interval holds 0: some parts of a drive show
 nothing of a shape, which widens the interval."""
 
-NOT_CONFIRMED = "it showed in the data that decided, and does not hold on those that were held out"
+NOT_CONFIRMED = "the deciding data show it, but the held-out data do not confirm it"
 
-NOT_BESIDE = "beside the other causes it gains nothing for certain on the data that were held out"
+NOT_BESIDE = "in addition to the other causes, it has no certain gain on held-out data"
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,10 +154,7 @@ def _confirm(found: Findings, *, other_drives: bool) -> ConfirmedFindings:
             return ConfirmedFindings(found.named, None, gain, (), found.shape)
         why = NOT_CONFIRMED
         if is_significant(gain):
-            why = (
-                f"it gains {gain.percent:.2g} % on the data that were held out, too little to be "
-                "worth a name"
-            )
+            why = f"its gain on held-out data is {gain.percent:.2g} %, too small to be named"
         rejected += [_reject(CURVE_SHAPE, why)] * (found.shape is not None)
         rejected += [_reject(candidate.effect.id, why) for candidate in found.named]
     channel = found.unexplained_channel

@@ -175,8 +175,8 @@ def compute_leave_one_out_gain(
     what = "point" if len(np.unique(block)) == len(block) else "random group of points"
     units = HoldOutUnits(
         block,
-        f"each {what} in turn, predicted by the others ({len(rows)} points); the model was chosen "
-        "with all of them",
+        f"each {what} in turn, predicted from the others ({len(rows)} points); the model was "
+        "chosen with all of them",
         (),
     )
     return compute_gain(HoldOutResult(rows, before[rows], after[rows]), units, noise_floor)

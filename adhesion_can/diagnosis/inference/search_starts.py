@@ -75,8 +75,10 @@ def _with_phases(candidates: Sequence[Candidate], drive: DriveData) -> tuple[lis
     if found:
         return found, ""
     if largest == 0.0:
-        return [], "the recording is too short to show a swing once a turn, or no wheel turns"
-    return [], f"no wheel speed swings once a turn by more than {100.0 * largest:.2g} %"
+        return [], (
+            "the recording is too short to show an oscillation once per turn, or no wheel turns"
+        )
+    return [], f"no wheel speed oscillates once per turn by more than {100.0 * largest:.2g} %"
 
 
 def _swing(drive: DriveData, axle: int) -> TurnSwing:

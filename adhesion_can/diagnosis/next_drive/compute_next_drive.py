@@ -159,7 +159,7 @@ def plan_drive(
     sentence = _describe_plan(plan)
     if missed:
         said = _describe_missed(names, limits, missed, len(missed))
-        sentence += f" What this drive does not do: {said}"
+        sentence += f" What this drive cannot do: {said}"
     notes = [note for note in (setting.assumption, _describe_curve(nearest, curve)) if note]
     sentence = " ".join([sentence, *notes])
     return NextDrive(names, plan, sentence, pairs)
@@ -274,9 +274,9 @@ def _join_alike(steps: Sequence[PlanStep]) -> tuple[PlanStep, ...]:
 
 def _describe_too_few(names: Sequence[str]) -> str:
     if not names:
-        return "No plan: no explanation is left that a drive could test."
+        return "No plan: no explanation remains that a drive could test."
     return (
-        f"No plan: one explanation is left, {names[0]}; a further drive given with --holdout "
+        f"No plan: one explanation remains, {names[0]}; another drive passed with --holdout "
         "confirms or refutes it."
     )
 
@@ -299,8 +299,8 @@ def _describe_missed(
     for (a, b), value in list(missed.items())[:most]:
         said.setdefault(
             frozenset((a, b)),
-            f"within the limits no drive of up to {limits.duration_max:g} s tells {names[b]} "
-            f"from {names[a]}: the best one found refutes it with a probability of "
+            f"within the limits, no drive of up to {limits.duration_max:g} s distinguishes "
+            f"{names[b]} from {names[a]}: the best one found refutes it with a probability of "
             f"{100 * power_of(value):.0f} %",
         )
     return f"{'; '.join(said.values())}."
@@ -311,8 +311,8 @@ def _describe_curve(nearest: tuple[float, float, float], curve: tuple[float, flo
     if curve[1] == nearest[1]:
         return ""
     return (
-        f"The curve that was fitted falls almost from slip 0; the controller gets c2 = "
-        f"{curve[1]:.3g} in place of {nearest[1]:.3g}."
+        f"The fitted curve falls almost from slip 0 on; the controller gets c2 = {curve[1]:.3g} "
+        f"instead of {nearest[1]:.3g}."
     )
 
 

@@ -77,8 +77,8 @@ class DriveSetting:
         if self.resistance.is_known:
             return ""
         return (
-            "The resistance of the train is taken as 0, since no three seconds of the drive that "
-            "follow each other have all axles: on grades the speeds will differ from the plan's."
+            "The resistance of the train is set to 0, because no three consecutive seconds of "
+            "the drive have all axles; on grades, speeds will differ from the plan."
         )
 
 
@@ -166,4 +166,4 @@ def _fit_resistance(drive: DriveData, speed: Array, vehicle: Locomotive) -> Trai
 def describe_setting(drives: Sequence[DriveData]) -> str:
     """Why drives give no setting."""
     names = ", ".join(drive.name for drive in drives)
-    return f"{names}: a sample table has no wheel and vehicle speeds to plan a drive by"
+    return f"{names}: a sample table has no wheel and vehicle speeds for planning a drive"

@@ -87,7 +87,7 @@ class RemainingExplanations:
         """
         if self.left != (PLAIN,):
             return self
-        plain = RefutedExplanation(PLAIN, "something is left that is not noise")
+        plain = RefutedExplanation(PLAIN, "the residual is more than noise")
         return replace(self, left=(), refuted=(*self.refuted, plain))
 
     @property
@@ -95,14 +95,14 @@ class RemainingExplanations:
         """What is left, for a reader."""
         names = ", ".join((*self.left, *(one.name for one in self.refuted)))
         before, by = ", ".join(self.before), ", ".join(self.by)
-        why = "; ".join(f"{one.name} is refuted, {one.reason}" for one in self.refuted)
+        why = "; ".join(f"{one.name} is refuted: {one.reason}" for one in self.refuted)
         if not self.left:
             return (
-                f"With {by} none of the explanations is left that {before} left ({names}): {why}. "
-                "What acts is something else, or acts in another form than they say."
+                f"No explanation that remained after {before} ({names}) survives {by}: {why}. "
+                "The cause is something else, or has another form."
             )
         begin = (
-            f"Of the explanations that {before} left ({names}), {by} leaves "
+            f"Of the explanations that remained after {before} ({names}), {by} leaves "
             f"{' and '.join(self.left)}"
         )
         return f"{begin}: {why}." if why else f"{begin}: it refutes none."
@@ -225,7 +225,7 @@ def _compare(
     by_noise = float(scipy.stats.norm.sf(away))
     if by_noise < LEVEL:
         return _Refutation(
-            f"it misses the data by {away:.1f} standard deviations of the noise more than "
+            f"its misfit is {away:.1f} standard deviations of the noise larger than that of "
             f"{best_name}",
             by_noise,
         )
@@ -234,8 +234,8 @@ def _compare(
     more = 100.0 * (other.cross_validated_square / best.cross_validated_square - 1.0)
     by_blocks = worse_p_value(best, other)
     return _Refutation(
-        f"its sum of squares is {more:.1f} % above that of {best_name}, and the scatter of the "
-        f"blocks does not explain that ({p_equation(by_blocks)})",
+        f"its sum of squares is {more:.1f} % above that of {best_name}, more than the scatter of "
+        f"the blocks explains ({p_equation(by_blocks)})",
         by_blocks,
     )
 

@@ -158,8 +158,8 @@ def refute_shape(shaped: Findings) -> RefutedCause | None:
         reason = _describe_left(left.share)
     elif shaped.noise.is_exceeded:
         reason = (
-            f"with it what is left is {shaped.noise.usual:.2f} times what the sensors' noise "
-            "explains, and a curve bends to whatever is left"
+            f"with it the residual is still {shaped.noise.usual:.2f} times the sensor noise, and "
+            "another curve can fit any residual"
         )
     else:
         return None
@@ -176,8 +176,8 @@ def refute_by_witness(found: Findings, plain_found: Findings, witness: Witness) 
 
     """
     reason = (
-        f"with it the service still doubts its model in {100 * witness.doubt_after:.0f} % of the "
-        f"time, {100 * witness.doubt_before:.0f} % without it, and with a true cause the doubt goes"
+        f"with it the service still doubts its model {100 * witness.doubt_after:.0f} % of the "
+        f"time ({100 * witness.doubt_before:.0f} % without it); a true cause removes the doubt"
     )
     regression = found.prepared.regression.last_fit
     fitted = fit_model(regression, found.selection.best.fitted.model)
@@ -266,7 +266,7 @@ def _describe_implausible(scored: ScoredModel) -> str:
         f"{short(x)} {unit_text(size.unit)}".strip() for x in (value, low if is_below else high)
     )
     more = "less" if is_below else "more"
-    return f"its {size.name} would be about {fitted}, and no such vehicle has {more} than {limit}"
+    return f"its {size.name} would be about {fitted}, but no such vehicle has {more} than {limit}"
 
 
 def _try_all(regression: WhitenedRegression, model: Model) -> list[_Trial]:
@@ -312,29 +312,26 @@ def _find_reasons(
 
 def _describe_excess(found: Findings) -> str:
     return (
-        f"what it explains is {100 * found.share_of_excess:.0f} % of what the sensors' noise does "
-        f"not explain, and a cause has at least {100 * LEAST_OF_EXCESS:.0f} %"
+        f"it explains {100 * found.share_of_excess:.0f} % of the residual beyond the sensor "
+        f"noise; a cause explains at least {100 * LEAST_OF_EXCESS:.0f} %"
     )
 
 
 def _describe_left(share: float) -> str:
     return (
-        f"with it {100 * share:.0f} % of what the rows of a block have in common without it is "
-        f"left, and a true cause leaves at most {100 * MOST_LEFT:.0f} %"
+        f"with it {100 * share:.0f} % of the error that the rows of a block share remains; a "
+        f"true cause leaves at most {100 * MOST_LEFT:.0f} %"
     )
 
 
 def _describe_chance(p_value: float, level: float) -> str:
-    return (
-        f"chance alone looks as strong in {100 * p_value:.1f} % of drives, and for a cause it does "
-        f"in at most {100 * level:g} %"
-    )
+    return f"its p-value is {100 * p_value:.1f} %; a cause has at most {100 * level:g} %"
 
 
 def _describe_growth(time_s: float) -> str:
     return (
-        f"an error of the speed that grows with a time constant of {time_s:.0f} s explains as "
-        "much, and so would the radii of all wheels that warm up"
+        f"a speed error that grows with a time constant of {time_s:.0f} s explains as much, and "
+        "so would all wheel radii growing as the wheels warm up"
     )
 
 
