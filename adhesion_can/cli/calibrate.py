@@ -58,8 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     defaults = CalibrationSettings()
     parser.description = (
-        "Finds the radius of each wheel, relative to the vehicle speed, and the zero "
-        "error of the vehicle speed where axles coast, with standard errors."
+        "Finds the radius of each wheel relative to the vehicle speed, and the offset of the "
+        "vehicle speed, from coasting axles, with standard errors."
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
     parser.add_argument(
@@ -68,39 +68,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--speed",
         metavar="CSV[:COLUMN]",
-        help="vehicle speed (m/s, with time_s on the recording's clock) of another recorder",
+        help="vehicle speed of another recorder: m/s, with time_s on the recording's clock",
     )
     parser.add_argument(
         "--adhesion-max",
         type=float,
         default=defaults.adhesion_max,
         metavar="MU",
-        help=f"an axle with less adhesion coasts (default {defaults.adhesion_max:g})",
+        help=f"adhesion below which an axle counts as coasting (default {defaults.adhesion_max:g})",
     )
     parser.add_argument(
         "--acceleration-max",
         type=float,
         default=defaults.acceleration_max,
         metavar="A",
-        help=f"no use of faster changes, m/s² (default {defaults.acceleration_max:g})",
+        help=f"skip larger accelerations, m/s² (default {defaults.acceleration_max:g})",
     )
     parser.add_argument(
         "--settle",
         type=float,
         default=defaults.settle_s,
         metavar="S",
-        help=f"coasting is used after this time (default {defaults.settle_s:g})",
+        help=f"time after the start of coasting that is skipped (default {defaults.settle_s:g})",
     )
     parser.add_argument(
         "--block",
         type=float,
         default=defaults.block_s,
         metavar="S",
-        help="errors of the vehicle speed are independent after about a fifth of this "
-        f"(default {defaults.block_s:g})",
+        help=(
+            "length of a block of data; errors of the vehicle speed must be independent after "
+            f"about a fifth of it (default {defaults.block_s:g})"
+        ),
     )
     parser.add_argument(
-        "--delay", type=float, metavar="S", help="known delay of the vehicle speed (else estimated)"
+        "--delay",
+        type=float,
+        metavar="S",
+        help=("known delay of the vehicle speed (default: estimated)"),
     )
     add_report(parser)
     add_json(parser)
@@ -169,7 +174,7 @@ def _settings(options: argparse.Namespace) -> CalibrationSettings:
         require_positive(getattr(options, name), f"--{name.replace('_', '-')}")
     if not (isfinite(options.settle) and options.settle >= 0):
         raise InputError(
-            "--settle", f"{options.settle} is no waiting time", "give seconds, 0 or more"
+            "--settle", f"{options.settle} is not a waiting time", "give seconds, 0 or more"
         )
     if not (isfinite(options.block) and options.block >= 1):
         raise InputError(
@@ -196,10 +201,10 @@ def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[st
     kind = "coasts" if result.effort_known else "runs at a steady speed"
     times = result.times
     longest = int(np.argmax(times.settled if times.settled.any() else times.idle))
-    simulated = "of the simulated scenarios 'sweep' coasts, from 90 s on"
+    simulated = "of the simulated scenarios, 'sweep' coasts from 90 s on"
     # Condition, time that it leaves of what the ones before it left, and what to do about it.
     conditions = (
-        ("with a wheel speed beside the vehicle speed", times.read, "check the roles' signals"),
+        ("with both a wheel speed and the vehicle speed", times.read, "check the roles' signals"),
         (f"above {settings.speed_min:g} m/s", times.fast, "record a faster drive"),
         (
             f"with an acceleration below {settings.acceleration_max:g} m/s²",
@@ -222,13 +227,15 @@ def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[st
     if times.recorded < least:
         advice = f"record a longer drive in which an axle coasts; {simulated}"
     else:
-        advice = f"record a longer drive: they are in fewer than {settings.blocks_min} blocks"
+        advice = (
+            f"record a longer drive: the coasting fills fewer than {settings.blocks_min} blocks"
+        )
         for text, seconds, own_advice in conditions:
             parts.append(f"{seconds[longest]:.1f} s {text}")
             if seconds[longest] < least:
                 advice = own_advice
                 break
-    left = f"of {times.recorded:.1f} s {', of these '.join(parts)}".rstrip()
+    left = f"of {times.recorded:.1f} s, {', of those '.join(parts)}".rstrip()
     what = (
         f"no axle {kind} for {least:g} s in {settings.blocks_min} blocks of "
         f"{settings.block_s:g} s ({left})"
@@ -243,13 +250,14 @@ def _notes_on_source(
     if reference is not None:
         if result.offset is None:
             return []
-        return ["The offset is that of --speed, so no role is given it."]
+        return ["The offset belongs to --speed, so no role receives it."]
     notes = []
     if derived := sum(one.derived for one in loaded):
-        notes.append(f"{derived} vehicle speeds derived from the driven axles were left out.")
+        notes.append(f"Dropped {derived} vehicle speeds that are derived from the driven axles.")
     if any(one.trailing for one in loaded):
         notes.append(
-            "The vehicle speed comes from a trailing axle: the error of its radius is in all."
+            "The vehicle speed comes from a trailing axle; all radii contain the error of its "
+            "radius."
         )
     return notes
 

@@ -50,9 +50,9 @@ from adhesion_can.reporting.text import console, table
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Goes through recordings as the service would: signals, rates, gaps, checksum "
-        "and counter faults, excitation; of a table it says what each column was taken for. Exit "
-        "status 1 where slip or adhesion do not come out plausible, or something else is wrong."
+        "Processes recordings as the service would, and reports signals, rates, gaps, checksum "
+        "and counter faults, and excitation. For a table, it reports how each column is read. "
+        "The exit status is 1 if slip or adhesion are implausible or something else is wrong."
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG|TABLE")
     add_columns(parser)
@@ -130,8 +130,8 @@ def require_known_id(result: CheckResult, options: argparse.Namespace) -> None:
 def _print(result: CheckResult) -> None:
     out = console()
     out.print(
-        f"{result.frames} frames in {result.duration_s:.1f} s, {result.unknown} of ids that nobody "
-        f"listens to; {len(result.samples)} samples"
+        f"{result.frames} frames in {result.duration_s:.1f} s, {result.unknown} with other ids; "
+        f"{len(result.samples)} samples"
     )
     out.print(table("Messages", MESSAGE_COLUMNS, message_rows(result.receiver.records)))
     out.print(table("Signals (SI units)", SIGNAL_COLUMNS, signal_rows(result)))

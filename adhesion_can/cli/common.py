@@ -31,15 +31,15 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--config", type=Path, metavar="F", help="vehicle, database and roles (TOML)"
     )
-    group.add_argument("--dbc", type=Path, metavar="F", help="CAN database (default: our own)")
+    group.add_argument(
+        "--dbc", type=Path, metavar="F", help=("CAN database (default: the packaged one)")
+    )
     add_lenient(group)
 
 
 def add_lenient(group: argparse._ActionsContainer) -> None:
     """Option --lenient."""
-    group.add_argument(
-        "--lenient", action="store_true", help="leave messages with a fault out of a DBC"
-    )
+    group.add_argument("--lenient", action="store_true", help="skip faulty messages of a DBC")
 
 
 def tell_left_out(database: CanDatabase) -> None:
@@ -55,16 +55,16 @@ def add_columns(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=COLUMN[,unit=U][,sign=-1][,late_s=T]",
-        help="what a column of a TABLE is, as slip=kappa,unit=percent; several times",
+        help="map a column of a TABLE, for example slip=kappa,unit=percent; may be repeated",
     )
     parser.add_argument(
         "--assume",
         choices=("plausible",),
-        help="use data that look wrong all the same; the warning stands in every output",
+        help="use data that look wrong; every output shows the warning",
     )
 
 
-MODEL_ONLINE = "its effects are taken out of what is measured and stand in what is sent"
+MODEL_ONLINE = "its effects are removed from the measurements and added to the setpoints"
 
 
 def add_model(parser: argparse.ArgumentParser, what: str) -> None:
@@ -128,7 +128,7 @@ def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
         from can.cli import create_bus_from_namespace  # noqa: PLC0415  few commands open a bus
 
         if getattr(options, "interface", None) is None and not bus_is_configured():
-            raise BusError("-i", "no interface is named", "say for instance -i socketcan -c vcan0")
+            raise BusError("-i", "no interface is given", "pass for example -i socketcan -c vcan0")
         _require_known_kwargs(options)
         try:
             return create_bus_from_namespace(options)
@@ -221,7 +221,7 @@ def own_command() -> str:
 def left_out_lines(left_out: Mapping[str, int]) -> list[str]:
     """Sentences about samples without the channels of the extended model, by reason."""
     return [
-        f"{count} samples left out by the extended model: {reason}"
+        f"the extended model dropped {count} samples: {reason}"
         for reason, count in left_out.items()
     ]
 
@@ -267,10 +267,10 @@ def require_outputs(
         if path.is_dir():
             raise InputError(where, "is a folder", "name a file")
         if not path.resolve().parent.is_dir():
-            raise InputError(where, "its folder does not exist", "make the folder first")
+            raise InputError(where, "its folder does not exist", "create the folder first")
         if place in taken and not (option == renewed and place == config):
             raise InputError(where, f"is {taken[place]}", "name another file")
-        taken[place] = f"the file of {option} too"
+        taken[place] = f"also the file of {option}"
         if option in _CANDUMP_OPTIONS:
             require_text_name(path, where)
 
@@ -294,5 +294,5 @@ def make_folder(path: Path, option: str) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
-            f"{option} {path}", error.strerror or "cannot be made", "name another folder"
+            f"{option} {path}", error.strerror or "cannot be created", "name another folder"
         ) from error

@@ -13,10 +13,9 @@ SHELLS = ("bash", "zsh", "fish")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Writes a completion script to stdout (extra 'completion'). For bash: "
-        "source <(adhesion-can completion bash), once or in ~/.bashrc; for zsh write it as "
-        "_adhesion-can into a folder of $fpath; for fish into "
-        "~/.config/fish/completions/adhesion-can.fish."
+        "Writes a completion script to stdout (extra 'completion'). bash: run source "
+        "<(adhesion-can completion bash), once or in ~/.bashrc. zsh: write it as _adhesion-can "
+        "to a folder of $fpath. fish: write it to ~/.config/fish/completions/adhesion-can.fish."
     )
     parser.add_argument("shell", choices=SHELLS, metavar="|".join(SHELLS))
 

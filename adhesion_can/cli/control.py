@@ -39,21 +39,21 @@ WAIT_S = 0.05
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "The reference creep controller: reads wheel speeds, vehicle speed, efforts and the "
-        "service's setpoints, sends EffortDemand1 and 2 to 'simulate --closed-loop', until it is "
-        "interrupted (Ctrl-C, SIGTERM) or the duration is over. With --plan it drives "
-        "that plan instead: it brings the train to the plan's speed, drives the steps, and ends."
+        "The reference creep controller. It reads wheel speeds, vehicle speed, efforts and the "
+        "service's setpoints, and sends EffortDemand1 and 2 to 'simulate --closed-loop' until "
+        "it is interrupted (Ctrl-C, SIGTERM) or the duration is over. With --plan, it brings "
+        "the train to the plan's start speed, drives the steps of the plan, and ends."
     )
     parser.add_argument(
         "--plan",
         type=Path,
         metavar="PLAN.toml",
-        help="drive this plan, as diagnose --next-drive writes it",
+        help="drive this plan, written by diagnose --next-drive",
     )
     parser.add_argument(
-        "--wait", action="store_true", help="wait for a bus that is not there yet, and try again"
+        "--wait", action="store_true", help="wait for a bus that does not exist yet"
     )
-    parser.add_argument("--duration", type=float, metavar="S", help="end after so long")
+    parser.add_argument("--duration", type=float, metavar="S", help="end after this time")
     add_json(parser)
     add_configuration(parser)
     add_bus(parser)
@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         name = bus_name(options, bus.channel_info)
         silence = SilenceWatch(
-            f"nothing is received on {name} yet: start 'simulate --closed-loop' and 'run' on it",
+            f"nothing received on {name} yet: start 'simulate --closed-loop' and 'run' there",
             say,
         )
         loop = _Loop(frames, _Progress(controller), bus, silence)

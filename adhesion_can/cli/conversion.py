@@ -102,26 +102,26 @@ class Conversion:
         if any(count.decoded for count in report.counts.values()):
             return
         known = ", ".join(sorted(_id(message) for message in self._database.db.messages)[:_SHOWN])
-        database = f"{self._database.path.name} knows {len(self._database.db.messages)}: {known}"
+        database = f"{self._database.path.name} has {len(self._database.db.messages)}: {known}"
         if report.counts:
             reasons: Counter[str] = Counter()
             for count in report.counts.values():
                 reasons.update(count.rejected)
             what = f"every known frame is rejected ({counts_text(reasons)}); {database}"
-            mend = "check that the database is of this bus, and of its version"
+            mend = "check that the database belongs to this bus and has the right version"
         elif self._other_channels and not report.frames:
             what = (
                 f"no frame of channel {self._channel}; it has {counts_text(self._other_channels)}"
             )
             mend = "name one of these with --channel"
         elif report.passed_over:
-            what = "no frame with a signal that is wanted and can be decoded; it has "
+            what = "no frame with a selected signal that can be decoded; it has "
             what += counts_text(report.passed_over)
             why = list(self._undecodable(report.passed_over, self._chosen))
             what += "".join(f"; {line}" for line in why[:_SHOWN])
             mend = "name other signals of these messages with --signals"
         elif not report.unknown:
-            raise no_frame_error(recordings, "no data frame in it")
+            raise no_frame_error(recordings, "it has no data frames")
         else:
             ids = {id_text(*key): count for key, count in report.unknown.items()}
             what = f"no frame of a known id; it has {counts_text(ids)}; {database}"
@@ -179,14 +179,14 @@ class Conversion:
             "marks": report.marks,
             "lines": dict(lines),
             "problems": [
-                *describe_problems(recordings, "stamps kept as they are"),
+                *describe_problems(recordings, "stamps kept unchanged"),
                 *self._problems(distinct_names([recording.path for recording in recordings])),
             ],
         }
 
     def _problems(self, files: Sequence[str]) -> Iterator[str]:
         for file in self._early_files:
-            begins = "begins before the end of the file in front of it; its stamps are kept"
+            begins = "starts before the previous file ends; its stamps are kept"
             yield f"{files[file]}: {begins}"
         several = {
             name: channels
@@ -196,7 +196,9 @@ class Conversion:
         if several and not self._by_channel:
             names = ", ".join(list(several)[:_SHOWN])
             buses = ", ".join(sorted(set().union(*several.values())))
-            yield f"received on several channels ({buses}), and mixed: {names}; --channel takes one"
+            yield (
+                f"received on several channels ({buses}) and mixed: {names}; --channel selects one"
+            )
         yield from self._undecodable({name for name, _, _ in self._received_on})
 
     def _undecodable(
@@ -216,5 +218,5 @@ def _id(message: Message) -> str:
 def counts_text(counts: Mapping[str, int]) -> str:
     """'a 12, b 3, ..', the most frequent first."""
     most = Counter(counts).most_common(_SHOWN)
-    more = ["..", f"{len(counts)} in all"] if len(counts) > _SHOWN else []
+    more = ["..", f"{len(counts)} in total"] if len(counts) > _SHOWN else []
     return ", ".join([*(f"{name}: {count}" for name, count in most), *more])

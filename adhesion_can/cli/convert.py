@@ -47,62 +47,74 @@ from adhesion_can.reporting.text import console, table
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Decodes recordings with a CAN database and writes the signals as columns for the tools "
-        "that people plot with. A folder gets a file a message, dense, with its own time. CSV and "
-        "Parquet files get a row a frame, in the order of the recording; Arrow a row for each "
-        "value; MF4 a channel group a message, and its time begins at the recording's first frame; "
-        "MCAP a topic a message, and the frames. Frames whose checksum, counter, length or "
-        "multiplexer is wrong are left out and counted. Values that a database names 'not "
-        "available' and the like stand in the columns as their numbers."
+        "Decodes recordings with a CAN database and writes the signals as columns for plotting "
+        "tools. A folder gets one file per message, with its own time. CSV and Parquet files "
+        "have a row per frame in the order of the recording; Arrow has a row per value; MF4 has "
+        "a channel group per message, and its time starts at the first frame; MCAP has a topic "
+        "per message, and the frames. Frames with a wrong checksum, counter, length or "
+        "multiplexer are dropped and counted. Values that a database names, such as 'not "
+        "available', are written as numbers."
     )
-    parser.add_argument("log", nargs="+", type=Path, metavar="LOG", help="one after the other")
+    parser.add_argument(
+        "log", nargs="+", type=Path, metavar="LOG", help=("decoded one after the other")
+    )
     parser.add_argument(
         "--dbc",
         type=Path,
         metavar="F",
-        help="CAN database: .dbc, .kcd, .arxml or .sym (default: our own)",
+        help="CAN database: .dbc, .kcd, .arxml or .sym (default: the packaged one)",
     )
     add_lenient(parser)
     parser.add_argument(
         "--out",
         required=True,
         metavar="F",
-        help=f"written: {', '.join(SUFFIXES)}; FOLDER/ for a file a message; - for an Arrow stream "
-        "to stdout",
+        help=(
+            f"output file: {', '.join(SUFFIXES)}; FOLDER/ for one file per message; - for an "
+            "Arrow stream to stdout"
+        ),
     )
     parser.add_argument(
         "--format",
         choices=FOLDER_FORMATS,
-        help=f"of the files in a folder (default: {FOLDER_FORMATS[0]})",
+        help=f"format of the files in a folder (default: {FOLDER_FORMATS[0]})",
     )
     parser.add_argument(
         "--signals",
         nargs="+",
         default=[],
         metavar="GLOB",
-        help="only what matches: 'Message.Signal', 'Signal' or 'Message'; * and ? stand for any "
-        "letters (put them in quotes); takes all that follow it, so that LOG stands in front of "
-        "it, or behind a '--'",
+        help=(
+            "only what matches 'Message.Signal', 'Signal' or 'Message'; * and ? match any "
+            "letters (put them in quotes); takes all words that follow, so put LOG before it or "
+            "after '--'"
+        ),
     )
     parser.add_argument(
         "--channel",
         metavar="NAME",
-        help="only the frames of this bus (default: all); formats that number their buses have "
-        "can0, can1, ..",
+        help=(
+            "only the frames of this bus (default: all); in formats that number their buses: "
+            "can0, can1, .."
+        ),
     )
     parser.add_argument(
         "--raster",
         metavar="TIME",
-        help="one row each so often, such as 10ms, with every signal as it was last: a plain table "
-        "(default: a row a frame)",
+        help=(
+            "one row per interval, such as 10ms, with the last value of every signal: a plain "
+            "table (default: a row per frame)"
+        ),
     )
     parser.add_argument(
         "--csv-formulas",
         choices=("quote", "keep"),
         default="quote",
-        help="names and texts in CSV that a spreadsheet would compute, as '=A1': with an "
-        "apostrophe in front, which this program takes off when it reads them, or as they are "
-        "(default: quote)",
+        help=(
+            "names and texts in CSV that a spreadsheet would compute, such as '=A1': quote puts "
+            "an apostrophe in front, which adhesion-can removes when it reads them; keep leaves "
+            "them unchanged (default: quote)"
+        ),
     )
     add_json(parser)
 
@@ -256,7 +268,7 @@ def _print(document: Mapping[str, Any], file: TextIO) -> None:
     unknown["further ids"] = document["unknown_beyond"]
     for head, counts in (
         ("unknown ids", unknown),
-        ("without a wanted signal", document["not_wanted"]),
+        ("without a selected signal", document["not_wanted"]),
         ("of other channels", document["other_channels"]),
         ("besides", {name: document[name] for name in ("remote", "error", "marks")}),
     ):

@@ -79,11 +79,13 @@ REORDER_US = 500_000
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Runs a simulated locomotive across dry, wet, greasy and dry rails, with the "
-        "service and a creep controller that obeys it, on an in-process bus and in real time."
+        "Runs a simulated locomotive over dry, wet, greasy and dry rails, with the service and "
+        "a creep controller that follows it, on an in-process bus in real time."
     )
     parser.add_argument("--duration", type=float, default=40.0, metavar="S", help="default 40")
-    parser.add_argument("--headless", action="store_true", help="lines instead of a live view")
+    parser.add_argument(
+        "--headless", action="store_true", help=("print lines instead of a live view")
+    )
     parser.add_argument(
         "--out",
         type=Path,
@@ -127,7 +129,10 @@ def run(options: argparse.Namespace) -> int:
     if talk(options):
         out = console()
         out.print(phase_table(found))
-        out.print("found: time until mu_max was within 5 % and TRACKING; used: adhesion, of mu_max")
+        out.print(
+            "found: time until mu_max was within 5 % of the truth and the status TRACKING; "
+            "used: adhesion as a share of mu_max"
+        )
         command, log = own_command(), options.out / "demo.log"
         out.print(f"recording of all frames: {log}", markup=False)
         for line in written:

@@ -52,8 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
         "Compares the adhesion curve and the configured vehicle with recordings or tables of "
-        "samples: where they are wrong, the cause where the data identify it, a model extended by "
-        "it, and what that gains on data that were held out."
+        "samples. Reports where they are wrong, the cause if the data identify it, a model "
+        "extended by the cause, and its gain on held-out data."
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
     parser.add_argument(
@@ -62,8 +62,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=[],
         metavar="LOG|TABLE",
-        help="measure the gain on these alone (default: on blocks of the inputs, or on a third of "
-        "several recordings of like length)",
+        help=(
+            "measure the gain on these only (default: on blocks of the inputs, or on a third of "
+            "several recordings of similar length)"
+        ),
     )
     add_report(parser)
     parser.add_argument(
@@ -76,23 +78,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--next-drive",
         type=Path,
         metavar="PLAN.toml",
-        help="compute the shortest drive that tells the remaining explanations apart, within "
-        "[limits] of the configuration, and write it for --plan of control and simulate",
+        help=(
+            "compute the shortest drive that distinguishes the remaining explanations, within "
+            "[limits] of the configuration, and write it for --plan of control and simulate"
+        ),
     )
     parser.add_argument(
         "--witness",
         action="store_true",
-        help="ask the service as a second witness of named causes: with the extended model its "
-        "doubt on the longest recording must go, or they are no causes",
+        help=(
+            "use the service as a second witness of named causes: if its doubt on the longest "
+            "recording remains with the extended model, they are not named"
+        ),
     )
     parser.add_argument(
         "--formula",
         action="append",
         default=[],
         metavar="TEXT",
-        help="test a formula of your own as effects are tested: the factor of the adhesion, and "
-        "where its constants begin, the size first: '1 + a * max(wind - b, 0) where a=0.1, b=5'; "
-        "with 'speed:' or 'effort:' in front the factor of that reading over its true value",
+        help=(
+            "test your own formula like an effect: the factor of the adhesion, and start values "
+            "of its constants, the size first: '1 + a * max(wind - b, 0) where a=0.1, b=5'; "
+            "with the prefix 'speed:' or 'effort:', the factor of that reading over its true "
+            "value"
+        ),
     )
     add_columns(parser)
     add_json(parser)
@@ -204,9 +213,10 @@ def _with_provenance(model: ExtendedModel, found: Diagnosis, command: str) -> Ex
 def _describe_model_file(found: Diagnosis, options: argparse.Namespace) -> list[str]:
     """Notes about the file of --extended."""
     if found.model is None:
-        return [f"--extended {options.extended}: not written, for no curve could be fitted"]
+        return [f"--extended {options.extended}: not written, because no curve could be fitted"]
     if not has_extension(found):
-        return [f"--extended {options.extended}: the plain curve, for there is no extension"]
+        what = "contains the plain curve, because there is no extension"
+        return [f"--extended {options.extended}: {what}"]
     return []
 
 

@@ -32,12 +32,12 @@ from adhesion_can.reporting.text import console
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Compares an extended model with recordings or tables: as its file has it, and with its "
-        "curve refitted, beside the plain curve, for each recording and each surface."
+        "Compares an extended model, as written and with its curve refitted, with the plain "
+        "curve on recordings or tables, for each recording and each surface."
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
     parser.add_argument(
-        "--model", type=Path, metavar="F", required=True, help="model that 'diagnose' wrote"
+        "--model", type=Path, metavar="F", required=True, help="model written by 'diagnose'"
     )
     add_columns(parser)
     add_report(parser)
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     problems = [problem for one in loaded for problem in one.problems]
     if found.left_out:
         rows = counted(found.left_out, "row")
-        problems.append(f"{rows} left out: the effects of the model have no finite value there")
+        problems.append(f"dropped {rows}: the effects of the model have no finite value there")
     origin = provenance(config, options.inputs)
     write_json(options.json, {**found.to_dict(), "problems": problems, **origin})
     lines = []

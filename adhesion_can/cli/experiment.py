@@ -68,10 +68,10 @@ class _Task(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Repeats an experiment of the paper with every estimator over the same data: "
-        "1: one surface, data in sequence; 2: the surface switches twice, ordinary differential "
-        "evolution; 3: the same with the paper's two changes. Writes experiment-N.html (needs "
-        "the extra 'report'), .json and .csv."
+        "Repeats an experiment of the paper with every estimator on the same data. 1: one "
+        "surface, data in sequence; 2: the surface switches twice, ordinary differential "
+        "evolution; 3: the same with the paper's two changes. Writes experiment-N.html (extra "
+        "'report'), .json and .csv."
     )
     parser.add_argument("number", type=int, choices=sorted(EXPERIMENTS), metavar="1|2|3")
     parser.add_argument(
@@ -87,8 +87,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--start",
         metavar="C1,C2,C3",
-        help="where estimators with a start begin in experiments 2 and 3 (default: the paper's "
-        "0.5,30,0.08, which is also the first rail's curve)",
+        help=(
+            "start values of estimators in experiments 2 and 3 (default: the paper's "
+            "0.5,30,0.08, which is also the curve of the first rail)"
+        ),
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all runs (default 1)")
     parser.add_argument(
@@ -98,7 +100,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--estimator",
         action="append",
         metavar="NAME",
-        help="only this one, besides the paper's own and the oracle; may be repeated: "
+        help="only this estimator, with the paper's and the oracle; may be repeated: "
         + ", ".join(known_estimators()),
     )
     add_report(parser, html=False)
@@ -112,7 +114,7 @@ def run(options: argparse.Namespace) -> int:
     out = options.out / f"experiment-{options.number}"
     missing = _missing_extra(out.with_suffix(".html"))
     if missing is not None:
-        say(f"no page will be written, the numbers will: {missing}")
+        say(f"writing the numbers, but no page: {missing}")
     names = tuple(n for n in known_estimators() if not options.estimator or n in options.estimator)
     outcomes = _run_all(experiment, options, names)
     provenance = _provenance(options)
@@ -160,12 +162,12 @@ def _experiment(options: argparse.Namespace) -> Experiment:
         return experiment
     where, mend = f"--start {options.start}", "give C1,C2,C3, such as 0.3,60,0.2"
     if experiment.theta0 is None:
-        raise InputError(where, "experiment 1 starts anywhere in the range", "leave --start out")
+        raise InputError(where, "experiment 1 starts anywhere in the range", "remove --start")
     try:
         c1, c2, c3 = map(float, options.start.split(","))
         EvolutionSettings(theta0=(c1, c2, c3))
     except ValueError as error:
-        raise InputError(where, "no curve within the range of the search", mend) from error
+        raise InputError(where, "not a curve within the search range", mend) from error
     return replace(experiment, theta0=(c1, c2, c3))
 
 

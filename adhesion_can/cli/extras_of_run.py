@@ -25,11 +25,11 @@ def read_secoc(options: argparse.Namespace, sizes: Mapping[str, int]) -> Callabl
     """
     if options.secoc_key is None:
         if options.secoc_trip is not None:
-            raise InputError("--secoc-trip", "there is no key", "pass --secoc-key FILE")
+            raise InputError("--secoc-trip", "no key is given", "pass --secoc-key FILE")
         return lambda frame: frame
     where = f"--secoc-key {options.secoc_key}"
     if options.secoc_trip is None:
-        raise InputError(where, "the trip counter has no file", "pass --secoc-trip FILE")
+        raise InputError(where, "no file for the trip counter is given", "pass --secoc-trip FILE")
     if not getattr(options, "fd", False):  # python-can leaves out what is not given
         raise InputError(where, "secured frames need CAN FD", "open the bus with --fd")
     try:
@@ -45,7 +45,7 @@ def read_secoc(options: argparse.Namespace, sizes: Mapping[str, int]) -> Callabl
         if size + TRAILER_BYTES not in CAN_FD_DLC:
             raise InputError(
                 where,
-                f"{name} has {size} bytes, and CAN FD no frame of {size + TRAILER_BYTES}",
+                f"{name} has {size} bytes, but CAN FD has no frame of {size + TRAILER_BYTES}",
                 "give the message 4, 8, 16, 32 or 48 bytes",
             )
     trips = TripFile(options.secoc_trip)
@@ -56,7 +56,9 @@ def listening_address(text: str) -> tuple[str, int]:
     """Host and port of [HOST:]PORT."""
     host, _, port = text.rpartition(":")
     if not (port.isascii() and port.isdecimal() and int(port) < 1 << 16):
-        raise argparse.ArgumentTypeError(f"{text!r} is no port from 0 to 65535, nor HOST:PORT")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is neither a port from 0 to 65535 nor HOST:PORT"
+        )
     return host.strip("[]") or "127.0.0.1", int(port)
 
 

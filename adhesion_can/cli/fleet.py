@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
         "Checks, calibrates, replays, identifies and diagnoses each of many recordings, and "
-        "writes what it finds to one Parquet data set by vehicle and day, for SQL and data frames. "
-        "The same command again does only what is new or has changed."
+        "writes the results to one Parquet data set by vehicle and day, for SQL and data "
+        "frames. The same command again processes only new or changed recordings."
     )
     parser.add_argument(
         "inputs",
@@ -49,36 +49,42 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="files, folders, patterns, or URLs such as s3://BUCKET/2026/*.log.gz",
     )
     parser.add_argument(
-        "--out", required=True, metavar="FOLDER|URL", help="the data set, which may be there"
+        "--out", required=True, metavar="FOLDER|URL", help="the data set, new or existing"
     )
     names = parser.add_argument_group("names of the vehicles (default: the folder of the file)")
     names.add_argument(
-        "--vehicle", metavar="REGEX", help="its first group is the name, in the whole path"
+        "--vehicle",
+        metavar="REGEX",
+        help=("regular expression on the whole path; its first group is the name"),
     )
     names.add_argument(
         "--units",
         type=Path,
         metavar="F.csv",
-        help="in place of LOG: columns path, vehicle, and if you like config, line, latitude, "
-        "longitude",
+        help=(
+            "instead of LOG: columns path, vehicle, and optionally config, line, latitude, "
+            "longitude"
+        ),
     )
     parser.add_argument(
         "--steps", default=",".join(STEPS), metavar="LIST", help="default: %(default)s"
     )
     parser.add_argument(
-        "--retry-failed", action="store_true", help="also units that failed and are as they were"
+        "--retry-failed", action="store_true", help="also process unchanged units that failed"
     )
     cluster = parser.add_argument_group("workers (dask.distributed)")
     cluster.add_argument(
-        "--scheduler", metavar="ADDRESS", help="of a cluster, as tcp://HOST:8786 (default: here)"
+        "--scheduler",
+        metavar="ADDRESS",
+        help=("scheduler of a cluster, as tcp://HOST:8786 (default: this machine)"),
     )
     cluster.add_argument(
-        "--workers", type=int, metavar="N", help="processes of this machine (default: one a core)"
+        "--workers", type=int, metavar="N", help="processes on this machine (default: one per core)"
     )
     cluster.add_argument(
-        "--memory", metavar="GB", help="of each of them, which ends beyond it (default: its share)"
+        "--memory", metavar="GB", help="memory limit of each process (default: its share)"
     )
-    add_model(parser, "its effects are removed, as 'replay' and 'identify' do")
+    add_model(parser, "its effects are removed, as in 'replay' and 'identify'")
     add_columns(parser)
     add_json(parser)
     add_configuration(parser)
@@ -115,7 +121,7 @@ def run(options: argparse.Namespace) -> int:
             _work(options, tasks, summary)
     except (KeyboardInterrupt, SystemExit):
         said = f"{summary.count} of {counted(len(units), 'unit')}"
-        say(f"stopped: complete are {said}; the same command goes on from here")
+        say(f"stopped: {said} complete; the same command continues from here")
         raise
     _finish(options, plan, summary)
     return 0
@@ -155,11 +161,11 @@ def _require_options(options: argparse.Namespace) -> None:
         what = "recordings and --units together" if options.inputs else "nothing to read"
         raise InputError("fleet", what, "give LOG .. or --units F.csv")
     if options.units is not None and options.vehicle is not None:
-        raise InputError("--vehicle", "the manifest of --units names them", "leave one away")
+        raise InputError("--vehicle", "the manifest of --units names them", "remove one of them")
     for name in ("workers", "memory"):
         if options.scheduler is not None and getattr(options, name) is not None:
             what = "the workers of --scheduler have their own number and memory"
-            raise InputError(f"--{name}", what, "leave it away, or set it where they are started")
+            raise InputError(f"--{name}", what, "remove it, or set it where they are started")
     if options.workers is not None and options.workers < 1:
         raise InputError(f"--workers {options.workers}", "no worker", "give 1 or more")
     if "://" not in options.out and Path(options.out).is_file():
@@ -174,7 +180,7 @@ def _memory(text: str | None) -> int | None:
     try:
         return gigabytes(text)
     except ValueError as error:
-        raise InputError(f"--memory {text}", "no number of GB", "write 2 or 3.5") from error
+        raise InputError(f"--memory {text}", "not a number of GB", "write 2 or 3.5") from error
 
 
 def _units(options: argparse.Namespace) -> "list[Unit]":
@@ -218,7 +224,7 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: Summary) -> None
         for line in [*describe(options, summary, failed, took_s), *named]:
             console().print(line, markup=False)
         console().print(
-            f"written: {options.out} (docs/fleet.md: tables, and queries to begin with)",
+            f"written: {options.out} (docs/fleet.md: tables and first queries)",
             markup=False,
         )
         for line in written:

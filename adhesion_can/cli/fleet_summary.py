@@ -79,10 +79,9 @@ def describe(
     new = summary.count - summary.kept
     speed = f", {summary.recorded_s / took_s:.0f} x real time" if summary.recorded_s else ""
     said = (
-        f"{counted(summary.count, 'unit')} of {counted(len(summary.vehicles), 'vehicle')}: "
-        f"{new} analysed in "
-        f"{took_s:.0f} s ({summary.recorded_s / 3600:.1f} h of recordings{speed}), "
-        f"{summary.kept} complete from before"
+        f"{counted(summary.count, 'unit')} of {counted(len(summary.vehicles), 'vehicle')}: {new} "
+        f"analysed in {took_s:.0f} s ({summary.recorded_s / 3600:.1f} h of recordings{speed}), "
+        f"{summary.kept} complete before"
     )
     lines = [said]
     if failed:

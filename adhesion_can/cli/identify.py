@@ -44,16 +44,16 @@ WORTH_TELLING = 0.02
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Fits the adhesion curve to recordings or tables of samples, a curve for each "
-        "segment of constant surface, and reports what is identifiable. The peak is that of the "
-        "curve families that hold; c1, c2 and c3 are Burckhardt's."
+        "Fits the adhesion curve to recordings or tables of samples, one curve for each segment "
+        "of constant surface, and reports what is identifiable. The peak is pooled over the "
+        "curve families that fit; c1, c2 and c3 are Burckhardt's."
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
     add_model(parser, "its effects are removed, and its base curve is fitted")
     parser.add_argument(
         "--curve",
         choices=(*FAMILIES, ALL_CURVES),
-        help="fit a curve of this family besides, or compare all of them by held-out score",
+        help="also fit a curve of this family, or compare all families by held-out score",
     )
     add_columns(parser)
     add_json(parser)
@@ -141,8 +141,8 @@ def _print(
             )
     if len(result.segments) > 1:
         out.print(
-            f"The curve changed {len(result.segments) - 1} times: one for all does not "
-            "describe the data, see the segments."
+            f"The curve changed {len(result.segments) - 1} times: a single curve does not "
+            "describe the data; see the segments."
         )
     for segment in result.segments:
         if segment.directions.sentence:
@@ -152,8 +152,8 @@ def _print(
     ]
     if vague:
         out.print(
-            f"{len(vague)} of {len(result.segments)} segments have no identifiable peak: "
-            "their slip stays too small, or the noise is too large."
+            f"{len(vague)} of {len(result.segments)} segments have no identifiable peak: the "
+            "slip is too small, or the noise too large."
         )
     for line in problems:
         out.print(line, markup=False)

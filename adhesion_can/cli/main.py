@@ -29,18 +29,18 @@ COMMANDS: Mapping[str, str] = {
     "run": "the service on a bus",
     "simulate": "a simulated locomotive, to a log or on a bus",
     "monitor": "a live view of a bus or a recording; never sends",
-    "control": "the reference creep controller, on a bus",
+    "control": "the reference creep controller on a bus",
     "replay": "the service over recordings",
     "identify": "one batch fit with standard errors",
     "calibrate": "wheel radii and speed offset from coasting",
     "diagnose": "what the simulation gets wrong, and why",
-    "evaluate": "a model on data that it has not seen",
+    "evaluate": "test of a model on data that it has not seen",
     "experiment": "the paper's experiments, every estimator side by side",
-    "check": "is this recording usable",
+    "check": "whether a recording is usable",
     "fleet": "many recordings to one Parquet data set, on a cluster",
     "init": "a commented configuration from a database",
-    "convert": "any recording with any database to columns",
-    "completion": "a script by which a shell completes commands and options",
+    "convert": "any recording, decoded with any database, to columns",
+    "completion": "a shell script that completes commands and options",
 }
 """One line about each command; the command's module in this package bears its name."""
 
@@ -95,7 +95,7 @@ class _CommandParser(_Parser):
         self.add_argument(
             "--progress",
             action=argparse.BooleanOptionalAction,
-            help="say on stderr how far long work is (default: on a terminal)",
+            help="report the progress of long work on stderr (default: on a terminal)",
         )
         self.set_defaults(run=module.run)
 
@@ -108,7 +108,7 @@ class _CommandParser(_Parser):
 
     def _describe_unknown(self, word: str) -> str:
         if not word.startswith("-"):
-            return f"{word!r} is one word too many"
+            return f"{word!r} is one argument too many"
         name = word.partition("=")[0]
         near = suggest(name, self._option_string_actions)
         return f"no option {name}" + (f"; {near}" if near else "")
@@ -182,7 +182,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if error.errno not in _DISK_FULL or error.filename is not None:
             raise
         _drop_stdout()
-        reason = f"stdout: {error.strerror}; make room, or write elsewhere"
+        reason = f"stdout: {error.strerror}; free some space, or write elsewhere"
         _tell(f"adhesion-can {options.command}: {reason}")
         return 2
     except KeyboardInterrupt:

@@ -50,13 +50,16 @@ LOOK_S = 0.05
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Shows a bus (-i, -c) or a recording: messages, axles, the identified curve, its peak over "
-        "time, and in words what the service knows and needs. It never sends. '?' shows the keys."
+        "Shows a bus (-i, -c) or a recording: messages, axles, the identified curve, its peak "
+        "over time, and what the service knows and needs, in words. It never sends. '?' shows "
+        "the keys."
     )
     parser.add_argument("log", nargs="*", type=Path, metavar="LOG")
-    parser.add_argument("--plain", action="store_true", help="a line now and then, for pipes")
     parser.add_argument(
-        "--json", metavar="F", help="write a JSON object a line, as often; - for stdout"
+        "--plain", action="store_true", help=("print a line at each interval, for pipes")
+    )
+    parser.add_argument(
+        "--json", metavar="F", help="write one JSON object per line at each interval; - for stdout"
     )
     parser.add_argument(
         "--every", type=float, default=1.0, metavar="S", help="time between lines (default 1)"
@@ -64,24 +67,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--estimate",
         action="store_true",
-        help="run the service here as well and show its estimates, not those that came; so it is "
-        "with recordings that hold none",
+        help=(
+            "run the service here and show its estimates instead of the received ones (default "
+            "for recordings without estimates)"
+        ),
     )
     parser.add_argument(
         "--speed",
         type=speed,
         metavar="X",
-        help="speed of a recording: a multiple of its own, or 'max' (default 1; with lines: max)",
+        help="playback speed of a recording: a factor, or 'max' (default 1; with lines: max)",
     )
     parser.add_argument(
-        "--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin in a recording"
+        "--from",
+        dest="from_s",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help=("start at this time of a recording"),
     )
-    parser.add_argument("--record", type=Path, metavar="F", help="record what comes, as candump")
-    parser.add_argument("--duration", type=float, metavar="S", help="end after so long")
+    parser.add_argument("--record", type=Path, metavar="F", help="record all frames as candump")
+    parser.add_argument("--duration", type=float, metavar="S", help="end after this time")
     parser.add_argument(
-        "--wait", action="store_true", help="wait for a bus that is not there yet, and try again"
+        "--wait", action="store_true", help="wait for a bus that does not exist yet"
     )
-    add_model(parser, "its effects are taken out where the service runs here")
+    add_model(parser, "its effects are removed if the service runs here")
     add_configuration(parser)
     add_bus(parser)
 
@@ -100,7 +110,7 @@ def speed(text: str) -> float:
     except ValueError:
         value = -1.0
     if not (isfinite(value) and value > 0):
-        raise argparse.ArgumentTypeError(f"{text!r} is no speed; give a number above 0, or max")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a speed; give a number above 0, or max")
     return value
 
 
@@ -134,15 +144,15 @@ def _require_options(options: argparse.Namespace) -> None:
     if options.duration is not None:
         require_positive(options.duration, "--duration")
     if not (isfinite(options.from_s) and options.from_s >= 0):
-        raise InputError("--from", f"{options.from_s} is no time", "give seconds, 0 or more")
+        raise InputError("--from", f"{options.from_s} is not a time", "give seconds, 0 or more")
     on_bus = "interface" in options or "channel" in options
     if not options.log:
         on_bus = on_bus or bus_is_configured()
     if on_bus is bool(options.log):
-        what = "one of them is needed, and not both"
+        what = "give one of them, not both"
         raise InputError("LOG or bus", what, "name a recording, or a bus by -i and -c")
     if on_bus and (options.speed is not None or options.from_s):
-        raise InputError("--speed and --from", "are for recordings", "leave them out for a bus")
+        raise InputError("--speed and --from", "apply to recordings only", "remove them for a bus")
 
 
 def _open_source(options: argparse.Namespace, config: Configuration, *, in_lines: bool) -> Source:
@@ -152,7 +162,7 @@ def _open_source(options: argparse.Namespace, config: Configuration, *, in_lines
     if options.from_s > extent.duration_s:
         raise InputError(
             f"--from {options.from_s:g}",
-            f"lies behind the end, at {extent.duration_s:.1f} s",
+            f"is after the end at {extent.duration_s:.1f} s",
             "it counts from the first frame",
         )
     make_core = None

@@ -149,7 +149,7 @@ class MonitorApp(App[None]):
     def action_ask(self, what: str) -> None:
         """Ask for a filter or a time."""
         if what == "jump" and self.session.log is None:
-            self.notify("a bus has no other time to jump to", severity="warning")
+            self.notify("a bus has only the present; jump works in recordings", severity="warning")
             return
         self._asked = what
         line = self.query_one(Input)

@@ -94,7 +94,7 @@ class MonitorSession:
             text: Time, s after the first frame; with a sign counted from the present one.
 
         Raises:
-            InputError: It is no time.
+            InputError: It is not a time.
 
         """
         if self.log is None:
@@ -103,10 +103,12 @@ class MonitorSession:
             value = float(text)
         except ValueError:
             raise InputError(
-                f"jump to {text!r}", "is no time", "give seconds, as 120 or +10"
+                f"jump to {text!r}", "is not a time", "give seconds, such as 120 or +10"
             ) from None
         if not isfinite(value):
-            raise InputError(f"jump to {text!r}", "is no time", "give seconds, as 120 or +10")
+            raise InputError(
+                f"jump to {text!r}", "is not a time", "give seconds, such as 120 or +10"
+            )
         if self._recorder is not None:
             self.toggle_recording()
         relative = text.strip()[:1] in ("+", "-")

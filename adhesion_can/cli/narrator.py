@@ -97,7 +97,7 @@ class Narrator:
             return
         self._doubt = doubt
         sentence = doubt_sentence(doubt)
-        line = sentence or "no doubt any more"
+        line = sentence or "no more doubt"
         level = logging.WARNING if sentence else logging.INFO
         fields = {"bus_time_s": t_us / 1e6, "doubt": doubt.name}
         self._tell(level, f"{t_us / 1e6:.2f} {line}", fields)
@@ -142,6 +142,6 @@ class Narrator:
         self._room -= 1.0
         if self._left_out:
             fields = {**(fields or {}), "lines_left_out": self._left_out}
-            line = f"{line} ({self._left_out} lines left out before)"
+            line = f"{line} ({self._left_out} lines dropped before)"
             self._left_out = 0
         self._logger.log(level, "%s", self._cleaned(line), extra=fields)

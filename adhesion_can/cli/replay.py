@@ -64,26 +64,25 @@ from adhesion_can.service.replay import ReplaySummary, replay, replay_blocks, re
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Runs the service over recordings, as it would have run live. It ends with the "
-        "RMSE of the adhesion about the curve that fits best, with the effects of --model where "
-        "there is one: the share by which that is smaller than without --model is what the model "
-        "gains, and agrees with the gain that 'diagnose' reports."
+        "Runs the service over recordings, as it would have run live. The last line is the RMSE "
+        "of the adhesion around the best-fitting curve, with the effects of --model if given. "
+        "The share by which --model reduces it agrees with the gain that 'diagnose' reports."
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
     parser.add_argument(
-        "--frames", type=Path, metavar="OUT.log", help="write the answers (candump)"
+        "--frames", type=Path, metavar="OUT.log", help="write the sent frames (candump)"
     )
     parser.add_argument(
         "--table",
         type=Path,
         metavar="OUT.csv|.parquet|.mf4",
-        help="write a row a setpoint; the time of MF4 begins at the first one",
+        help="write one row per setpoint; in MF4, time starts at the first one",
     )
     parser.add_argument(
         "--samples",
         type=Path,
         metavar="F.csv|.parquet|.mf4",
-        help="write a row a sample, which 'identify' and 'diagnose' read as a TABLE",
+        help="write one row per sample; 'identify' and 'diagnose' read it as a TABLE",
     )
     parser.add_argument(
         "--estimator", metavar="NAME", help=f"one of {', '.join(known_estimators())}"
@@ -91,7 +90,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     span = parser.add_argument_group("part of the recording, in s after its first frame")
     span.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S")
     span.add_argument("--to", dest="to_s", type=float, metavar="S")
-    parser.add_argument("--realtime", action="store_true", help="at the recording's own speed")
+    parser.add_argument(
+        "--realtime", action="store_true", help=("at the original speed of the recording")
+    )
     add_model(parser, MODEL_ONLINE)
     add_report(parser)
     add_json(parser)
@@ -175,11 +176,11 @@ def _require_span(options: argparse.Namespace) -> None:
     """Raise an InputError where --from and --to are no part of a recording."""
     for option, value in (("--from", options.from_s), ("--to", options.to_s)):
         if value is not None and not (isfinite(value) and value >= 0):
-            raise InputError(option, f"{value} is no time", "give seconds, 0 or more")
+            raise InputError(option, f"{value} is not a time", "give seconds, 0 or more")
     if options.to_s is not None and options.to_s < options.from_s:
         raise InputError(
             f"--to {options.to_s:g}",
-            f"lies before --from {options.from_s:g}",
+            f"is before --from {options.from_s:g}",
             "both count from the first frame",
         )
 
@@ -249,7 +250,7 @@ class _SetpointCounts:
         reasons = [
             DESCRIPTIONS[doubt] + share for (doubt, _), share in zip(found, shares, strict=True)
         ]
-        return [f"doubt {whole} of the time: {', '.join(reasons)}: run `diagnose`"]
+        return [f"doubt {whole} of the time ({', '.join(reasons)}): run `diagnose`"]
 
 
 class _Channel:
@@ -305,9 +306,9 @@ def _print(
     receiver = core.receiver
     span = ((summary.last_us or 0) - (summary.first_us or 0)) / 1e6
     out.print(
-        f"{summary.frames} frames in {span:.1f} s: {receiver.rejected} rejected, "
-        f"{receiver.lost} lost, {core.counts.foreign} of other ids, {summary.own_skipped} our own "
-        f"(skipped); {core.counts.samples} samples; {summary.sent} frames sent"
+        f"{summary.frames} frames in {span:.1f} s: {receiver.rejected} rejected, {receiver.lost} "
+        f"lost, {core.counts.foreign} with other ids, {summary.own_skipped} with the service's "
+        f"ids (skipped); {core.counts.samples} samples; {summary.sent} frames sent"
     )
     counts = setpoints.by_status
     rows = [(s.name, str(counts[s]), setpoints.share(counts[s])) for s in Status if s in counts]
@@ -330,7 +331,7 @@ def _describe_fit(misfit: Misfit | None, config: Configuration) -> str:
     if misfit is None:
         return "Too few samples for a misfit of the curve."
     count = misfit.segments
-    curves = "one curve" if count == 1 else f"{count} curves, one a surface"
+    curves = "one curve" if count == 1 else f"{count} curves, one per surface"
     if config.model is not None and config.model.names:
         curves += f" with {', '.join(config.model.names)}"
-    return f"RMSE of the adhesion about {curves}: {misfit.rmse:.4f} ({misfit.samples} samples)"
+    return f"RMSE of the adhesion around {curves}: {misfit.rmse:.4f} ({misfit.samples} samples)"

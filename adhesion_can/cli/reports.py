@@ -26,8 +26,8 @@ def add_report(parser: argparse.ArgumentParser, *, html: bool = True) -> None:
     """
     group = parser.add_argument_group("report (extra 'report')")
     if html:
-        group.add_argument("--html", type=Path, metavar="F", help="write the report, one file")
-    where = ", of a temporary file without --html" if html else ""
+        group.add_argument("--html", type=Path, metavar="F", help="write the report to one file")
+    where = " (a temporary file without --html)" if html else ""
     group.add_argument("--open", action="store_true", help=f"open the report in a browser{where}")
     for name in PICTURES:
         group.add_argument(

@@ -52,27 +52,29 @@ SHOWN_MESSAGES = 3
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Reads the bus, identifies the adhesion curve and sends the setpoints, until "
-        "it is interrupted (Ctrl-C, SIGTERM) or the duration is over."
+        "Reads the bus, identifies the adhesion curve and sends the setpoints until it is "
+        "interrupted (Ctrl-C, SIGTERM) or the duration is over."
     )
     parser.add_argument(
-        "--log", type=Path, metavar="F", help="write what was received and sent, for replay"
+        "--log", type=Path, metavar="F", help="log received and sent frames, for replay"
     )
     parser.add_argument(
         "--state",
         type=Path,
         metavar="F",
-        help="begin with the surfaces that are kept there, and keep those that are identified",
+        help="start with the surfaces kept in this file, and keep those identified",
     )
     parser.add_argument(
-        "--wait", action="store_true", help="wait for a bus that is not there yet, and try again"
-    )
-    parser.add_argument("--dry-run", action="store_true", help="listen and identify, send nothing")
-    parser.add_argument(
-        "--secoc-key", type=Path, metavar="F", help="send authenticated frames of CAN FD; the key"
+        "--wait", action="store_true", help="wait for a bus that does not exist yet"
     )
     parser.add_argument(
-        "--secoc-trip", type=Path, metavar="F", help="counts the starts with this key"
+        "--dry-run", action="store_true", help=("listen and identify, but send nothing")
+    )
+    parser.add_argument(
+        "--secoc-key", type=Path, metavar="F", help="key file: send authenticated CAN FD frames"
+    )
+    parser.add_argument(
+        "--secoc-trip", type=Path, metavar="F", help="file that counts the starts with this key"
     )
     parser.add_argument(
         "--log-format",
@@ -84,9 +86,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--metrics",
         type=listening_address,
         metavar="[HOST:]PORT",
-        help="answer Prometheus there; HOST is 127.0.0.1 unless it is given",
+        help="serve metrics to Prometheus there; HOST defaults to 127.0.0.1",
     )
-    parser.add_argument("--duration", type=float, metavar="S", help="end after so long")
+    parser.add_argument("--duration", type=float, metavar="S", help="end after this time")
     add_model(parser, MODEL_ONLINE)
     add_json(parser)
     add_configuration(parser)
@@ -177,12 +179,12 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
 
     json_written = done_within(longest_end_s(options.json), write)
     if not json_written:
-        narrator.warn(f"--json {options.json}: was not taken by the end")
+        narrator.warn(f"--json {options.json}: not written before the service ended")
     if talk(options):
         narrator.print(
             f"{counters['received']} frames received, {core.receiver.rejected} rejected, "
-            f"{counters['frames_lost']} lost, {counters['sent']} sent, "
-            f"{counters['send_errors']} not taken by the bus; {counters['samples']} samples"
+            f"{counters['frames_lost']} lost, {counters['sent']} sent, {counters['send_errors']} "
+            f"refused by the bus; {counters['samples']} samples"
         )
     return outputs.all_ended and json_written
 
@@ -215,7 +217,7 @@ def _watch_for_silence(
     named = ", ".join(f"{plan.name} {plan.frame_id:#x}" for plan in plans[:SHOWN_MESSAGES])
     more = ", .." if len(plans) > SHOWN_MESSAGES else ""
     sentence = (
-        f"nothing is received on {bus} yet: is it the vehicle's bus, and does it carry "
+        f"nothing received on {bus} yet: is this the vehicle's bus, and does it carry "
         f"{named}{more}? (candump or python -m can.viewer shows it)"
     )
     return SilenceWatch(sentence, notify)

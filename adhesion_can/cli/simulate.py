@@ -47,41 +47,48 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     names = "\n".join(f"  {s.name:20}{s.meaning}" for s in SCENARIOS)
     parser.description = (
-        f"Scenarios:\n{names}\n\nEffects, with what --effect NAME alone takes:\n{effects_help()}"
+        f"Scenarios:\n{names}\n\nEffects, with the default sizes of --effect "
+        f"NAME:\n{effects_help()}"
     )
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--scenario", required=True, metavar="NAME")
     parser.add_argument(
-        "--duration", type=float, metavar="S", help="default 60, or that of the plan"
+        "--duration", type=float, metavar="S", help="default 60, or the duration of the plan"
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the noise (default 1)")
+    parser.add_argument(
+        "--seed", type=int, default=1, metavar="N", help=("seed of the noise (default 1)")
+    )
     parser.add_argument("--log", type=Path, metavar="F.log", help="write candump text")
-    parser.add_argument("--truth", type=Path, metavar="F.json", help="write what is true")
+    parser.add_argument("--truth", type=Path, metavar="F.json", help="write the true values")
     parser.add_argument(
         "--effect", action="append", default=[], metavar=SYNTAX, help="may be repeated"
     )
     add_model(
         parser,
-        "its effects act here, on the rails of the scenario and not on its own base curve; the "
-        "service of --closed-loop knows them",
+        "its effects act on the rails of the scenario, not on its own base curve; the service "
+        "of --closed-loop knows them",
     )
     parser.add_argument(
         "--closed-loop",
         action="store_true",
-        help="the drive obeys AdhesionSetpoint, or the efforts that 'control' demands",
+        help="the drive follows AdhesionSetpoint, or the efforts demanded by 'control'",
     )
     parser.add_argument(
         "--plan",
         type=Path,
         metavar="PLAN.toml",
-        help="begin at the plan's speed; needs --closed-loop. With --log a controller drives the "
-        "plan here, in simulated time; on a bus 'control --plan' drives it",
+        help=(
+            "start at the plan's speed; needs --closed-loop. With --log, a controller drives "
+            "the plan in simulated time; on a bus, 'control --plan' drives it"
+        ),
     )
-    parser.add_argument("--load-transfer", action="store_true", help="axle loads move under effort")
+    parser.add_argument(
+        "--load-transfer", action="store_true", help=("transfer axle load under effort")
+    )
     parser.add_argument(
         "--along-track",
         action="store_true",
-        help="each axle finds a change of the rail where the first one found it",
+        help="each axle meets a change of the rail at the place where the first one met it",
     )
     add_configuration(parser)
     add_bus(parser)
@@ -171,7 +178,7 @@ def _on_bus(simulation: Simulation, bus: can.BusABC, name: str) -> int:
     """Send the drive in real time; returns the number of its frames."""
     began, count = time.monotonic(), 0
     silence = SilenceWatch(
-        f"--closed-loop: nobody answers on {name} yet, the drive probes by itself; start "
+        f"--closed-loop: no service on {name} yet, so the drive probes on its own; start "
         "'adhesion-can run' there",
         say,
     )
@@ -189,7 +196,7 @@ def _on_bus(simulation: Simulation, bus: can.BusABC, name: str) -> int:
                 raise BusError(
                     name,
                     f"the bus is gone ({error})",
-                    "bring it up and begin again",
+                    "bring it up and start again",
                 ) from error
             if simulation.settings.obey:
                 silence.look(heard=simulation.is_answered)

@@ -52,11 +52,14 @@ def choose_radii(found: Calibration) -> AppliedRadii:
     if not differ:
         return AppliedRadii({})
     if not found.effort_known:
-        reason = "no tractive effort tells coasting, the slip of traction is in them"
+        reason = (
+            "without tractive effort, coasting is unknown and the radii contain the slip of "
+            "traction"
+        )
         return AppliedRadii({}, f"{_listed(differ)}: {reason}")
     implausible = [one for one in differ if abs(one.ratio - 1.0) > MOST_WEAR]
     if implausible:
-        reason = f"more than {100 * MOST_WEAR:g} % is no wear"
+        reason = f"a change of more than {100 * MOST_WEAR:g} % is not wear"
         mend = "check the configured radius and the unit of the wheel speed"
         return AppliedRadii({}, f"{_listed(implausible)}: {reason}; {mend}")
     certain = {one.axle: one.ratio for one in differ if _is_certain(one, len(estimated))}

@@ -142,7 +142,7 @@ def require_workers(client: Client, address: str | None, out: str, seen: str | N
             what = f"worker {worker} lacks the package or has another version ({answer})"
             raise InputError(where, what, install)
         if isinstance(answer, BaseException):
-            raise InputError(where, f"worker {worker} cannot begin ({answer})", install)
+            raise InputError(where, f"worker {worker} cannot start ({answer})", install)
         version, problem = answer
         if version != __version__:
             what = f"worker {worker} has adhesion-can {version}, this is {__version__}"
@@ -165,16 +165,16 @@ def probe(out: str, token: str, seen: str | None) -> tuple[str, str]:
     # Each file system has errors of its own.
     except Exception as error:  # noqa: BLE001
         reason = " ".join(str(error).split())[:150] or type(error).__name__
-        return __version__, f"does not see the folder of --out ({reason})"
+        return __version__, f"cannot access the folder of --out ({reason})"
     if text != token:
-        return __version__, "sees another folder than this machine under the name of --out"
+        return __version__, "has a different folder under the name of --out"
     if seen is not None:
         try:
             found = open_place(seen).info()
         except InputError as error:
             return __version__, str(error)
         if found is None:
-            return __version__, f"does not see {seen}"
+            return __version__, f"cannot access {seen}"
     return __version__, ""
 
 

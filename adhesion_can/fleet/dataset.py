@@ -128,9 +128,9 @@ class DataSet:
                     return opened.read(columns=list(names))
         except (OSError, pa.ArrowException) as error:
             reason = " ".join(str(error).split())[:150]
-            raise InputError(where, f"cannot be read ({reason})", "take it away") from error
-        what = f"of version {version} of the tables, this is {SCHEMA_VERSION}"
-        raise InputError(where, what, "give --out another folder")
+            raise InputError(where, f"cannot be read ({reason})", "remove it") from error
+        what = f"version {version} of the tables; this is version {SCHEMA_VERSION}"
+        raise InputError(where, what, "use another folder for --out")
 
     def write(self, unit: Row, rows: Mapping[str, Sequence[Row]]) -> None:
         """Write the files of a unit, that of `units` last.

@@ -140,7 +140,7 @@ def open_place(given: str) -> Place:
     except ImportError as error:
         package = _PACKAGES.get(scheme, error.name or "its package")
         mend = f"pip install {package}"
-        raise InputError(given, f"{scheme}:// needs a package of its own", mend) from error
+        raise InputError(given, f"{scheme}:// needs another package", mend) from error
     except ValueError as error:
         known = ", ".join(sorted(set(_PACKAGES)))
         raise InputError(

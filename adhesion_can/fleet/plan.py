@@ -30,7 +30,7 @@ def read_steps(text: str) -> tuple[str, ...]:
             mend = suggest(name, STEPS) or f"known: {', '.join(STEPS)}"
             raise InputError(f"--steps {text}", f"no step {name!r}", mend)
     if not given:
-        raise InputError("--steps", "not one step", f"name some of {','.join(STEPS)}")
+        raise InputError("--steps", "no step is given", f"name some of {','.join(STEPS)}")
     return tuple(step for step in STEPS if step in given)
 
 

@@ -55,8 +55,8 @@ def diagnose_fleet(
     count = sum(not one.error and one.unit not in known for one in units)
     if count:
         notes.append(
-            f"Neither effects nor wheel radii can be told from {counted(count, 'unit')}: too "
-            "short, or slip and adhesion hardly vary."
+            f"Neither effects nor wheel radii from {counted(count, 'unit')}: too short, or slip "
+            "and adhesion hardly vary."
         )
     return FleetDiagnosis(
         vehicles=_rank(units, kinds, found),
@@ -171,26 +171,29 @@ def _notes(kind: Kind, diagnosed: Sequence[UnitEvidence]) -> list[str]:
     units = kind.units
     if not kind.compared:
         notes.append(
-            f"Vehicles are compared with each other from {LEAST_VEHICLES} on; here are "
-            f"{kind.vehicles}, so no effect is called that of a vehicle: the diagnosis of each "
-            "unit stands alone."
+            f"Vehicles are compared with each other if there are at least {LEAST_VEHICLES}; here "
+            f"there are {kind.vehicles}, so no effect is assigned to a vehicle and each unit has "
+            "its own diagnosis only."
         )
     without = sum(not (one.error or one.has_effects) for one in units)
     if without:
         notes.append(
-            f"No effect can be told from {counted(without, 'unit')}: too short, or slip and "
-            "adhesion hardly vary."
+            f"No effects from {counted(without, 'unit')}: too short, or slip and adhesion hardly "
+            "vary."
         )
     for scope, places in (
         ("line", [one.line for one in diagnosed]),
         ("day", [one.day for one in diagnosed]),
     ):
         if diagnosed and not any(places):
-            notes.append(f"No {scope} is known: an effect of a {scope} cannot be told.")
+            notes.append(f"No {scope} is known, so effects of a {scope} cannot be found.")
     alone = _driven_alone(diagnosed)
     if alone:
         shown = ", ".join(alone[:5]) + (" .." if len(alone) > 5 else "")
-        notes.append(f"Driven by one vehicle alone, so not told from it: line {shown}.")
+        notes.append(
+            "Driven by a single vehicle, so its effects cannot be distinguished from the "
+            f"vehicle's: line {shown}."
+        )
     return notes
 
 

@@ -85,7 +85,7 @@ def unit_evidence(row: Mapping[str, Any]) -> UnitEvidence:
 def _describe_incomplete(rows: Sequence[Row], out: str) -> str:
     """Error of a unit whose rows of effects are not those that its matrix needs."""
     name, wanted = rows[0]["unit_id"], len(rows[0]["gram"])
-    what = f"{out}: effects of {name}: {counted(len(rows), 'row')} where {wanted} are needed"
+    what = f"{out}: effects of {name}: {counted(len(rows), 'row')} instead of {wanted}"
     return f"{what}; remove its file below units/ and run the same command again"
 
 

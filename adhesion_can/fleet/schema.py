@@ -17,19 +17,23 @@ STEPS = ("check", "calibrate", "replay", "identify", "diagnose")
 
 PLACE = (
     Column("unit_id", "string", "identity of the unit, from its path", required=True),
-    Column("vehicle", "string", "name of the vehicle, also a folder's", required=True),
-    Column("day", "date", "day of the first frame, UTC, also a folder's; none without a clock"),
+    Column("vehicle", "string", "name of the vehicle; also the name of a folder", required=True),
+    Column(
+        "day",
+        "date",
+        "day of the first frame, UTC; also the name of a folder; none without a clock",
+    ),
 )
 """Columns that begin every table, and by which a row finds its unit."""
 POSITION = (
-    Column("latitude_deg", "double", "latitude, WGS 84; none where it is not known", "deg"),
-    Column("longitude_deg", "double", "longitude, WGS 84; none where it is not known", "deg"),
+    Column("latitude_deg", "double", "latitude, WGS 84; none if unknown", "deg"),
+    Column("longitude_deg", "double", "longitude, WGS 84; none if unknown", "deg"),
 )
 """Position of a row."""
 SIZED_EFFECT = (
     Column("effect", "string", "id of the effect", required=True),
-    Column("form", "string", "form of the mechanism; empty where there is only one", required=True),
-    Column("axle", "int", "axle of an effect at one axle; 0 for the others", required=True),
+    Column("form", "string", "form of the mechanism; empty if there is only one", required=True),
+    Column("axle", "int", "axle of an effect at one axle; 0 for other effects", required=True),
     Column("parameter", "string", "name of its first parameter, the size", required=True),
     Column("unit", "string", "unit of the size", required=True),
 )
@@ -53,16 +57,16 @@ def seconds_column(step: str) -> str:
 
 _FOUND = (
     Column("path", "string", "absolute path or URL", required=True),
-    Column("line", "string", "name of the railway line, of the manifest"),
+    Column("line", "string", "name of the railway line, from the manifest"),
     *POSITION,
     Column("started_at", "timestamp", "stamp of the first frame; none without a clock"),
     Column("duration_s", "double", "time from the first to the last frame or row", "s"),
-    Column("frames", "int", "number of frames; none of a TABLE", "1"),
-    Column("axles", "int", "number of axles with a wheel speed; of a TABLE those of its rows", "1"),
+    Column("frames", "int", "number of frames; none for a TABLE", "1"),
+    Column("axles", "int", "number of axles with a wheel speed; for a TABLE, of its rows", "1"),
     Column("samples", "int", "number of samples of slip and adhesion", "1"),
 )
 _STATE = (
-    Column("status", "string", "`done`, or `failed` where a step failed", required=True),
+    Column("status", "string", "`done`, or `failed` if a step failed", required=True),
     Column("failed_step", "string", "first step that failed: one of the steps, or `read`"),
     Column("error", "string", "what is wrong and how to correct it"),
 )
@@ -75,15 +79,15 @@ _CHECK = (
     Column("frames_lost", "int", "number of frames lost by their counters", "1"),
 )
 _CALIBRATE = (
-    Column("wheel_radii_m", "list<double>", "radius of each axle; none where it does not coast",
+    Column("wheel_radii_m", "list<double>", "radius of each axle; none if it does not coast",
            "m"),
     Column("wheel_radii_std_m", "list<double>", "standard error of each radius", "m"),
     Column("wheel_radii_configured_m", "list<double>", "configured radius of each axle", "m"),
-    Column("coasting_s", "list<double>", "time for which each axle coasts", "s"),
-    Column("wheel_radii_applied", "bool", "whether later steps work with calibrated radii"),
+    Column("coasting_s", "list<double>", "coasting time of each axle", "s"),
+    Column("wheel_radii_applied", "bool", "whether later steps use calibrated radii"),
     Column("wheel_radii_used_m", "list<double>", "radius of each axle in these steps", "m"),
-    Column("wheel_radii_note", "string", "why radii that differ were not applied"),
-    Column("speed_offset_mps", "double", "zero error of the vehicle speed", "m/s"),
+    Column("wheel_radii_note", "string", "why different radii were not applied"),
+    Column("speed_offset_mps", "double", "offset of the vehicle speed", "m/s"),
 )  # fmt: skip
 _REPLAY = (
     Column("setpoints", "int", "number of setpoints of the replay", "1"),
@@ -103,31 +107,33 @@ _REPLAY = (
 )
 _DIAGNOSE = (
     Column("verdict", "string", "`named`, `nothing_found` or `unexplained`"),
-    Column("conclusive", "bool", "whether the verdict holds"),
+    Column("conclusive", "bool", "whether the verdict is conclusive"),
     Column("causes", "list<string>", "named effects, the strongest first"),
     Column("channel", "string", "channel that an unexplained residual depends on"),
     Column("rmse_before", "double", "RMSE of the held-out adhesion of the plain curve", "1"),
     Column("rmse_after", "double", "RMSE of the held-out adhesion of the extended model", "1"),
-    Column("noise_floor", "double", "RMSE that no model goes below", "1"),
+    Column("noise_floor", "double", "noise floor of the RMSE", "1"),
     Column("gain_percent", "double", "gain of the extended model on held-out data", "%"),
     Column("gain_low_percent", "double", "lower end of its 95 % interval", "%"),
     Column("gain_high_percent", "double", "upper end of its 95 % interval", "%"),
 )
 _ORIGIN = (
-    Column("steps", "list<string>", "steps that were asked for", required=True),
+    Column("steps", "list<string>", "requested steps", required=True),
     *(
-        Column(seconds_column(step), "double", f"time that `{step}` took; none without it", "s")
+        Column(seconds_column(step), "double", f"duration of `{step}`; none without it", "s")
         for step in ("read", *STEPS)
     ),
     Column("bytes", "int", "size of the file", "1"),
     Column("sha256", "string", "hash of its content, hexadecimal"),
-    Column("fingerprint", "string", "size and time of change, or ETag: a cheap sign of a change",
+    Column("fingerprint", "string",
+        "size and time of change, or ETag, for a quick check for changes",
            required=True),
     Column("settings", "string", "hash of configuration, database, model, steps and version",
            required=True),
-    Column("vehicle_data", "string", "hash of the vehicle's data and the model, wheel radii aside: "
-           "units with another one are of another kind"),
-    Column("key", "string", "hash of content and settings; none of a file that cannot be read"),
+    Column("vehicle_data", "string",
+        "hash of the vehicle's data and the model without wheel radii; units of another kind "
+        "have another hash"),
+    Column("key", "string", "hash of content and settings; none for a file that cannot be read"),
     Column("package_version", "string", "version of adhesion-can", required=True),
 )  # fmt: skip
 UNITS = TableSchema(
@@ -143,20 +149,20 @@ SEGMENTS = TableSchema(
     (
         *PLACE,
         Column("segment", "int", "number of the segment in its unit, from 1", required=True),
-        Column("from_s", "double", "begin on the recording's clock", "s", required=True),
+        Column("from_s", "double", "start on the recording's clock", "s", required=True),
         Column("to_s", "double", "end on the recording's clock", "s", required=True),
         *POSITION,
-        Column("samples", "int", "number of samples that the curve rests on", "1", required=True),
+        Column("samples", "int", "number of samples behind the curve", "1", required=True),
         Column("mu_max", "double", "largest adhesion coefficient", "1"),
-        Column("mu_max_std", "double", "its standard deviation; none where not identifiable", "1"),
+        Column("mu_max_std", "double", "its standard deviation; none if not identifiable", "1"),
         Column("lambda_m", "double", "slip ratio of the largest adhesion", "1"),
-        Column("lambda_m_std", "double", "its standard deviation; none where not identifiable",
+        Column("lambda_m_std", "double", "its standard deviation; none if not identifiable",
                "1"),
         Column("c1", "double", "level of the Burckhardt curve", "1"),
         Column("c2", "double", "steepness of the Burckhardt curve", "1"),
         Column("c3", "double", "fall of the Burckhardt curve", "1"),
-        Column("noise_std", "double", "standard deviation of the adhesion about the curve", "1"),
-        Column("directions_agree", "bool", "whether one curve holds for traction and braking"),
+        Column("noise_std", "double", "standard deviation of the adhesion around the curve", "1"),
+        Column("directions_agree", "bool", "whether one curve fits traction and braking"),
     ),
 )  # fmt: skip
 """Segments of constant surface."""
@@ -167,13 +173,13 @@ CAUSES = TableSchema(
     (
         *PLACE,
         Column("effect", "string", "id of the effect", required=True),
-        Column("form", "string", "form of the mechanism; empty where there is only one"),
-        Column("axle", "int", "axle of an effect at one axle; 0 for the others"),
+        Column("form", "string", "form of the mechanism; empty if there is only one"),
+        Column("axle", "int", "axle of an effect at one axle; 0 for other effects"),
         Column("named", "bool", "whether it is named as a cause", required=True),
-        Column("rank", "int", "place among the causes, from 1; none where it is not named", "1"),
+        Column("rank", "int", "rank among the causes, from 1; none if not named", "1"),
         Column("statistic", "double", "statistic of the sign-flip test", "1"),
-        Column("p_value", "double", "p-value, all effects counted", "1"),
-        Column("absorbed", "double", "share of its signature that the curve imitates", "1"),
+        Column("p_value", "double", "p-value, corrected for all effects", "1"),
+        Column("absorbed", "double", "share of its signature that the curve can imitate", "1"),
         Column("most_alike", "string", "effect with the most similar signature"),
         Column("cosine", "double", "cosine between both signatures", "1"),
         Column("gain_percent", "double", "gain of the effect alone on the deciding data", "%"),
@@ -181,7 +187,9 @@ CAUSES = TableSchema(
         Column("values", "list<double>", "their estimates in `parameter_units`"),
         Column("stds", "list<double>", "their standard deviations in `parameter_units`"),
         Column("parameter_units", "list<string>", "units of the parameters"),
-        Column("rivals", "list<string>", "effects that the data cannot tell from a named one"),
+        Column(
+            "rivals", "list<string>", "effects that the data cannot distinguish from a named one"
+        ),
     ),
 )
 """Evidence for each effect, and those that are named."""
@@ -194,21 +202,22 @@ EFFECTS = TableSchema(
         Column("place", "int", "place of the effect in the unit's matrices, from 0", required=True),
         *SIZED_EFFECT,
         Column("typical", "double", "typical size in `unit`", required=True),
-        Column("value", "double", "size where it alone is added to the curves, in `unit`; none "
-               "where the curves imitate all of it"),
-        Column("std", "double", "its standard error by the spread over blocks, in `unit`"),
-        Column("absorbed", "double", "share of its signature that the curves imitate", "1",
+        Column("value", "double",
+            "size if only this effect is added to the curves, in `unit`; none if the curves "
+            "imitate all of it"),
+        Column("std", "double", "its standard error from the spread over blocks, in `unit`"),
+        Column("absorbed", "double", "share of its signature that the curves can imitate", "1",
                required=True),
         Column("gram", "list<double>", "products of its whitened signature with those of all "
                "effects of the unit, by `place`", required=True),
         Column("score", "double", "product of its whitened signature with the residual",
                required=True),
-        Column("score_variance", "double", "variance of `score` by the spread over blocks",
+        Column("score_variance", "double", "variance of `score` from the spread over blocks",
                required=True),
         Column("square", "double", "whitened sum of squares of the residual", "1", required=True),
         Column("rows", "double", "number of rows", "1", required=True),
         Column("blocks", "int", "number of blocks of time", "1", required=True),
-        Column("rmse", "double", "RMSE of the adhesion about the curves", "1", required=True),
+        Column("rmse", "double", "RMSE of the adhesion around the curves", "1", required=True),
     ),
 )  # fmt: skip
 """Gram matrices for the diagnosis of the whole fleet."""

@@ -80,7 +80,7 @@ def find_units(inputs: Iterable[str], vehicle: str | None, out: str) -> list[Uni
             if not path.startswith(own):
                 found.setdefault(path, _unit(path, named(path), info))
     if not found:
-        raise InputError("fleet", "not one recording or TABLE in what was given", "check the paths")
+        raise InputError("fleet", "the inputs contain no recording or TABLE", "check the paths")
     return list(found.values())
 
 
@@ -107,7 +107,7 @@ def read_manifest(path: Path) -> list[Unit]:
         where = f"--units {path}, line {number}"
         unit = _manifest_unit(row, path.absolute().parent, where)
         if unit.path in found:
-            raise InputError(where, f"{unit.path} is there twice", "name each file once")
+            raise InputError(where, f"{unit.path} is given twice", "name each file once")
         found[unit.path] = unit
     if not found:
         raise InputError(f"--units {path}", "no row", "write a row for each recording")
@@ -122,7 +122,9 @@ def _require_heading(heading: Sequence[str], where: str) -> None:
     for name in COLUMNS[:2]:
         if name not in heading:
             what = f"no column {name!r}"
-            raise InputError(f"--units {where}", what, f"begin with {','.join(COLUMNS[:2])}")
+            raise InputError(
+                f"--units {where}", what, f"the first columns must be {','.join(COLUMNS[:2])}"
+            )
 
 
 def _manifest_unit(row: Mapping[str, Any], folder: Path, where: str) -> Unit:
@@ -136,7 +138,7 @@ def _manifest_unit(row: Mapping[str, Any], folder: Path, where: str) -> Unit:
     full = given if is_url(given) else str(folder / given)
     files = [] if _PATTERN.search(full) and not Path(full).exists() else list(_files(full))
     if len(files) != 1:
-        raise InputError(where, f"{given} is not one file", "write a row for each recording")
+        raise InputError(where, f"{given} is not a single file", "write a row for each recording")
     config = cells.get("config") or None
     name, info = files[0]
     return replace(
@@ -190,7 +192,9 @@ def _files(given: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
     elif _PATTERN.search(given):
         found = dict(place.glob())
         if not found:
-            raise InputError(given, "no file fits this pattern", "check it; quote it in a shell")
+            raise InputError(
+                given, "no file matches this pattern", "check it; in a shell, put it in quotes"
+            )
     else:
         raise InputError(given, "No such file or directory", "check the path")
     yield from sorted(found.items())
@@ -220,7 +224,7 @@ def _vehicle_by(expression: str | None) -> Callable[[str], str]:
     try:
         pattern = re.compile(expression)
     except re.error as error:
-        raise InputError(where, f"no regular expression ({error})", "correct it") from error
+        raise InputError(where, f"not a regular expression ({error})", "correct it") from error
     group: str | int = "vehicle" if "vehicle" in pattern.groupindex else min(pattern.groups, 1)
 
     def named(path: str) -> str:

@@ -172,7 +172,7 @@ def give_up(task: Task, deaths: int) -> Outcome:
 
     """
     error = (
-        f"{task.unit.path}: killed its worker {deaths} times, the last time alone; "
+        f"{task.unit.path}: killed its worker {deaths} times, the last time as its only unit; "
         "give workers more memory with --memory, or run the commands of the steps on it by hand"
     )
     analysis = Analysis()
@@ -205,7 +205,7 @@ def writing_errors(task: Task) -> Iterator[None]:
         yield
     except OSError as error:
         reason = " ".join(str(error).split())[:200]
-        mend = "make room or check the rights; the same command goes on from here"
+        mend = "free some space or check the permissions; the same command continues from here"
         raise InputError(f"--out {task.out}", f"cannot be written ({reason})", mend) from error
 
 

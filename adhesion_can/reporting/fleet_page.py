@@ -38,7 +38,7 @@ def fleet_page(overview: "FleetOverview", provenance: Mapping[str, str]) -> Page
         "Adhesion by line and day": adhesion_parts(overview.estimates),
         "Map": map_parts(overview),
         "Failed recordings": _failures(overview),
-        "What these data do not tell": [Text(note) for note in found.notes]
+        "What these data do not show": [Text(note) for note in found.notes]
         or [Text("Nothing was left out.")],
     }
     return Page(
@@ -55,7 +55,7 @@ def _lead(overview: "FleetOverview") -> str:
     verdicts = ", ".join(
         f"{name.replace('_', ' ')} {count}" for name, count in sorted(overview.verdicts.items())
     )
-    own = f" Each by itself: {verdicts}." if verdicts else ""
+    own = f" Each on its own: {verdicts}." if verdicts else ""
     return (
         f"{counted(found.units, 'recording')} of {counted(len(found.vehicles), 'vehicle')}, "
         f"{found.diagnosed} with evidence on effects.{own}"
@@ -74,7 +74,7 @@ def _verdict(overview: "FleetOverview") -> list[str]:
             f"{'differs' if len(named) == 1 else 'differ'} from the others: {causes}."
         )
     elif found.compared:
-        lines.append("No vehicle differs from the others by more than chance and matters.")
+        lines.append("No vehicle differs significantly and relevantly from the others.")
     for kind in found.kinds:
         if kind.vehicles and not kind.compared:
             what = f"{counted(kind.vehicles, 'vehicle')} {'is' if kind.vehicles == 1 else 'are'}"
@@ -85,12 +85,12 @@ def _verdict(overview: "FleetOverview") -> list[str]:
         shown = "; ".join(named_alone(one, effect) for one, effect in found.named_alone[:3])
         more = f"; and {len(found.named_alone) - 3} more" * (len(found.named_alone) > 3)
         lines.append(
-            f"Recordings of {counted(count, 'vehicle')} name a cause by themselves, which "
-            f"no comparison confirms: {shown}{more}."
+            f"Recordings of {counted(count, 'vehicle')} name a cause on their own that no "
+            f"comparison confirms: {shown}{more}."
         )
     lines += [f"{owner(one)}: {one.name}, {format_size(one)}." for one in found.shared[:5]]
     if not found.shared:
-        lines.append("Nothing was found that all vehicles, a line or a day share.")
+        lines.append("No effect is shared by all vehicles, a line or a day.")
     if overview.failed:
         lines.append(f"{overview.failed} of {counted(found.units, 'recording')} failed.")
     return lines
@@ -99,7 +99,7 @@ def _verdict(overview: "FleetOverview") -> list[str]:
 def _shared(found: "FleetDiagnosis") -> list[Part]:
     if not found.shared:
         return [
-            Text("No effect was found on most vehicles, and none that differs by line or by day.")
+            Text("No effect was found on most vehicles, and no effect differs by line or by day.")
         ]
     rows = [
         (owner(one), one.name, format_size(one), f"{one.p_value:.1g}", format_gain(one),
@@ -107,9 +107,9 @@ def _shared(found: "FleetDiagnosis") -> list[Part]:
         for one in found.shared[:MOST_ROWS]
     ]  # fmt: skip
     note = (
-        "An effect of all vehicles belongs to the model; one of a line or a day shows on whatever "
-        f"vehicle was there. The probability of any wrong row is {100 * found.alpha:g} % for each "
-        "of the three. " + left_out(len(found.shared), MOST_ROWS, "finding")
+        "An effect of all vehicles belongs to the model; an effect of a line or a day shows on "
+        "every vehicle that was there. For each of the three, the probability of any wrong row "
+        f"is {100 * found.alpha:g} %. " + left_out(len(found.shared), MOST_ROWS, "finding")
     )
     caption = "Effects that several vehicles share."
     return [Table(caption, SHARED_COLUMNS, rows, note, sentence_columns=(1,))]
@@ -124,7 +124,7 @@ def _failures(overview: "FleetOverview") -> list[Part]:
     caption = "Recordings that failed, with the reason."
     kinds = "; ".join(f"{reason}: {count}" for reason, count in counts.most_common(5))
     return [
-        Text(f"{counted(overview.failed, 'recording')} failed. The reasons met most: {kinds}."),
+        Text(f"{counted(overview.failed, 'recording')} failed. Most frequent reasons: {kinds}."),
         Table(caption, ("recording", "vehicle", "reason"), rows, note, sentence_columns=(0, 1, 2)),
     ]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MOST_VEHICLES = 100
 """Largest number of vehicles in the first table."""
-VEHICLE_COLUMNS = ("vehicle", "cause", "size", "p-value", "gain, %", "units", "not told from")
+VEHICLE_COLUMNS = ("vehicle", "cause", "size", "p-value", "gain, %", "units", "rivals")
 
 
 def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
@@ -45,13 +45,13 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
     parts: list[Part] = []
     if rows:
         note = (
-            "Size ± standard error; p-value with all effects counted; gain: fall of the RMSE of "
-            "the adhesion on the vehicle's recordings that had no part in the size; units: those "
-            "that show it by themselves. A radius comes from coasting. At most "
-            f"{100 * found.false_discovery_rate:g} % of such vehicles are expected to be wrong. "
+            "Size ± standard error; p-value corrected for all effects; gain: reduction of the "
+            "RMSE of the adhesion on recordings of the vehicle that had no part in the size; "
+            "units: those that show it on their own. A radius comes from coasting. At most "
+            f"{100 * found.false_discovery_rate:g} % of these vehicles are expected to be wrong. "
             + left_out(len(named), MOST_VEHICLES, "vehicle")
         )
-        caption = "Vehicles that differ from the others, the worst first."
+        caption = "Vehicles that differ from the others, worst first."
         parts.append(Table(caption, VEHICLE_COLUMNS, rows, note, sentence_columns=(1, 6)))
     else:
         parts.append(Text("No vehicle has a finding."))
@@ -62,11 +62,11 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
             for one, effect in alone[:MOST_ROWS]
         ]
         note = (
-            "Each recording was diagnosed by itself; what several of a vehicle agree on is likely "
-            "there, one among many may be chance. Sizes are in the table causes. "
-            + left_out(len(alone), MOST_ROWS, "cause")
+            "Each recording was diagnosed on its own. If several recordings of a vehicle agree, "
+            "the cause is likely real; a single one may be chance. Sizes are in the table "
+            "causes. " + left_out(len(alone), MOST_ROWS, "cause")
         )
-        caption = "Causes that recordings name by themselves, and no comparison of vehicles."
+        caption = "Causes named by recordings alone, not by a comparison of vehicles."
         columns = ("vehicle", "cause", "recordings")
         parts.append(Table(caption, columns, causes, note, sentence_columns=(1,)))
     by_themselves = {one.vehicle for one, _ in alone}
@@ -97,12 +97,12 @@ def _kinds(found: "FleetDiagnosis") -> list[Part]:
         for one in found.kinds[:MOST_ROWS]
     ]
     note = (
-        "Vehicles are of one kind where their data have the same form (recordings or TABLEs, "
-        "number of axles, configured vehicle but for its wheel radii) and tell the same effects. "
-        f"A kind is compared from {found.least_vehicles} vehicles on. "
+        "Vehicles are of one kind if their data have the same form (recordings or TABLEs, "
+        "number of axles, configured vehicle except for its wheel radii) and can show the same "
+        f"effects. A kind is compared if it has at least {found.least_vehicles} vehicles. "
         + left_out(len(found.kinds), MOST_ROWS, "kind")
     )
-    caption = "Kinds of vehicles: each vehicle is compared with those of its kind alone."
+    caption = "Kinds of vehicles: each vehicle is compared only with those of its kind."
     columns = ("kind", "vehicles", "units", "compared")
     return [Table(caption, columns, rows, note, sentence_columns=(0,))]
 

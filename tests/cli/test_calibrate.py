@@ -455,7 +455,7 @@ def test_signals_once_a_second_are_calibrated(tmp_path):
         (300, {"scale": 0.2}, (), "0.0 s above 3 m/s); record a faster drive"),
         (300, {}, ("--adhesion-max", "1e-9", "--acceleration-max", "1e-4"), "--acceleration-max"),
         (20, {}, (), "with an adhesion below 0.005); record a drive in which an axle coasts"),
-        (35, {}, (), "they are in fewer than 4 blocks"),
+        (35, {}, (), "the coasting fills fewer than 4 blocks"),
     ],
 )
 def test_the_condition_that_leaves_no_coasting_is_named(
@@ -469,7 +469,7 @@ def test_bad_inputs_are_one_line_each(car, tmp_path, capsys):
     toml, log, reference = car
     empty = tmp_path / "empty.log"
     empty.write_text("")
-    assert "frame in it" in fails(capsys, empty)
+    assert "no frames" in fails(capsys, empty)
     table = tmp_path / "t.csv"
     table.write_text("time_s,slip,adhesion\n0,0.1,0.2\n")
     assert "not a recording" in fails(capsys, table)

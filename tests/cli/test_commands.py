@@ -441,7 +441,7 @@ def test_a_log_without_a_known_frame(capsys, tmp_path):
 
 def test_an_empty_log(capsys, tmp_path):
     (tmp_path / "empty.log").write_text("")
-    assert "frame in it" in fails(capsys, "replay", tmp_path / "empty.log")
+    assert "no frames" in fails(capsys, "replay", tmp_path / "empty.log")
 
 
 def test_a_file_of_another_kind(capsys, tmp_path):

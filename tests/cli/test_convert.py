@@ -162,7 +162,7 @@ def test_several_logs_follow_each_other(log, tmp_path, capsys):
     assert convert(log, later, "--out", tmp_path / "o.csv") == 0
     rows = rows_of(tmp_path / "o.csv")
     assert [row["time_s"] for row in rows[-2:]] == ["0.000005000"] * 2
-    assert "b.log: begins before the end of the file in front of it" in capsys.readouterr().out
+    assert "b.log: starts before the previous file ends" in capsys.readouterr().out
 
 
 def test_time_that_goes_backwards_is_kept_and_reported(tmp_path, capsys):
@@ -170,7 +170,7 @@ def test_time_that_goes_backwards_is_kept_and_reported(tmp_path, capsys):
     path.write_text(line(9, 180, bytes(8)) + line(5, 180, bytes(8)))
     assert convert(path, "--dbc", CAR, "--out", tmp_path / "o.csv") == 0
     assert [row["time_s"] for row in rows_of(tmp_path / "o.csv")] == ["0.000009000", "0.000005000"]
-    said = "a.log: 1 frame stamped before the one in front, stamps kept as they are"
+    said = "a.log: 1 frame stamped earlier than the previous frame, stamps kept unchanged"
     assert said in capsys.readouterr().out
 
 
@@ -189,7 +189,7 @@ def test_globs_match_message_signal_or_both(log, tmp_path):
 def test_frames_of_no_wanted_signal_are_no_rows(log, tmp_path, capsys):
     assert convert(log, "--out", tmp_path / "o.csv", "--signals", "WheelSpeeds2") == 0
     assert len(rows_of(tmp_path / "o.csv")) == 20
-    assert "without a wanted signal: 22 frames (WheelSpeeds1: 22)" in capsys.readouterr().out
+    assert "without a selected signal: 22 frames (WheelSpeeds1: 22)" in capsys.readouterr().out
 
 
 def test_several_channels_are_reported_and_one_can_be_taken(tmp_path, capsys):
@@ -280,8 +280,8 @@ def test_the_help_says_where_log_stands_and_what_buses_are_called(log, tmp_path,
     with pytest.raises(SystemExit):
         convert("--help")
     text = " ".join(capsys.readouterr().out.split())
-    assert "LOG stands in front of it, or behind a '--'" in text
-    assert "formats that number their buses have can0, can1, .." in text
+    assert "put LOG before it or after '--'" in text
+    assert "in formats that number their buses: can0, can1, .." in text
     assert convert("--out", tmp_path / "o.csv", "--signals", "WheelSpeeds1", "--", log) == 0
 
 
@@ -341,14 +341,14 @@ def test_what_was_written_before_stays_where_nothing_is_decoded(log, tmp_path, c
 @pytest.mark.parametrize(
     ("lines", "options", "message"),
     [
-        ("", (), "no data frame in it"),
-        ("garbage\n", (), "no data frame in it; a.log: lines skipped: 1 malformed"),
+        ("", (), "it has no data frames"),
+        ("garbage\n", (), "it has no data frames; a.log: lines skipped: 1 malformed"),
         (line(1, 0x101, bytes(8)), (), "every known frame is rejected (checksum: 1)"),
         (line(1, 0x101, bytes(3)), (), "every known frame is rejected (length: 1)"),
         (
             line(1, 0x101, speeds(0)),
             ("--signals", "VehicleSpeed"),
-            "no frame with a signal that is wanted and can be decoded; it has WheelSpeeds1: 1",
+            "no frame with a selected signal that can be decoded; it has WheelSpeeds1: 1",
         ),
         (
             line(1, 0x101, speeds(0)),

@@ -195,7 +195,7 @@ def test_without_an_extension_the_plain_curve_is_written_and_it_is_said(
 ):
     engine.answer, model = nothing(), tmp_path / "m.toml"
     assert diagnose(tables[0], "--extended", model) == 0
-    assert "the plain curve, for there is no extension" in capsys.readouterr().out
+    assert "contains the plain curve, because there is no extension" in capsys.readouterr().out
     written = read_model(model)
     assert written.effects == written.splines == ()
     assert written.base == estimate(0.31, 26.0, 0.4).theta
@@ -214,7 +214,7 @@ def test_without_any_curve_no_model_is_written_and_it_is_said(tables, engine, tm
     engine.answer, model = empty(), tmp_path / "m.toml"
     assert diagnose(tables[0], "--extended", model) == 0
     said = capsys.readouterr().out
-    assert "not written, for no curve could be fitted" in said
+    assert "not written, because no curve could be fitted" in said
     assert f"written: {model}" not in said
     assert not model.exists()
 

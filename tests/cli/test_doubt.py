@@ -140,7 +140,7 @@ def test_the_operator_reads_of_a_doubt_when_it_comes_changes_and_goes():
     assert told(Doubt.NONE, Doubt.SPEED, Doubt.SPEED, Doubt.SHAPE, Doubt.NONE, Doubt.NONE) == [
         "12.32 doubt: adhesion depends on speed: run `diagnose`",
         "12.36 doubt: the curve has another shape: run `diagnose`",
-        "12.38 no doubt any more",
+        "12.38 no more doubt",
     ]
 
 
@@ -148,7 +148,7 @@ def test_what_is_not_available_does_not_take_a_doubt_away():
     missing = Doubt.NOT_AVAILABLE
     assert told(missing, missing) == []
     assert len(told(Doubt.SPEED, missing, Doubt.SPEED)) == 1
-    assert told(Doubt.SPEED, missing, Doubt.NONE)[-1] == "12.34 no doubt any more"
+    assert told(Doubt.SPEED, missing, Doubt.NONE)[-1] == "12.34 no more doubt"
     assert told(missing, Doubt.NONE, missing, Doubt.NONE) == []
 
 

@@ -121,9 +121,9 @@ def test_a_jump_shows_what_playing_up_to_it_shows(logs, estimate):
     assert jumped.run_until(500_000).t_us == 500_000
     jumped.jump("1e9")
     assert jumped.turn().transport.position_s <= DURATION_S
-    with pytest.raises(InputError, match="is no time"):
+    with pytest.raises(InputError, match="is not a time"):
         jumped.jump("soon")
-    with pytest.raises(InputError, match="is no time"):
+    with pytest.raises(InputError, match="is not a time"):
         jumped.jump("nan")
 
 
@@ -415,13 +415,13 @@ def test_the_inputs_of_the_packaged_database_are_its_inputs(logs):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([], "one of them is needed, and not both"),
-        (["x.log", "-i", "virtual"], "one of them is needed, and not both"),
+        ([], "give one of them, not both"),
+        (["x.log", "-i", "virtual"], "give one of them, not both"),
         (["x.log"], "x.log: No such file"),
-        (["x.log", "--speed", "-1"], "is no speed"),
+        (["x.log", "--speed", "-1"], "is not a speed"),
         (["x.log", "--every", "0"], "not a positive number"),
-        (["x.log", "--from", "-1"], "is no time"),
-        (["-i", "virtual", "-c", "x", "--speed", "2"], "are for recordings"),
+        (["x.log", "--from", "-1"], "is not a time"),
+        (["-i", "virtual", "-c", "x", "--speed", "2"], "apply to recordings only"),
         (["-i", "socketcan", "-c", "nope0", "--plain"], "bus socketcan:nope0: cannot be opened"),
     ],
 )
@@ -444,7 +444,7 @@ def _nothing():
 
 def test_a_begin_behind_the_end_and_an_empty_recording(logs, capsys, tmp_path):
     assert main(["monitor", str(logs / "full.log"), "--plain", "--from", "99"]) == 2
-    assert "lies behind the end, at 8.0 s" in capsys.readouterr().err
+    assert "is after the end at 8.0 s" in capsys.readouterr().err
     (tmp_path / "empty.log").write_text("")
     assert main(["monitor", str(tmp_path / "empty.log"), "--plain"]) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1

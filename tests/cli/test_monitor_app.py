@@ -118,7 +118,7 @@ def test_a_jump_and_one_that_is_no_time(log):
         assert "PAUSED  5.5 of" in text_of(on.app)
         await on.pilot.press("g", *"soon", "enter")
         assert "PAUSED  5.5 of" in text_of(on.app)
-        assert any("is no time" in note.message for note in on.app._notifications)
+        assert any("is not a time" in note.message for note in on.app._notifications)
 
     piloted(log, steps)
 

@@ -77,7 +77,7 @@ def test_a_flood_is_cut_and_what_was_left_out_is_counted():
     clock.now_s += 1.0
     narrator.warn("after")
     assert lines(file)[-1]["lines_left_out"] == 1000 - BURST
-    assert lines(file)[-1]["message"] == f"after ({1000 - BURST} lines left out before)"
+    assert lines(file)[-1]["message"] == f"after ({1000 - BURST} lines dropped before)"
     narrator.warn("and on")
     assert "lines_left_out" not in lines(file)[-1]
 

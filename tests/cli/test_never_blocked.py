@@ -96,7 +96,7 @@ def test_a_reader_of_the_log_that_stalls(tmp_path, pipe):
             code, took_s = service.end()
             assert (code, took_s < END_S) == (0, True)
             assert_taken_back(service)
-            assert "they were not taken by the end" in service.said()
+            assert "they were not written before the service ended" in service.said()
     finally:
         os.close(reader)
 
@@ -136,7 +136,7 @@ def test_a_result_that_nobody_takes_holds_no_end_up(tmp_path, pipe):
         code, took_s = service.end()
         assert (code, took_s < END_S) == (0, True)
         assert_taken_back(service)
-        assert "was not taken by the end" in service.said()
+        assert "not written before the service ended" in service.said()
 
 
 @pytest.mark.parametrize(("pause_s", "later_s"), [(0.15, 0.0), (3.0, 0.0), (3.0, 0.01)])

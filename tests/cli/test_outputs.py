@@ -83,7 +83,10 @@ REFUSED = [
     ("simulate --scenario dry --log c.toml --config c.toml", INPUT),
     ("run -i virtual -c x --log c.toml --config c.toml", INPUT),
     ("run -i virtual -c x --log a --state a", "is the file of --log too"),
-    ("simulate --scenario dry --log a.BLF", "name it a.log, then convert it with 'can_logconvert a.log a.BLF'"),
+    (
+        "simulate --scenario dry --log a.BLF",
+        "name it a.log, then convert it with 'can_logconvert a.log a.BLF'",
+    ),
     ("simulate --scenario dry --log a.db.b.db", "name it a.db.b.log, and let"),
     ("run -i virtual -c x --log a.csv.gz", "the file is written as candump text"),
     ("replay drive.log --frames a.asc", "the file is written as candump text"),
@@ -132,12 +135,12 @@ def test_a_name_that_is_too_long_is_told_in_one_line(files, capsys, command, opt
 @pytest.mark.parametrize(
     ("span", "told"),
     [
-        (("--from", "nan"), "--from: nan is no time"),
-        (("--from", "inf"), "--from: inf is no time"),
-        (("--from", "-1"), "--from: -1.0 is no time"),
-        (("--to", "nan"), "--to: nan is no time"),
-        (("--to", "-0.5"), "--to: -0.5 is no time"),
-        (("--from", "2", "--to", "1.5"), "--to 1.5: lies before --from 2"),
+        (("--from", "nan"), "--from: nan is not a time"),
+        (("--from", "inf"), "--from: inf is not a time"),
+        (("--from", "-1"), "--from: -1.0 is not a time"),
+        (("--to", "nan"), "--to: nan is not a time"),
+        (("--to", "-0.5"), "--to: -0.5 is not a time"),
+        (("--from", "2", "--to", "1.5"), "--to 1.5: is before --from 2"),
     ],
 )
 def test_a_span_that_is_none_is_told_before_the_work(files, capsys, monkeypatch, mode, span, told):
@@ -223,7 +226,7 @@ def test_a_full_stdout_is_told_in_one_line(drive, tmp_path, arguments, buffering
         )
     assert done.returncode == 2
     assert done.stderr == (
-        f"adhesion-can {arguments[0]}: stdout: No space left on device; make room, or write "
+        f"adhesion-can {arguments[0]}: stdout: No space left on device; free some space, or write "
         "elsewhere\n"
     )
 
@@ -245,7 +248,7 @@ def test_files_of_one_name_in_two_folders_are_told_apart(files, capsys):
     shutil.copy(files / "drive.log", files / "folder" / "drive.log")
     assert main(["convert", "drive.log", "folder/drive.log", "--out", "o.csv"]) == 0
     out = capsys.readouterr().out
-    assert "folder/drive.log: begins before the end of the file in front of it" in out
+    assert "folder/drive.log: starts before the previous file ends" in out
     assert "\ndrive.log: lines skipped: 1 malformed" in out
     assert "\nfolder/drive.log: lines skipped: 1 malformed" in out
 
@@ -253,7 +256,7 @@ def test_files_of_one_name_in_two_folders_are_told_apart(files, capsys):
 def test_a_file_that_is_given_twice_begins_twice(files, capsys):
     log = str(files / "drive.log")
     assert main(["convert", log, log, "--out", "o.csv"]) == 0
-    assert "drive.log: begins before the end of the file in front" in capsys.readouterr().out
+    assert "drive.log: starts before the previous file ends" in capsys.readouterr().out
 
 
 def test_tables_of_one_name_are_told_apart(files):

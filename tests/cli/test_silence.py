@@ -43,7 +43,7 @@ def test_a_bus_that_does_not_name_itself_bears_the_names_of_the_options():
 def test_run_says_what_it_listens_for(capsys):
     assert main(["run", "-i", "virtual", "-c", "silent", "--duration", "2.4"]) == 0
     said = capsys.readouterr().err
-    assert said.count("nothing is received on Virtual bus channel silent yet") == 1
+    assert said.count("nothing received on Virtual bus channel silent yet") == 1
     assert "WheelSpeeds1 0x101" in said
 
 
@@ -52,7 +52,7 @@ def test_a_closed_loop_that_nobody_answers_says_so(capsys, closed):
     words = ["simulate", "--scenario", "dry", "--duration", "2.3", "-i", "virtual", "-c", "alone2"]
     assert main(words + ["--closed-loop"] * closed) == 0
     out, err = capsys.readouterr()
-    assert err.count("nobody answers on Virtual bus channel alone2") == closed
+    assert err.count("no service on Virtual bus channel alone2") == closed
     assert "frames of 2.3 s of 'dry'" in out
 
 

@@ -48,7 +48,7 @@ def model(tmp_path):
 def test_replay_counts_the_samples_in_which_a_formula_has_no_value(expression, log, model, capsys):
     assert main(["replay", str(log), "--model", model(formula(expression))]) == 0
     out = capsys.readouterr().out
-    assert re.search(r"\d+ samples left out .*: the effects have no finite value", out)
+    assert re.search(r"dropped \d+ samples: the effects have no finite value", out)
     assert "TRACKING" not in out
 
 

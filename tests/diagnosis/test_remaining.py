@@ -51,7 +51,9 @@ def test_where_none_is_left_the_sentence_says_what_follows():
     refuted = (RefutedExplanation("humidity", "its size is 0 within its error"),
                RefutedExplanation(PLAIN, "it misses the data"))  # fmt: skip
     sentence = RemainingExplanations(("first",), ("second",), (), refuted).sentence
-    assert sentence.startswith("No explanation that remained after first (humidity, the plain curve) survives second")
+    assert sentence.startswith(
+        "No explanation that remained after first (humidity, the plain curve) survives second"
+    )
     assert "humidity is refuted: its size is 0 within its error; the plain curve" in sentence
     assert sentence.endswith("The cause is something else, or has another form.")
 

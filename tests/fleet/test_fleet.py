@@ -296,11 +296,11 @@ def test_data_frames_open_as_the_page_says(made, monkeypatch, capsys, library):
         ((), "fleet: nothing to read; give LOG .. or --units F.csv"),
         (("a.log", "--steps", "chek"), "no step 'chek'; near are check"),
         (("a.log", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"), "--workers: the workers"),
-        (("a.log", "--memory", "much"), "--memory much: no number of GB; write 2 or 3.5"),
+        (("a.log", "--memory", "much"), "--memory much: not a number of GB; write 2 or 3.5"),
         (("a.log", "--workers", "0"), "--workers 0: no worker"),
         (("a.log", "--scheduler", "tcp://127.0.0.1:1"), "--scheduler tcp://127.0.0.1:1: no answer"),
         (("a.log", "--out", "a.log"), "--out a.log: is a file; name a folder"),
-        (("gone/*.log",), "no file fits this pattern"),
+        (("gone/*.log",), "no file matches this pattern"),
     ],
 )
 def test_wrong_usage_is_one_line_before_any_work(tmp_path, monkeypatch, capsys, words, said):
@@ -318,7 +318,7 @@ def test_wrong_usage_is_one_line_before_any_work(tmp_path, monkeypatch, capsys, 
 def test_a_data_set_of_another_version_is_not_mixed(made, drives, monkeypatch, capsys):
     monkeypatch.setattr("adhesion_can.fleet.dataset.SCHEMA_VERSION", 99)
     assert main(["fleet", str(drives), "--out", str(made / "out")]) == 2
-    assert "of version 2 of the tables, this is 99; give --out another folder" in (
+    assert "version 2 of the tables; this is version 99; use another folder for --out" in (
         capsys.readouterr().err
     )
 

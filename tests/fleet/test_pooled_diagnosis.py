@@ -116,7 +116,7 @@ def test_a_speed_that_reads_high_is_not_six_worn_wheels():
 def test_too_few_vehicles_are_not_compared(vehicles):
     result = diagnose_fleet(Fleet(vehicles=vehicles, worn={0: -0.02}).draw(1))
     assert not result.named
-    assert "Vehicles are compared with each other from 5 on" in result.notes[0]
+    assert "Vehicles are compared with each other if there are at least 5" in result.notes[0]
 
 
 def test_vehicles_of_another_kind_are_not_compared_with_the_others():
@@ -178,4 +178,4 @@ def test_units_that_failed_at_a_step_do_not_hide_units_without_evidence():
     units[0] = replace(units[0], grams=None)  # worked through, its radii alone are known
     units[1] = replace(units[1], error="no coasting")  # failed at a step, its effects are known
     notes = diagnose_fleet(units).notes
-    assert any(note.startswith("No effect can be told from 1 unit: ") for note in notes)
+    assert any(note.startswith("No effects from 1 unit: ") for note in notes)

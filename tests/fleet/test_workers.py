@@ -34,7 +34,7 @@ class Answering:
         (ModuleNotFoundError("No module named 'adhesion_can'"), "lacks the package"),
         (RuntimeError("broken"), "worker tcp://a:1 cannot begin (broken)"),
         (("0.0.1", ""), "has adhesion-can 0.0.1, this is " + __version__),
-        ((__version__, "does not see /x"), "does not see /x; mount it there under the same path"),
+        ((__version__, "cannot access /x"), "cannot access /x; mount it there under the same path"),
     ],
 )
 def test_a_worker_that_cannot_do_the_work_is_named_with_the_mend(tmp_path, answer, said):
@@ -46,12 +46,12 @@ def test_a_worker_that_cannot_do_the_work_is_named_with_the_mend(tmp_path, answe
 
 def test_a_worker_says_what_it_does_not_see(tmp_path):
     token = tmp_path / "token"
-    assert probe(str(token), "abc", None)[1].startswith("does not see the folder of --out")
+    assert probe(str(token), "abc", None)[1].startswith("cannot access the folder of --out")
     token.write_text("xyz")
-    assert probe(str(token), "abc", None)[1].startswith("sees another folder")
+    assert probe(str(token), "abc", None)[1].startswith("has a different folder")
     token.write_text("abc")
     assert probe(str(token), "abc", str(tmp_path / "gone")) == (
-        __version__, f"does not see {tmp_path / 'gone'}")  # fmt: skip
+        __version__, f"cannot access {tmp_path / 'gone'}")  # fmt: skip
     assert probe(str(token), "abc", str(token)) == (__version__, "")
 
 
@@ -133,9 +133,7 @@ def test_a_file_behind_an_url_is_fetched_hashed_and_removed_again(tmp_path, monk
 def test_a_package_that_is_not_installed_is_named():
     with pytest.raises(InputError) as error:
         open_place("gs://bucket/a.log")
-    assert str(error.value) == (
-        "gs://bucket/a.log: gs:// needs a package of its own; pip install gcsfs"
-    )
+    assert str(error.value) == ("gs://bucket/a.log: gs:// needs another package; pip install gcsfs")
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "much"])

@@ -71,7 +71,5 @@ def test_a_force_of_two_axles_may_be_shared_where_its_factor_is_stated():
         with_signal(
             "tractive_effort.2", "tractive_effort.1", factor=factor
         ).require_identification()
-    with pytest.raises(
-        ConfigError, match=r"same signal, .*; write a factor for each axle: 1 if"
-    ):
+    with pytest.raises(ConfigError, match=r"same signal, .*; write a factor for each axle: 1 if"):
         with_signal("tractive_effort.2", "tractive_effort.1").require_identification()

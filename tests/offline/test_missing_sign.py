@@ -17,9 +17,7 @@ ADHESION = np.sign(SLIP) * (0.44 * (1 - np.exp(-60 * np.abs(SLIP))) - 0.5 * np.a
 
 
 def said(slip, adhesion):
-    return [
-        one for one in inspect_points(Points(slip, adhesion)) if "has no sign" in one.what
-    ]
+    return [one for one in inspect_points(Points(slip, adhesion)) if "has no sign" in one.what]
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.0005])

@@ -48,9 +48,12 @@ FATAL = {
 TOLD = {
     "both in kN": ({"load": lambda x: x / 1e4}, "the load is about"),
     "speed in km/h": ({"speed": lambda x: 3.6 * x + 10.0}, "unit=km/h"),
-    "stamps repeated": ({"t_us": lambda t: t // 200_000 * 200_000}, "the same stamp as the previous row"),
-    "slip stuck": ({"slip": stuck}, "the slip stands at"),
-    "adhesion stuck": ({"adhesion": stuck}, "the adhesion stands at"),
+    "stamps repeated": (
+        {"t_us": lambda t: t // 200_000 * 200_000},
+        "the same stamp as the previous row",
+    ),
+    "slip stuck": ({"slip": stuck}, "the slip stays at"),
+    "adhesion stuck": ({"adhesion": stuck}, "the adhesion stays at"),
 }
 
 

@@ -89,7 +89,12 @@ def test_a_few_late_frames_are_no_new_stretch(tmp_path, late):
     items[50:50] = frames(90 * S, late, step_us=0)
     found, said = stamps(written(tmp_path / "a.log", items))
     assert found == [f.t_us for f in items]
-    assert said == ["a.log: 1 frame stamped earlier than the previous frame, read with the time of the previous frame"]
+    assert said == [
+        (
+            "a.log: 1 frame stamped earlier than the previous frame, "
+            "read with the time of the previous frame"
+        )
+    ]
 
 
 def test_a_bus_that_comes_in_later_than_another_is_no_step(tmp_path):
@@ -104,7 +109,9 @@ def test_a_bus_that_comes_in_later_than_another_is_no_step(tmp_path):
 
 def test_newest_first_is_an_error(tmp_path):
     path = written(tmp_path / "a.log", frames(100 * S, 300)[::-1])
-    with pytest.raises(RecordingError, match=r"newest first; reverse the lines, for example with 'tac'"):
+    with pytest.raises(
+        RecordingError, match=r"newest first; reverse the lines, for example with 'tac'"
+    ):
         list(blocks_in_sequence(open_recordings([path])))
 
 

@@ -148,5 +148,7 @@ def test_columns_that_a_trace_may_lack(tmp_path, count, columns):
 @pytest.mark.parametrize("version", ["3.0", "2.2", "0.9"])
 def test_a_version_that_is_not_read_is_named(tmp_path, version):
     path = trc(tmp_path / "a.trc", version, ["1  0.0 DT 0120 Rx 1 00"], "N,O,T,I,d,l,D")
-    with pytest.raises(RecordingError, match=rf"version {version} of PEAK's format; supported: 1\.0"):
+    with pytest.raises(
+        RecordingError, match=rf"version {version} of PEAK's format; supported: 1\.0"
+    ):
         list(Recording(path).blocks())

@@ -459,7 +459,8 @@ def test_sizes_by_environment_are_drawn_with_their_intervals():
 def test_what_is_closest_is_said_with_its_size_and_the_reason():
     text = " ".join(str(part) for part in terminal(named()))
     assert (
-        "the wheelset's inertia differs from the configured one (wheelset_inertia: error 812 ± 33 kg·m²) "
+        "the wheelset's inertia differs from the configured one (wheelset_inertia: "
+        "error 812 ± 33 kg·m²) "
         "reduces the error on held-out data by 12.3 % but is not the cause: its error is not the "
         "same everywhere."
     ) in text

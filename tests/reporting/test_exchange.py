@@ -318,7 +318,9 @@ def test_a_folder_of_others_is_refused(tmp_path):
     with pytest.raises(InputError, match="contains files that convert did not write"):
         parse_target(f"{tmp_path}/", "--out")
     (tmp_path / "convert.json").write_text('{"files": 1}')
-    with pytest.raises(InputError, match=r"convert\.json.*is not a list of files written by convert"):
+    with pytest.raises(
+        InputError, match=r"convert\.json.*is not a list of files written by convert"
+    ):
         parse_target(f"{tmp_path}/", "--out")
 
 
@@ -394,7 +396,11 @@ def test_mcap_knows_no_time_before_1970(tmp_path):
         ("a.mdf", None, "it is called .mf4 here"),
         ("a", None, "a/ for a folder with one file per message"),
         ("-", "csv", "stdout supports only arrow"),
-        ("a.csv", "parquet", "a.csv/ is a folder with one file per message; for a single file, use the suffix"),
+        (
+            "a.csv",
+            "parquet",
+            "a.csv/ is a folder with one file per message; for a single file, use the suffix",
+        ),
     ],
 )
 def test_a_wrong_name_tells_the_right_one(tmp_path, monkeypatch, text, form, mend):

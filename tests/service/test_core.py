@@ -758,12 +758,28 @@ def test_outputs_take_ids_and_cycles_of_the_users_database(tmp_path):
         ("Ax3 m3 : 16|16@1+", "Ax3 m3 : 24|16@1+", "MuMax_Ax3 and LambdaM_Ax3 share bits"),
         ("Status : 12|4@1+", "Status : 12|2@1+", "Status cannot carry 4"),
         ("Axle M : 12|4@1+", "Axle M : 12|2@1+", "Axle cannot carry 4"),
-        ("_Ax1 m1 : 16|", "_Ax1 m9 : 16|", "Ax1 is multiplexed differently.*write SG_ MuMax_Ax1 m1$"),
+        (
+            "_Ax1 m1 : 16|",
+            "_Ax1 m9 : 16|",
+            "Ax1 is multiplexed differently.*write SG_ MuMax_Ax1 m1$",
+        ),
         ("_Ax1 m1 : 16|", "_Ax1 : 16|", "MuMax_Ax1 is multiplexed differently from the one"),
         (" Status : 12|4", " Status M : 12|4", "Status is multiplexed.*write SG_ Status$"),
-        ("Alive : 8|4@1+", "Alive : 60|4@1+", "Alive has another position than the one that is sent; start it at bit 8"),
-        ("Crc : 0|8@1+ (1,0)", "Crc : 0|8@1+ (2,0)", "Crc has another position than the one that is sent; start it at bit 0"),
-        ("Crc : 0|8@1+ (1,0)", "Crc : 0|8@1- (1,0)", "Crc has another position than the one that is sent"),
+        (
+            "Alive : 8|4@1+",
+            "Alive : 60|4@1+",
+            "Alive has another position than the one that is sent; start it at bit 8",
+        ),
+        (
+            "Crc : 0|8@1+ (1,0)",
+            "Crc : 0|8@1+ (2,0)",
+            "Crc has another position than the one that is sent; start it at bit 0",
+        ),
+        (
+            "Crc : 0|8@1+ (1,0)",
+            "Crc : 0|8@1- (1,0)",
+            "Crc has another position than the one that is sent",
+        ),
     ],
 )
 def test_output_messages_that_lack_something_are_refused(tmp_path, old, new, words):

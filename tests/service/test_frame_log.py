@@ -180,7 +180,9 @@ def test_a_reader_that_takes_nothing_by_the_end_is_told_and_counted(pipe, monkey
     log.end()
     assert not log.wait()
     assert 10_000 - log.lost <= (1 << 16) / len(LINE)
-    assert notices == [f"--log: {log.lost} lines lost: they were not written before the service ended"]
+    assert notices == [
+        f"--log: {log.lost} lines lost: they were not written before the service ended"
+    ]
 
 
 def test_a_reader_that_has_gone_ends_the_log_and_a_request_opens_it_again(pipe):

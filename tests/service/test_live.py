@@ -220,7 +220,9 @@ def test_a_second_service_is_reported_and_a_fault_and_in_the_log():
 
             wait_until(fault)
     assert live.service.counts.foreign_outputs == 1
-    assert any("another node on this bus sends AdhesionSetpoint (0x201)" in line for line in live.notices)
+    assert any(
+        "another node on this bus sends AdhesionSetpoint (0x201)" in line for line in live.notices
+    )
     assert any("second-sender" in line for line in live.lines)
 
 

@@ -214,7 +214,7 @@ def test_a_port_that_is_none_is_refused(capsys, text):
     with pytest.raises(SystemExit) as ended:
         main(["run", "-i", "virtual", "-c", "x", f"--metrics={text}"])
     assert ended.value.code == 2
-    assert "is no port from 0 to 65535" in capsys.readouterr().err
+    assert "is neither a port from 0 to 65535" in capsys.readouterr().err
 
 
 def test_a_port_that_is_taken_is_told(capsys):

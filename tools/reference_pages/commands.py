@@ -11,8 +11,8 @@ INTRODUCTION = """
 Exit status: 0 done, 1 a check failed, 2 bad input, with one line that says what, where and how to
 correct it. `adhesion-can COMMAND --help` prints the same arguments. Commands that open a bus take
 python-can's options `-i`, `-c`, `-b`, `--fd` and `--bus-kwargs`, its `~/.canrc` and its environment
-`CAN_*`. Every command takes `--progress` and `--no-progress`: how far long work is, on stderr;
-without either it is told on a terminal.
+`CAN_*`. Every command takes `--progress` and `--no-progress`: the progress of long work, on stderr;
+without either it is shown on a terminal.
 """
 BUS = "bus (python-can)"
 """Title of the group of python-can's own options, which differ from version to version."""

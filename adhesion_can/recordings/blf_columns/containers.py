@@ -57,7 +57,7 @@ class FileHead(NamedTuple):
 
 
 def _to_ns(system_time: tuple[int, ...]) -> int:
-    """Windows' SYSTEMTIME in UTC as ns since 1970; 0 where it is no time, as in python-can."""
+    """Windows' SYSTEMTIME in UTC as ns since 1970; 0 where it is not a time, as in python-can."""
     year, month, _, day, hour, minute, second, ms = system_time
     try:
         time = datetime(year, month, day, hour, minute, second, 1000 * ms, UTC)

@@ -111,7 +111,7 @@ def to_frame(message: can.Message, first_bus: int) -> tuple[Frame, int]:
 
     Raises:
         ValueError: No bus can carry it.
-        OverflowError: Its stamp is no time.
+        OverflowError: Its stamp is not a time.
 
     """
     bus = message.channel + 1 - first_bus if isinstance(message.channel, int) else 1

@@ -164,7 +164,7 @@ def parse_raster(text: str) -> int:
     """Nanoseconds of a time with its unit, such as '10ms'.
 
     Raises:
-        InputError: The text is no time, or not above 0.
+        InputError: The text is not a time, or not above 0.
 
     """
     number = text.strip().rstrip("usm")
