@@ -35,6 +35,7 @@ from adhesion_can.cli.monitor_source import NOTES, LiveSource, Source
 from adhesion_can.cli.silence import bus_name
 from adhesion_can.config import Configuration
 from adhesion_can.errors import ConfigError, InputError
+from adhesion_can.extras import install_extra
 from adhesion_can.files import whole_file
 from adhesion_can.monitoring.snapshot import Snapshot
 from adhesion_can.printable import say
@@ -206,7 +207,7 @@ def _app_maker() -> Callable[[MonitorSession, float | None], int]:
         raise InputError(
             "the view",
             f"needs Textual (no module {error.name!r}); --plain does not",
-            "pip install 'adhesion-can[tui]'",
+            install_extra("tui"),
         ) from error
 
     def show(session: MonitorSession, duration_s: float | None) -> int:

@@ -7,6 +7,7 @@ import threading
 import pytest
 
 from adhesion_can.errors import InputError
+from adhesion_can.extras import install_package
 from adhesion_can.fleet.cluster import gigabytes, probe, require_workers
 from adhesion_can.fleet.dataset import DataSet, put
 from adhesion_can.fleet.places import open_place
@@ -134,7 +135,7 @@ def test_a_package_that_is_not_installed_is_named():
     with pytest.raises(InputError) as error:
         open_place("gs://bucket/a.log")
     assert str(error.value) == (
-        "gs://bucket/a.log: gs:// needs a package of its own; pip install gcsfs"
+        f"gs://bucket/a.log: gs:// needs a package of its own; {install_package('gcsfs')}"
     )
 
 
