@@ -31,7 +31,8 @@ def environment(tmp_path, monkeypatch):
     return programs
 
 
-def test_an_installed_package_is_named_by_its_distribution(environment):
+@pytest.mark.usefixtures("environment")
+def test_an_installed_package_is_named_by_its_distribution():
     assert install_extra("report") == "venv/bin/pip install 'adhesion-can[report]'"
 
 
@@ -55,7 +56,8 @@ def test_without_pip_its_module_is_named(environment):
     assert install_package("s3fs") == "venv/bin/python -m pip install s3fs"
 
 
-def test_a_shell_takes_the_line_as_it_is(environment, tmp_path):
+@pytest.mark.usefixtures("environment")
+def test_a_shell_takes_the_line_as_it_is(tmp_path):
     line = install_extra("report")
     done = subprocess.run(
         ["sh", "-c", line], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=30

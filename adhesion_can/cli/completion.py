@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from adhesion_can.cli.commands import COMMANDS
 from adhesion_can.errors import InputError
 from adhesion_can.extras import install_extra
 
@@ -28,7 +29,7 @@ def run(options: argparse.Namespace) -> int:
         import shtab  # noqa: PLC0415  an extra
     except ImportError as error:
         raise InputError("shtab", "is not installed", install_extra("completion")) from error
-    from adhesion_can.cli.main import COMMANDS, build_parser  # noqa: PLC0415  it imports this one
+    from adhesion_can.cli.main import build_parser  # noqa: PLC0415  it imports this one
 
     parser = build_parser()
     for name, one in _commands(parser).items():

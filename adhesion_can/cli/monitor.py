@@ -17,12 +17,10 @@ from pathlib import Path
 from types import FrameType
 from typing import TextIO
 
+from adhesion_can.cli.bus_options import add_bus, bus_is_configured, bus_opener
 from adhesion_can.cli.common import (
-    add_bus,
     add_configuration,
     add_model,
-    bus_is_configured,
-    bus_opener,
     configuration,
     finite,
     require_outputs,
